@@ -1,0 +1,142 @@
+"""Quantities are read strictly, and messages show what was found."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uqpen.errors import QuantityError
+from uqpen.units import are_alike, describe, parse_quantity, parse_spread, scale, si_unit
+
+
+@pytest.mark.parametrize(
+    ("text", "like", "value"),
+    [
+        ("17.5 g/cm^3", "kg m-3", 17500.0),
+        ("1.65 GPa", "Pa", 1.65e9),
+        ("16 cm", "m", 0.16),
+        ("17 mm", "m", 0.017),
+        ("25 degC", "K", 298.15),
+        ("5 %", "1", 0.05),
+        (" +1e3  m/s ", "m s-1", 1000.0),
+        ("10_000 m", "m", 10000.0),
+        (".5 m", "m", 0.5),
+        (3, "1", 3.0),
+        (0.25, "1", 0.25),
+    ],
+)
+def test_a_quantity_becomes_its_correctly_rounded_si_value(
+    text: str, like: str, value: float
+) -> None:
+    # Exactly: a scale that is a short decimal must not add a rounding error of its own.
+    assert parse_quantity(text, like).value == value
+
+
+@pytest.mark.parametrize(
+    ("text", "like", "found", "expected"),
+    [
+        ("5 kg", "m", '"5 kg"', 'a length, such as "16 cm"'),
+        ("17,5 g/cm^3", "kg m-3", "decimal comma", '"17.5 g/cm^3"'),
+        ("5", "m", "without a unit", "a length"),
+        (5, "m", "without a unit", "a length"),
+        ("5 frob", "m", '"frob", which is not a known unit', "a unit"),
+        ("five m", "m", '"five m"', "a length"),
+        ("nan m", "m", '"nan m"', "a length"),
+        ("inf m", "m", '"inf m"', "a length"),
+        ("1e999 m", "m", "not finite", "a length"),
+        ("5 5 m", "m", "two numbers", "a length"),
+        ("(2 ± 1) m", "m", '"(2 ± 1) m"', "a length"),
+        ("2 m ± 1 m", "m", "with a ±", "without a spread"),
+        (True, "1", "true", "a plain number"),
+        ([1], "m", "a list", "a length"),
+        ({}, "m", "a table", "a length"),
+        ("3 lg(re 1 mW)", "W", "logarithmic", "linear"),
+        ("3 days since 2000-01-01", "s", "a point in time", "a unit"),
+        ("", "m", '""', "a length"),
+    ],
+)
+def test_what_is_no_quantity_is_refused_in_words(
+    text: str, like: str, found: str, expected: str
+) -> None:
+    with pytest.raises(QuantityError) as caught:
+        parse_quantity(text, like)
+    assert found in caught.value.found
+    assert expected in caught.value.expected
+
+
+def test_a_difference_of_temperatures_has_no_offset() -> None:
+    assert parse_quantity("5 degC", "K", difference=True).value == 5.0
+
+
+@pytest.mark.parametrize("sign", ["±", "+/-", "+-"])
+def test_a_spread_is_a_mean_and_a_standard_deviation(sign: str) -> None:
+    spread = parse_spread(f"(2.5 {sign} 0.05) g/cm^3", "kg m-3")
+    assert spread is not None
+    assert (spread.mean, spread.std, spread.unit) == (2500.0, 50.0, "g/cm^3")
+
+
+def test_a_spread_of_temperatures_converts_as_a_difference() -> None:
+    spread = parse_spread("(20 ± 5) degC", "K")
+    assert spread is not None
+    assert (spread.mean, spread.std) == (293.15, 5.0)
+
+
+def test_a_spread_without_unit_needs_no_brackets() -> None:
+    spread = parse_spread("2 ± 0.1", "1")
+    assert spread is not None
+    assert (spread.mean, spread.std) == (2.0, 0.1)
+
+
+def test_text_without_a_plus_minus_is_no_spread() -> None:
+    assert parse_spread("2.5 g/cm^3", "kg m-3") is None
+
+
+@pytest.mark.parametrize("text", ["2 m ± 1 m", "(2 ± 1 ± 1) m", "(2,5 ± 1) m", "(a ± 1) m"])
+def test_a_spread_that_cannot_be_read_is_refused(text: str) -> None:
+    with pytest.raises(QuantityError):
+        parse_spread(text, "m")
+
+
+@pytest.mark.parametrize(
+    ("unit", "si"),
+    [
+        ("MPa", "Pa"),
+        ("g/cm^3", "kg m-3"),
+        ("degC", "K"),
+        ("%", "1"),
+        ("Hz", "s-1"),
+        ("m^4", "m4"),
+        ("degree", "rad"),
+        ("", "1"),
+    ],
+)
+def test_every_unit_has_its_coherent_si_unit(unit: str, si: str) -> None:
+    assert si_unit(unit) == si
+
+
+@given(
+    value=st.floats(-1e12, 1e12),
+    unit=st.sampled_from(["mm", "GPa", "g/cm^3", "degC", "degF", "psi", "inch", "degree", "%"]),
+)
+def test_showing_a_value_undoes_reading_it(value: float, unit: str) -> None:
+    measure = scale(unit)
+    # Two roundings in the conversions, and an offset of at most 500 taken off again.
+    assert math.isclose(measure.from_si(measure.to_si(value)), value, rel_tol=1e-15, abs_tol=1e-12)
+
+
+@given(value=st.decimals(-1000, 1000, places=4))
+def test_a_short_decimal_in_a_decimal_unit_is_exact(value: object) -> None:
+    assert parse_quantity(f"{value} mm", "m").value == float(f"{value}e-3")
+
+
+def test_a_message_says_what_a_unit_measures() -> None:
+    assert describe("kg m-3") == 'a density, such as "17.5 g/cm^3"'
+    assert "m4" in describe("m4")
+
+
+def test_units_are_alike_when_they_measure_the_same() -> None:
+    assert are_alike("psi", "GPa")
+    assert not are_alike("psi", "GPa m")

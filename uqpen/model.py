@@ -1,0 +1,282 @@
+"""What a model is: named inputs and outputs with units, and one vectorised call."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.errors import UnknownNameError
+from uqpen.labels import Status
+from uqpen.lookup import choices
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Bounds", "Category", "Input", "Model", "Output", "Results", "Variable"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+Arrays = Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The values that an input can have at all, in its SI unit.
+
+    Parameters
+    ----------
+    lower, upper : float
+        The ends of the interval.
+    lower_included, upper_included : bool
+        Whether the ends belong to it.
+    """
+
+    lower: float = -math.inf
+    upper: float = math.inf
+    lower_included: bool = False
+    upper_included: bool = False
+
+    def contain(self, values: FloatArray) -> BoolArray:
+        """Which of the values lie inside; NaN never does."""
+        above = values >= self.lower if self.lower_included else values > self.lower
+        below = values <= self.upper if self.upper_included else values < self.upper
+        inside: BoolArray = above & below & np.isfinite(values)
+        return inside
+
+    def __str__(self) -> str:
+        limits = []
+        if self.lower > -math.inf:
+            limits.append(f"{'>=' if self.lower_included else '>'} {self.lower:g}")
+        if self.upper < math.inf:
+            limits.append(f"{'<=' if self.upper_included else '<'} {self.upper:g}")
+        return " and ".join(limits) or "finite"
+
+
+POSITIVE = Bounds(lower=0.0)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A quantity that goes into a model or comes out of it.
+
+    Parameters
+    ----------
+    name : str
+        What a study file, an archive and a script call it.
+    unit : str
+        Its coherent SI unit, in which the program keeps it.
+    long_name : str
+        What a person reads; the name itself where it is empty.
+    display_unit : str
+        The unit to show it in where a study names none; `unit` where it is empty.
+    """
+
+    name: str
+    unit: str
+    long_name: str = ""
+    display_unit: str = ""
+
+    @property
+    def title(self) -> str:
+        """What a person reads."""
+        return self.long_name or self.name.replace("_", " ")
+
+    @property
+    def shown_unit(self) -> str:
+        """The unit to show it in."""
+        return self.display_unit or self.unit
+
+
+@dataclass(frozen=True)
+class Input(Variable):
+    """A variable that goes in.
+
+    Parameters
+    ----------
+    default : float, optional
+        Its value in SI units where a study does not give it.
+    bounds : Bounds
+        What it can be at all; a run outside is inadmissible.
+    """
+
+    default: float | None = None
+    bounds: Bounds = field(default_factory=Bounds)
+
+
+@dataclass(frozen=True)
+class Category:
+    """One value of an output that has kinds, not numbers.
+
+    Parameters
+    ----------
+    flag : str
+        One word, as CF asks of ``flag_meanings``.
+    label : str
+        What a person reads.
+    """
+
+    flag: str
+    label: str
+
+
+@dataclass(frozen=True)
+class Output(Variable):
+    """A variable that comes out.
+
+    Parameters
+    ----------
+    categories : sequence of Category
+        Not empty for an output with kinds; its values are then positions in this sequence.
+    """
+
+    categories: tuple[Category, ...] = ()
+
+
+@dataclass(frozen=True)
+class Results:
+    """What came of a batch of runs.
+
+    Parameters
+    ----------
+    outputs : mapping of str to ndarray, shape (run,)
+        SI values; NaN where a run was lost (any value, for an output with categories).
+    status : ndarray of int8, shape (run,)
+        See `uqpen.labels.Status`.
+    reasons : mapping of int to str
+        Why each lost run was lost, by its position in the batch.
+    """
+
+    outputs: Arrays
+    status: npt.NDArray[np.int8]
+    reasons: Mapping[int, str] = field(default_factory=dict)
+
+    @classmethod
+    def all_ok(cls, outputs: Arrays) -> Results:
+        """Results of a batch in which no run was lost."""
+        runs = len(next(iter(outputs.values())))
+        return cls(outputs, np.full(runs, Status.OK, dtype=np.int8))
+
+
+class Model(ABC):
+    """A black box: inputs in, outputs out, a status for every run.
+
+    A subclass says its name, its inputs and its outputs, and implements `evaluate`. It is final:
+    frozen settings, no state that a call changes.
+
+    Attributes
+    ----------
+    name : str
+        As a study file's ``use`` knows it, or what a person would call it.
+    inputs, outputs : tuple
+        In the order in which they are shown.
+    alternatives : tuple of tuple of str
+        Groups of inputs of which one at least must be given, and one is enough.
+    vectorized : bool
+        Whether a batch costs far less than its runs one by one.
+    """
+
+    name: str
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    alternatives: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    vectorized: bool = True
+
+    @abstractmethod
+    def evaluate(self, inputs: Arrays) -> Results:
+        """Run a batch.
+
+        Parameters
+        ----------
+        inputs : mapping of str to ndarray, shape (run,)
+            SI values, admissible ones only; an input that was not given is absent.
+
+        Returns
+        -------
+        Results
+            Never an exception for a run that fails: a run that fails is data.
+        """
+
+    def prepare(self) -> None:  # noqa: B027 - most models have nothing to prepare
+        """Do what is done once before the first run: compile, connect."""
+
+    def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
+        """What inputs must satisfy together, beyond the bounds of each.
+
+        Yields
+        ------
+        holds : ndarray of bool, shape (run,)
+            Where the condition holds.
+        text : str
+            The condition, as the reason of a run that is inadmissible.
+        """
+        yield from ()
+
+    def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset | None:
+        """The course of one run, or None where the model has none.
+
+        Raises
+        ------
+        ArithmeticError
+            If that run fails.
+        """
+        return None
+
+    def identity(self) -> dict[str, str]:
+        """What tells this model from another that would give other results."""
+        return {"name": self.name}
+
+    def input(self, name: str) -> Input:
+        """The input called `name`."""
+        return _named(self.inputs, name, "input", self.name)
+
+    def output(self, name: str) -> Output:
+        """The output called `name`."""
+        return _named(self.outputs, name, "output", self.name)
+
+    def missing(self, given: Collection[str]) -> Iterator[str]:
+        """Inputs that still have to be given; of alternatives, the first."""
+        optional = {name for group in self.alternatives for name in group}
+        for variable in self.inputs:
+            is_needed = variable.default is None and variable.name not in optional
+            if is_needed and variable.name not in given:
+                yield variable.name
+        for group in self.alternatives:
+            if not any(name in given for name in group):
+                yield group[0]
+
+
+def inadmissible(model: Model, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
+    """Every condition on a batch's inputs, with where it is violated.
+
+    Yields
+    ------
+    violated : ndarray of bool, shape (run,)
+        Where the condition does not hold.
+    text : str
+        The condition.
+    """
+    for variable in model.inputs:
+        if variable.name in inputs:
+            inside = variable.bounds.contain(inputs[variable.name])
+            yield ~inside, f"{variable.name} {variable.bounds}"
+    # A NaN or an overflow inside a condition makes it false, which is what it should be.
+    with np.errstate(all="ignore"):
+        for holds, text in model.conditions(inputs):
+            yield ~holds, text
+
+
+VariableT = TypeVar("VariableT", bound=Variable)
+
+
+def _named(variables: Sequence[VariableT], name: str, what: str, model: str) -> VariableT:
+    for variable in variables:
+        if variable.name == name:
+            return variable
+    known = [variable.name for variable in variables]
+    raise UnknownNameError(f'{model} has no {what} "{name}"; {choices(name, known)}')

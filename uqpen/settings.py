@@ -1,0 +1,154 @@
+"""Settings: the fields of a frozen dataclass that a study file may give.
+
+A design, a distribution or a model is a frozen dataclass; each of its fields says here what it
+accepts. The same declaration serves the Python constructor, which refuses a wrong value, and the
+study file, whose reader knows from it how to read each key and what to say of a mistake.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from uqpen.errors import Problem, SettingsError
+from uqpen.units import show
+
+__all__ = [
+    "Setting",
+    "choice",
+    "count",
+    "declared",
+    "difference",
+    "file",
+    "flag",
+    "number",
+    "quantity",
+    "validate",
+]
+
+_KEY = "uqpen.setting"
+
+
+@dataclasses.dataclass(frozen=True)
+class Setting:
+    """What a field accepts.
+
+    Parameters
+    ----------
+    kind : str
+        ``"count"``, ``"number"``, ``"quantity"``, ``"difference"``, ``"choice"``, ``"flag"`` or
+        ``"file"``; the last two are for a study's reader, which turns text into them.
+    expected : str
+        The same in words, for a message.
+    accepts : callable
+        Whether a value, of the right type already, is in range.
+    """
+
+    kind: str
+    expected: str
+    accepts: Callable[[Any], bool]
+
+
+def count(*, minimum: int = 1, default: Any = dataclasses.MISSING) -> Any:
+    """A whole number, at least `minimum`."""
+
+    def accepts(value: Any) -> bool:
+        return isinstance(value, int) and not isinstance(value, bool) and value >= minimum
+
+    return _field(Setting("count", f"a whole number, at least {minimum}", accepts), default)
+
+
+def number(
+    *, above: float = -math.inf, below: float = math.inf, default: Any = dataclasses.MISSING
+) -> Any:
+    """A plain number strictly between two others."""
+    return _field(Setting("number", _between(above, below), _is_within(above, below)), default)
+
+
+def quantity(*, above: float = -math.inf, default: Any = dataclasses.MISSING) -> Any:
+    """A value in the dimension of its context, in SI units here, with unit in a study file."""
+    expected = _between(above, math.inf, "a quantity")
+    return _field(Setting("quantity", expected, _is_within(above, math.inf)), default)
+
+
+def difference(*, above: float = -math.inf, default: Any = dataclasses.MISSING) -> Any:
+    """Like `quantity`, for a difference of two values: a standard deviation, say."""
+    expected = _between(above, math.inf, "a quantity")
+    return _field(Setting("difference", expected, _is_within(above, math.inf)), default)
+
+
+def choice(*names: str, default: Any = dataclasses.MISSING) -> Any:
+    """One of `names`."""
+    listing = ", ".join(f'"{name}"' for name in names)
+    return _field(Setting("choice", f"one of {listing}", names.__contains__), default)
+
+
+def flag(*, default: Any = dataclasses.MISSING) -> Any:
+    """True or false."""
+    return _field(Setting("flag", "true or false", lambda value: isinstance(value, bool)), default)
+
+
+def file(*, default: Any = dataclasses.MISSING) -> Any:
+    """A path; relative to the study file's folder, where a study file gives it."""
+    accepts = lambda value: isinstance(value, Path)  # noqa: E731 - a predicate among its like
+    return _field(Setting("file", "the path of a file", accepts), default)
+
+
+def declared(owner: Any) -> Iterator[tuple[dataclasses.Field[Any], Setting]]:
+    """The fields of a dataclass that are settings, each with what it accepts.
+
+    A class that is no dataclass has none.
+    """
+    for field in getattr(owner, "__dataclass_fields__", {}).values():
+        if _KEY in field.metadata:
+            yield field, field.metadata[_KEY]
+
+
+def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
+    """Refuse an instance whose settings are out of range.
+
+    Parameters
+    ----------
+    owner : dataclass instance
+        Usually ``self``, in ``__post_init__``.
+    further : iterable of Problem
+        What is wrong between settings; looked at only where each is right by itself.
+
+    Raises
+    ------
+    SettingsError
+        Naming every setting that is wrong.
+    """
+    problems = [
+        Problem((field.name,), show(getattr(owner, field.name)), setting.expected)
+        for field, setting in declared(owner)
+        if not setting.accepts(getattr(owner, field.name))
+    ]
+    problems = problems or list(further)
+    if problems:
+        raise SettingsError(problems)
+
+
+def _field(setting: Setting, default: Any) -> Any:
+    return dataclasses.field(default=default, metadata={_KEY: setting})
+
+
+def _is_within(above: float, below: float) -> Callable[[Any], bool]:
+    def accepts(value: Any) -> bool:
+        return (
+            isinstance(value, int | float)
+            and not isinstance(value, bool)
+            and math.isfinite(value)
+            and above < value < below
+        )
+
+    return accepts
+
+
+def _between(above: float, below: float, what: str = "a number") -> str:
+    limits = [f"above {above:g}"] if above > -math.inf else []
+    limits += [f"below {below:g}"] if below < math.inf else []
+    return " ".join([what, *[" and ".join(limits)] * bool(limits)])

@@ -1,0 +1,335 @@
+"""Quantities: numbers with units, as people write them and as models take them.
+
+Units are UDUNITS strings. The number in front of a unit is read here, strictly (a units library
+that guesses reads ``17,5`` as 175); only the unit itself is given to the library. Inside uqpen
+every value is in coherent SI units; the unit that a person wrote is kept for showing it back.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import re
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import Any
+
+from uqpen.errors import QuantityError
+
+__all__ = [
+    "DIMENSIONLESS",
+    "Quantity",
+    "Scale",
+    "Spread",
+    "are_alike",
+    "describe",
+    "parse_quantity",
+    "parse_spread",
+    "product",
+    "ratio",
+    "scale",
+    "show",
+    "si_unit",
+]
+
+DIMENSIONLESS = "1"
+
+_NUMBER = r"[+-]?(?:\d+(?:_\d+)*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*\Z", re.DOTALL)
+_PLUS_MINUS = re.compile(r"±|\+/-|\+-")
+_GROUPED = re.compile(r"\s*\((.*)\)\s*(.*?)\s*\Z", re.DOTALL)
+_DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+)(.*)\Z", re.DOTALL)
+
+# Coherent units with a name of their own, preferred to their base units; what they measure, for
+# messages; and an example that a message can print.
+_KNOWN = {
+    "1": ("a plain number", "0.5"),
+    "m": ("a length", "16 cm"),
+    "m2": ("an area", "4 cm^2"),
+    "m3": ("a volume", "2 l"),
+    "kg": ("a mass", "5 kg"),
+    "s": ("a time", "10 s"),
+    "K": ("a temperature", "293 K"),
+    "A": ("an electric current", "2 A"),
+    "mol": ("an amount of substance", "1 mol"),
+    "cd": ("a luminous intensity", "1 cd"),
+    "rad": ("an angle", "30 degree"),
+    "m s-1": ("a velocity", "1400 m/s"),
+    "m s-2": ("an acceleration", "9.81 m/s^2"),
+    "kg m-3": ("a density", "17.5 g/cm^3"),
+    "Pa": ("a pressure or stress", "400 MPa"),
+    "N": ("a force", "5 kN"),
+    "J": ("an energy", "3 kJ"),
+    "W": ("a power", "2 kW"),
+    "V": ("a voltage", "230 V"),
+    "ohm": ("a resistance", "50 ohm"),
+    "s-1": ("a rate or frequency", "50 Hz"),
+    "Pa s": ("a dynamic viscosity", "1 mPa s"),
+    "m2 s-1": ("a diffusivity or kinematic viscosity", "1 mm^2/s"),
+    "m3 s-1": ("a flow rate", "2 l/s"),
+    "W m-1 K-1": ("a thermal conductivity", "0.5 W/(m K)"),
+    "J kg-1 K-1": ("a specific heat capacity", "900 J/(kg K)"),
+}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A value in SI units, with the unit in which a person wrote it.
+
+    Parameters
+    ----------
+    value : float
+        In the coherent SI unit of `unit`.
+    unit : str
+        The unit to show it in.
+    """
+
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A mean and a standard deviation, both in SI units, and the unit they were written in."""
+
+    mean: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Scale:
+    """From a unit to its coherent SI unit: ``SI value = factor * value + offset``."""
+
+    factor: float
+    offset: float
+    _exact: tuple[Decimal, Decimal] | None = None
+
+    def to_si(self, value: float) -> float:
+        """A value in SI units; correctly rounded where the scale is a short decimal."""
+        if self._exact is not None and math.isfinite(value):
+            factor, offset = self._exact
+            return float(Decimal(repr(float(value))) * factor + offset)
+        return value * self.factor + self.offset
+
+    def difference_to_si(self, value: float) -> float:
+        """A difference of two values in SI units: 5 degC is 5 K, not 278.15 K."""
+        return Scale(self.factor, 0.0, self._exact and (self._exact[0], Decimal(0))).to_si(value)
+
+    def from_si(self, value: Any) -> Any:
+        """A value, or an array of them, back from SI units."""
+        return (value - self.offset) / self.factor
+
+    def difference_from_si(self, value: Any) -> Any:
+        """A difference, or an array of them, back from SI units."""
+        return value / self.factor
+
+
+def _unit(text: str) -> Any:
+    """The units library's own object; imported here, since not every command needs it."""
+    import cf_units
+
+    try:
+        unit = cf_units.Unit(text or DIMENSIONLESS)
+    except ValueError:
+        unit = None
+    if unit is None or unit.is_unknown() or unit.is_no_unit():
+        raise QuantityError(f'"{text}", which is not a known unit', 'a unit such as "g/cm^3"')
+    if unit.is_time_reference():
+        raise QuantityError(f'"{text}", a point in time', 'a unit such as "g/cm^3"')
+    return unit
+
+
+@functools.cache
+def _base(text: str) -> tuple[str, Decimal, Decimal]:
+    """Base units of `text`, with the factor and offset that its definition prints."""
+    definition = str(_unit(text).definition).strip()
+    definition, _, offset = definition.partition(" @ ")
+    if "lg(" in definition or "ln(" in definition or "lb(" in definition:
+        raise QuantityError(f'"{text}", a logarithmic unit', "a linear unit")
+    definition = definition.strip("() ")
+    match = re.match(rf"({_NUMBER})\s*(.*)\Z", definition)
+    number, base = match.groups() if match else ("1", definition)
+    base = " ".join((base or DIMENSIONLESS).split("."))
+    factor = Decimal(number)
+    return base, factor, Decimal(offset.strip() or 0) * factor
+
+
+@functools.cache
+def si_unit(text: str) -> str:
+    """The coherent SI unit of the same dimension.
+
+    Parameters
+    ----------
+    text : str
+        A UDUNITS string.
+
+    Returns
+    -------
+    str
+        A named unit where there is a usual one (``"Pa"``), else the product of base units.
+
+    Raises
+    ------
+    QuantityError
+        If `text` is not a unit.
+    """
+    base = _base(text)[0]
+    return next((known for known in _KNOWN if _base(known)[0] == base), base)
+
+
+@functools.cache
+def scale(text: str) -> Scale:
+    """The conversion between a unit and its coherent SI unit."""
+    base, factor, offset = _base(text)
+    unit, si = _unit(text), _unit(base)
+    zero = float(unit.convert(0.0, si)) if offset else 0.0
+    binary = float(unit.convert(1.0, si)) - zero
+    # The definition prints fifteen digits. A factor that needs fewer is the exact one (1000 for
+    # g/cm^3, where the binary conversion gives 999.9999999999998); a longer one has been cut.
+    digits = len(factor.normalize().as_tuple().digits)
+    if digits < 14 and math.isclose(float(factor), binary, rel_tol=1e-13):
+        return Scale(float(factor), float(offset), (factor, offset))
+    return Scale(binary, zero)
+
+
+def are_alike(one: str, other: str) -> bool:
+    """Whether two units measure the same thing, so that one converts into the other."""
+    return bool(_unit(one).is_convertible(_unit(other)))
+
+
+def product(one: str, other: str) -> str:
+    """Coherent SI unit of a product of quantities in two units."""
+    return si_unit(f"({si_unit(one)}).({si_unit(other)})")
+
+
+def ratio(one: str, other: str) -> str:
+    """Coherent SI unit of a quotient of quantities in two units."""
+    return si_unit(f"({si_unit(one)})/({si_unit(other)})")
+
+
+def describe(unit: str) -> str:
+    """What a unit measures and how such a quantity is written, for messages.
+
+    >>> describe("kg m-3")
+    'a density, such as "17.5 g/cm^3"'
+    """
+    si = si_unit(unit)
+    if si in _KNOWN:
+        what, example = _KNOWN[si]
+        return f'{what}, such as "{example}"'
+    return f'a quantity in {unit}, such as "1 {unit}"'
+
+
+def parse_quantity(text: str | float, like: str, *, difference: bool = False) -> Quantity:
+    """Read a quantity such as ``"17.5 g/cm^3"``.
+
+    Parameters
+    ----------
+    text : str or float
+        What a person wrote; a plain number where the dimension has no unit.
+    like : str
+        A unit of the dimension that is expected.
+    difference : bool
+        Whether it is a difference, a standard deviation say: 5 degC is then 5 K.
+
+    Returns
+    -------
+    Quantity
+        With its value in SI units.
+
+    Raises
+    ------
+    QuantityError
+        If it is not a finite number with a unit of that dimension.
+    """
+    if isinstance(text, int | float) and not isinstance(text, bool):
+        text = repr(text)
+    if not isinstance(text, str):
+        raise QuantityError(show(text), describe(like))
+    number, unit = _split(text, like)
+    measure = _checked_scale(text, unit, like)
+    value = measure.difference_to_si(number) if difference else measure.to_si(number)
+    if not math.isfinite(value):
+        raise QuantityError(f'"{text}", which is not finite', describe(like))
+    return Quantity(value, unit)
+
+
+def parse_spread(text: str, like: str) -> Spread | None:
+    """Read a mean with a standard deviation such as ``"(2.5 ± 0.05) g/cm^3"``.
+
+    Returns
+    -------
+    Spread or None
+        None where `text` has no ``±`` (or ``+/-``), so is no spread at all.
+
+    Raises
+    ------
+    QuantityError
+        If it has one but cannot be read.
+    """
+    if not _PLUS_MINUS.search(text):
+        return None
+    grouped = _GROUPED.match(text)
+    inner, unit = grouped.groups() if grouped else (text, "")
+    parts = _PLUS_MINUS.split(inner)
+    shape = f'a mean and a standard deviation, such as "{_example(like)}"'
+    if len(parts) != 2:
+        raise QuantityError(f'"{text}"', shape)
+    for part in parts:
+        _refuse_comma(part)
+    if not all(re.fullmatch(rf"\s*{_NUMBER}\s*", part) for part in parts):
+        raise QuantityError(f'"{text}"', f"{shape}, the unit once and behind the bracket")
+    mean, std = (float(part) for part in parts)
+    measure = _checked_scale(text, unit, like)
+    return Spread(measure.to_si(mean), measure.difference_to_si(std), unit or DIMENSIONLESS)
+
+
+def _example(like: str) -> str:
+    """A spread in the dimension of `like`, to be shown in a message."""
+    return "2.5 ± 0.5" if si_unit(like) == DIMENSIONLESS else f"(2.5 ± 0.5) {like}"
+
+
+def _split(text: str, like: str) -> tuple[float, str]:
+    """Number and unit of a quantity's text."""
+    _refuse_comma(text)
+    match = _QUANTITY.match(text)
+    if match is None:
+        raise QuantityError(f'"{text}"', describe(like))
+    number, unit = match.groups()
+    if _PLUS_MINUS.search(unit):
+        raise QuantityError(f'"{text}", with a ±', f"{describe(like)}, without a spread")
+    if re.match(r"[\d.]", unit):
+        raise QuantityError(f'"{text}", with two numbers', describe(like))
+    return float(number), unit or DIMENSIONLESS
+
+
+def _refuse_comma(text: str) -> None:
+    match = _DECIMAL_COMMA.match(text)
+    if match:
+        whole, fraction, rest = match.groups()
+        written = f"{whole}.{fraction}{rest}".strip()
+        raise QuantityError(f'"{text}", with a decimal comma', f'a decimal point: "{written}"')
+
+
+def _checked_scale(text: str, unit: str, like: str) -> Scale:
+    """The scale of `unit`, which must be of the dimension of `like`."""
+    unit = unit or DIMENSIONLESS
+    if not are_alike(unit, like):
+        missing = ", a number without a unit" if unit == DIMENSIONLESS else ""
+        raise QuantityError(f'"{text}"{missing}', describe(like))
+    return scale(unit)
+
+
+def show(value: object) -> str:
+    """A TOML value as its author wrote it, near enough."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list):
+        return "a list"
+    return repr(value)
