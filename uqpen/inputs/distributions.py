@@ -1,0 +1,397 @@
+"""The laws that an input can follow, each a few formulas over `scipy.special`.
+
+Parameters are in SI units and are those of the variable itself: a lognormal's ``mean`` is its own,
+not its logarithm's. Both tails have a function each, so that a law truncated far out keeps its
+accuracy.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import special
+
+from uqpen.errors import Problem, SettingsError
+from uqpen.settings import difference, number, quantity, validate
+
+__all__ = [
+    "DISTRIBUTIONS",
+    "Beta",
+    "Distribution",
+    "Gamma",
+    "Gumbel",
+    "LogUniform",
+    "Lognormal",
+    "Normal",
+    "Triangular",
+    "Truncated",
+    "Uniform",
+    "Weibull",
+]
+
+FloatArray = npt.NDArray[np.float64]
+
+DISTRIBUTIONS = {
+    "normal": "uqpen.inputs.distributions:Normal",
+    "lognormal": "uqpen.inputs.distributions:Lognormal",
+    "uniform": "uqpen.inputs.distributions:Uniform",
+    "log-uniform": "uqpen.inputs.distributions:LogUniform",
+    "triangular": "uqpen.inputs.distributions:Triangular",
+    "beta": "uqpen.inputs.distributions:Beta",
+    "gamma": "uqpen.inputs.distributions:Gamma",
+    "weibull": "uqpen.inputs.distributions:Weibull",
+    "gumbel": "uqpen.inputs.distributions:Gumbel",
+}
+
+
+class Distribution(ABC):
+    """A continuous law of one variable; probabilities go in and out as arrays of any shape."""
+
+    @abstractmethod
+    def quantile(self, probability: FloatArray) -> FloatArray:
+        """The value below which the law lies with the given probability."""
+
+    @abstractmethod
+    def exceeded(self, probability: FloatArray) -> FloatArray:
+        """The value above which the law lies with the given probability."""
+
+    @abstractmethod
+    def below(self, value: FloatArray) -> FloatArray:
+        """Probability of lying below a value."""
+
+    @abstractmethod
+    def above(self, value: FloatArray) -> FloatArray:
+        """Probability of lying above a value."""
+
+    @property
+    def median(self) -> float:
+        """The value that is exceeded as often as not."""
+        return float(self.quantile(np.array(0.5)))
+
+
+class _Checked(Distribution):
+    """A law whose settings are checked when it is made."""
+
+    def __post_init__(self) -> None:
+        validate(self, self._disorder())
+
+    def _disorder(self) -> Iterator[Problem]:
+        """What is wrong between settings."""
+        yield from ()
+
+
+@dataclass(frozen=True)
+class Normal(_Checked):
+    """The normal law."""
+
+    mean: float = quantity()
+    std: float = difference(above=0)
+
+    def quantile(self, probability: FloatArray) -> FloatArray:
+        return self.mean + self.std * special.ndtri(probability)
+
+    def exceeded(self, probability: FloatArray) -> FloatArray:
+        return self.mean - self.std * special.ndtri(probability)
+
+    def below(self, value: FloatArray) -> FloatArray:
+        return special.ndtr((value - self.mean) / self.std)
+
+    def above(self, value: FloatArray) -> FloatArray:
+        return special.ndtr((self.mean - value) / self.std)
+
+
+@dataclass(frozen=True)
+class Lognormal(_Checked):
+    """The law of a variable whose logarithm is normal; mean and std are the variable's."""
+
+    mean: float = quantity(above=0)
+    std: float = difference(above=0)
+
+    def _logarithm(self) -> Normal:
+        variance = math.log1p((self.std / self.mean) ** 2)
+        return Normal(math.log(self.mean) - variance / 2, math.sqrt(variance))
+
+    def quantile(self, probability: FloatArray) -> FloatArray:
+        return np.exp(self._logarithm().quantile(probability))
+
+    def exceeded(self, probability: FloatArray) -> FloatArray:
+        return np.exp(self._logarithm().exceeded(probability))
+
+    def below(self, value: FloatArray) -> FloatArray:
+        return self._logarithm().below(_log(value))
+
+    def above(self, value: FloatArray) -> FloatArray:
+        return self._logarithm().above(_log(value))
+
+
+@dataclass(frozen=True)
+class Uniform(_Checked):
+    """The uniform law between two values."""
+
+    lower: float = quantity()
+    upper: float = quantity()
+
+    def _disorder(self) -> Iterator[Problem]:
+        return _above_lower(self.lower, self.upper)
+
+    def quantile(self, probability: FloatArray) -> FloatArray:
+        return self.lower + (self.upper - self.lower) * probability
+
+    def exceeded(self, probability: FloatArray) -> FloatArray:
+        return self.upper - (self.upper - self.lower) * probability
+
+    def below(self, value: FloatArray) -> FloatArray:
+        return np.clip((value - self.lower) / (self.upper - self.lower), 0.0, 1.0)
+
+    def above(self, value: FloatArray) -> FloatArray:
+        return np.clip((self.upper - value) / (self.upper - self.lower), 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class LogUniform(_Checked):
+    """The law of a variable whose logarithm is uniform."""
+
+    lower: float = quantity(above=0)
+    upper: float = quantity(above=0)
+
+    def _disorder(self) -> Iterator[Problem]:
+        return _above_lower(self.lower, self.upper)
+
+    def _logarithm(self) -> Uniform:
+        return Uniform(math.log(self.lower), math.log(self.upper))
+
+    def quantile(self, probability: FloatArray) -> FloatArray:
+        # Rounding must not carry a value past the ends.
+        return np.clip(np.exp(self._logarithm().quantile(probability)), self.lower, self.upper)
+
+    def exceeded(self, probability: FloatArray) -> FloatArray:
+        return np.clip(np.exp(self._logarithm().exceeded(probability)), self.lower, self.upper)
+
+    def below(self, value: FloatArray) -> FloatArray:
+        return self._logarithm().below(_log(value))
+
+    def above(self, value: FloatArray) -> FloatArray:
+        return self._logarithm().above(_log(value))
+
+
+@dataclass(frozen=True)
+class Triangular(_Checked):
+    """The triangular law: densest at the mode, nothing outside lower and upper."""
+
+    lower: float = quantity()
+    mode: float = quantity()
+    upper: float = quantity()
+
+    def _disorder(self) -> Iterator[Problem]:
+        yield from _above_lower(self.lower, self.upper)
+        if self.lower < self.upper and not self.lower <= self.mode <= self.upper:
+            yield Problem(("mode",), f"{self.mode:g}", "a value from lower to upper")
+
+    def quantile(self, probability: FloatArray) -> FloatArray:
+        width, left = self.upper - self.lower, self.mode - self.lower
+        rising = self.lower + np.sqrt(probability * width * left)
+        falling = self.upper - np.sqrt((1 - probability) * width * (width - left))
+        return np.where(probability * width <= left, rising, falling)
+
+    def exceeded(self, probability: FloatArray) -> FloatArray:
+        return -self._mirrored().quantile(probability)
+
+    def below(self, value: FloatArray) -> FloatArray:
+        width, left = self.upper - self.lower, self.mode - self.lower
+        x = np.clip(value, self.lower, self.upper)
+        # The side of a mode at an end has no width; dividing by one instead leaves its zero.
+        rising = (x - self.lower) ** 2 / (width * (left or 1.0))
+        falling = 1 - (self.upper - x) ** 2 / (width * (width - left or 1.0))
+        return np.where(x <= self.mode, rising, falling) if left else falling
+
+    def above(self, value: FloatArray) -> FloatArray:
+        return self._mirrored().below(-value)
+
+    def _mirrored(self) -> Triangular:
+        return Triangular(-self.upper, -self.mode, -self.lower)
+
+
+@dataclass(frozen=True)
+class Beta(_Checked):
+    """The beta law, stretched from lower to upper."""
+
+    alpha: float = number(above=0)
+    beta: float = number(above=0)
+    lower: float = quantity()
+    upper: float = quantity()
+
+    def _disorder(self) -> Iterator[Problem]:
+        return _above_lower(self.lower, self.upper)
+
+    def quantile(self, probability: FloatArray) -> FloatArray:
+        unit = special.betaincinv(self.alpha, self.beta, probability)
+        return self.lower + (self.upper - self.lower) * unit
+
+    def exceeded(self, probability: FloatArray) -> FloatArray:
+        unit = special.betaincinv(self.beta, self.alpha, probability)
+        return self.upper - (self.upper - self.lower) * unit
+
+    def below(self, value: FloatArray) -> FloatArray:
+        unit = Uniform(self.lower, self.upper).below(value)
+        return special.betainc(self.alpha, self.beta, unit)
+
+    def above(self, value: FloatArray) -> FloatArray:
+        unit = Uniform(self.lower, self.upper).above(value)
+        return special.betainc(self.beta, self.alpha, unit)
+
+
+@dataclass(frozen=True)
+class Gamma(_Checked):
+    """The gamma law, by its mean and standard deviation."""
+
+    mean: float = quantity(above=0)
+    std: float = difference(above=0)
+
+    @property
+    def _shape(self) -> float:
+        return (self.mean / self.std) ** 2
+
+    @property
+    def _scale(self) -> float:
+        return self.std**2 / self.mean
+
+    def quantile(self, probability: FloatArray) -> FloatArray:
+        return self._scale * special.gammaincinv(self._shape, probability)
+
+    def exceeded(self, probability: FloatArray) -> FloatArray:
+        return self._scale * special.gammainccinv(self._shape, probability)
+
+    def below(self, value: FloatArray) -> FloatArray:
+        return special.gammainc(self._shape, np.maximum(value, 0.0) / self._scale)
+
+    def above(self, value: FloatArray) -> FloatArray:
+        return special.gammaincc(self._shape, np.maximum(value, 0.0) / self._scale)
+
+
+@dataclass(frozen=True)
+class Weibull(_Checked):
+    """The Weibull law of two parameters; `scale` is its 63.2 % quantile."""
+
+    shape: float = number(above=0)
+    scale: float = quantity(above=0)
+
+    def quantile(self, probability: FloatArray) -> FloatArray:
+        return self.scale * (-np.log1p(-probability)) ** (1 / self.shape)
+
+    def exceeded(self, probability: FloatArray) -> FloatArray:
+        return self.scale * (-_log(probability)) ** (1 / self.shape)
+
+    def below(self, value: FloatArray) -> FloatArray:
+        return -np.expm1(-((np.maximum(value, 0.0) / self.scale) ** self.shape))
+
+    def above(self, value: FloatArray) -> FloatArray:
+        return np.exp(-((np.maximum(value, 0.0) / self.scale) ** self.shape))
+
+
+@dataclass(frozen=True)
+class Gumbel(_Checked):
+    """The Gumbel law of largest values, by its mean and standard deviation."""
+
+    mean: float = quantity()
+    std: float = difference(above=0)
+
+    @property
+    def _scale(self) -> float:
+        return self.std * math.sqrt(6) / math.pi
+
+    @property
+    def _location(self) -> float:
+        return self.mean - np.euler_gamma * self._scale
+
+    def quantile(self, probability: FloatArray) -> FloatArray:
+        return self._location - self._scale * _log(-_log(probability))
+
+    def exceeded(self, probability: FloatArray) -> FloatArray:
+        return self._location - self._scale * _log(-np.log1p(-probability))
+
+    def below(self, value: FloatArray) -> FloatArray:
+        return np.exp(-np.exp((self._location - value) / self._scale))
+
+    def above(self, value: FloatArray) -> FloatArray:
+        return -np.expm1(-np.exp((self._location - value) / self._scale))
+
+
+@dataclass(frozen=True)
+class Truncated(Distribution):
+    """A law given that it lies between two values; the parent keeps its parameters.
+
+    Parameters
+    ----------
+    parent : Distribution
+        The law before truncation.
+    lower, upper : float
+        What is left; infinite for an open end.
+    """
+
+    parent: Distribution
+    lower: float = -math.inf
+    upper: float = math.inf
+
+    def __post_init__(self) -> None:
+        problems = list(_above_lower(self.lower, self.upper))
+        if not problems and not self._mass() > 0:
+            found = f"{self.lower:g} to {self.upper:g}, where the law has no probability"
+            problems = [Problem((), found, "limits that leave some of the law")]
+        if problems:
+            raise SettingsError(problems)
+
+    def quantile(self, probability: FloatArray) -> FloatArray:
+        return self._inverse(probability, 1 - probability)
+
+    def exceeded(self, probability: FloatArray) -> FloatArray:
+        return self._inverse(1 - probability, probability)
+
+    def below(self, value: FloatArray) -> FloatArray:
+        x = np.clip(value, self.lower, self.upper)
+        parent, lower = self.parent, np.array(self.lower)
+        if self._is_upper_tail():
+            return (parent.above(lower) - parent.above(x)) / self._mass()
+        return (parent.below(x) - parent.below(lower)) / self._mass()
+
+    def above(self, value: FloatArray) -> FloatArray:
+        x = np.clip(value, self.lower, self.upper)
+        parent, upper = self.parent, np.array(self.upper)
+        if self._is_upper_tail():
+            return (parent.above(x) - parent.above(upper)) / self._mass()
+        return (parent.below(upper) - parent.below(x)) / self._mass()
+
+    def _is_upper_tail(self) -> bool:
+        """Whether what is left lies in the parent's upper half, where 1 - F is the exact one."""
+        return bool(self.parent.below(np.array(self.lower)) > 0.5)
+
+    def _mass(self) -> float:
+        lower, upper = np.array(self.lower), np.array(self.upper)
+        if self._is_upper_tail():
+            return float(self.parent.above(lower) - self.parent.above(upper))
+        return float(self.parent.below(upper) - self.parent.below(lower))
+
+    def _inverse(self, probability: FloatArray, complement: FloatArray) -> FloatArray:
+        lower, upper = np.array(self.lower), np.array(self.upper)
+        if self._is_upper_tail():
+            ends = self.parent.above(lower), self.parent.above(upper)
+            value = self.parent.exceeded(complement * ends[0] + probability * ends[1])
+        else:
+            ends = self.parent.below(lower), self.parent.below(upper)
+            value = self.parent.quantile(complement * ends[0] + probability * ends[1])
+        return np.clip(value, self.lower, self.upper)
+
+
+def _above_lower(lower: float, upper: float) -> Iterator[Problem]:
+    if not lower < upper:
+        yield Problem(("upper",), f"{upper:g}", "a value above lower")
+
+
+def _log(value: FloatArray) -> FloatArray:
+    """Logarithm with log(0) = -inf and no warning, for the ends of a law."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.log(np.maximum(value, 0.0))
