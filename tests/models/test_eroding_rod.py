@@ -1,0 +1,417 @@
+"""The Walker-Anderson model: exact values, conservation, scaling, and every run on its own."""
+
+from __future__ import annotations
+
+import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uqpen.models import tsitouras
+from uqpen.models.eroding_rod import Penetration, Termination, penetrate
+from uqpen.models.rod_trajectory import (
+    Trajectory,
+    erosion_slopes,
+    integrate_erosion,
+    rod_in_target,
+    trajectory,
+)
+
+FloatArray = npt.NDArray[np.float64]
+Inputs = dict[str, FloatArray]
+
+CASES = Path(__file__).parents[1] / "data" / "walker_anderson_cases.csv"
+
+# Soleng & Svinsås (2001), Table 3.1, with R = 17 mm.
+NOMINAL = {
+    "projectile_density": 17_500.0,
+    "projectile_yield_limit": 1.65e9,
+    "projectile_length": 0.16,
+    "impact_velocity": 1400.0,
+    "projectile_sound_speed": 3071.0,
+    "target_density": 2500.0,
+    "target_yield_limit": 400e6,
+    "plasticity_radius": 0.1,
+    "crater_radius": 0.017,
+    "smoothing": 0.0,
+}
+
+# What the default tolerance promises, relative; the largest error in 40 000 draws of the report's
+# law was 2.4e-7.
+PROMISED = 1e-6
+
+
+def rods(**changes: float | FloatArray) -> Inputs:
+    """A batch of the nominal rod with some inputs changed."""
+    values = np.broadcast_arrays(*({**NOMINAL, **changes}).values())
+    shape = np.atleast_1d(values[0]).shape
+    return {
+        name: np.broadcast_to(value, shape).astype(float)
+        for name, value in zip(NOMINAL, values, strict=True)
+    }
+
+
+def concrete(runs: int, seed: int = 5876) -> Inputs:
+    """Admissible draws of the report's law for concrete."""
+    rng = np.random.default_rng(seed)
+    batch = rods(
+        target_density=rng.normal(2500.0, 50.0, runs),
+        target_yield_limit=rng.normal(400e6, 40e6, runs),
+        plasticity_radius=rng.normal(0.1, 0.025, runs),
+        crater_radius=rng.normal(0.017, 0.003, runs),
+    )
+    return select(batch, batch["plasticity_radius"] > batch["crater_radius"])
+
+
+def select(batch: Inputs, which: npt.NDArray[np.bool_] | npt.NDArray[np.int64] | slice) -> Inputs:
+    return {name: values[which] for name, values in batch.items()}
+
+
+def one(**changes: float) -> tuple[float, float]:
+    result = penetrate(**rods(**changes), tolerance=1e-11)
+    assert result.solved.all()
+    return float(result.depth[0]), float(result.residue[0])
+
+
+def assert_same_bits(left: Penetration, right: Penetration) -> None:
+    for ours, theirs in zip(left, right, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.fixture(scope="module")
+def cases() -> tuple[Inputs, dict[str, FloatArray], list[str]]:
+    with CASES.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    columns = {
+        name: np.array([float(row[name]) for row in rows])
+        for name in rows[0]
+        if name not in ("case", "termination")
+    }
+    inputs = {name: columns.pop(name) for name in NOMINAL}
+    return inputs, columns, [row["termination"] for row in rows]
+
+
+# Against values known to 16 digits
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "error"),
+    [
+        (1e-6, PROMISED),
+        # Rounding in some thousand steps stays below 1e-12; 1e-9 leaves the method its own error.
+        (1e-11, 1e-9),
+    ],
+)
+def test_reference_cases_are_met_to_the_promised_accuracy(cases, tolerance, error):
+    inputs, expected, _ = cases
+    result = penetrate(**inputs, tolerance=tolerance)
+    np.testing.assert_allclose(result.depth, expected["penetration_depth"], rtol=error)
+    np.testing.assert_allclose(result.residue, expected["projectile_residue"], rtol=error)
+    np.testing.assert_allclose(result.erosion_end_depth, expected["erosion_end_depth"], rtol=error)
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+def test_the_event_that_comes_first_ends_erosion_however_close_the_other(cases, tolerance):
+    inputs, _, termination = cases
+    expected = [
+        Termination.BREAKDOWN if end == "v=u" else Termination.STANDSTILL for end in termination
+    ]
+    np.testing.assert_array_equal(penetrate(**inputs, tolerance=tolerance).termination, expected)
+
+
+@pytest.mark.parametrize(
+    ("smoothing", "depth", "residue"),
+    [
+        (0.0, 0.4615719, 0.02327912),
+        (0.5, 0.4664426, 0.02471702),
+        (1.0, 0.4755823, 0.02726010),
+    ],
+)
+def test_depth_and_residue_at_the_reports_nominal_values(smoothing, depth, residue):
+    # The values are rounded to seven digits.
+    assert one(smoothing=smoothing) == pytest.approx((depth, residue), rel=3e-7)
+
+
+def test_default_tolerance_keeps_its_promise_over_the_reports_law():
+    batch = concrete(5000)
+    default, tight = penetrate(**batch), penetrate(**batch, tolerance=1e-10)
+    np.testing.assert_allclose(default.depth, tight.depth, rtol=PROMISED)
+    np.testing.assert_allclose(default.residue, tight.residue, rtol=PROMISED)
+    np.testing.assert_array_equal(default.termination, tight.termination)
+    # About three draws in ten stop while they erode; four standard deviations are 0.03.
+    assert np.mean(default.termination == Termination.STANDSTILL) == pytest.approx(0.319, abs=0.03)
+
+
+# Exact properties of the equations
+
+
+@given(exponent=st.integers(-12, 12), smoothing=st.floats(0.0, 1.9))
+@settings(max_examples=25, deadline=None)
+def test_lengths_scale_depth_and_residue_with_them(exponent, smoothing):
+    scale = 2.0**exponent  # exact in binary, so the bits must agree too
+    lengths = ("projectile_length", "plasticity_radius", "crater_radius")
+    scaled = {name: scale * NOMINAL[name] for name in lengths}
+    depth, residue = one(smoothing=smoothing)
+    assert one(smoothing=smoothing, **scaled) == (scale * depth, scale * residue)
+
+
+@given(scale=st.floats(1e-3, 1e3))
+@settings(max_examples=25, deadline=None)
+def test_densities_and_strengths_scaled_together_change_nothing(scale):
+    names = (
+        "projectile_density",
+        "target_density",
+        "projectile_yield_limit",
+        "target_yield_limit",
+    )
+    # Rounding may shift the steps a little, within the tolerance of 1e-11 of each.
+    scaled = one(**{name: scale * NOMINAL[name] for name in names})
+    assert scaled == pytest.approx(one(), rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("name", "sign"),
+    [
+        ("target_density", -1),
+        ("target_yield_limit", -1),
+        ("plasticity_radius", -1),
+        ("crater_radius", 1),
+        ("projectile_length", 1),
+        ("projectile_density", 1),
+        ("impact_velocity", 1),
+    ],
+)
+def test_depth_responds_to_each_input_in_the_direction_known(name, sign):
+    factors = np.linspace(0.97, 1.03, 7)
+    depth = penetrate(**rods(**{name: NOMINAL[name] * factors})).depth
+    assert (sign * np.diff(depth) > 0).all()
+
+
+@pytest.mark.parametrize("target_density", [2500.0, 7850.0, 17_500.0])
+def test_long_rod_without_strength_reaches_the_hydrodynamic_limit(target_density):
+    length = 50.0
+    weak = {
+        "projectile_length": length,
+        "target_density": target_density,
+        "projectile_yield_limit": 1e6,
+        "target_yield_limit": 1e6,
+    }
+    depth, residue = one(**weak)
+    steady = np.sqrt(target_density / NOMINAL["projectile_density"])
+    # The start and the end take a depth of some crater radii, of which the rod is 3000 long.
+    assert depth == pytest.approx(length / steady, rel=3e-3)
+    assert residue < 1e-5 * length
+    course = trajectory(**{**NOMINAL, **weak}, depths=3)
+    # Steady flow: v = u (1 + sqrt(ρt/ρp)), but for strengths 5e-4 of the pressure and s/L.
+    assert course.tail_velocity[1] / course.nose_velocity[1] == pytest.approx(1 + steady, rel=3e-3)
+
+
+def test_momentum_changes_by_the_forces_on_rod_and_target_only():
+    values = {**NOMINAL, "smoothing": 0.7}
+    rod = rod_in_target(**values)
+    solution = integrate_erosion(rod, 1e-8)
+    Omega, profile, kappa, added = rod[0], rod[1], rod[2], rod.added_length
+    for state in solution.y.T:
+        u, x, L, _ = state
+        du, dx, dL, _ = erosion_slopes(0.0, state, rod)
+        v, dv, s, ds = u * (1 + x), du * (1 + x) + u * dx, kappa * x, kappa * dx
+        change = Omega * (dv * L + v * dL + (ds * (u - v) + s * (du - dv)) / profile) + added * du
+        force = -0.5 * (Omega * (v**2 - u**2) + u**2 + rod.resistance)
+        # The terms of the sum cancel to a tenth of their size; rounding leaves 1e-14.
+        assert change == pytest.approx(force, rel=1e-12)
+
+
+def test_weights_of_the_runge_kutta_pair_satisfy_the_order_conditions():
+    stages = [(), *(getattr(tsitouras, f"STAGE_{stage}") for stage in range(2, 7))]
+    a = np.zeros((7, 7))
+    for row, weights in enumerate([*stages, tsitouras.SOLUTION]):
+        a[row, : len(weights)] = weights
+    c = a.sum(axis=1)
+    trees = [
+        (np.ones(7), 1), (c, 2), (c**2, 3), (a @ c, 6),
+        (c**3, 4), (c * (a @ c), 8), (a @ c**2, 12), (a @ a @ c, 24),
+        (c**4, 5), (c**2 * (a @ c), 10), (c * (a @ c**2), 15), (c * (a @ a @ c), 30),
+        ((a @ c) ** 2, 20), (a @ c**3, 20), (a @ (c * (a @ c)), 40), (a @ a @ c**2, 60),
+        (a @ a @ a @ c, 120),
+    ]  # fmt: skip
+    # Rounding of weights up to 13 in size, through products of up to four of them.
+    for tree, density in trees:
+        assert a[6] @ tree == pytest.approx(1 / density, abs=1e-13)
+    for tree, _ in trees[:8]:
+        assert np.array(tsitouras.ERROR) @ tree == pytest.approx(0.0, abs=1e-13)
+
+
+# Every run on its own
+
+
+def test_a_run_has_the_same_bits_in_any_order_and_any_part_of_a_batch():
+    batch = concrete(500)
+    whole = penetrate(**batch)
+    order = np.random.default_rng(1).permutation(whole.depth.size)
+    shuffled = penetrate(**select(batch, order))
+    assert_same_bits(shuffled, Penetration(*(values[order] for values in whole)))
+    for size in (1, 3, 16, 17):
+        first = slice(40, 40 + size)
+        part = penetrate(**select(batch, first))
+        assert_same_bits(part, Penetration(*(values[first] for values in whole)))
+
+
+@pytest.mark.parametrize("lane", range(16))
+def test_a_run_has_the_same_bits_in_every_lane(lane):
+    batch = rods(target_yield_limit=np.linspace(300e6, 500e6, 16))
+    rolled = {name: np.roll(values, lane) for name, values in batch.items()}
+    expected = Penetration(*(np.roll(values, lane) for values in penetrate(**batch)))
+    assert_same_bits(penetrate(**rolled), expected)
+
+
+def test_a_run_that_cannot_be_solved_is_reported_and_harms_no_other():
+    batch = concrete(100)
+    sound = penetrate(**batch)
+    batch["target_density"][[3, 50]] = np.nan  # never finite
+    batch["plasticity_radius"][70] = batch["crater_radius"][70] * (1 + 1e-9)  # far too stiff
+    result = penetrate(**batch)
+    np.testing.assert_array_equal(np.flatnonzero(~result.solved), [3, 50, 70])
+    assert np.isnan(result.depth[~result.solved]).all()
+    kept = Penetration(*(values[result.solved] for values in result))
+    assert_same_bits(kept, Penetration(*(values[result.solved] for values in sound)))
+
+
+def test_an_empty_batch_gives_an_empty_result():
+    assert penetrate(**rods(smoothing=np.empty(0))).depth.shape == (0,)
+
+
+# The corners of the inputs' domain
+
+
+@pytest.mark.parametrize("ratio", [1.02, 1.005])
+def test_a_thin_plastic_zone_is_stiff_but_solved(ratio):
+    changes = {"plasticity_radius": ratio * NOMINAL["crater_radius"]}
+    result = penetrate(**rods(**changes))
+    course = trajectory(**{**NOMINAL, **changes}, depths=2)
+    assert result.solved.all()
+    assert result.depth[0] == pytest.approx(course.depth[-1], rel=PROMISED)
+    assert result.residue[0] == pytest.approx(course.length[-1], rel=PROMISED)
+
+
+def test_the_stiffest_runs_solved_agree_with_those_of_a_tighter_tolerance():
+    ratios = np.array([1.001, 1.0005])
+    batch = rods(plasticity_radius=ratios * NOMINAL["crater_radius"])
+    result, tight = penetrate(**batch), penetrate(**batch, tolerance=1e-10)
+    assert result.solved.all()
+    np.testing.assert_allclose(result.depth, tight.depth, rtol=PROMISED)
+
+
+@pytest.mark.parametrize("velocity", [1.0, 10.0, 100.0])
+def test_a_rod_too_slow_to_erode_penetrates_as_a_rigid_body(velocity):
+    result = penetrate(**rods(impact_velocity=velocity))
+    rod = rod_in_target(**{**NOMINAL, "impact_velocity": velocity})
+    inertia = rod.density_ratio * rod.length + rod.added_length
+    # A closed form: only rounding in its few operations.
+    depth = inertia * np.log1p(velocity**2 / rod.resistance)
+    assert result.depth[0] == pytest.approx(depth, rel=1e-14)
+    assert result.residue[0] == NOMINAL["projectile_length"]
+    assert result.erosion_end_depth[0] == 0
+    assert result.termination[0] == Termination.RIGID
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"target_yield_limit": 4e12},  # stops almost at once
+        {"smoothing": 1.99},
+        {"projectile_length": 0.01, "projectile_yield_limit": 1e8},  # shorter than its crater
+        {"projectile_density": 1250.0},  # lighter than the target
+        {"impact_velocity": 10_000.0},
+        {"projectile_yield_limit": 1.65e6, "target_yield_limit": 4e5},
+    ],
+)
+def test_extreme_rods_end_where_an_independent_integration_ends(changes):
+    result = penetrate(**rods(**changes))
+    course = trajectory(**{**NOMINAL, **changes}, depths=2)
+    assert result.depth[0] == pytest.approx(course.depth[-1], rel=PROMISED)
+    assert result.residue[0] == pytest.approx(course.length[-1], rel=PROMISED)
+
+
+# The course of one run
+
+
+@pytest.fixture(scope="module")
+def course() -> Trajectory:
+    return trajectory(**NOMINAL, depths=10_001)
+
+
+@pytest.mark.parametrize(
+    ("depth", "time", "nose", "tail", "length", "extent"),
+    [
+        (0.05, 46.067e-6, 1020.611, 1367.958, 0.1462320, 2.80922e-3),
+        (0.2, 200.200e-6, 920.739, 1228.831, 0.0953474, 2.76201e-3),
+        (0.4, 456.296e-6, 583.986, 734.381, 0.0326935, 2.12576e-3),
+    ],
+)
+def test_trajectory_passes_through_known_points(course, depth, time, nose, tail, length, extent):
+    found = [np.interp(depth, course.depth, values) for values in course[1:]]
+    # The values have six digits; linear interpolation over 46 µm adds less than 1e-8.
+    assert found == pytest.approx([time, nose, tail, length, extent], rel=3e-6)
+
+
+def test_tail_and_nose_meet_at_the_known_time_depth_and_velocity():
+    solution = integrate_erosion(rod_in_target(**NOMINAL), 1e-10)
+    u, x, _, z = solution.y[:, -1]
+    # Seven digits are known.
+    assert (solution.t[-1], z, u) == pytest.approx((583.1932e-6, 0.4538407, 244.4509), rel=2e-7)
+    assert x == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("smoothing", "extent"), [(0.0, 2.82e-3), (1.0, 5.55e-3)])
+def test_plastic_flow_reaches_its_known_extent(smoothing, extent):
+    values = {**NOMINAL, "smoothing": smoothing}
+    # Three digits are known.
+    assert trajectory(**values).plastic_extent.max() == pytest.approx(extent, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"smoothing": 1.0}, {"plasticity_radius": 0.125}, {"impact_velocity": 100.0}],
+    ids=["breakdown", "smoothed", "standstill", "rigid"],
+)
+def test_trajectory_ends_where_the_lanes_end(changes):
+    result = trajectory(**{**NOMINAL, **changes})
+    # Both integrations allow each of some hundred steps an error of 1e-10 or less.
+    assert (result.depth[-1], result.length[-1]) == pytest.approx(one(**changes), rel=1e-9)
+    assert result.nose_velocity[-1] == 0
+    assert result.tail_velocity[-1] == 0
+    assert all(np.isfinite(values).all() for values in result)
+
+
+def test_velocity_is_the_rate_of_depth_while_eroding_and_while_rigid(course):
+    middle = (course.time[1:] + course.time[:-1]) / 2
+    rate = np.diff(course.depth) / np.diff(course.time)
+    expected = np.interp(middle, course.time, course.nose_velocity)
+    # Second differences over steps of 46 µm, away from the ends, where u changes steeply.
+    np.testing.assert_allclose(rate[50:-100], expected[50:-100], rtol=1e-4)
+
+
+def test_works_where_nothing_can_be_cached(tmp_path):
+    """An installation that is read only, run by a user without a directory to write to."""
+    code = (
+        "import numpy as np; from uqpen.models.eroding_rod import penetrate;"
+        f"rod = {NOMINAL!r};"
+        "print(penetrate(**{n: np.array([v]) for n, v in rod.items()}).depth[0])"
+    )
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(sys.path),
+        # The only place Numba may then try is that of notebooks, which a program is not.
+        "NUMBA_CACHE_LOCATOR_CLASSES": "IPythonCacheLocator",
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, cwd=tmp_path, capture_output=True, check=True
+    )
+    assert float(done.stdout) == pytest.approx(one()[0], rel=PROMISED)

@@ -1,0 +1,199 @@
+"""What holds of every built-in model, and known answers of each."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from uqpen.evaluation import Evaluator
+from uqpen.labels import Status
+from uqpen.lookup import resolve
+from uqpen.model import Model, Results
+from uqpen.models import MODELS
+from uqpen.models.eroding_rod import Termination
+from uqpen.models.ishigami import Ishigami
+from uqpen.models.rigid_penetration import RigidPenetration
+from uqpen.models.rod_and_target import OUTPUTS
+from uqpen.models.walker_anderson import WalkerAnderson
+from uqpen.units import si_unit
+
+# FFI/RAPPORT-2000/05876, Table 3.1.
+ROD = {
+    "projectile_density": 17_500.0,
+    "projectile_yield_limit": 1.65e9,
+    "projectile_length": 0.16,
+    "impact_velocity": 1400.0,
+    "projectile_sound_speed": 3071.0,
+    "target_density": 2500.0,
+    "target_yield_limit": 400e6,
+    "plasticity_radius": 0.1,
+    "crater_radius": 0.017,
+    "smoothing": 0.0,
+}
+ROD_MODELS: list[Model] = [WalkerAnderson(), RigidPenetration()]
+
+
+def results(model: Model, **changes: float | list[float]) -> Results:
+    given = {name: value for name, value in {**ROD, **changes}.items() if value is not None}
+    arrays = np.broadcast_arrays(*(np.atleast_1d(value) for value in given.values()))
+    return Evaluator(model)(
+        dict(zip(given, (array.astype(float) for array in arrays), strict=True))
+    )
+
+
+def without(name: str, **more: float) -> dict[str, float]:
+    return {**{key: value for key, value in ROD.items() if key != name}, **more}
+
+
+@pytest.mark.parametrize("name", MODELS)
+class TestEveryModel:
+    def model(self, name: str) -> Model:
+        model = resolve(MODELS[name])()
+        assert isinstance(model, Model)
+        return model
+
+    def test_it_goes_by_the_name_that_studies_use(self, name: str) -> None:
+        assert self.model(name).name == name
+        assert self.model(name).identity()["name"] == name
+
+    def test_its_units_are_coherent_si(self, name: str) -> None:
+        model = self.model(name)
+        for variable in (*model.inputs, *model.outputs):
+            assert si_unit(variable.unit) == variable.unit
+            assert si_unit(variable.shown_unit) == variable.unit
+
+    def test_no_name_is_used_twice(self, name: str) -> None:
+        model = self.model(name)
+        names = [variable.name for variable in (*model.inputs, *model.outputs)]
+        assert len(set(names)) == len(names)
+
+    def test_what_is_not_a_number_is_inadmissible(self, name: str) -> None:
+        model = self.model(name)
+        inputs = {variable.name: np.array([np.nan, np.inf]) for variable in model.inputs}
+        assert (Evaluator(model)(inputs).status == Status.INADMISSIBLE).all()
+
+
+@pytest.mark.parametrize("model", ROD_MODELS, ids=lambda model: model.name)
+class TestRodModels:
+    @pytest.mark.parametrize(
+        ("changes", "reason"),
+        [
+            ({"plasticity_radius": 0.017}, "plasticity_radius > crater_radius"),
+            ({"plasticity_radius": 0.01}, "plasticity_radius > crater_radius"),
+            ({"plasticity_radius": -0.1}, "plasticity_radius > 0"),
+            ({"crater_radius": 0.0}, "crater_radius > 0"),
+            ({"projectile_density": -1.0}, "projectile_density > 0"),
+            ({"target_yield_limit": 0.0}, "target_yield_limit > 0"),
+            ({"impact_velocity": 0.0}, "impact_velocity > 0"),
+            ({"smoothing": 2.0}, "smoothing >= 0 and < 2"),
+            ({"smoothing": -0.1}, "smoothing >= 0 and < 2"),
+        ],
+    )
+    def test_inputs_outside_the_domain_are_inadmissible(
+        self, model: Model, changes: dict[str, float], reason: str
+    ) -> None:
+        found = results(model, **changes)
+        assert found.status.tolist() == [Status.INADMISSIBLE]
+        assert found.reasons == {0: reason}
+
+    def test_an_inadmissible_run_harms_no_other(self, model: Model) -> None:
+        radii = [0.1, 0.01, 0.1]
+        found = results(model, plasticity_radius=radii)
+        depth = found.outputs["penetration_depth"]
+        assert found.status.tolist() == [0, Status.INADMISSIBLE, 0]
+        assert depth[0] == depth[2] > 0
+
+    def test_a_modulus_that_disagrees_is_inadmissible(self, model: Model) -> None:
+        found = results(model, projectile_young_modulus=[165e9, 170e9])
+        assert found.status.tolist() == [0, Status.INADMISSIBLE]
+        assert "within 1 %" in found.reasons[1]
+
+    def test_an_input_is_missing_unless_an_alternative_is_given(self, model: Model) -> None:
+        assert list(model.missing(without("projectile_sound_speed"))) == ["projectile_sound_speed"]
+        modulus = without("projectile_sound_speed", projectile_young_modulus=165e9)
+        assert list(model.missing(modulus)) == []
+        assert list(model.missing(without("smoothing"))) == []
+
+
+def test_a_young_modulus_stands_for_the_sound_speed() -> None:
+    inputs = without("projectile_sound_speed", projectile_young_modulus=17_500.0 * 3071.0**2)
+    arrays = {name: np.array([value]) for name, value in inputs.items()}
+    by_modulus = Evaluator(WalkerAnderson())(arrays).outputs["penetration_depth"]
+    by_speed = results(WalkerAnderson()).outputs["penetration_depth"]
+    # The root of the product is the speed but for its last bit.
+    np.testing.assert_allclose(by_modulus, by_speed, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("smoothing", "depth", "residue"),
+    [(0.0, 0.4615719, 0.02327912), (0.5, 0.4664426, 0.02471702), (1.0, 0.4755823, 0.02726010)],
+)
+def test_the_nominal_rod_erodes_as_far_as_it_should(
+    smoothing: float, depth: float, residue: float
+) -> None:
+    outputs = results(WalkerAnderson(), smoothing=smoothing).outputs
+    # A unit of the last digit of the reference values.
+    assert outputs["penetration_depth"][0] == pytest.approx(depth, abs=1e-7)
+    assert outputs["projectile_residue"][0] == pytest.approx(residue, abs=1e-8)
+    assert outputs["termination"][0] == Termination.BREAKDOWN
+
+
+def test_the_rigid_rod_goes_deeper_and_keeps_its_length() -> None:
+    outputs = results(RigidPenetration()).outputs
+    assert outputs["penetration_depth"][0] == pytest.approx(1.02885, abs=5e-6)
+    assert outputs["projectile_residue"][0] == 0.16
+    assert outputs["erosion_end_depth"][0] == 0.0
+    assert outputs["termination"][0] == Termination.RIGID
+
+
+def test_a_rod_that_never_erodes_is_the_rigid_rod() -> None:
+    # At 50 m/s the tungsten rod is far too strong for concrete to erode.
+    slow = {"impact_velocity": 50.0}
+    eroding, rigid = results(WalkerAnderson(), **slow), results(RigidPenetration(), **slow)
+    for output in OUTPUTS:
+        np.testing.assert_allclose(
+            eroding.outputs[output.name], rigid.outputs[output.name], rtol=1e-14
+        )
+
+
+def test_the_kinds_of_termination_are_the_integrators() -> None:
+    kinds = {category.flag: n for n, category in enumerate(OUTPUTS[3].categories)}
+    assert kinds == {kind.name.lower(): kind.value for kind in Termination}
+
+
+def test_the_course_of_a_run_is_a_dataset_against_depth() -> None:
+    course = WalkerAnderson().trajectory(ROD)
+    assert set(course.data_vars) == {
+        "time",
+        "nose_velocity",
+        "tail_velocity",
+        "length",
+        "plastic_extent",
+    }
+    at = course.interp(depth=[0.05, 0.2, 0.4])
+    # The grid of 401 depths is interpolated linearly here; that costs up to 1e-4.
+    np.testing.assert_allclose(at["nose_velocity"], [1020.611, 920.739, 583.986], rtol=1e-4)
+    np.testing.assert_allclose(at["tail_velocity"], [1367.958, 1228.831, 734.381], rtol=1e-4)
+    np.testing.assert_allclose(at["length"], [0.146232, 0.0953474, 0.0326935], rtol=1e-4)
+    np.testing.assert_allclose(at["time"], [46.067e-6, 200.200e-6, 456.296e-6], rtol=1e-4)
+    np.testing.assert_allclose(
+        at["plastic_extent"], [2.80922e-3, 2.76201e-3, 2.12576e-3], rtol=1e-3
+    )
+
+
+def test_the_rigid_rod_has_no_course() -> None:
+    assert RigidPenetration().trajectory(ROD) is None
+
+
+def test_the_ishigami_function_has_its_known_values() -> None:
+    inputs = {
+        "x1": np.array([np.pi / 2, 0.0]),
+        "x2": np.array([0.0, np.pi / 2]),
+        "x3": np.array([1.0, 2.0]),
+    }
+    np.testing.assert_allclose(Ishigami().evaluate(inputs).outputs["y"], [1.1, 7.0], rtol=1e-15)
+
+
+def test_settings_are_part_of_what_a_model_is() -> None:
+    assert WalkerAnderson(1e-6).identity() != WalkerAnderson(1e-8).identity()
+    assert Ishigami(a=7).identity() != Ishigami(a=6).identity()

@@ -1,0 +1,11 @@
+"""The models that a study can name, and the adapters for models from elsewhere."""
+
+from __future__ import annotations
+
+__all__ = ["MODELS"]
+
+MODELS = {
+    "walker-anderson": "uqpen.models.walker_anderson:WalkerAnderson",
+    "rigid-penetration": "uqpen.models.rigid_penetration:RigidPenetration",
+    "ishigami": "uqpen.models.ishigami:Ishigami",
+}

@@ -1,0 +1,230 @@
+"""A Python function of the user's own as a model, called in this process."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.errors import ModelError
+from uqpen.labels import Status
+from uqpen.model import Arrays, Input, Model, Output, Results
+from uqpen.units import scale
+
+__all__ = ["PythonFunction", "check_signature", "load_function"]
+
+_LONGEST_REASON = 200
+
+
+class _UnusableError(Exception):
+    """What a function returned is not what its model declares; the message is a run's reason."""
+
+
+@dataclass(frozen=True)
+class PythonFunction(Model):
+    """A model that calls a Python function by keyword.
+
+    Parameters
+    ----------
+    function : callable
+        Takes a keyword argument for each input, returns a mapping with each output; values are in
+        the units of `called_in`.
+    name : str
+        What a person calls it.
+    inputs, outputs : tuple
+        As of any model, in SI units.
+    called_in : mapping of str to str
+        The unit that the function takes each input and gives each output in.
+    vectorized : bool
+        Whether it takes and returns arrays of shape (run,); else one float for each.
+    source : bytes
+        The function's source, which tells one version of a model from another.
+    """
+
+    function: Callable[..., Mapping[str, Any]]
+    name: str
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    called_in: Mapping[str, str]
+    vectorized: bool = False
+    source: bytes = field(default=b"", repr=False)
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        arguments = {
+            name: scale(self.called_in[name]).from_si(values) for name, values in inputs.items()
+        }
+        runs = len(next(iter(inputs.values())))
+        outputs = {output.name: np.full(runs, np.nan) for output in self.outputs}
+        status = np.full(runs, Status.OK, dtype=np.int8)
+        reasons: dict[int, str] = {}
+        for batch, answer in self._answers(arguments, runs):
+            if isinstance(answer, str):
+                status[batch] = Status.FAILED
+                reasons[batch.start] = answer
+                continue
+            for name, values in answer.items():
+                outputs[name][batch] = values
+        for output in self.outputs:
+            measure = scale(self.called_in[output.name])
+            outputs[output.name] = outputs[output.name] * measure.factor + measure.offset
+        return Results(outputs, status, reasons)
+
+    def identity(self) -> dict[str, str]:
+        return {"name": self.name, "source_sha256": hashlib.sha256(self.source).hexdigest()}
+
+    def _answers(
+        self, arguments: Arrays, runs: int
+    ) -> Iterator[tuple[slice, dict[str, npt.NDArray[np.float64]] | str]]:
+        """For each batch of runs what came of it: the outputs, or the reason it has none."""
+        if not self.vectorized:
+            columns = {name: values.tolist() for name, values in arguments.items()}
+            for run in range(runs):
+                one = {name: column[run] for name, column in columns.items()}
+                yield slice(run, run + 1), self._call(one, None)
+            return
+        batches = [slice(0, runs)]
+        while batches:
+            batch = batches.pop()
+            some = {name: values[batch].copy() for name, values in arguments.items()}
+            answer = self._call(some, batch.stop - batch.start)
+            if isinstance(answer, str) and batch.stop - batch.start > 1:
+                # One bad run must not take its batch along: halve until it is alone.
+                middle = (batch.start + batch.stop) // 2
+                batches += [slice(middle, batch.stop), slice(batch.start, middle)]
+            else:
+                yield batch, answer
+
+    def _call(
+        self, arguments: Mapping[str, Any], runs: int | None
+    ) -> dict[str, npt.NDArray[np.float64]] | str:
+        """Outputs of one call, or the reason why there are none."""
+        try:
+            returned = self.function(**arguments)
+        except (Exception, SystemExit) as error:  # what a black box raises is data
+            return _one_line(f"{type(error).__name__}: {error}")
+        try:
+            return _checked(returned, [output.name for output in self.outputs], runs)
+        except _UnusableError as refused:
+            return _one_line(str(refused))
+
+
+def _checked(
+    returned: object, names: list[str], runs: int | None
+) -> dict[str, npt.NDArray[np.float64]]:
+    """The outputs out of what a function returned, which can be anything."""
+    if not isinstance(returned, Mapping):
+        raise _UnusableError(f"returned {type(returned).__name__}, not a mapping of outputs")
+    shape = () if runs is None else (runs,)
+    outputs = {}
+    for name in names:
+        if name not in returned:
+            raise _UnusableError(f'returned no "{name}"')
+        try:
+            values = np.asarray(returned[name], dtype=np.float64)
+        except (TypeError, ValueError):
+            raise _UnusableError(f'returned a "{name}" that is not a number') from None
+        if values.shape != shape:
+            raise _UnusableError(f'returned a "{name}" of shape {values.shape}, not {shape}')
+        outputs[name] = values
+    return outputs
+
+
+def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], bytes]:
+    """The function behind ``"file.py:function"`` or ``"package.module:function"``.
+
+    Parameters
+    ----------
+    reference : str
+        A path ends in ``.py`` and is relative to `folder`; anything else is an importable module.
+    folder : Path
+        Where the study file lies; modules beside it can be imported.
+
+    Returns
+    -------
+    function : callable
+    source : bytes
+        Of the file that defines it; empty where it has none.
+
+    Raises
+    ------
+    ModelError
+        If there is no such function, or importing it fails.
+    """
+    where, _, name = reference.rpartition(":")
+    if not where or not name:
+        raise ModelError(f'"{reference}" is not of the form "my_model.py:function"')
+    module = _imported(where, folder)
+    function = getattr(module, name, None)
+    if not callable(function):
+        known = [key for key, value in vars(module).items() if inspect.isfunction(value)]
+        listing = f"; it defines {', '.join(known)}" if known else ""
+        raise ModelError(f'"{where}" has no function "{name}"{listing}')
+    path = getattr(module, "__file__", None)
+    return function, Path(path).read_bytes() if path and Path(path).is_file() else b""
+
+
+def check_signature(function: Callable[..., Any], names: list[str]) -> None:
+    """Refuse a function that cannot be called with these keywords.
+
+    Raises
+    ------
+    ModelError
+        Naming what the function does take.
+    """
+    try:
+        signature = inspect.signature(function)
+    except ValueError:  # some compiled functions have none; the first run will tell
+        return
+    try:
+        signature.bind(**dict.fromkeys(names, 0.0))
+    except TypeError as error:
+        label = getattr(function, "__name__", "the function")
+        raise ModelError(f"{label}{signature} cannot take the inputs: {error}") from None
+
+
+def _imported(where: str, folder: Path) -> Any:
+    # A model may import what lies beside it, as it would when run from its own folder.
+    sys.path.insert(0, str(folder))
+    try:
+        if where.endswith(".py"):
+            return _from_file(folder / where)
+        return importlib.import_module(where)
+    except ModelError:
+        raise
+    except ModuleNotFoundError as error:
+        raise ModelError(f'"{where}": {error}') from None
+    except Exception as error:  # a user's module can raise anything while it is imported
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        line = getattr(error, "lineno", None) or place.lineno
+        text = f'importing "{where}" failed at line {line}: {type(error).__name__}: {error}'
+        raise ModelError(_one_line(text)) from None
+    finally:
+        sys.path.remove(str(folder))
+
+
+def _from_file(path: Path) -> Any:
+    if not path.is_file():
+        raise ModelError(f'there is no file "{path.name}" beside the study')
+    # Under a name of our own: a model in "random.py" must not stand in for Python's module.
+    specification = importlib.util.spec_from_file_location(f"uqpen_study_{path.stem}", path)
+    if specification is None or specification.loader is None:
+        raise ModelError(f'"{path.name}" is not a Python file')
+    module = importlib.util.module_from_spec(specification)
+    sys.modules[module.__name__] = module
+    specification.loader.exec_module(module)
+    return module
+
+
+def _one_line(text: str) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= _LONGEST_REASON else line[: _LONGEST_REASON - 1] + "…"

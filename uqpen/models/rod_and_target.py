@@ -1,0 +1,99 @@
+"""What the models of a rod going into a thick target have in common.
+
+Depths are those in a target without a rear face; a wall of that thickness fails earlier.
+
+References
+----------
+Soleng, H. H. & Svinsås, E. (2001). Penetration modelling with uncertainty quantification using the
+Walker-Anderson model. FFI/RAPPORT-2000/05876. Table 3.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.model import POSITIVE, Arrays, BoolArray, Bounds, Category, Input, Output
+
+__all__ = ["ALTERNATIVES", "INPUTS", "OUTPUTS", "conditions", "sound_speed"]
+
+INPUTS = (
+    Input("projectile_density", "kg m-3", bounds=POSITIVE, display_unit="g/cm^3"),
+    Input("projectile_yield_limit", "Pa", bounds=POSITIVE, display_unit="MPa"),
+    Input("projectile_length", "m", bounds=POSITIVE, display_unit="cm"),
+    Input("impact_velocity", "m s-1", bounds=POSITIVE, display_unit="m/s"),
+    Input(
+        "projectile_sound_speed",
+        "m s-1",
+        "bar sound speed of the projectile",
+        bounds=POSITIVE,
+        display_unit="m/s",
+    ),
+    Input(
+        "projectile_young_modulus",
+        "Pa",
+        "Young's modulus of the projectile",
+        bounds=POSITIVE,
+        display_unit="GPa",
+    ),
+    Input("target_density", "kg m-3", bounds=POSITIVE, display_unit="g/cm^3"),
+    Input("target_yield_limit", "Pa", bounds=POSITIVE, display_unit="MPa"),
+    Input(
+        "plasticity_radius",
+        "m",
+        "outer radius of plastic flow in the target",
+        bounds=POSITIVE,
+        display_unit="mm",
+    ),
+    Input("crater_radius", "m", bounds=POSITIVE, display_unit="mm"),
+    Input(
+        "smoothing",
+        "1",
+        "smoothing of the velocity profile",
+        default=0.0,
+        bounds=Bounds(0.0, 2.0, lower_included=True),
+    ),
+)
+
+# A Young's modulus gives the sound speed, so one of the two is enough.
+ALTERNATIVES = (("projectile_sound_speed", "projectile_young_modulus"),)
+
+OUTPUTS = (
+    Output("penetration_depth", "m", "depth of penetration"),
+    Output("projectile_residue", "m", "length of projectile left"),
+    Output("erosion_end_depth", "m", "depth at which erosion ends"),
+    Output(
+        "termination",
+        "1",
+        "how erosion ends",
+        categories=(
+            Category("breakdown", "v = u"),
+            Category("standstill", "u = 0"),
+            Category("rigid", "rigid"),
+        ),
+    ),
+)
+
+_AGREEMENT = 0.01
+
+
+def sound_speed(inputs: Arrays) -> npt.NDArray[np.float64]:
+    """Bar sound speed, m/s: as given, else from Young's modulus and density."""
+    if "projectile_sound_speed" in inputs:
+        return inputs["projectile_sound_speed"]
+    return _elastic_sound_speed(inputs)
+
+
+def conditions(inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
+    """What the inputs must satisfy together; see `uqpen.model.Model.conditions`."""
+    yield inputs["plasticity_radius"] > inputs["crater_radius"], "plasticity_radius > crater_radius"
+    if "projectile_sound_speed" in inputs and "projectile_young_modulus" in inputs:
+        given = inputs["projectile_sound_speed"]
+        agrees = np.abs(_elastic_sound_speed(inputs) / given - 1) <= _AGREEMENT
+        yield agrees, "projectile_sound_speed = sqrt(young_modulus / density) within 1 %"
+
+
+def _elastic_sound_speed(inputs: Arrays) -> npt.NDArray[np.float64]:
+    return np.sqrt(inputs["projectile_young_modulus"] / inputs["projectile_density"])

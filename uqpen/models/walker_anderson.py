@@ -1,0 +1,127 @@
+"""The Walker-Anderson model of an eroding rod, for whole batches of runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from uqpen.labels import Status
+from uqpen.model import Arrays, BoolArray, Model, Results
+from uqpen.models import rod_and_target
+from uqpen.settings import number, validate
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["WalkerAnderson"]
+
+_UNSOLVED = "the integration did not reach the end of erosion within its steps"
+
+# What the course of a run is made of: variable, unit, what a person reads.
+_COURSE = (
+    ("time", "s", "time since impact"),
+    ("nose_velocity", "m s-1", "velocity of the projectile's nose, u"),
+    ("tail_velocity", "m s-1", "velocity of the projectile's tail, v"),
+    ("length", "m", "length of the projectile, L"),
+    ("plastic_extent", "m", "extent of plastic flow in the projectile, s"),
+)
+
+
+@dataclass(frozen=True)
+class WalkerAnderson(Model):
+    """An eroding rod penetrating a thick target, original or with a smoothed velocity profile.
+
+    Erosion ends where the tail is as slow as the nose (the rest of the rod goes on as a rigid
+    body) or where the nose comes to rest; a rod that never starts to erode is rigid throughout.
+
+    Parameters
+    ----------
+    tolerance : float
+        Relative error allowed to a step of the integration; with the default, depth and residue
+        of the concrete study are right to 1e-6.
+
+    References
+    ----------
+    Walker, J. D. & Anderson, C. E. (1995). Int. J. Impact Engng 16, 19-48.
+    Soleng, H. H. & Svinsås, E. (2001). FFI/RAPPORT-2000/05876; its equation (2.9) is used with
+    (2 - ε) as (2.4) and (2.8) give it, where the report prints (2 + ε).
+    """
+
+    tolerance: float = number(above=0, below=1e-2, default=1e-6)
+
+    name = "walker-anderson"
+    inputs = rod_and_target.INPUTS
+    outputs = rod_and_target.OUTPUTS
+    alternatives = rod_and_target.ALTERNATIVES
+
+    def __post_init__(self) -> None:
+        validate(self)
+
+    def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
+        yield from rod_and_target.conditions(inputs)
+
+    def prepare(self) -> None:
+        from uqpen.models import eroding_rod
+
+        eroding_rod.prepare()
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        # Numba is imported with the integrator, so only where a rod really erodes.
+        from uqpen.models.eroding_rod import penetrate
+
+        rods = penetrate(**_rod(inputs), tolerance=self.tolerance)
+        outputs = {
+            "penetration_depth": rods.depth,
+            "projectile_residue": rods.residue,
+            "erosion_end_depth": rods.erosion_end_depth,
+            "termination": rods.termination.astype(np.float64),
+        }
+        status = np.where(rods.solved, Status.OK, Status.FAILED).astype(np.int8)
+        reasons = {int(run): _UNSOLVED for run in np.flatnonzero(~rods.solved)}
+        return Results(outputs, status, reasons)
+
+    def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset:
+        """The course of one run against depth.
+
+        Parameters
+        ----------
+        inputs : mapping of str to float
+            SI values.
+
+        Returns
+        -------
+        Dataset
+            ``time``, ``nose_velocity``, ``tail_velocity``, ``length`` and ``plastic_extent`` along
+            ``depth``, from the surface to where the rod stops.
+        """
+        import xarray as xr
+
+        from uqpen.models.rod_trajectory import trajectory
+
+        scalars = {name: np.asarray(value, dtype=np.float64) for name, value in inputs.items()}
+        constants: dict[str, Any] = {name: float(value) for name, value in _rod(scalars).items()}
+        course = trajectory(**constants)
+        described = {"units": "m", "long_name": "depth of the projectile's nose, z"}
+        return xr.Dataset(
+            {
+                name: ("depth", getattr(course, name), {"units": unit, "long_name": long_name})
+                for name, unit, long_name in _COURSE
+            },
+            {"depth": ("depth", course.depth, described)},
+        )
+
+    def identity(self) -> dict[str, str]:
+        return {"name": self.name, "tolerance": repr(self.tolerance)}
+
+
+def _rod(inputs: Arrays) -> Arrays:
+    """The integrator's arguments: a sound speed in place of what it was given by."""
+    chosen = {
+        variable.name: inputs[variable.name]
+        for variable in rod_and_target.INPUTS
+        if variable.name in inputs and variable.name != "projectile_young_modulus"
+    }
+    return {**chosen, "projectile_sound_speed": rod_and_target.sound_speed(inputs)}
