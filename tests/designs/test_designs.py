@@ -1,0 +1,177 @@
+"""What holds of every design, and what each promises of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uqpen.designs.design import Design
+from uqpen.designs.latin_hypercube import LatinHypercube
+from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.table import Table
+from uqpen.errors import SettingsError, TableError
+from uqpen.inputs.distributions import Normal, Uniform
+from uqpen.inputs.law import FixedInput, InputLaw, RandomInput
+from uqpen.labels import BLOCK
+from uqpen.model import Input
+from uqpen.streams import Stream
+
+LENGTH, MASS, SHARE = Input("length", "m"), Input("mass", "kg"), Input("share", "1")
+LAW = InputLaw(
+    (
+        RandomInput(LENGTH, Uniform(1.0, 3.0), "m"),
+        FixedInput(MASS, 5.0, "kg"),
+        RandomInput(SHARE, Normal(0.0, 1.0), "1"),
+    ),
+    (LENGTH, MASS, SHARE),
+)
+STREAM = Stream(1, "designs", "mine")
+
+
+def points(design: Design, law: InputLaw = LAW, stream: Stream = STREAM) -> xr.Dataset:
+    (only,) = design.rounds(law, stream)
+    return only
+
+
+RANDOM_DESIGNS = [MonteCarlo(1000), LatinHypercube(1000), LatinHypercube(1000, replicates=1)]
+
+
+@pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
+def test_a_design_makes_the_runs_it_says(design: Design) -> None:
+    assert points(design).sizes["run"] == design.size(LAW) == 1000
+
+
+@pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
+def test_the_same_stream_gives_the_same_points(design: Design) -> None:
+    assert points(design).identical(points(design))
+
+
+@pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
+def test_another_name_gives_other_points(design: Design) -> None:
+    other = points(design, stream=Stream(1, "designs", "other"))
+    assert not np.isin(points(design)["length"], other["length"]).any()
+
+
+@pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
+def test_no_point_is_drawn_twice(design: Design) -> None:
+    drawn = points(design)
+    for name in ("length", "share"):
+        assert len(np.unique(drawn[name])) == 1000
+
+
+@pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
+def test_a_fixed_input_is_a_scalar(design: Design) -> None:
+    assert points(design)["mass"].dims == ()
+    assert float(points(design)["mass"]) == 5.0
+
+
+@pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
+def test_points_follow_the_law(design: Design) -> None:
+    drawn = points(design)
+    assert bool(((drawn["length"] >= 1.0) & (drawn["length"] <= 3.0)).all())
+    # Four standard errors of a mean of 1000 independent draws.
+    assert float(drawn["length"].mean()) == pytest.approx(2.0, abs=4 * 0.577 / 1000**0.5)
+    assert float(drawn["share"].mean()) == pytest.approx(0.0, abs=4 / 1000**0.5)
+
+
+def test_more_runs_of_monte_carlo_keep_those_there_were() -> None:
+    few, many = points(MonteCarlo(10)), points(MonteCarlo(BLOCK + 10))
+    np.testing.assert_array_equal(few["share"], many["share"][:10])
+    assert len(np.unique(many["share"])) == BLOCK + 10
+
+
+@given(each=st.integers(2, 40), replicates=st.integers(1, 8))
+def test_every_stratum_of_every_hypercube_has_one_point(each: int, replicates: int) -> None:
+    drawn = points(LatinHypercube(each * replicates, replicates))
+    strata = np.floor((drawn["length"].values - 1.0) / 2.0 * each).astype(int)
+    for replicate in range(replicates):
+        inside = strata[drawn["replicate"].values == replicate]
+        assert sorted(inside) == list(range(each))
+
+
+def test_replicates_are_drawn_independently() -> None:
+    drawn = points(LatinHypercube(4000, replicates=2))["length"].values.reshape(2, 2000)
+    # A correlation of 2000 independent pairs, within five of its standard errors.
+    assert abs(np.corrcoef(drawn)[0, 1]) < 5 / 2000**0.5
+
+
+@pytest.mark.parametrize(
+    ("runs", "replicates", "nearest"),
+    [(1001, 10, "1000 or 1010"), (15, 10, "20"), (1, 1, ""), (5, 10, "20")],
+)
+def test_runs_that_do_not_divide_are_refused_naming_the_nearest(
+    runs: int, replicates: int, nearest: str
+) -> None:
+    with pytest.raises(SettingsError) as caught:
+        LatinHypercube(runs, replicates)
+    assert nearest in str(caught.value)
+
+
+def test_a_monte_carlo_of_no_runs_is_refused() -> None:
+    with pytest.raises(SettingsError, match="at least 1"):
+        MonteCarlo(0)
+
+
+class TestTable:
+    def write(self, folder: Path, text: str, name: str = "points.csv") -> Table:
+        (folder / name).write_text(text, encoding="utf-8")
+        return Table(folder / name)
+
+    def test_columns_are_read_in_their_units(self, tmp_path: Path) -> None:
+        table = self.write(tmp_path, "length [cm],share\n150,0.5\n200,-1e-1\n")
+        drawn = points(table)
+        assert drawn["length"].values.tolist() == [1.5, 2.0]
+        assert drawn["share"].values.tolist() == [0.5, -0.1]
+        assert float(drawn["mass"]) == 5.0
+
+    def test_a_column_wins_over_a_fixed_input(self, tmp_path: Path) -> None:
+        table = self.write(tmp_path, "length [m], share, mass [g]\n1,0,7\n2,0,8\n")
+        assert points(table)["mass"].values.tolist() == [0.007, 0.008]
+
+    def test_a_byte_order_mark_and_blank_lines_are_no_matter(self, tmp_path: Path) -> None:
+        table = self.write(tmp_path, "\ufefflength [m],share\r\n\r\n1,2\r\n\r\n")
+        assert points(table)["length"].values.tolist() == [1.0]
+
+    def test_a_netcdf_file_is_read_like_a_csv_file(self, tmp_path: Path) -> None:
+        path = tmp_path / "points.nc"
+        length = ("point", [150.0, 200.0], {"units": "cm"})
+        xr.Dataset({"length": length, "share": ("point", [0.5, 1.0])}).to_netcdf(path)
+        assert points(Table(path))["length"].values.tolist() == [1.5, 2.0]
+
+    @pytest.mark.parametrize(
+        ("text", "complaint"),
+        [
+            ("lenght [m],share\n1,2\n", 'column "lenght" is no input; did you mean "length"'),
+            ("length [kg],share\n1,2\n", 'in "kg"; expected a length'),
+            ("length [frob],share\n1,2\n", "not a known unit"),
+            ("length,share\n1,2\n", 'in "1"; expected a length'),
+            ("length [m],length [m]\n1,2\n", "stands twice"),
+            ("length [m],share\n1\n", "row 2: 1 values under 2 headings"),
+            ("length [m],share\n1,x\n", 'row 2, column "share": found "x"'),
+            ("length [m],share\n1,nan\n", 'found "nan"'),
+            ("length [m],share\n1,\n", 'found ""'),
+            ("length [m],share\n", "no rows"),
+            ("length [m]\n1\n", 'no column "share", an input that is random'),
+            ("[m],share\n1,2\n", "not of the form"),
+            ("", "is empty"),
+        ],
+    )
+    def test_a_mistake_is_named(self, tmp_path: Path, text: str, complaint: str) -> None:
+        with pytest.raises(TableError) as caught:
+            points(self.write(tmp_path, text))
+        assert complaint in str(caught.value)
+
+    def test_a_file_that_is_none_is_named(self, tmp_path: Path) -> None:
+        with pytest.raises(TableError, match="there is no file"):
+            points(Table(tmp_path / "absent.csv"))
+        (tmp_path / "broken.nc").write_bytes(b"no netcdf")
+        with pytest.raises(TableError, match="not a NetCDF file"):
+            points(Table(tmp_path / "broken.nc"))
+        (tmp_path / "latin.csv").write_bytes(b"l\xe4nge\n1\n")
+        with pytest.raises(TableError, match="not UTF-8"):
+            points(Table(tmp_path / "latin.csv"))

@@ -1,0 +1,44 @@
+"""Independent draws of the inputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.designs.design import Design, Rounds
+from uqpen.inputs.law import InputLaw
+from uqpen.labels import BLOCK, Sampling
+from uqpen.settings import count
+from uqpen.streams import Stream
+
+__all__ = ["MonteCarlo"]
+
+
+@dataclass(frozen=True)
+class MonteCarlo(Design):
+    """Plain Monte Carlo: each point is drawn from the input law by itself.
+
+    Parameters
+    ----------
+    runs : int
+        How many points. With more, those there were stay the same.
+    """
+
+    runs: int = count()
+
+    @property
+    def sampling(self) -> Sampling:
+        return Sampling.INDEPENDENT
+
+    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
+        dimension = len(law.random)
+        blocks: list[npt.NDArray[np.float64]] = [
+            stream.generator("points", block).random((min(BLOCK, self.runs - start), dimension))
+            for block, start in enumerate(range(0, self.runs, BLOCK))
+        ]
+        yield law.points(np.concatenate(blocks), {})
+
+    def size(self, law: InputLaw) -> int:
+        return self.runs
