@@ -12,7 +12,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.inputs.constraints import Constraint
-from uqpen.labels import BLOCK, LOST, REASON, ROLE, ROUND, RUN, STATUS, Status
+from uqpen.labels import BLOCK, LOST, REASON, REPLICATE, ROLE, ROUND, RUN, STATUS, Status
 from uqpen.model import Model, Output, Results, inadmissible
 
 __all__ = ["Evaluator", "Map", "evaluate", "join"]
@@ -217,7 +217,13 @@ def _describe(runs: xr.Dataset, model: Model, display_units: Mapping[str, str]) 
             ]
     runs[STATUS].attrs = {"long_name": "what became of the run"}
     runs[STATUS].attrs |= _flags(list(Status), [status.meaning for status in Status])
-    runs[RUN].attrs = {"standard_name": "realization", "long_name": "number of the run"}
+    runs[RUN].attrs = {
+        "standard_name": "realization",
+        "units": "1",
+        "long_name": "number of the run",
+    }
+    if REPLICATE in runs:
+        runs[REPLICATE].attrs = {"units": "1", "long_name": "number of the run's replicate"}
     if LOST in runs:
         runs[LOST].attrs = {"long_name": "number of a lost run"}
         runs[REASON].attrs = {"long_name": "why the run was lost"}

@@ -170,7 +170,7 @@ def test_the_course_of_a_run_is_a_dataset_against_depth() -> None:
         "length",
         "plastic_extent",
     }
-    at = course.interp(depth=[0.05, 0.2, 0.4])
+    at = course.interp(penetration_depth=[0.05, 0.2, 0.4])
     # The grid of 401 depths is interpolated linearly here; that costs up to 1e-4.
     np.testing.assert_allclose(at["nose_velocity"], [1020.611, 920.739, 583.986], rtol=1e-4)
     np.testing.assert_allclose(at["tail_velocity"], [1367.958, 1228.831, 734.381], rtol=1e-4)

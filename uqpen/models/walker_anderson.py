@@ -20,6 +20,9 @@ __all__ = ["WalkerAnderson"]
 
 _UNSOLVED = "the integration did not reach the end of erosion within its steps"
 
+# What the course of a run stands against: not "depth", which CF keeps for water.
+_DEPTH = "penetration_depth"
+
 # What the course of a run is made of: variable, unit, what a person reads.
 _COURSE = (
     ("time", "s", "time since impact"),
@@ -95,7 +98,7 @@ class WalkerAnderson(Model):
         -------
         Dataset
             ``time``, ``nose_velocity``, ``tail_velocity``, ``length`` and ``plastic_extent`` along
-            ``depth``, from the surface to where the rod stops.
+            ``penetration_depth``, from the surface to where the rod stops.
         """
         import xarray as xr
 
@@ -107,10 +110,10 @@ class WalkerAnderson(Model):
         described = {"units": "m", "long_name": "depth of the projectile's nose, z"}
         return xr.Dataset(
             {
-                name: ("depth", getattr(course, name), {"units": unit, "long_name": long_name})
+                name: (_DEPTH, getattr(course, name), {"units": unit, "long_name": long_name})
                 for name, unit, long_name in _COURSE
             },
-            {"depth": ("depth", course.depth, described)},
+            {_DEPTH: (_DEPTH, course.depth, described)},
         )
 
     def identity(self) -> dict[str, str]:
