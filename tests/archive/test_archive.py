@@ -1,0 +1,198 @@
+"""An archive is whole or absent, plain NetCDF, and refused in words where it is neither."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.archive.read import group, is_archive, names_in, open_archive
+from uqpen.archive.write import prepare_destination, write
+from uqpen.errors import ArchiveError
+
+STUDY = """
+title = "Größe"
+seed = 12345678901234567890123
+[model]
+use = "walker-anderson"
+[inputs]
+projectile_density = "17.5 g/cm^3"
+projectile_yield_limit = "1.65 GPa"
+projectile_length = "16 cm"
+impact_velocity = "1400 m/s"
+projectile_sound_speed = "3071 m/s"
+target_density = "(2.5 ± 0.05) g/cm^3"
+target_yield_limit = "(400 ± 40) MPa"
+plasticity_radius = "(60 ± 25) mm"
+crater_radius = "(17 ± 3) mm"
+[outputs.penetration_depth]
+exceeds = ["60 cm"]
+hold = [0.95]
+[designs.monte_carlo]
+kind = "monte-carlo"
+runs = 200
+[designs.latin_hypercube]
+kind = "latin-hypercube"
+runs = 200
+"""
+
+
+@pytest.fixture(scope="module")
+def tree() -> xr.DataTree:
+    return uqpen.run(uqpen.parse_study(STUDY))
+
+
+@pytest.fixture(scope="module")
+def archive(tree: xr.DataTree, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("archive") / "study.nc"
+    write(tree, path)
+    return path
+
+
+def test_what_is_read_is_what_was_written(tree: xr.DataTree, archive: Path) -> None:
+    read = open_archive(archive)
+    assert {node.path for node in read.subtree} == {node.path for node in tree.subtree}
+    for node in tree.subtree:
+        xr.testing.assert_equal(
+            node.to_dataset(inherit=False), group(read, *node.path.split("/")[1:])
+        )
+    assert read.attrs["study_text"] == STUDY
+    assert read.attrs["seed"] == "12345678901234567890123"
+
+
+def test_every_group_opens_in_plain_xarray(archive: Path) -> None:
+    with xr.open_dataset(archive, group="runs/monte_carlo") as runs:
+        assert runs["penetration_depth"].dims == ("run",)
+        assert runs["target_density"].attrs["units"] == "kg m-3"
+    with xr.open_datatree(archive) as whole:
+        assert names_in(whole.load(), "runs") == ["monte_carlo", "latin_hypercube"]
+
+
+def test_the_same_study_writes_the_same_bytes(archive: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again.nc"
+    # In a process of its own, whose hashes and addresses differ.
+    code = (
+        "import sys, pathlib, uqpen;"
+        "study = uqpen.parse_study(sys.argv[1]);"
+        "uqpen.write(uqpen.run(study), pathlib.Path(sys.argv[2]))"
+    )
+    subprocess.run([sys.executable, "-c", code, STUDY, str(again)], check=True)
+    assert again.read_bytes() == archive.read_bytes()
+
+
+def test_nothing_of_the_machine_stands_in_it(archive: Path) -> None:
+    content = archive.read_bytes()
+    assert str(archive.parent).encode() not in content
+    assert str(Path.home()).encode() not in content
+    assert str(Path(sys.executable).parent).encode() not in content
+
+
+def test_units_are_udunits_and_no_coordinate_has_a_fill_value(archive: Path) -> None:
+    import cf_units
+
+    def visit(dataset: netCDF4.Dataset) -> None:
+        for variable in dataset.variables.values():
+            assert "_FillValue" not in variable.ncattrs(), variable.name
+            if "units" in variable.ncattrs():
+                cf_units.Unit(variable.units)
+        for inner in dataset.groups.values():
+            visit(inner)
+
+    with netCDF4.Dataset(archive) as dataset:
+        visit(dataset)
+
+
+def test_nothing_but_the_archive_is_left_behind(archive: Path) -> None:
+    assert [path.name for path in archive.parent.iterdir()] == ["study.nc"]
+
+
+class TestDestination:
+    def test_folders_are_made(self, tmp_path: Path) -> None:
+        prepare_destination(tmp_path / "new" / "folder" / "a.nc")
+        assert (tmp_path / "new" / "folder").is_dir()
+        assert not list((tmp_path / "new" / "folder").iterdir())
+
+    def test_an_archive_may_be_replaced(self, archive: Path) -> None:
+        prepare_destination(archive)
+
+    def test_a_file_of_another_kind_is_not_overwritten(self, tmp_path: Path) -> None:
+        (tmp_path / "thesis.nc").write_text("years of work")
+        with pytest.raises(ArchiveError, match="not overwritten"):
+            prepare_destination(tmp_path / "thesis.nc")
+
+    def test_a_folder_is_no_file(self, tmp_path: Path) -> None:
+        with pytest.raises(ArchiveError, match="is a folder"):
+            prepare_destination(tmp_path)
+
+    def test_a_place_that_cannot_be_written_is_told(self, tmp_path: Path) -> None:
+        (tmp_path / "file").touch()
+        with pytest.raises(ArchiveError, match="cannot be written"):
+            prepare_destination(tmp_path / "file" / "a.nc")
+
+
+class TestInterruption:
+    def test_a_failed_write_leaves_what_stood_there(
+        self, tree: xr.DataTree, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        path = tmp_path / "a.nc"
+        write(tree, path)
+        before = path.read_bytes()
+
+        def full_disk(self: xr.DataTree, where: Path, **options: object) -> None:
+            Path(where).write_bytes(b"half of it")
+            raise RuntimeError("NetCDF: HDF error")
+
+        monkeypatch.setattr(xr.DataTree, "to_netcdf", full_disk)
+        with pytest.raises(ArchiveError, match="is the disk full"):
+            write(tree, path)
+        assert path.read_bytes() == before
+        assert [entry.name for entry in tmp_path.iterdir()] == ["a.nc"]
+
+
+class TestForeignFiles:
+    def test_an_absent_file_is_told(self, tmp_path: Path) -> None:
+        with pytest.raises(ArchiveError, match="there is no such file"):
+            open_archive(tmp_path / "absent.nc")
+
+    def test_text_is_no_archive(self, tmp_path: Path) -> None:
+        (tmp_path / "a.nc").write_text("not NetCDF")
+        with pytest.raises(ArchiveError, match="is not an archive"):
+            open_archive(tmp_path / "a.nc")
+        assert not is_archive(tmp_path / "a.nc")
+
+    def test_another_netcdf_file_is_no_archive(self, tmp_path: Path) -> None:
+        xr.Dataset({"a": 1}).to_netcdf(tmp_path / "a.nc")
+        with pytest.raises(ArchiveError, match="but not an archive"):
+            open_archive(tmp_path / "a.nc")
+
+    def test_a_later_schema_is_told(self, tmp_path: Path) -> None:
+        xr.Dataset(attrs={"uqpen_schema": 999}).to_netcdf(tmp_path / "a.nc")
+        with pytest.raises(ArchiveError, match="schema 999"):
+            open_archive(tmp_path / "a.nc")
+
+    @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.99])
+    def test_a_truncated_archive_is_told(self, archive: Path, tmp_path: Path, share: float) -> None:
+        content = archive.read_bytes()
+        (tmp_path / "a.nc").write_bytes(content[: int(share * len(content))])
+        with pytest.raises(ArchiveError):
+            open_archive(tmp_path / "a.nc")
+
+
+def test_a_group_that_is_not_there_is_empty(tree: xr.DataTree) -> None:
+    assert not group(tree, "sensitivity", "monte_carlo")
+    assert names_in(tree, "surrogates") == []
+
+
+def test_lost_runs_are_nan_and_flagged_in_the_file(archive: Path) -> None:
+    with netCDF4.Dataset(archive) as dataset:
+        runs = dataset["runs/monte_carlo"]
+        status = np.asarray(runs["status"][:])
+        assert (status == 1).sum() > 0, "this study is meant to lose some runs"
+        assert np.isnan(np.asarray(runs["penetration_depth"][:])[status != 0]).all()
+        assert runs["status"].flag_meanings.split()[1] == "inadmissible"

@@ -1,0 +1,26 @@
+"""What made an archive, so far as it decides the numbers: no time, host, path or process."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+
+__all__ = ["CONVENTIONS", "SCHEMA", "provenance"]
+
+CONVENTIONS = "CF-1.11"
+
+# The layout of the groups; raised whenever a reader has to know.
+SCHEMA = 1
+
+# The packages whose versions can change a result's bits.
+_PACKAGES = ("uqpen", "numpy", "scipy", "numba", "xarray", "netCDF4")
+
+
+def provenance() -> dict[str, str]:
+    """Versions of what computes, and the kind of machine."""
+    versions = {f"version_{name}": importlib.metadata.version(name) for name in _PACKAGES}
+    return {
+        **versions,
+        "version_python": platform.python_version(),
+        "platform": f"{platform.system()} {platform.machine()}",
+    }

@@ -1,0 +1,82 @@
+"""Reading an archive; a file that is none gets an error that says so."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import xarray as xr
+
+from uqpen.archive.provenance import SCHEMA
+from uqpen.errors import ArchiveError
+
+__all__ = ["SCHEMA_ATTRIBUTE", "group", "is_archive", "names_in", "open_archive"]
+
+SCHEMA_ATTRIBUTE = "uqpen_schema"
+
+
+def open_archive(path: str | Path) -> xr.DataTree:
+    """An archive as a tree of datasets, read into memory.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file that `uqpen study` has written.
+
+    Raises
+    ------
+    ArchiveError
+        If it cannot be read, is no archive, or was written by a later uqpen.
+    """
+    path = Path(path)
+    schema = _schema(path)
+    if schema > SCHEMA:
+        raise ArchiveError(
+            f"{path}: has schema {schema}; this uqpen reads up to {SCHEMA}, so take a later one"
+        )
+    try:
+        # Units such as "s" stay numbers, and flags stay whole numbers.
+        with xr.open_datatree(
+            path, engine="netcdf4", decode_times=False, decode_timedelta=False, mask_and_scale=False
+        ) as tree:
+            return tree.load()
+    except (OSError, RuntimeError, ValueError) as error:
+        raise ArchiveError(f"{path}: is damaged: {error}") from error
+
+
+def names_in(tree: xr.DataTree, name: str) -> list[str]:
+    """The groups inside a group of the root: the designs that have runs, say."""
+    return list(tree.children[name].children) if name in tree.children else []
+
+
+def group(tree: xr.DataTree, *path: str) -> xr.Dataset:
+    """The dataset of a group; an empty one where the archive has none."""
+    for name in path:
+        if name not in tree.children:
+            return xr.Dataset()
+        tree = tree.children[name]
+    return tree.to_dataset(inherit=False)
+
+
+def is_archive(path: Path) -> bool:
+    """Whether a file is an archive of uqpen's, of any schema."""
+    try:
+        _schema(path)
+    except ArchiveError:
+        return False
+    return True
+
+
+def _schema(path: Path) -> int:
+    import netCDF4
+
+    try:
+        with netCDF4.Dataset(path) as dataset:
+            if SCHEMA_ATTRIBUTE not in dataset.ncattrs():
+                raise ArchiveError(f"{path}: is a NetCDF file, but not an archive of uqpen's")
+            return int(dataset.getncattr(SCHEMA_ATTRIBUTE))
+    except ArchiveError:
+        raise
+    except (OSError, RuntimeError, ValueError) as error:
+        missing = isinstance(error, FileNotFoundError)
+        reason = "there is no such file" if missing else "is not an archive of uqpen's"
+        raise ArchiveError(f"{path}: {reason}") from None

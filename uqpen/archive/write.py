@@ -1,0 +1,74 @@
+"""Writing an archive: whole, under its own name, or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from uqpen.archive.read import is_archive
+from uqpen.errors import ArchiveError
+
+__all__ = ["prepare_destination", "write"]
+
+
+def prepare_destination(path: Path) -> None:
+    """Make sure, before any model runs, that an archive can be written.
+
+    Raises
+    ------
+    ArchiveError
+        If `path` is a folder or a file of another kind, or its folder cannot be written to.
+    """
+    if path.is_dir():
+        raise ArchiveError(f"{path}: is a folder; name a file, such as {path / 'study.nc'}")
+    if path.exists() and not is_archive(path):
+        raise ArchiveError(f"{path}: is not an archive of uqpen's, so it is not overwritten")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        trial = _part(path)
+        trial.touch()
+        trial.unlink()
+    except OSError as error:
+        raise ArchiveError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def write(tree: xr.DataTree, path: Path) -> None:
+    """Write a study's tree as one NetCDF file.
+
+    The file is written under a temporary name beside `path`, brought to the disk, and then takes
+    its place in one step; until then whatever stood there stays.
+
+    Raises
+    ------
+    ArchiveError
+        If it cannot be written: a full disk, a folder that went away. Nothing is left behind.
+    """
+    part = _part(path)
+    try:
+        tree.to_netcdf(part, engine="netcdf4", format="NETCDF4", encoding=_encoding(tree))
+        with part.open("rb+") as stream:
+            os.fsync(stream.fileno())
+        part.replace(path)
+    except (OSError, RuntimeError) as error:
+        # The NetCDF library reports a full disk as a RuntimeError about HDF.
+        reason = getattr(error, "strerror", None) or f"{error} (is the disk full?)"
+        raise ArchiveError(f"{path}: cannot be written: {reason}") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _part(path: Path) -> Path:
+    return path.with_name(f".{path.name}.{os.getpid()}.part")
+
+
+def _encoding(tree: xr.DataTree) -> dict[str, dict[str, Any]]:
+    """No fill value anywhere: xarray adds one to coordinates, where CF forbids it."""
+    return {
+        node.path: {
+            str(name): {"_FillValue": None} for name in node.to_dataset(inherit=False).variables
+        }
+        for node in tree.subtree
+    }
