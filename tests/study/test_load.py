@@ -1,0 +1,456 @@
+"""A study file becomes a study, or one error that lists every mistake in it."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uqpen.analyses.question import Threshold
+from uqpen.errors import StudyError
+from uqpen.inputs.distributions import Normal, Truncated, Uniform
+from uqpen.inputs.law import FixedInput, RandomInput
+from uqpen.study.load import load_study, parse_study
+from uqpen.study.study import Study
+
+STUDIES = Path(__file__).parents[2] / "studies"
+
+WHOLE = """\
+title = "Whole"
+seed = 1
+
+[model]
+use = "walker-anderson"
+
+[inputs]
+projectile_density = "17.5 g/cm^3"
+projectile_yield_limit = "1.65 GPa"
+projectile_length = "16 cm"
+impact_velocity = "1400 m/s"
+projectile_sound_speed = "3071 m/s"
+target_density = "(2.5 ± 0.05) g/cm^3"
+target_yield_limit = "400 MPa"
+plasticity_radius = { normal = { mean = "100 mm", std = "25 mm" }, lower = "50 mm" }
+crater_radius = { uniform = { lower = "14 mm", upper = "20 mm" } }
+
+[outputs.penetration_depth]
+unit = "cm"
+quantiles = [0.99]
+exceeds = ["60 cm", "0.6 m"]
+hold = [0.9]
+
+[constraints]
+keep = ["plasticity_radius > 2 * crater_radius"]
+
+[designs.mc]
+kind = "monte-carlo"
+runs = 100
+"""
+
+
+def changed(old: str, new: str) -> str:
+    assert old in WHOLE
+    return WHOLE.replace(old, new)
+
+
+def report(text: str, folder: Path = Path()) -> str:
+    with pytest.raises(StudyError) as caught:
+        parse_study(text, folder=folder)
+    return str(caught.value)
+
+
+def test_a_whole_study_is_understood() -> None:
+    study = parse_study(WHOLE)
+    law = {entry.variable.name: entry for entry in study.law.inputs}
+    length, density = law["projectile_length"], law["target_density"]
+    assert isinstance(length, FixedInput)
+    assert (length.value, length.display_unit) == (0.16, "cm")
+    assert isinstance(density, RandomInput)
+    assert density.distribution == Normal(2500.0, 50.0)
+    radius, crater = law["plasticity_radius"], law["crater_radius"]
+    assert isinstance(radius, RandomInput)
+    assert radius.distribution == Truncated(Normal(0.1, 0.025), 0.05)
+    assert isinstance(crater, RandomInput)
+    assert crater.distribution == Uniform(0.014, 0.02)
+    smoothing = law["smoothing"]
+    assert isinstance(smoothing, FixedInput)
+    assert smoothing.value == 0.0, "the model's default"
+    question = study.questions[0]
+    assert question.quantiles == (0.05, 0.5, 0.95, 0.99)
+    assert question.exceeds == (Threshold("60 cm", 0.6), Threshold("0.6 m", 0.6))
+    assert (question.hold, question.display_unit) == ((0.9,), "cm")
+    assert [constraint.text for constraint in study.constraints] == [
+        "plasticity_radius > 2 * crater_radius"
+    ]
+    assert study.runs == 100
+    assert study.text == WHOLE
+
+
+@pytest.mark.parametrize("path", sorted(STUDIES.glob("*.toml")), ids=lambda path: path.stem)
+def test_the_studies_that_come_with_it_are_right(path: Path) -> None:
+    assert isinstance(load_study(path), Study)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "key", "found", "expected"),
+    [
+        ("seed = 1", "seed = -1", 2, "seed", "-1", "a whole number"),
+        ("seed = 1", "seed = 1.5", 2, "seed", "1.5", "a whole number"),
+        ("seed = 1", "", None, "seed", "nothing", "a whole number"),
+        ('title = "Whole"', "title = 3", 1, "title", "3", "a title"),
+        ("seed = 1", "seed = 1\nsede = 2", 3, "sede", "an unknown key", 'did you mean "seed"'),
+        (
+            '"walker-anderson"',
+            '"walker-andersen"',
+            5,
+            "model.use",
+            '"walker-andersen"',
+            'did you mean "walker-anderson"',
+        ),
+        (
+            'use = "walker-anderson"',
+            'use = "walker-anderson"\ntolerence = 1e-6',
+            6,
+            "model.tolerence",
+            "an unknown key",
+            'did you mean "tolerance"',
+        ),
+        (
+            'use = "walker-anderson"',
+            'use = "walker-anderson"\ntolerance = 0',
+            6,
+            "model.tolerance",
+            "0",
+            "above 0",
+        ),
+        ('use = "walker-anderson"', "", 4, "model", "nothing that names a model", "use ="),
+        ('"16 cm"', '"5 kg"', 10, "inputs.projectile_length", '"5 kg"', "a length"),
+        ('"16 cm"', '"16,5 cm"', 10, "inputs.projectile_length", "decimal comma", '"16.5 cm"'),
+        ('"16 cm"', "16", 10, "inputs.projectile_length", "without a unit", "a length"),
+        ('"16 cm"', '"-16 cm"', 10, "inputs.projectile_length", '"-16 cm"', "a value > 0 m"),
+        ('projectile_length = "16 cm"\n', "", 7, "inputs.projectile_length", "nothing", "a length"),
+        (
+            "projectile_length =",
+            "projectile_lenght =",
+            10,
+            "inputs.projectile_lenght",
+            "an unknown input",
+            'did you mean "projectile_length"',
+        ),
+        ("± 0.05", "± -0.05", 13, "inputs.target_density", "± -0.05", "above 0 behind the ±"),
+        (
+            'std = "25 mm"',
+            'std = "-25 mm"',
+            15,
+            "inputs.plasticity_radius.normal.std",
+            '"-25 mm"',
+            "above 0",
+        ),
+        (
+            'std = "25 mm"',
+            'sd = "25 mm"',
+            15,
+            "inputs.plasticity_radius.normal.sd",
+            "an unknown key",
+            "std",
+        ),
+        (
+            'lower = "50 mm"',
+            'lower = "50 kg"',
+            15,
+            "inputs.plasticity_radius.lower",
+            '"50 kg"',
+            "a length",
+        ),
+        (
+            'lower = "50 mm"',
+            'lower = "9 m"',
+            15,
+            "inputs.plasticity_radius",
+            "no probability",
+            "leave some of the law",
+        ),
+        (
+            "{ uniform =",
+            "{ unifrom =",
+            16,
+            "inputs.crater_radius.unifrom",
+            "an unknown distribution",
+            'did you mean "uniform"',
+        ),
+        (
+            'upper = "20 mm" }',
+            'upper = "10 mm" }',
+            16,
+            "inputs.crater_radius.uniform.upper",
+            '"10 mm"',
+            "above lower",
+        ),
+        ('unit = "cm"', 'unit = "kg"', 19, "outputs.penetration_depth.unit", '"kg"', "a length"),
+        (
+            "quantiles = [0.99]",
+            "quantiles = [0.5, 99]",
+            20,
+            "outputs.penetration_depth.quantiles[1]",
+            "99",
+            "between 0 and 1",
+        ),
+        ('"0.6 m"', '"60 cm"', 21, "outputs.penetration_depth.exceeds[1]", "a second time", "once"),
+        ('"0.6 m"', '"6 s"', 21, "outputs.penetration_depth.exceeds[1]", '"6 s"', "a length"),
+        ("hold = [0.9]", "hold = 0.9", 22, "outputs.penetration_depth.hold", "0.9", "a list"),
+        (
+            "[outputs.penetration_depth]",
+            "[outputs.penetration_dept]",
+            18,
+            "outputs.penetration_dept",
+            "an unknown output",
+            'did you mean "penetration_depth"',
+        ),
+        (
+            "2 * crater_radius",
+            "2 * crater_radios",
+            25,
+            "constraints.keep[0]",
+            '"crater_radios"',
+            'did you mean "crater_radius"',
+        ),
+        (
+            "2 * crater_radius",
+            "2",
+            25,
+            "constraints.keep[0]",
+            "compares m with 1",
+            "same dimension",
+        ),
+        (
+            'kind = "monte-carlo"',
+            'kind = "monte-karlo"',
+            28,
+            "designs.mc.kind",
+            '"monte-karlo"',
+            'did you mean "monte-carlo"',
+        ),
+        ("runs = 100", "runs = 0", 29, "designs.mc.runs", "0", "at least 1"),
+        ("runs = 100", "runs = true", 29, "designs.mc.runs", "true", "a whole number"),
+        ("runs = 100", "", 27, "designs.mc.runs", "nothing", "a whole number"),
+        ("[designs.mc]", '[designs."m c"]', 27, "designs.m c", '"m c"', "letters, digits"),
+    ],
+)
+def test_a_mistake_is_told_with_line_key_found_and_expected(
+    old: str, new: str, line: int | None, key: str, found: str, expected: str
+) -> None:
+    text = report(changed(old, new))
+    where = f"study.toml:{line}" if line else "study.toml"
+    blocks = {head: rest for head, *rest in map(str.splitlines, text.split("\n\n")[1:])}
+    told_found, told_expected = blocks[f"  {where}  {key}"]
+    assert told_found.startswith("    found     ")
+    assert found in told_found
+    assert told_expected.startswith("    expected  ")
+    assert expected in told_expected
+
+
+def test_all_mistakes_are_told_at_once_in_the_order_of_their_lines() -> None:
+    text = changed('"16 cm"', '"5 kg"').replace("seed = 1", "seed = -1").replace("100\n", "0\n")
+    told = report(text)
+    assert "3 mistakes" in told
+    assert [int(n) for n in re.findall(r"study\.toml:(\d+)  ", told)] == [2, 10, 29]
+
+
+def test_every_missing_input_is_told() -> None:
+    text = WHOLE.replace('projectile_length = "16 cm"\n', "")
+    told = report(text.replace('projectile_sound_speed = "3071 m/s"\n', ""))
+    assert "inputs.projectile_length" in told
+    assert "inputs.projectile_sound_speed" in told
+    assert 'or "projectile_young_modulus"' in told
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "told"),
+    [
+        ("title = \n", 1, "Invalid value"),
+        ('title = "a"\ntitle = "b"\n', 2, "every key and table once"),
+        ("[a]\n[a]\n", 2, "every key and table once"),
+        ("a = " + "[" * 5000, 1, ""),
+        ("seed = 1\n\nx = 'never closed\n", 3, ""),
+    ],
+)
+def test_what_is_not_toml_is_told_alone_with_its_line(text: str, line: int, told: str) -> None:
+    complaint = report(text)
+    assert f"study.toml:{line}" in complaint
+    assert told in complaint
+    assert "cannot be read as a study" in complaint
+
+
+def test_a_file_in_another_encoding_is_told_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "old.toml"
+    path.write_bytes("seed = 1\ntitle = 'Größe'\n".encode("latin-1"))
+    with pytest.raises(StudyError, match=r"old\.toml:2\n.*not UTF-8"):
+        load_study(path)
+
+
+def test_a_byte_order_mark_is_no_matter(tmp_path: Path) -> None:
+    path = tmp_path / "bom.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + WHOLE.encode())
+    assert load_study(path).title == "Whole"
+
+
+@pytest.mark.parametrize("what", ["absent.toml", "."])
+def test_a_file_that_is_none_is_told(tmp_path: Path, what: str) -> None:
+    with pytest.raises(StudyError, match="cannot be read"):
+        load_study(tmp_path / what)
+
+
+class TestSoundSpeed:
+    def test_a_young_modulus_is_enough(self) -> None:
+        text = changed(
+            'projectile_sound_speed = "3071 m/s"', 'projectile_young_modulus = "165 GPa"'
+        )
+        assert "projectile_young_modulus" in parse_study(text).law.nominal()
+
+    def test_both_may_be_given_where_they_agree(self) -> None:
+        both = 'projectile_sound_speed = "3071 m/s"\nprojectile_young_modulus = "165 GPa"'
+        parse_study(changed('projectile_sound_speed = "3071 m/s"', both))
+
+    def test_both_are_refused_where_they_disagree(self) -> None:
+        both = 'projectile_sound_speed = "3071 m/s"\nprojectile_young_modulus = "175 GPa"'
+        told = report(changed('projectile_sound_speed = "3071 m/s"', both))
+        assert "within 1 %" in told
+
+
+def test_a_nominal_point_outside_the_models_domain_is_a_mistake() -> None:
+    text = changed(
+        '"100 mm", std = "25 mm" }, lower = "50 mm"', '"10 mm", std = "25 mm" }, lower = "9 mm"'
+    )
+    assert "violate plasticity_radius > crater_radius" in report(
+        text.replace('upper = "20 mm"', 'upper = "80 mm"')
+    )
+
+
+def test_random_designs_over_fixed_inputs_are_a_mistake() -> None:
+    fixed = WHOLE.replace('"(2.5 ± 0.05) g/cm^3"', '"2.5 g/cm^3"')
+    fixed = re.sub(r"plasticity_radius = {.*", 'plasticity_radius = "100 mm"', fixed)
+    fixed = re.sub(r"crater_radius = {.*", 'crater_radius = "17 mm"', fixed)
+    assert "inputs that are all fixed" in report(fixed)
+
+
+class TestTable:
+    def test_a_table_may_give_what_the_study_does_not(self, tmp_path: Path) -> None:
+        (tmp_path / "points.csv").write_text(
+            "projectile_length [cm],target_density [kg/m^3],plasticity_radius [mm],"
+            "crater_radius [mm]\n15,2500,90,15\n"
+        )
+        text = changed('projectile_length = "16 cm"\n', "")
+        text = text.replace(
+            'kind = "monte-carlo"\nruns = 100', 'kind = "table"\nfile = "points.csv"'
+        )
+        study = parse_study(text, folder=tmp_path)
+        assert study.runs == 1
+
+    def test_a_mistake_in_a_table_is_one_of_the_study(self, tmp_path: Path) -> None:
+        (tmp_path / "points.csv").write_text("projectile_length [kg]\n15\n")
+        text = changed('kind = "monte-carlo"\nruns = 100', 'kind = "table"\nfile = "points.csv"')
+        told = report(text, tmp_path)
+        assert "designs.mc.file" in told
+        assert "expected a length" in told
+
+
+PYTHON = """\
+seed = 1
+[model]
+python = "mine.py:simulate"
+[model.inputs]
+rod_length = "cm"
+speed = "m/s"
+[model.outputs]
+depth = "cm"
+[inputs]
+rod_length = "(16 ± 1) cm"
+speed = "1.4 km/s"
+[designs.mc]
+kind = "monte-carlo"
+runs = 10
+"""
+
+
+class TestPythonModel:
+    def study(self, folder: Path, source: str, text: str = PYTHON) -> Study:
+        (folder / "mine.py").write_text(source, encoding="utf-8")
+        return parse_study(text, folder=folder)
+
+    def told(self, folder: Path, source: str, text: str = PYTHON) -> str:
+        with pytest.raises(StudyError) as caught:
+            self.study(folder, source, text)
+        return str(caught.value)
+
+    def test_a_function_beside_the_study_is_a_model(self, tmp_path: Path) -> None:
+        source = "def simulate(rod_length, speed): return {'depth': rod_length}"
+        study = self.study(tmp_path, source)
+        assert [(variable.name, variable.unit) for variable in study.model.inputs] == [
+            ("rod_length", "m"),
+            ("speed", "m s-1"),
+        ]
+        assert study.questions[0].display_unit == "cm"
+
+    def test_it_may_import_what_lies_beside_it(self, tmp_path: Path) -> None:
+        (tmp_path / "neighbour_of_mine.py").write_text("factor = 2")
+        source = "from neighbour_of_mine import factor\ndef simulate(rod_length, speed): return {}"
+        assert self.study(tmp_path, source)
+
+    def test_an_importable_module_is_a_model_too(self, tmp_path: Path) -> None:
+        (tmp_path / "module_of_mine.py").write_text("def go(rod_length, speed): return {}")
+        text = PYTHON.replace("mine.py:simulate", "module_of_mine:go")
+        assert self.study(tmp_path, "", text).model.name == "module_of_mine:go"
+
+    @pytest.mark.parametrize(
+        ("source", "complaint"),
+        [
+            ("def other(): pass", 'no function "simulate"; it defines other'),
+            ("simulate = 3", 'no function "simulate"'),
+            ("def simulate(rod_length): pass", "cannot take the inputs"),
+            ("def simulate(rod_length, speed, mass): pass", "cannot take the inputs"),
+            ("import absent_module_of_mine", "No module named"),
+            ("x = 1\ny = 1 / 0\n", "failed at line 2: ZeroDivisionError"),
+            ("def broken(:\n", "failed at line 1: SyntaxError"),
+        ],
+    )
+    def test_a_function_that_cannot_be_used_is_told(
+        self, tmp_path: Path, source: str, complaint: str
+    ) -> None:
+        told = self.told(tmp_path, source)
+        assert "model.python" in told
+        assert complaint in told
+
+    @pytest.mark.parametrize(
+        ("old", "new", "complaint"),
+        [
+            ('"mine.py:simulate"', '"absent.py:simulate"', 'no file "absent.py"'),
+            ('"mine.py:simulate"', '"mine.py"', "not of the form"),
+            ('depth = "cm"', 'depth = "frob"', "not a known unit"),
+            ('depth = "cm"', 'speed = "cm"', "the name of an input"),
+            ('depth = "cm"', 'status = "cm"', "a name of letters"),
+            ('depth = "cm"', "", "at least one"),
+            ('[model.outputs]\ndepth = "cm"\n', "", "what the model gives"),
+            ('speed = "m/s"', "speed = 3", 'a unit such as "cm"'),
+            ('python = "mine', 'use = "ishigami"\npython = "mine', "use and python"),
+        ],
+    )
+    def test_a_wrong_declaration_is_told(
+        self, tmp_path: Path, old: str, new: str, complaint: str
+    ) -> None:
+        source = "def simulate(rod_length, speed): return {}"
+        assert complaint in self.told(tmp_path, source, PYTHON.replace(old, new))
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.data())
+def test_a_damaged_study_is_a_study_or_an_error(data: st.DataObject) -> None:
+    position = data.draw(st.integers(0, len(WHOLE)))
+    length = data.draw(st.integers(0, 30))
+    insert = data.draw(st.one_of(st.text(max_size=8), st.sampled_from(['"', "[", "{", "=", "\n"])))
+    text = WHOLE[:position] + insert + WHOLE[position + length :]
+    with contextlib.suppress(StudyError):
+        parse_study(text)

@@ -1,0 +1,71 @@
+"""``[designs.<name>]``: which runs to make."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from uqpen.designs import DESIGNS
+from uqpen.designs.design import Design
+from uqpen.designs.table import Table as TableDesign
+from uqpen.errors import TableError
+from uqpen.inputs.law import InputLaw
+from uqpen.labels import NAME
+from uqpen.lookup import choices, resolve
+from uqpen.study.table import Table
+from uqpen.units import show
+
+__all__ = ["check_designs", "read_designs"]
+
+
+def read_designs(table: Table, folder: Path) -> dict[str, Design]:
+    """The designs of a study; what could not be understood is noted and left out."""
+    found: dict[str, Design] = {}
+    for name in table:
+        section = table.table(name)
+        if section is None:
+            continue
+        if not NAME.match(name):
+            section.wrong((), show(name), "a name of letters, digits and _")
+            continue
+        design = _design(section, folder)
+        if design is not None:
+            found[name] = design
+    if not table.content:
+        table.wrong((), "no design", f"a [designs.<name>] of kind {', '.join(DESIGNS)}")
+    return found
+
+
+def check_designs(table: Table, designs: dict[str, Design], law: InputLaw) -> set[str]:
+    """Note designs that do not fit the inputs.
+
+    Returns
+    -------
+    set of str
+        The inputs that every design gives by itself, as a column of its table.
+    """
+    given: list[set[str]] = []
+    for name, design in designs.items():
+        if isinstance(design, TableDesign):
+            try:
+                given.append(set(design.columns(law)))
+            except TableError as error:
+                expected = 'a column "name [unit]" for each input that it varies'
+                table.wrong((name, "file"), str(error), expected)
+            continue
+        given.append(set())
+        if not law.random:
+            expected = 'a random input, such as "(2.5 ± 0.1) m" or { uniform = { … } }'
+            table.wrong(name, "a design over inputs that are all fixed", expected)
+    return set.intersection(*given) if given else set()
+
+
+def _design(table: Table, folder: Path) -> Design | None:
+    kind = table.text("kind", f"one of {', '.join(DESIGNS)}")
+    if kind is None:
+        return None
+    if kind not in DESIGNS:
+        table.wrong("kind", show(kind), f"a kind of design; {choices(kind, DESIGNS)}")
+        return None
+    design: Design | None = table.settings(resolve(DESIGNS[kind]), folder=folder)
+    table.close()
+    return design

@@ -1,0 +1,168 @@
+"""A study file as text: read, parsed, and asked on which line a key stands."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from uqpen.errors import Problem, StudyError
+from uqpen.units import show
+
+__all__ = ["Document", "read_document"]
+
+_POSITION = re.compile(r"\s*\(at line (\d+), column (\d+)\)\Z")
+_TWICE = ("Cannot overwrite a value", "Cannot declare", "Cannot redefine", "Duplicate")
+
+# No study comes near it; a parser that is given more only serves to exhaust memory.
+_LARGEST = 4 * 1024 * 1024
+
+
+@dataclass(frozen=True)
+class Document:
+    """The text of a study file and what TOML makes of it.
+
+    Parameters
+    ----------
+    label : str
+        The file's name as its user gave it, for messages.
+    text : str
+        Verbatim.
+    content : dict
+        The TOML document.
+    """
+
+    label: str
+    text: str
+    content: dict[str, Any]
+
+    def as_written(self, path: Sequence[str | int]) -> str | None:
+        """The value at a path as its author wrote it, near enough; None where there is none."""
+        try:
+            return show(_descend(self.content, path))
+        except (KeyError, IndexError, TypeError):
+            return None
+
+    def line(self, path: Sequence[str | int]) -> int | None:
+        """The line on which the key at a path stands, or else the table around it.
+
+        TOML libraries do not tell. But a file cut off after a line still parses unless a value
+        runs on, and has the key from the line on that defines it: so bisect.
+        """
+        path = list(path)
+        while path and self.as_written(path) is None:
+            path.pop()
+        if not path:
+            return None
+        lines = self.text.splitlines(keepends=True)
+        low, high = 0, len(lines)  # the key is absent after `low` lines and there after `high`
+        while high - low > 1:
+            middle = (low + high) // 2
+            if _has(_longest_whole_prefix(lines, middle)[1], path):
+                high = middle
+            else:
+                low = middle
+        start, _ = _longest_whole_prefix(lines, high - 1)
+        return start + 1
+
+    def error(self, problems: Sequence[Problem]) -> StudyError:
+        """All mistakes in one error, in the order of their lines."""
+        located = sorted(
+            ((self.line(problem.path) or 0, problem) for problem in problems),
+            key=lambda pair: pair[0],
+        )
+        count = "1 mistake" if len(located) == 1 else f"{len(located)} mistakes"
+        blocks = [f"{self.label}: {count}; nothing was run"]
+        blocks += [_block(self.label, line, problem) for line, problem in located]
+        return StudyError("\n\n".join(blocks), [problem for _, problem in located])
+
+
+def read_document(path: Path) -> Document:
+    """Read and parse a study file.
+
+    Raises
+    ------
+    StudyError
+        If there is no such file, or it is not UTF-8, or not TOML.
+    """
+    label = str(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise StudyError(f"{label}: cannot be read: {error.strerror}") from None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        found = f"byte 0x{data[error.start]:02x}, which is not UTF-8"
+        problem = Problem((), found, "a text file saved as UTF-8")
+        raise _unreadable(label, line, problem) from None
+    if len(data) > _LARGEST:
+        problem = Problem((), f"{len(data)} bytes", f"a study of at most {_LARGEST} bytes")
+        raise _unreadable(label, 1, problem)
+    return parse_document(text, label)
+
+
+def parse_document(text: str, label: str) -> Document:
+    """Parse a study's text; `label` names it in messages.
+
+    Raises
+    ------
+    StudyError
+        If it is not TOML.
+    """
+    try:
+        return Document(label, text, tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        message = str(error)
+        match = _POSITION.search(message)
+        line = int(match[1]) if match else len(text.splitlines())
+        found = _POSITION.sub("", message).removesuffix(" (at end of document)")
+        is_twice = message.startswith(_TWICE)
+        expected = "every key and table once" if is_twice else "TOML (see https://toml.io)"
+        raise _unreadable(label, line, Problem((), found, expected)) from None
+    except RecursionError:
+        problem = Problem((), "brackets nested too deeply", "a study")
+        raise _unreadable(label, 1, problem) from None
+
+
+def _unreadable(label: str, line: int, problem: Problem) -> StudyError:
+    head = f"{label}: cannot be read as a study; nothing was run"
+    return StudyError("\n\n".join([head, _block(label, line, problem)]), [problem])
+
+
+def _block(label: str, line: int | None, problem: Problem) -> str:
+    where = f"{label}:{line}" if line else label
+    return (
+        f"  {where}  {problem.key}".rstrip()
+        + f"\n    found     {problem.found}\n    expected  {problem.expected}"
+    )
+
+
+def _descend(content: Any, path: Sequence[str | int]) -> Any:
+    for key in path:
+        if isinstance(key, str) and not isinstance(content, dict):
+            raise KeyError(key)
+        content = content[key]
+    return content
+
+
+def _has(content: dict[str, Any], path: Sequence[str | int]) -> bool:
+    try:
+        _descend(content, path)
+    except (KeyError, IndexError, TypeError):
+        return False
+    return True
+
+
+def _longest_whole_prefix(lines: Sequence[str], end: int) -> tuple[int, dict[str, Any]]:
+    """The most lines, `end` at most, after which no value runs on, and their content."""
+    for cut in range(end, 0, -1):
+        try:
+            return cut, tomllib.loads("".join(lines[:cut]))
+        except tomllib.TOMLDecodeError:
+            continue
+    return 0, {}

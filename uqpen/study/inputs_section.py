@@ -1,0 +1,158 @@
+"""``[inputs]`` and ``[constraints]``: what is fixed, what is random, and where the law ends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from uqpen.errors import ConstraintError, QuantityError, SettingsError
+from uqpen.inputs.constraints import Constraint, parse_constraint
+from uqpen.inputs.distributions import DISTRIBUTIONS, Distribution, Normal, Truncated
+from uqpen.inputs.law import FixedInput, InputLaw, RandomInput
+from uqpen.lookup import choices, resolve
+from uqpen.model import Input, Model
+from uqpen.study.table import Table
+from uqpen.units import DIMENSIONLESS, parse_quantity, parse_spread, show
+
+__all__ = ["read_constraints", "read_inputs"]
+
+Entry = FixedInput | RandomInput
+
+
+def read_inputs(table: Table, model: Model) -> InputLaw:
+    """The law of a model's inputs; what could not be understood is noted and left out."""
+    found: dict[str, Entry] = {}
+    for name in table:
+        known = {variable.name: variable for variable in model.inputs}
+        value = table.take(name)
+        if name not in known:
+            expected = f"an input of {model.name}; {choices(name, known)}"
+            table.wrong(name, "an unknown input", expected)
+            continue
+        entry = _entry(table, known[name], value)
+        if entry is not None:
+            found[name] = entry
+    for variable in model.inputs:
+        if variable.name not in table and variable.default is not None:
+            found[variable.name] = FixedInput(variable, variable.default, variable.shown_unit)
+    ordered = tuple(found[variable.name] for variable in model.inputs if variable.name in found)
+    return InputLaw(ordered, model.inputs)
+
+
+def read_constraints(
+    table: Table | None, model: Model, given: Collection[str]
+) -> tuple[Constraint, ...]:
+    """The comparisons that every point must satisfy, of inputs that are given."""
+    if table is None:
+        return ()
+    units = {
+        variable.name: variable.unit
+        for variable in model.inputs
+        if variable.name in given or variable.default is not None
+    }
+    found = []
+    for position, text in enumerate(table.entries("keep")):
+        path = ("keep", position)
+        if not isinstance(text, str):
+            table.wrong(path, show(text), 'a comparison such as "a > b"')
+            continue
+        try:
+            found.append(parse_constraint(text, units))
+        except ConstraintError as error:
+            table.wrong(path, error.found, error.expected)
+    table.close()
+    return tuple(found)
+
+
+def _entry(table: Table, variable: Input, value: Any) -> Entry | None:
+    if isinstance(value, dict):
+        section = Table(table.document, table.problems, (*table.path, variable.name), value)
+        return _distribution(section, variable)
+    try:
+        spread = parse_spread(value, variable.unit) if isinstance(value, str) else None
+        if spread is None:
+            quantity = parse_quantity(value, variable.unit)
+            return _fixed(table, variable, value, quantity.value, quantity.unit)
+        normal = Normal(spread.mean, spread.std)
+    except QuantityError as error:
+        expected = error.expected
+        if not isinstance(value, str | int | float):
+            expected += ", or a distribution such as { normal = { mean = …, std = … } }"
+        table.wrong(variable.name, error.found, expected)
+    except SettingsError:
+        table.wrong(variable.name, show(value), "a standard deviation above 0 behind the ±")
+    else:
+        return RandomInput(variable, normal, spread.unit, f"normal {value}")
+    return None
+
+
+def _fixed(table: Table, variable: Input, written: Any, value: float, unit: str) -> Entry | None:
+    bounds = variable.bounds
+    inside = (bounds.lower <= value if bounds.lower_included else bounds.lower < value) and (
+        value <= bounds.upper if bounds.upper_included else value < bounds.upper
+    )
+    if not inside:
+        where = "" if variable.unit == DIMENSIONLESS else f" {variable.unit}"
+        table.wrong(variable.name, show(written), f"a value {bounds}{where}")
+        return None
+    return FixedInput(variable, value, unit)
+
+
+def _distribution(table: Table, variable: Input) -> Entry | None:
+    """A random input from ``{ family = { … }, lower = …, upper = … }``."""
+    families = [key for key in table if key not in ("lower", "upper")]
+    if len(families) != 1:
+        found = "no distribution" if not families else " and ".join(families)
+        for key in families:
+            table.take(key)
+        table.wrong((), found, f"one distribution of {', '.join(DISTRIBUTIONS)}")
+        return None
+    (family,) = families
+    if family not in DISTRIBUTIONS:
+        table.wrong(family, "an unknown distribution", choices(family, DISTRIBUTIONS))
+        return None
+    section = table.table(family)
+    if section is None:
+        return None
+    parent: Distribution | None = section.settings(
+        resolve(DISTRIBUTIONS[family]), like=variable.unit
+    )
+    section.close()
+    limits = {key: table.quantity(key, variable.unit) for key in ("lower", "upper") if key in table}
+    if parent is None or None in limits.values():
+        return None
+    try:
+        law = Truncated(parent, **limits) if limits else parent  # type: ignore[arg-type]
+    except SettingsError as error:
+        table.refused(error)
+        return None
+    if not math.isfinite(law.median):
+        table.wrong(family, "a law whose values overflow", "parameters of a usual size")
+        return None
+    return RandomInput(
+        variable, law, _unit_of(section.content, variable), _described(table.content)
+    )
+
+
+def _unit_of(parameters: Mapping[str, Any], variable: Input) -> str:
+    """The unit that the author wrote the first parameter in."""
+    for value in parameters.values():
+        if isinstance(value, str):
+            try:
+                return parse_quantity(value, variable.unit).unit
+            except QuantityError:
+                continue
+    return variable.shown_unit
+
+
+def _described(content: Mapping[str, Any]) -> str:
+    """A distribution in one line, in its author's own words."""
+    parts = []
+    for key, value in content.items():
+        if isinstance(value, dict):
+            inner = ", ".join(f"{name} {entry}" for name, entry in value.items())
+            parts.append(f"{key}: {inner}")
+        else:
+            parts.append(f"truncated {'above' if key == 'lower' else 'below'} {value}")
+    return "; ".join(parts)
