@@ -1,0 +1,173 @@
+"""Figures in sensible digits, tables and JSON that agree with the archive."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
+import uqpen
+from uqpen.summary.digits import held, percent, sensible
+from uqpen.summary.json import as_json
+from uqpen.summary.tables import OutputTable, output_tables
+
+
+@pytest.mark.parametrize(
+    ("estimate", "lower", "upper", "text"),
+    [
+        (0.49274, 0.49004, 0.49544, "0.4927 ± 0.0027"),
+        (71.1, 70.6, 72.9, "71.1 (70.6 … 72.9)"),
+        (3.5, 3.5, 3.5, "3.5"),
+        (3.51234567, math.nan, math.nan, "3.512"),
+        (math.nan, math.nan, math.nan, "–"),
+        (0.0, 0.0, 0.00037, "(0.0, 0.0 … 3.7)×10⁻⁴"),
+        (12345.6, 12000.0, 12691.2, "12346 ± 346"),
+        (4.0e8, 3.9e8, 4.1e8, "(4.00 ± 0.10)×10⁸"),
+        (1.234e-7, 1.134e-7, 1.334e-7, "(1.23 ± 0.10)×10⁻⁷"),
+        (-2.4, -2.6, -2.2, "-2.40 ± 0.20"),
+        (5.0, math.nan, 6.0, "5.0 (? … 6.0)"),
+    ],
+)
+def test_an_estimate_has_the_digits_its_interval_leaves(
+    estimate: float, lower: float, upper: float, text: str
+) -> None:
+    assert sensible(estimate, lower, upper) == text
+
+
+@given(estimate=st.floats(-1e9, 1e9), below=st.floats(1e-9, 1e6), above=st.floats(1e-9, 1e6))
+def test_any_estimate_can_be_shown(estimate: float, below: float, above: float) -> None:
+    assert sensible(estimate, estimate - below, estimate + above)
+
+
+def test_a_bound_that_holds_is_shown_beside_its_estimate() -> None:
+    assert held(13.4812, 13.7699) == "13.48, at most 13.77"
+    assert held(13.4812, math.nan) == "13.48"
+    assert held(4.0e8, 4.1e8) == "(4.00, at most 4.10)×10⁸"
+
+
+def test_a_probability_in_per_cent_has_its_own_digits() -> None:
+    assert [percent(p) for p in (0.05, 0.999, 0.9999)] == ["5 %", "99.9 %", "99.99 %"]
+
+
+@pytest.fixture(scope="module")
+def tree() -> xr.DataTree:
+    study = """
+        title = "Rods"
+        seed = 4
+        [model]
+        use = "walker-anderson"
+        [inputs]
+        projectile_density = "17.5 g/cm^3"
+        projectile_yield_limit = "1.65 GPa"
+        projectile_length = "16 cm"
+        impact_velocity = "1400 m/s"
+        projectile_sound_speed = "3071 m/s"
+        target_density = "(2.5 ± 0.05) g/cm^3"
+        target_yield_limit = "(400 ± 40) MPa"
+        plasticity_radius = "(60 ± 25) mm"
+        crater_radius = "(17 ± 3) mm"
+        [outputs.penetration_depth]
+        unit = "cm"
+        exceeds = ["60 cm"]
+        hold = [0.9, 0.9999]
+        [designs.few]
+        kind = "monte-carlo"
+        runs = 250
+        [designs.spread]
+        kind = "latin-hypercube"
+        runs = 250
+        replicates = 1
+    """
+    return uqpen.run(uqpen.parse_study(study))
+
+
+@pytest.fixture(scope="module")
+def tables(tree: xr.DataTree) -> dict[str, OutputTable]:
+    return {table.title: table for table in output_tables(tree)}
+
+
+def cell(table: OutputTable, row: str, column: str) -> str:
+    return dict(table.rows)[row][table.columns.index(column)]
+
+
+def test_there_is_a_table_for_each_output_in_the_units_of_the_study(
+    tables: dict[str, OutputTable],
+) -> None:
+    assert list(tables) == [
+        "penetration_depth [cm]",
+        "projectile_residue [m]",
+        "erosion_end_depth [m]",
+        "termination",
+    ]
+
+
+def test_figures_are_shown_in_the_units_of_the_study(
+    tree: xr.DataTree, tables: dict[str, OutputTable]
+) -> None:
+    mean = float(tree["moments/few"]["penetration_depth_mean"].sel(bound="estimate"))
+    shown = cell(tables["penetration_depth [cm]"], "mean", "few")
+    assert float(shown.split()[0]) == pytest.approx(100 * mean, abs=1)
+
+
+def test_lost_runs_are_counted_and_their_probability_told(tables: dict[str, OutputTable]) -> None:
+    table = tables["penetration_depth [cm]"]
+    assert "inadmissible" in cell(table, "lost", "few")
+    assert "±" in cell(table, "P(inadmissible)", "few") or "…" in cell(
+        table, "P(inadmissible)", "few"
+    )
+    assert any("given the inputs being admissible" in note for note in table.notes)
+
+
+def test_a_figure_without_an_interval_says_why(tables: dict[str, OutputTable]) -> None:
+    table = tables["penetration_depth [cm]"]
+    assert "±" not in cell(table, "sd", "few")
+    assert any("heavy tail" in note for note in table.notes)
+    assert "half spread 16–84 %" in dict(table.rows)
+
+
+def test_a_bound_that_too_few_runs_give_says_how_many_it_takes(
+    tables: dict[str, OutputTable],
+) -> None:
+    table = tables["penetration_depth [cm]"]
+    assert "at most" in cell(table, "held with 90 %", "few")
+    assert "at most" not in cell(table, "held with 99.99 %", "few")
+    assert any("29\u202f956 runs" in note for note in table.notes)
+
+
+def test_a_wider_interval_than_need_be_says_so(tables: dict[str, OutputTable]) -> None:
+    table = tables["penetration_depth [cm]"]
+    assert any("conservative" in note for note in table.notes)
+
+
+def test_kinds_have_shares_and_no_mean(tables: dict[str, OutputTable]) -> None:
+    labels = [label for label, _ in tables["termination"].rows]
+    assert labels[-3:] == ["share v = u", "share u = 0", "share rigid"]
+    assert "mean" not in labels
+
+
+def test_json_holds_every_figure_in_si_units(tree: xr.DataTree) -> None:
+    found: dict[str, Any] = json.loads(json.dumps(as_json(tree), allow_nan=False))
+    few = found["designs"]["few"]
+    assert few["runs"] == 250
+    assert few["status"]["ok"] + few["status"]["inadmissible"] == 250
+    depth = few["outputs"]["penetration_depth"]
+    for figure in (
+        depth["mean"],
+        depth["std"],
+        depth["quantiles"]["0.95"],
+        depth["exceedance"]["60 cm"],
+        depth["hold"]["0.9"],
+        few["outputs"]["termination"]["shares"]["standstill"],
+        few["lost"]["inadmissible"],
+    ):
+        assert {"estimate", "lower", "upper"} <= set(figure)
+    assert 0.3 < depth["mean"]["estimate"] < 1.5, "metres, not centimetres"
+    assert depth["std"]["lower"] is None
+    assert "heavy tail" in depth["std"]["note"]
+    assert depth["hold"]["0.9999"]["runs_needed"] == 29956
+    assert "mean" not in few["outputs"]["termination"]

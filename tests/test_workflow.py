@@ -1,0 +1,232 @@
+"""From a study to a tree: known answers, and nothing that depends on how it was computed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.study.study import Study
+
+STUDIES = Path(__file__).parents[1] / "studies"
+
+
+@pytest.fixture(scope="module")
+def concrete() -> xr.DataTree:
+    return uqpen.run(uqpen.load_study(STUDIES / "concrete.toml"))
+
+
+def figure(tree: xr.DataTree, group: str, design: str, name: str, **at: Any) -> dict[str, float]:
+    array = tree[f"{group}/{design}"][name].sel(at)
+    return {str(bound): float(array.sel(bound=bound)) for bound in ("estimate", "lower", "upper")}
+
+
+DESIGNS = ["monte_carlo", "latin_hypercube"]
+
+
+@pytest.mark.parametrize("design", DESIGNS)
+class TestConcrete:
+    """The report's study against the truth of 25 million points of an independent code."""
+
+    def test_the_mean_depth_is_the_reports(self, concrete: xr.DataTree, design: str) -> None:
+        mean = figure(concrete, "moments", design, "penetration_depth_mean")
+        assert mean["lower"] < 0.492739 < mean["upper"]
+        # The width that 10 000 draws leave: 1.96 standard deviations over the root of 10 000.
+        assert mean["upper"] - mean["lower"] < 2 * 0.0035
+
+    def test_the_median_depth_is_below_the_mean(self, concrete: xr.DataTree, design: str) -> None:
+        at = {"penetration_depth_probability": 0.5}
+        median = figure(concrete, "quantiles", design, "penetration_depth", **at)
+        assert median["lower"] < 0.466088 < median["upper"]
+
+    def test_the_mean_residue_is_the_reports(self, concrete: xr.DataTree, design: str) -> None:
+        mean = figure(concrete, "moments", design, "projectile_residue_mean")
+        assert mean["lower"] < 0.027075 < mean["upper"]
+
+    def test_the_wall_of_60_cm_is_reached_with_the_right_probability(
+        self, concrete: xr.DataTree, design: str
+    ) -> None:
+        at = {"penetration_depth_threshold": "60 cm"}
+        probability = figure(concrete, "exceedance", design, "penetration_depth", **at)
+        assert probability["lower"] < 0.137167 < probability["upper"]
+
+    def test_a_few_draws_are_inadmissible_and_say_so(
+        self, concrete: xr.DataTree, design: str
+    ) -> None:
+        probability = figure(concrete, "statuses", design, "inadmissible")
+        assert probability["lower"] < 4.9e-4 < probability["upper"]
+        attributes = concrete[f"moments/{design}"].attrs
+        assert attributes["runs_used"] + attributes["runs_inadmissible"] == 10_000
+        assert attributes["conditional_on"] == "the inputs being admissible"
+
+    def test_a_third_of_the_rods_stop_while_they_erode(
+        self, concrete: xr.DataTree, design: str
+    ) -> None:
+        at = {"termination_category": "standstill"}
+        share = figure(concrete, "shares", design, "termination", **at)
+        assert share["lower"] < 0.319 < share["upper"]
+
+    def test_the_heavy_tail_is_owned_up_to(self, concrete: xr.DataTree, design: str) -> None:
+        moments = concrete[f"moments/{design}"]
+        std = moments["penetration_depth_std"]
+        assert np.isnan(std.sel(bound="upper"))
+        assert "heavy tail" in std.attrs["note"]
+        assert float(moments["penetration_depth_kurtosis"][0]) > 6
+        spread = figure(concrete, "moments", design, "penetration_depth_half_spread")
+        assert spread["lower"] < spread["estimate"] < spread["upper"]
+
+    def test_every_lost_run_has_its_reason(self, concrete: xr.DataTree, design: str) -> None:
+        runs = concrete[f"runs/{design}"]
+        lost = np.flatnonzero(runs["status"].values)
+        assert runs["lost_run"].values.tolist() == lost.tolist()
+        possible = {"plasticity_radius > crater_radius", "plasticity_radius > 0"}
+        assert set(runs["lost_reason"].values) <= possible
+        assert np.isnan(runs["penetration_depth"].values[lost]).all()
+
+    def test_the_bound_that_holds_is_above_the_estimate(
+        self, concrete: xr.DataTree, design: str
+    ) -> None:
+        at = {"penetration_depth_hold": 0.95}
+        held = figure(concrete, "holds", design, "penetration_depth", **at)
+        assert 0.710722 < held["upper"] < 0.73
+        assert np.isnan(held["lower"])
+
+    def test_the_cdf_holds_the_truth_in_its_band(self, concrete: xr.DataTree, design: str) -> None:
+        cdfs = concrete[f"cdfs/{design}"]
+        assert cdfs.sizes["rank"] == 1001
+        values = cdfs["penetration_depth"].values
+        assert (np.diff(values) >= 0).all()
+        band = cdfs["penetration_depth_band"].values
+        for truth, p in ((0.352828, 0.05), (0.466088, 0.5), (0.710722, 0.95), (0.95292, 0.99)):
+            at = np.searchsorted(values, truth)
+            assert band[at, 1] <= p <= band[at, 2]
+
+
+def test_the_course_at_the_nominal_inputs_is_kept(concrete: xr.DataTree) -> None:
+    course = concrete["trajectory"]
+    assert float(course["penetration_depth"][-1]) == pytest.approx(0.4615719, abs=1e-7)
+    assert float(course["length"][-1]) == pytest.approx(0.02327912, abs=1e-8)
+    assert course["nose_velocity"].attrs["units"] == "m s-1"
+
+
+def test_the_study_stands_in_its_tree_verbatim(concrete: xr.DataTree) -> None:
+    text = (STUDIES / "concrete.toml").read_text(encoding="utf-8")
+    assert concrete.attrs["study_text"] == text
+    assert concrete.attrs["model_name"] == "walker-anderson"
+    assert concrete.attrs["version_uqpen"] == uqpen.__version__
+
+
+@pytest.mark.parametrize("design", DESIGNS)
+def test_the_self_check_holds_the_exact_answers(design: str) -> None:
+    tree = uqpen.run(uqpen.load_study(STUDIES / "ishigami.toml"))
+    mean = figure(tree, "moments", design, "y_mean")
+    assert mean["lower"] < 3.5 < mean["upper"]
+    std = figure(tree, "moments", design, "y_std")
+    assert std["lower"] < 13.844587940719254**0.5 < std["upper"]
+
+
+def small(extra: str = "", runs: int = 300, constraint: str = "") -> Study:
+    return uqpen.parse_study(
+        f"""
+        seed = 1
+        [model]
+        use = "ishigami"
+        [inputs]
+        x1 = {{ uniform = {{ lower = -3, upper = 3 }} }}
+        x2 = {{ uniform = {{ lower = -3, upper = 3 }} }}
+        x3 = 1
+        [constraints]
+        keep = [{constraint}]
+        [designs.a]
+        kind = "monte-carlo"
+        runs = {runs}
+        {extra}
+        """
+    )
+
+
+def test_adding_a_design_changes_no_others_numbers() -> None:
+    more = '[designs.aa]\nkind = "latin-hypercube"\nruns = 100'
+    alone, beside = uqpen.run(small()), uqpen.run(small(more))
+    for group in ("runs", "moments", "quantiles", "cdfs"):
+        assert alone[f"{group}/a"].to_dataset().identical(beside[f"{group}/a"].to_dataset())
+
+
+def test_where_batches_are_computed_changes_no_bit() -> None:
+    def backwards(function: Callable[[Any], Any], batches: Iterable[Any]) -> list[Any]:
+        return [function(batch) for batch in reversed(list(batches))][::-1]
+
+    assert uqpen.run(small(runs=70_000), map=backwards).identical(uqpen.run(small(runs=70_000)))
+
+
+def test_every_statistic_survives_the_loss_of_every_run() -> None:
+    tree = uqpen.run(small(constraint="'x1 > 4'"))
+    assert np.isnan(tree["moments/a"]["y_mean"].values).all()
+    assert tree["moments/a"]["y_mean"].attrs["note"] == "no run came back"
+    assert float(tree["statuses/a"]["inadmissible"].sel(bound="estimate")) == 1.0
+
+
+@pytest.mark.parametrize("runs", [1, 2, 3, 10])
+def test_a_handful_of_runs_gives_figures_or_says_why_not(runs: int) -> None:
+    moments = uqpen.run(small(runs=runs))["moments/a"]
+    mean = moments["y_mean"]
+    assert np.isfinite(mean.sel(bound="estimate"))
+    assert np.isfinite(mean.sel(bound="upper")) == (runs > 1)
+    assert runs > 1 or "scatter" in mean.attrs["note"]
+
+
+def test_an_output_that_does_not_vary_has_an_interval_of_no_width(tmp_path: Path) -> None:
+    (tmp_path / "constant.py").write_text("def f(x): return {'y': 2.0}")
+    tree = uqpen.run(
+        uqpen.parse_study(
+            """
+            seed = 1
+            [model]
+            python = "constant.py:f"
+            [model.inputs]
+            x = "1"
+            [model.outputs]
+            y = "1"
+            [inputs]
+            x = "0 ± 1"
+            [outputs.y]
+            exceeds = [1, 3]
+            hold = [0.5]
+            [designs.a]
+            kind = "monte-carlo"
+            runs = 300
+            [designs.b]
+            kind = "latin-hypercube"
+            runs = 300
+            """,
+            folder=tmp_path,
+        )
+    )
+    for design in ("a", "b"):
+        assert tree[f"moments/{design}"]["y_mean"].values.tolist() == [2.0, 2.0, 2.0]
+        assert tree[f"moments/{design}"]["y_std"].attrs["note"] == "the output does not vary"
+        assert (tree[f"quantiles/{design}"]["y"].values == 2.0).all()
+
+
+def test_points_of_unknown_origin_give_no_interval_and_say_why(tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text("x1,x2\n" + "\n".join(f"{i / 50},1" for i in range(100)))
+    study = """
+        seed = 1
+        [model]
+        use = "ishigami"
+        [inputs]
+        x3 = 1
+        [designs.mine]
+        kind = "table"
+        file = "points.csv"
+        """
+    given = uqpen.run(uqpen.parse_study(study, folder=tmp_path))["moments/mine"]["y_mean"]
+    assert np.isnan(given.sel(bound="lower"))
+    assert "independent = true" in given.attrs["note"]
+    drawn = uqpen.run(uqpen.parse_study(study + "independent = true", folder=tmp_path))
+    assert np.isfinite(drawn["moments/mine"]["y_mean"].sel(bound="lower"))
