@@ -1,0 +1,316 @@
+"""The commands as their user meets them: what is printed, where, and the exit code."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from uqpen.cli.main import main
+
+STUDIES = Path(__file__).parents[2] / "studies"
+
+SMALL = """\
+title = "Small [bold]study[/bold]"
+seed = 1
+[model]
+use = "ishigami"
+[inputs]
+x1 = { uniform = { lower = -3, upper = 3 } }
+x2 = { uniform = { lower = -3, upper = 3 } }
+x3 = 1
+[outputs.y]
+exceeds = [5]
+hold = [0.95]
+[designs.monte_carlo]
+kind = "monte-carlo"
+runs = 100
+[designs.latin_hypercube]
+kind = "latin-hypercube"
+runs = 100
+"""
+
+
+class Outcome(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def uqpen(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> Callable[..., Outcome]:
+    """The command line in a folder of its own, on a screen of 80 columns."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+    (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
+
+    def call(*arguments: str) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["uqpen", *arguments])
+        code = 0
+        try:
+            main()
+        except SystemExit as left:
+            code = int(left.code or 0)
+        return Outcome(code, *capsys.readouterr())
+
+    return call
+
+
+Command = Callable[..., Outcome]
+
+
+class TestStudy:
+    def test_it_writes_an_archive_and_shows_its_tables(self, uqpen: Command) -> None:
+        done = uqpen("study", "small.toml")
+        assert done.code == 0
+        assert Path("archives/small.nc").is_file()
+        assert "archive: archives/small.nc" in done.out
+        for word in ("monte_carlo", "latin_hypercube", "mean", "median", "P(> 5)", "±"):
+            assert word in done.out
+        assert "monte_carlo: 100 runs" in done.err
+
+    def test_it_fits_a_screen_of_80_columns(self, uqpen: Command) -> None:
+        done = uqpen("study", "small.toml")
+        assert max(map(len, done.out.splitlines())) <= 80
+
+    def test_a_title_is_text_and_no_markup(self, uqpen: Command) -> None:
+        assert "Small [bold]study[/bold]" in uqpen("study", "small.toml").out
+
+    def test_the_archive_goes_where_it_is_told_to(self, uqpen: Command) -> None:
+        assert uqpen("study", "small.toml", "-o", "deep/er/mine.nc").code == 0
+        assert Path("deep/er/mine.nc").is_file()
+        assert not Path("archives").exists()
+
+    def test_a_mistake_leaves_with_2_and_writes_nothing(self, uqpen: Command) -> None:
+        Path("wrong.toml").write_text(SMALL.replace("runs = 100", "runs = 0"), encoding="utf-8")
+        done = uqpen("study", "wrong.toml")
+        assert done.code == 2
+        assert done.out == ""
+        assert "wrong.toml: 2 mistakes; nothing was run" in done.err
+        assert "wrong.toml:14  designs.monte_carlo.runs" in done.err
+        assert "Traceback" not in done.err
+        assert sorted(path.name for path in Path().iterdir()) == ["small.toml", "wrong.toml"]
+
+    def test_a_destination_that_is_none_is_told_before_any_run(self, uqpen: Command) -> None:
+        Path("thesis.nc").write_text("years of work")
+        done = uqpen("study", "small.toml", "-o", "thesis.nc")
+        assert (done.code, done.out) == (2, "")
+        assert "not overwritten" in done.err
+        assert Path("thesis.nc").read_text() == "years of work"
+
+    @pytest.mark.parametrize(
+        "arguments", [("study",), ("study", "a", "b"), ("frob",), ("study", "--frob")]
+    )
+    def test_a_wrong_call_leaves_with_2(self, uqpen: Command, arguments: tuple[str, ...]) -> None:
+        done = uqpen(*arguments)
+        assert done.code == 2
+        assert "Usage" in done.err
+
+    def test_a_study_that_is_not_there_is_told(self, uqpen: Command) -> None:
+        done = uqpen("study", "absent.toml")
+        assert done.code == 2
+        assert "absent.toml: cannot be read: No such file" in done.err
+
+
+class TestCheck:
+    def test_it_says_what_would_run_and_runs_nothing(self, uqpen: Command) -> None:
+        done = uqpen("check", "small.toml")
+        assert done.code == 0
+        assert "200 runs in all" in done.out
+        assert "uniform: lower -3, upper 3" in done.out
+        assert "P(> 5)" in done.out
+        assert not Path("archives").exists()
+
+    def test_a_mistake_leaves_with_2(self, uqpen: Command) -> None:
+        Path("wrong.toml").write_text("seed = 1", encoding="utf-8")
+        done = uqpen("check", "wrong.toml")
+        assert done.code == 2
+        assert "[model] table" in done.err
+
+
+class TestShow:
+    def test_it_shows_what_the_study_showed(self, uqpen: Command) -> None:
+        studied = uqpen("study", "small.toml")
+        shown = uqpen("show", "archives/small.nc")
+        assert shown.code == 0
+        assert shown.out in studied.out
+
+    def test_json_is_for_scripts(self, uqpen: Command) -> None:
+        uqpen("study", "small.toml")
+        found = json.loads(uqpen("show", "archives/small.nc", "--json").out)
+        mean = found["designs"]["monte_carlo"]["outputs"]["y"]["mean"]
+        assert mean["lower"] < mean["estimate"] < mean["upper"]
+        assert "0.05" in found["designs"]["latin_hypercube"]["outputs"]["y"]["quantiles"]
+
+    def test_a_file_that_is_no_archive_leaves_with_2(self, uqpen: Command) -> None:
+        done = uqpen("show", "small.toml")
+        assert done.code == 2
+        assert "is not an archive" in done.err
+
+
+class TestModels:
+    def test_it_lists_the_models(self, uqpen: Command) -> None:
+        done = uqpen("models")
+        assert done.code == 0
+        assert all(name in done.out for name in ("walker-anderson", "rigid-penetration"))
+
+    def test_it_describes_one(self, uqpen: Command) -> None:
+        done = uqpen("models", "walker-anderson")
+        for word in ("projectile_density", "kg m-3", "penetration_depth", "v = u, u = 0, rigid"):
+            assert word in done.out
+        assert max(map(len, done.out.splitlines())) <= 80
+
+    def test_an_unknown_one_is_told(self, uqpen: Command) -> None:
+        done = uqpen("models", "walker")
+        assert done.code == 2
+        assert 'no model "walker"' in done.err
+
+
+class TestRun:
+    NOMINAL = (
+        "projectile_density=17.5 g/cm^3",
+        "projectile_yield_limit=1.65 GPa",
+        "projectile_length=16 cm",
+        "impact_velocity=1400 m/s",
+        "projectile_sound_speed=3071 m/s",
+        "target_density=2.5 g/cm^3",
+        "target_yield_limit=400 MPa",
+        "plasticity_radius=100 mm",
+        "crater_radius=17 mm",
+    )
+
+    def settings(self, *more: str) -> list[str]:
+        return [part for text in (*self.NOMINAL, *more) for part in ("--set", text)]
+
+    def test_the_nominal_rod_goes_as_deep_as_it_should(self, uqpen: Command) -> None:
+        done = uqpen("run", "walker-anderson", *self.settings())
+        assert done.code == 0
+        values = {line.split()[0]: line.split()[1] for line in done.out.splitlines()[2:]}
+        assert float(values["penetration_depth"]) == pytest.approx(0.4615719, abs=1e-7)
+        assert float(values["projectile_residue"]) == pytest.approx(0.02327912, abs=1e-8)
+        assert "v = u" in done.out
+
+    def test_a_study_gives_the_inputs_that_are_not_set(self, uqpen: Command) -> None:
+        path = str(STUDIES / "concrete.toml")
+        slow = uqpen("run", path, "--set", "impact_velocity=1.2 km/s").out
+        assert slow != uqpen("run", path).out
+
+    @pytest.mark.parametrize(
+        ("more", "complaint"),
+        [
+            (("smoothing=2",), "inadmissible: smoothing >= 0 and < 2"),
+            (("crater_radius=17 kg",), "--set crater_radius: found"),
+            (("crater_radios=17 mm",), 'did you mean "crater_radius"'),
+            (("crater_radius",), 'expected the form name="value unit"'),
+            (("crater_radius=170 mm",), "inadmissible: plasticity_radius > crater_radius"),
+        ],
+    )
+    def test_a_wrong_input_is_told(
+        self, uqpen: Command, more: tuple[str, ...], complaint: str
+    ) -> None:
+        done = uqpen("run", "walker-anderson", *self.settings(*more))
+        assert done.code == 2
+        assert complaint in done.err
+
+    def test_missing_inputs_are_told_with_their_units(self, uqpen: Command) -> None:
+        done = uqpen("run", "rigid-penetration")
+        assert done.code == 2
+        assert '--set projectile_density="… kg m-3"' in done.err
+
+
+SLOW = """\
+import time
+def f(x):
+    time.sleep(0.02)
+    return {"y": x}
+"""
+SLOW_STUDY = """\
+seed = 1
+[model]
+python = "slow.py:f"
+[model.inputs]
+x = "1"
+[model.outputs]
+y = "1"
+[inputs]
+x = "0 ± 1"
+[designs.slow]
+kind = "monte-carlo"
+runs = 100_000
+"""
+
+
+class TestProcess:
+    """The program itself, in a process of its own."""
+
+    def command(self, *arguments: str) -> list[str]:
+        return [sys.executable, "-m", "uqpen", *arguments]
+
+    def test_ctrl_c_leaves_with_130_and_no_traceback(self, tmp_path: Path) -> None:
+        (tmp_path / "slow.py").write_text(SLOW)
+        (tmp_path / "slow.toml").write_text(SLOW_STUDY)
+        controller, terminal = pty.openpty()
+        with subprocess.Popen(
+            self.command("study", "slow.toml"),
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            stderr=terminal,
+            env={**os.environ, "TERM": "xterm", "COLUMNS": "80"},
+        ) as process:
+            os.close(terminal)
+            seen = b""
+            while b"slow" not in seen:  # the bar of the design: its runs are being made
+                seen += os.read(controller, 1000)
+            time.sleep(0.2)
+            process.send_signal(signal.SIGINT)
+            code = process.wait(timeout=20)
+        while chunk := _read(controller):
+            seen += chunk
+        os.close(controller)
+        assert code == 130
+        assert b"interrupted; nothing was written" in seen
+        assert b"Traceback" not in seen
+        assert [path.name for path in (tmp_path / "archives").iterdir()] == []
+
+    def test_a_reader_that_has_seen_enough_is_no_error(self, tmp_path: Path) -> None:
+        (tmp_path / "small.toml").write_text(SMALL)
+        with subprocess.Popen(
+            self.command("check", "small.toml"),
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        ) as process:
+            assert process.stdout is not None
+            assert process.stderr is not None
+            process.stdout.close()
+            assert process.stderr.read() == b""
+
+    def test_a_terminal_without_unicode_gets_question_marks(self, tmp_path: Path) -> None:
+        (tmp_path / "small.toml").write_text(SMALL)
+        done = subprocess.run(
+            self.command("study", "small.toml"),
+            cwd=tmp_path,
+            capture_output=True,
+            check=False,
+            env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"},
+        )
+        assert done.returncode == 0, done.stderr
+        assert b"mean" in done.stdout
+
+
+def _read(descriptor: int) -> bytes:
+    try:
+        return os.read(descriptor, 10_000)
+    except OSError:  # the other end is closed
+        return b""

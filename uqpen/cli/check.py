@@ -1,0 +1,66 @@
+"""``uqpen check``: whether a study file is right, and what it would run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from uqpen.study.study import Study
+
+__all__ = ["check"]
+
+
+@click.command(short_help="Check a study file and say what it would run.")
+@click.argument("file", type=click.Path(path_type=Path))
+def check(file: Path) -> None:
+    """Read the study FILE, report every mistake in it, and say what it would run."""
+    from uqpen.cli.screen import output, plain_table
+    from uqpen.study.load import load_study
+
+    study = load_study(file)
+    console = output()
+    console.print(study.title, style="bold", markup=False)
+    console.print(f"model {study.model.name}, seed {study.seed}\n", markup=False)
+    console.print(plain_table(["input", "value or law"], _inputs(study)))
+    console.print()
+    console.print(plain_table(["output", "asked"], _outputs(study)))
+    console.print()
+    for constraint in study.constraints:
+        console.print(f"only where {constraint.text}\n", markup=False)
+    console.print(plain_table(["design", "runs"], _designs(study)))
+    console.print(f"\n{study.runs} runs in all; the study is right", markup=False)
+
+
+def _inputs(study: Study) -> list[tuple[str, str]]:
+    from uqpen.inputs.law import FixedInput
+    from uqpen.units import DIMENSIONLESS, scale
+
+    rows = []
+    for entry in study.law.inputs:
+        unit = "" if entry.display_unit == DIMENSIONLESS else f" {entry.display_unit}"
+        if isinstance(entry, FixedInput):
+            text = f"{scale(entry.display_unit).from_si(entry.value):.10g}{unit}"
+        else:
+            text = entry.description
+        rows.append((entry.variable.name, text))
+    return rows
+
+
+def _outputs(study: Study) -> list[tuple[str, str]]:
+    rows = []
+    for question in study.questions:
+        if question.output.categories:
+            asked = ["shares of " + ", ".join(kind.label for kind in question.output.categories)]
+        else:
+            asked = ["moments, cdf, quantiles " + ", ".join(f"{p:g}" for p in question.quantiles)]
+            asked += [f"P(> {threshold.text})" for threshold in question.exceeds]
+            asked += [f"value held with {p:g}" for p in question.hold]
+        rows.append((question.output.name, "; ".join(asked)))
+    return rows
+
+
+def _designs(study: Study) -> list[tuple[str, str]]:
+    return [(name, str(design.size(study.law))) for name, design in study.designs.items()]

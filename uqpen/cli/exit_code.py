@@ -1,0 +1,15 @@
+"""What the exit code of a command says."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+__all__ = ["ExitCode"]
+
+
+class ExitCode(IntEnum):
+    """Exit codes; 1, a fault of uqpen's own, is Python's after a traceback."""
+
+    DONE = 0
+    MISTAKE = 2
+    INTERRUPTED = 130

@@ -1,0 +1,69 @@
+"""The entry point: finds a command, and turns what it raises into an exit code."""
+
+from __future__ import annotations
+
+import io
+import sys
+
+import click
+
+from uqpen import __version__
+from uqpen.cli.exit_code import ExitCode
+from uqpen.errors import UqpenError
+from uqpen.lookup import resolve
+
+__all__ = ["main", "uqpen"]
+
+COMMANDS = {
+    "study": "uqpen.cli.study:study",
+    "check": "uqpen.cli.check:check",
+    "show": "uqpen.cli.show:show",
+    "models": "uqpen.cli.models:models",
+    "run": "uqpen.cli.run:run",
+}
+
+
+class _Commands(click.Group):
+    """A group that imports a command when it is asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = resolve(COMMANDS[cmd_name])
+        return command
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="uqpen")
+def uqpen() -> None:
+    r"""Uncertainty quantification for any model: a study in, an archive out.
+
+    \b
+    Start with:  uqpen study studies/concrete.toml
+    """
+
+
+def main() -> None:
+    """Run the command line, and leave with its exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal that lacks a character gets a question mark, not a traceback.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    try:
+        uqpen(standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(ExitCode.MISTAKE)
+    except UqpenError as error:
+        click.echo(str(error), err=True)
+        sys.exit(ExitCode.MISTAKE)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("\ninterrupted; nothing was written", err=True)
+        sys.exit(ExitCode.INTERRUPTED)
+    except BrokenPipeError:
+        # Whoever read our output has seen enough; do not complain while closing it.
+        sys.stdout = io.TextIOWrapper(io.BytesIO())
+        sys.exit(ExitCode.DONE)

@@ -1,0 +1,94 @@
+"""``uqpen run``: one run of a model, to try it by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from uqpen.inputs.constraints import Constraint
+    from uqpen.model import Model, Output
+
+__all__ = ["run"]
+
+
+@click.command(short_help="Run a model once and show its outputs.")
+@click.argument("model")
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar='NAME="VALUE UNIT"',
+    help='The value of an input, such as impact_velocity="1400 m/s".',
+)
+def run(model: str, settings: tuple[str, ...]) -> None:
+    """Run MODEL once: a built-in model, or a study file, whose inputs are then at their medians."""
+    import numpy as np
+
+    from uqpen.cli.screen import output, plain_table
+    from uqpen.errors import ModelError
+    from uqpen.evaluation import Evaluator
+    from uqpen.labels import STATUS_TEXT, Status
+
+    built, inputs, constraints = _model(model)
+    inputs |= _given(built, settings)
+    missing = [f'--set {name}="… {built.input(name).unit}"' for name in built.missing(inputs)]
+    if missing:
+        raise ModelError(f"{built.name} also needs\n  " + "\n  ".join(missing))
+    built.prepare()
+    columns = {name: np.array([value]) for name, value in inputs.items()}
+    results = Evaluator(built, constraints)(columns)
+    status = Status(int(results.status[0]))
+    if status is not Status.OK:
+        raise ModelError(f"the run is {STATUS_TEXT[status]}: {results.reasons[0]}")
+    rows = [
+        (variable.name, *_shown(float(results.outputs[variable.name][0]), variable))
+        for variable in built.outputs
+    ]
+    output().print(plain_table(["output", "value", "unit"], rows))
+
+
+def _model(name: str) -> tuple[Model, dict[str, float], Sequence[Constraint]]:
+    """A model, the inputs that are known already, and the constraints on them."""
+    from uqpen.lookup import resolve_name
+    from uqpen.models import MODELS
+
+    if name.endswith(".toml"):
+        from uqpen.study.load import load_study
+
+        study = load_study(Path(name))
+        return study.model, study.law.nominal(), study.constraints
+    model: Model = resolve_name(MODELS, name, "model")()
+    defaults = {v.name: v.default for v in model.inputs if v.default is not None}
+    return model, defaults, ()
+
+
+def _given(model: Model, settings: Iterable[str]) -> dict[str, float]:
+    """Values in SI units out of the command line's ``name=value`` pairs."""
+    from uqpen.errors import ModelError, QuantityError
+    from uqpen.units import parse_quantity
+
+    values = {}
+    for text in settings:
+        name, equals, written = text.partition("=")
+        if not equals:
+            raise ModelError(f'--set {text}: expected the form name="value unit"')
+        variable = model.input(name.strip())
+        try:
+            values[variable.name] = parse_quantity(written, variable.unit).value
+        except QuantityError as error:
+            raise ModelError(f"--set {variable.name}: {error}") from None
+    return values
+
+
+def _shown(value: float, variable: Output) -> tuple[str, str]:
+    from uqpen.units import DIMENSIONLESS, scale
+
+    if variable.categories:
+        return variable.categories[round(value)].label, ""
+    unit = variable.shown_unit
+    shown = scale(unit).from_si(value)
+    return f"{shown:.10g}", "" if unit == DIMENSIONLESS else unit
