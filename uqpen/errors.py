@@ -17,6 +17,7 @@ Anything else that escapes is a fault of uqpen itself and keeps its traceback.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -31,6 +32,7 @@ __all__ = [
     "TableError",
     "UnknownNameError",
     "UqpenError",
+    "as_written",
 ]
 
 
@@ -124,3 +126,16 @@ class TableError(UqpenError, ValueError):
 
 class ArchiveError(UqpenError, OSError):
     """A file that cannot be written, or that is not an archive of uqpen's."""
+
+
+def as_written(value: object) -> str:
+    """A TOML value as its author wrote it, near enough."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list):
+        return "a list"
+    return repr(value)

@@ -13,8 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from uqpen.errors import Problem, SettingsError
-from uqpen.units import show
+from uqpen.errors import Problem, SettingsError, as_written
 
 __all__ = [
     "Setting",
@@ -123,7 +122,7 @@ def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
         Naming every setting that is wrong.
     """
     problems = [
-        Problem((field.name,), show(getattr(owner, field.name)), setting.expected)
+        Problem((field.name,), as_written(getattr(owner, field.name)), setting.expected)
         for field, setting in declared(owner)
         if not setting.accepts(getattr(owner, field.name))
     ]

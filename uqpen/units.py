@@ -1,14 +1,12 @@
-"""Quantities: numbers with units, as people write them and as models take them.
+"""Units: UDUNITS strings, what they measure, and their coherent SI units.
 
-Units are UDUNITS strings. The number in front of a unit is read here, strictly (a units library
-that guesses reads ``17,5`` as 175); only the unit itself is given to the library. Inside uqpen
-every value is in coherent SI units; the unit that a person wrote is kept for showing it back.
+Inside uqpen every value is in coherent SI units; the unit that a person wrote is kept for showing
+it back.
 """
 
 from __future__ import annotations
 
 import functools
-import json
 import math
 import re
 from dataclasses import dataclass
@@ -19,28 +17,20 @@ from uqpen.errors import QuantityError
 
 __all__ = [
     "DIMENSIONLESS",
-    "Quantity",
+    "NUMBER",
     "Scale",
-    "Spread",
     "are_alike",
     "describe",
-    "parse_quantity",
-    "parse_spread",
     "product",
     "ratio",
     "scale",
-    "show",
     "si_unit",
 ]
 
 DIMENSIONLESS = "1"
 
-_NUMBER = r"[+-]?(?:\d+(?:_\d+)*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*\Z", re.DOTALL)
-_PLUS_MINUS = re.compile(r"±|\+/-|\+-")
-_GROUPED = re.compile(r"\s*\((.*)\)\s*(.*?)\s*\Z", re.DOTALL)
-_DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+)(.*)\Z", re.DOTALL)
-
+# A decimal number, as a regular expression.
+NUMBER = r"[+-]?(?:\d+(?:_\d+)*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 # Coherent units with a name of their own, preferred to their base units; what they measure, for
 # messages; and an example that a message can print.
 _KNOWN = {
@@ -71,31 +61,6 @@ _KNOWN = {
     "W m-1 K-1": ("a thermal conductivity", "0.5 W/(m K)"),
     "J kg-1 K-1": ("a specific heat capacity", "900 J/(kg K)"),
 }
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A value in SI units, with the unit in which a person wrote it.
-
-    Parameters
-    ----------
-    value : float
-        In the coherent SI unit of `unit`.
-    unit : str
-        The unit to show it in.
-    """
-
-    value: float
-    unit: str
-
-
-@dataclass(frozen=True)
-class Spread:
-    """A mean and a standard deviation, both in SI units, and the unit they were written in."""
-
-    mean: float
-    std: float
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -149,7 +114,7 @@ def _base(text: str) -> tuple[str, Decimal, Decimal]:
     if "lg(" in definition or "ln(" in definition or "lb(" in definition:
         raise QuantityError(f'"{text}", a logarithmic unit', "a linear unit")
     definition = definition.strip("() ")
-    match = re.match(rf"({_NUMBER})\s*(.*)\Z", definition)
+    match = re.match(rf"({NUMBER})\s*(.*)\Z", definition)
     number, base = match.groups() if match else ("1", definition)
     base = " ".join((base or DIMENSIONLESS).split("."))
     factor = Decimal(number)
@@ -220,116 +185,3 @@ def describe(unit: str) -> str:
         what, example = _KNOWN[si]
         return f'{what}, such as "{example}"'
     return f'a quantity in {unit}, such as "1 {unit}"'
-
-
-def parse_quantity(text: str | float, like: str, *, difference: bool = False) -> Quantity:
-    """Read a quantity such as ``"17.5 g/cm^3"``.
-
-    Parameters
-    ----------
-    text : str or float
-        What a person wrote; a plain number where the dimension has no unit.
-    like : str
-        A unit of the dimension that is expected.
-    difference : bool
-        Whether it is a difference, a standard deviation say: 5 degC is then 5 K.
-
-    Returns
-    -------
-    Quantity
-        With its value in SI units.
-
-    Raises
-    ------
-    QuantityError
-        If it is not a finite number with a unit of that dimension.
-    """
-    if isinstance(text, int | float) and not isinstance(text, bool):
-        text = repr(text)
-    if not isinstance(text, str):
-        raise QuantityError(show(text), describe(like))
-    number, unit = _split(text, like)
-    measure = _checked_scale(text, unit, like)
-    value = measure.difference_to_si(number) if difference else measure.to_si(number)
-    if not math.isfinite(value):
-        raise QuantityError(f'"{text}", which is not finite', describe(like))
-    return Quantity(value, unit)
-
-
-def parse_spread(text: str, like: str) -> Spread | None:
-    """Read a mean with a standard deviation such as ``"(2.5 ± 0.05) g/cm^3"``.
-
-    Returns
-    -------
-    Spread or None
-        None where `text` has no ``±`` (or ``+/-``), so is no spread at all.
-
-    Raises
-    ------
-    QuantityError
-        If it has one but cannot be read.
-    """
-    if not _PLUS_MINUS.search(text):
-        return None
-    grouped = _GROUPED.match(text)
-    inner, unit = grouped.groups() if grouped else (text, "")
-    parts = _PLUS_MINUS.split(inner)
-    shape = f'a mean and a standard deviation, such as "{_example(like)}"'
-    if len(parts) != 2:
-        raise QuantityError(f'"{text}"', shape)
-    for part in parts:
-        _refuse_comma(part)
-    if not all(re.fullmatch(rf"\s*{_NUMBER}\s*", part) for part in parts):
-        raise QuantityError(f'"{text}"', f"{shape}, the unit once and behind the bracket")
-    mean, std = (float(part) for part in parts)
-    measure = _checked_scale(text, unit, like)
-    return Spread(measure.to_si(mean), measure.difference_to_si(std), unit or DIMENSIONLESS)
-
-
-def _example(like: str) -> str:
-    """A spread in the dimension of `like`, to be shown in a message."""
-    return "2.5 ± 0.5" if si_unit(like) == DIMENSIONLESS else f"(2.5 ± 0.5) {like}"
-
-
-def _split(text: str, like: str) -> tuple[float, str]:
-    """Number and unit of a quantity's text."""
-    _refuse_comma(text)
-    match = _QUANTITY.match(text)
-    if match is None:
-        raise QuantityError(f'"{text}"', describe(like))
-    number, unit = match.groups()
-    if _PLUS_MINUS.search(unit):
-        raise QuantityError(f'"{text}", with a ±', f"{describe(like)}, without a spread")
-    if re.match(r"[\d.]", unit):
-        raise QuantityError(f'"{text}", with two numbers', describe(like))
-    return float(number), unit or DIMENSIONLESS
-
-
-def _refuse_comma(text: str) -> None:
-    match = _DECIMAL_COMMA.match(text)
-    if match:
-        whole, fraction, rest = match.groups()
-        written = f"{whole}.{fraction}{rest}".strip()
-        raise QuantityError(f'"{text}", with a decimal comma', f'a decimal point: "{written}"')
-
-
-def _checked_scale(text: str, unit: str, like: str) -> Scale:
-    """The scale of `unit`, which must be of the dimension of `like`."""
-    unit = unit or DIMENSIONLESS
-    if not are_alike(unit, like):
-        missing = ", a number without a unit" if unit == DIMENSIONLESS else ""
-        raise QuantityError(f'"{text}"{missing}', describe(like))
-    return scale(unit)
-
-
-def show(value: object) -> str:
-    """A TOML value as its author wrote it, near enough."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, dict):
-        return "a table"
-    if isinstance(value, list):
-        return "a list"
-    return repr(value)

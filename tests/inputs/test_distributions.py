@@ -12,20 +12,20 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from uqpen.errors import SettingsError
+from uqpen.inputs.distribution import Distribution
 from uqpen.inputs.distributions import (
     DISTRIBUTIONS,
     Beta,
-    Distribution,
     Gamma,
     Gumbel,
     Lognormal,
     LogUniform,
     Normal,
     Triangular,
-    Truncated,
     Uniform,
     Weibull,
 )
+from uqpen.inputs.truncated import Truncated
 
 LAWS: dict[str, tuple[Distribution, Any]] = {
     "normal": (Normal(2.0, 0.5), stats.norm(2.0, 0.5)),

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from uqpen.analyses.question import Threshold
 from uqpen.errors import StudyError
-from uqpen.inputs.distributions import Normal, Truncated, Uniform
+from uqpen.inputs.distributions import Normal, Uniform
 from uqpen.inputs.law import FixedInput, RandomInput
+from uqpen.inputs.truncated import Truncated
 from uqpen.study.load import load_study, parse_study
 from uqpen.study.study import Study
 

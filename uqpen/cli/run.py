@@ -69,7 +69,7 @@ def _model(name: str) -> tuple[Model, dict[str, float], Sequence[Constraint]]:
 def _given(model: Model, settings: Iterable[str]) -> dict[str, float]:
     """Values in SI units out of the command line's ``name=value`` pairs."""
     from uqpen.errors import ModelError, QuantityError
-    from uqpen.units import parse_quantity
+    from uqpen.quantities import parse_quantity
 
     values = {}
     for text in settings:

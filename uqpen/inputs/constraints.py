@@ -21,16 +21,8 @@ import numpy.typing as npt
 
 from uqpen.errors import ConstraintError, QuantityError
 from uqpen.lookup import choices
-from uqpen.units import (
-    DIMENSIONLESS,
-    Quantity,
-    are_alike,
-    parse_quantity,
-    product,
-    ratio,
-    scale,
-    si_unit,
-)
+from uqpen.quantities import Quantity, parse_quantity
+from uqpen.units import DIMENSIONLESS, are_alike, product, ratio, scale, si_unit
 
 __all__ = ["Constraint", "parse_constraint"]
 

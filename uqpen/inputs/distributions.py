@@ -1,14 +1,11 @@
 """The laws that an input can follow, each a few formulas over `scipy.special`.
 
-Parameters are in SI units and are those of the variable itself: a lognormal's ``mean`` is its own,
-not its logarithm's. Both tails have a function each, so that a law truncated far out keeps its
-accuracy.
+Parameters are those of the variable itself: a lognormal's ``mean`` is its own, not its logarithm's.
 """
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -16,20 +13,19 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from uqpen.errors import Problem, SettingsError
-from uqpen.settings import difference, number, quantity, validate
+from uqpen.errors import Problem
+from uqpen.inputs.distribution import Distribution, order_problem
+from uqpen.settings import difference, number, quantity
 
 __all__ = [
     "DISTRIBUTIONS",
     "Beta",
-    "Distribution",
     "Gamma",
     "Gumbel",
     "LogUniform",
     "Lognormal",
     "Normal",
     "Triangular",
-    "Truncated",
     "Uniform",
     "Weibull",
 ]
@@ -49,44 +45,8 @@ DISTRIBUTIONS = {
 }
 
 
-class Distribution(ABC):
-    """A continuous law of one variable; probabilities go in and out as arrays of any shape."""
-
-    @abstractmethod
-    def quantile(self, probability: FloatArray) -> FloatArray:
-        """The value below which the law lies with the given probability."""
-
-    @abstractmethod
-    def exceeded(self, probability: FloatArray) -> FloatArray:
-        """The value above which the law lies with the given probability."""
-
-    @abstractmethod
-    def below(self, value: FloatArray) -> FloatArray:
-        """Probability of lying below a value."""
-
-    @abstractmethod
-    def above(self, value: FloatArray) -> FloatArray:
-        """Probability of lying above a value."""
-
-    @property
-    def median(self) -> float:
-        """The value that is exceeded as often as not."""
-        return float(self.quantile(np.array(0.5)))
-
-
-class _Checked(Distribution):
-    """A law whose settings are checked when it is made."""
-
-    def __post_init__(self) -> None:
-        validate(self, self._disorder())
-
-    def _disorder(self) -> Iterator[Problem]:
-        """What is wrong between settings."""
-        yield from ()
-
-
 @dataclass(frozen=True)
-class Normal(_Checked):
+class Normal(Distribution):
     """The normal law."""
 
     mean: float = quantity()
@@ -106,7 +66,7 @@ class Normal(_Checked):
 
 
 @dataclass(frozen=True)
-class Lognormal(_Checked):
+class Lognormal(Distribution):
     """The law of a variable whose logarithm is normal; mean and std are the variable's."""
 
     mean: float = quantity(above=0)
@@ -130,14 +90,14 @@ class Lognormal(_Checked):
 
 
 @dataclass(frozen=True)
-class Uniform(_Checked):
+class Uniform(Distribution):
     """The uniform law between two values."""
 
     lower: float = quantity()
     upper: float = quantity()
 
-    def _disorder(self) -> Iterator[Problem]:
-        return _above_lower(self.lower, self.upper)
+    def disorder(self) -> Iterator[Problem]:
+        return order_problem(self.lower, self.upper)
 
     def quantile(self, probability: FloatArray) -> FloatArray:
         return self.lower + (self.upper - self.lower) * probability
@@ -153,14 +113,14 @@ class Uniform(_Checked):
 
 
 @dataclass(frozen=True)
-class LogUniform(_Checked):
+class LogUniform(Distribution):
     """The law of a variable whose logarithm is uniform."""
 
     lower: float = quantity(above=0)
     upper: float = quantity(above=0)
 
-    def _disorder(self) -> Iterator[Problem]:
-        return _above_lower(self.lower, self.upper)
+    def disorder(self) -> Iterator[Problem]:
+        return order_problem(self.lower, self.upper)
 
     def _logarithm(self) -> Uniform:
         return Uniform(math.log(self.lower), math.log(self.upper))
@@ -180,15 +140,15 @@ class LogUniform(_Checked):
 
 
 @dataclass(frozen=True)
-class Triangular(_Checked):
+class Triangular(Distribution):
     """The triangular law: densest at the mode, nothing outside lower and upper."""
 
     lower: float = quantity()
     mode: float = quantity()
     upper: float = quantity()
 
-    def _disorder(self) -> Iterator[Problem]:
-        yield from _above_lower(self.lower, self.upper)
+    def disorder(self) -> Iterator[Problem]:
+        yield from order_problem(self.lower, self.upper)
         if self.lower < self.upper and not self.lower <= self.mode <= self.upper:
             yield Problem(("mode",), f"{self.mode:g}", "a value from lower to upper")
 
@@ -217,7 +177,7 @@ class Triangular(_Checked):
 
 
 @dataclass(frozen=True)
-class Beta(_Checked):
+class Beta(Distribution):
     """The beta law, stretched from lower to upper."""
 
     alpha: float = number(above=0)
@@ -225,8 +185,8 @@ class Beta(_Checked):
     lower: float = quantity()
     upper: float = quantity()
 
-    def _disorder(self) -> Iterator[Problem]:
-        return _above_lower(self.lower, self.upper)
+    def disorder(self) -> Iterator[Problem]:
+        return order_problem(self.lower, self.upper)
 
     def quantile(self, probability: FloatArray) -> FloatArray:
         unit = special.betaincinv(self.alpha, self.beta, probability)
@@ -246,7 +206,7 @@ class Beta(_Checked):
 
 
 @dataclass(frozen=True)
-class Gamma(_Checked):
+class Gamma(Distribution):
     """The gamma law, by its mean and standard deviation."""
 
     mean: float = quantity(above=0)
@@ -274,7 +234,7 @@ class Gamma(_Checked):
 
 
 @dataclass(frozen=True)
-class Weibull(_Checked):
+class Weibull(Distribution):
     """The Weibull law of two parameters; `scale` is its 63.2 % quantile."""
 
     shape: float = number(above=0)
@@ -294,7 +254,7 @@ class Weibull(_Checked):
 
 
 @dataclass(frozen=True)
-class Gumbel(_Checked):
+class Gumbel(Distribution):
     """The Gumbel law of largest values, by its mean and standard deviation."""
 
     mean: float = quantity()
@@ -319,76 +279,6 @@ class Gumbel(_Checked):
 
     def above(self, value: FloatArray) -> FloatArray:
         return -np.expm1(-np.exp((self._location - value) / self._scale))
-
-
-@dataclass(frozen=True)
-class Truncated(Distribution):
-    """A law given that it lies between two values; the parent keeps its parameters.
-
-    Parameters
-    ----------
-    parent : Distribution
-        The law before truncation.
-    lower, upper : float
-        What is left; infinite for an open end.
-    """
-
-    parent: Distribution
-    lower: float = -math.inf
-    upper: float = math.inf
-
-    def __post_init__(self) -> None:
-        problems = list(_above_lower(self.lower, self.upper))
-        if not problems and not self._mass() > 0:
-            found = f"{self.lower:g} to {self.upper:g}, where the law has no probability"
-            problems = [Problem((), found, "limits that leave some of the law")]
-        if problems:
-            raise SettingsError(problems)
-
-    def quantile(self, probability: FloatArray) -> FloatArray:
-        return self._inverse(probability, 1 - probability)
-
-    def exceeded(self, probability: FloatArray) -> FloatArray:
-        return self._inverse(1 - probability, probability)
-
-    def below(self, value: FloatArray) -> FloatArray:
-        x = np.clip(value, self.lower, self.upper)
-        parent, lower = self.parent, np.array(self.lower)
-        if self._is_upper_tail():
-            return (parent.above(lower) - parent.above(x)) / self._mass()
-        return (parent.below(x) - parent.below(lower)) / self._mass()
-
-    def above(self, value: FloatArray) -> FloatArray:
-        x = np.clip(value, self.lower, self.upper)
-        parent, upper = self.parent, np.array(self.upper)
-        if self._is_upper_tail():
-            return (parent.above(x) - parent.above(upper)) / self._mass()
-        return (parent.below(upper) - parent.below(x)) / self._mass()
-
-    def _is_upper_tail(self) -> bool:
-        """Whether what is left lies in the parent's upper half, where 1 - F is the exact one."""
-        return bool(self.parent.below(np.array(self.lower)) > 0.5)
-
-    def _mass(self) -> float:
-        lower, upper = np.array(self.lower), np.array(self.upper)
-        if self._is_upper_tail():
-            return float(self.parent.above(lower) - self.parent.above(upper))
-        return float(self.parent.below(upper) - self.parent.below(lower))
-
-    def _inverse(self, probability: FloatArray, complement: FloatArray) -> FloatArray:
-        lower, upper = np.array(self.lower), np.array(self.upper)
-        if self._is_upper_tail():
-            ends = self.parent.above(lower), self.parent.above(upper)
-            value = self.parent.exceeded(complement * ends[0] + probability * ends[1])
-        else:
-            ends = self.parent.below(lower), self.parent.below(upper)
-            value = self.parent.quantile(complement * ends[0] + probability * ends[1])
-        return np.clip(value, self.lower, self.upper)
-
-
-def _above_lower(lower: float, upper: float) -> Iterator[Problem]:
-    if not lower < upper:
-        yield Problem(("upper",), f"{upper:g}", "a value above lower")
 
 
 def _log(value: FloatArray) -> FloatArray:

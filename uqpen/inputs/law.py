@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.inputs.distributions import Distribution
+from uqpen.inputs.distribution import Distribution
 from uqpen.labels import RUN
 from uqpen.model import Input
 

@@ -7,12 +7,11 @@ from pathlib import Path
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.designs.table import Table as TableDesign
-from uqpen.errors import TableError
+from uqpen.errors import TableError, as_written
 from uqpen.inputs.law import InputLaw
 from uqpen.labels import NAME
 from uqpen.lookup import choices, resolve
 from uqpen.study.table import Table
-from uqpen.units import show
 
 __all__ = ["check_designs", "read_designs"]
 
@@ -25,7 +24,7 @@ def read_designs(table: Table, folder: Path) -> dict[str, Design]:
         if section is None:
             continue
         if not NAME.match(name):
-            section.wrong((), show(name), "a name of letters, digits and _")
+            section.wrong((), as_written(name), "a name of letters, digits and _")
             continue
         design = _design(section, folder)
         if design is not None:
@@ -64,7 +63,7 @@ def _design(table: Table, folder: Path) -> Design | None:
     if kind is None:
         return None
     if kind not in DESIGNS:
-        table.wrong("kind", show(kind), f"a kind of design; {choices(kind, DESIGNS)}")
+        table.wrong("kind", as_written(kind), f"a kind of design; {choices(kind, DESIGNS)}")
         return None
     design: Design | None = table.settings(resolve(DESIGNS[kind]), folder=folder)
     table.close()

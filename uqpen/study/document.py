@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from uqpen.errors import Problem, StudyError
-from uqpen.units import show
+from uqpen.errors import Problem, StudyError, as_written
 
 __all__ = ["Document", "read_document"]
 
@@ -39,10 +38,10 @@ class Document:
     text: str
     content: dict[str, Any]
 
-    def as_written(self, path: Sequence[str | int]) -> str | None:
+    def written_at(self, path: Sequence[str | int]) -> str | None:
         """The value at a path as its author wrote it, near enough; None where there is none."""
         try:
-            return show(_descend(self.content, path))
+            return as_written(_descend(self.content, path))
         except (KeyError, IndexError, TypeError):
             return None
 
@@ -53,7 +52,7 @@ class Document:
         runs on, and has the key from the line on that defines it: so bisect.
         """
         path = list(path)
-        while path and self.as_written(path) is None:
+        while path and self.written_at(path) is None:
             path.pop()
         if not path:
             return None

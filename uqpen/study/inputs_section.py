@@ -6,14 +6,17 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from uqpen.errors import ConstraintError, QuantityError, SettingsError
+from uqpen.errors import ConstraintError, QuantityError, SettingsError, as_written
 from uqpen.inputs.constraints import Constraint, parse_constraint
-from uqpen.inputs.distributions import DISTRIBUTIONS, Distribution, Normal, Truncated
+from uqpen.inputs.distribution import Distribution
+from uqpen.inputs.distributions import DISTRIBUTIONS, Normal
 from uqpen.inputs.law import FixedInput, InputLaw, RandomInput
+from uqpen.inputs.truncated import Truncated
 from uqpen.lookup import choices, resolve
 from uqpen.model import Input, Model
+from uqpen.quantities import parse_quantity, parse_spread
 from uqpen.study.table import Table
-from uqpen.units import DIMENSIONLESS, parse_quantity, parse_spread, show
+from uqpen.units import DIMENSIONLESS
 
 __all__ = ["read_constraints", "read_inputs"]
 
@@ -55,7 +58,7 @@ def read_constraints(
     for position, text in enumerate(table.entries("keep")):
         path = ("keep", position)
         if not isinstance(text, str):
-            table.wrong(path, show(text), 'a comparison such as "a > b"')
+            table.wrong(path, as_written(text), 'a comparison such as "a > b"')
             continue
         try:
             found.append(parse_constraint(text, units))
@@ -81,7 +84,7 @@ def _entry(table: Table, variable: Input, value: Any) -> Entry | None:
             expected += ", or a distribution such as { normal = { mean = …, std = … } }"
         table.wrong(variable.name, error.found, expected)
     except SettingsError:
-        table.wrong(variable.name, show(value), "a standard deviation above 0 behind the ±")
+        table.wrong(variable.name, as_written(value), "a standard deviation above 0 behind the ±")
     else:
         return RandomInput(variable, normal, spread.unit, f"normal {value}")
     return None
@@ -94,7 +97,7 @@ def _fixed(table: Table, variable: Input, written: Any, value: float, unit: str)
     )
     if not inside:
         where = "" if variable.unit == DIMENSIONLESS else f" {variable.unit}"
-        table.wrong(variable.name, show(written), f"a value {bounds}{where}")
+        table.wrong(variable.name, as_written(written), f"a value {bounds}{where}")
         return None
     return FixedInput(variable, value, unit)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uqpen.errors import Problem
+from uqpen.errors import Problem, as_written
 from uqpen.inputs.law import InputLaw
 from uqpen.model import Model, inadmissible
 from uqpen.study.designs_section import check_designs, read_designs
@@ -16,7 +16,7 @@ from uqpen.study.model_section import read_model
 from uqpen.study.outputs_section import read_questions
 from uqpen.study.study import Study
 from uqpen.study.table import Table
-from uqpen.units import describe, show
+from uqpen.units import describe
 
 __all__ = ["load_study", "parse_study"]
 
@@ -95,7 +95,7 @@ def _seed(root: Table) -> int | None:
         root.missing("seed", expected)
         return None
     if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
-        root.wrong("seed", show(seed), expected)
+        root.wrong("seed", as_written(seed), expected)
         return None
     return seed
 

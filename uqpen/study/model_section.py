@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from uqpen.errors import ModelError, QuantityError
+from uqpen.errors import ModelError, QuantityError, as_written
 from uqpen.labels import NAME, RESERVED
 from uqpen.lookup import choices, resolve
 from uqpen.model import Input, Model, Output
 from uqpen.models import MODELS
 from uqpen.models.python_function import PythonFunction, check_signature, load_function
 from uqpen.study.table import Table
-from uqpen.units import show, si_unit
+from uqpen.units import si_unit
 
 __all__ = ["read_model"]
 
@@ -36,7 +36,7 @@ def _built_in(table: Table) -> Model | None:
     if name is None:
         return None
     if name not in MODELS:
-        table.wrong("use", show(name), f"a built-in model; {choices(name, MODELS)}")
+        table.wrong("use", as_written(name), f"a built-in model; {choices(name, MODELS)}")
         return None
     model: Model | None = table.settings(resolve(MODELS[name]))
     return model
@@ -81,11 +81,11 @@ def _variables(table: Table, key: str, called_in: dict[str, str]) -> list[tuple[
         unit = section.take(name)
         if not NAME.match(name) or name in RESERVED:
             expected = f"a name of letters, digits and _, none of {', '.join(sorted(RESERVED))}"
-            section.wrong(name, show(name), expected)
+            section.wrong(name, as_written(name), expected)
         elif name in called_in:
             section.wrong(name, "an output with the name of an input", "names that differ")
         elif not isinstance(unit, str):
-            section.wrong(name, show(unit), 'a unit such as "cm", or "1" where there is none')
+            section.wrong(name, as_written(unit), 'a unit such as "cm", or "1" where there is none')
         else:
             try:
                 si_unit(unit)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from uqpen.analyses.question import USUAL_QUANTILES, Question, Threshold
-from uqpen.errors import QuantityError
+from uqpen.errors import QuantityError, as_written
 from uqpen.lookup import choices
 from uqpen.model import Model, Output
+from uqpen.quantities import parse_quantity
 from uqpen.study.table import Table
-from uqpen.units import are_alike, describe, parse_quantity, show
+from uqpen.units import are_alike, describe
 
 __all__ = ["read_questions"]
 
@@ -49,7 +50,7 @@ def _display_unit(table: Table, output: Output) -> str:
         if unit is not None and are_alike(unit, output.unit):
             return unit
         if unit is not None:
-            table.wrong("unit", show(unit), f"a unit of {describe(output.unit)}")
+            table.wrong("unit", as_written(unit), f"a unit of {describe(output.unit)}")
     except QuantityError as error:
         table.wrong("unit", error.found, error.expected)
     return output.shown_unit
@@ -59,7 +60,7 @@ def _thresholds(table: Table, output: Output) -> tuple[Threshold, ...]:
     found: dict[str, Threshold] = {}
     for position, value in enumerate(table.entries("exceeds")):
         path = ("exceeds", position)
-        text = value.strip() if isinstance(value, str) else show(value)
+        text = value.strip() if isinstance(value, str) else as_written(value)
         if text in found:
             table.wrong(path, f'"{text}" a second time', "each threshold once")
             continue

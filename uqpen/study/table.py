@@ -8,11 +8,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
-from uqpen.errors import Problem, QuantityError, SettingsError
+from uqpen.errors import Problem, QuantityError, SettingsError, as_written
 from uqpen.lookup import choices
+from uqpen.quantities import parse_quantity
 from uqpen.settings import Setting, declared
 from uqpen.study.document import Document
-from uqpen.units import describe, parse_quantity, show
+from uqpen.units import describe
 
 __all__ = ["Table"]
 
@@ -83,7 +84,7 @@ class Table:
                 self.missing(key, expected)
             return default
         if not isinstance(value, str) or not value.strip():
-            self.wrong(key, show(value), expected)
+            self.wrong(key, as_written(value), expected)
             return None
         return value
 
@@ -91,14 +92,14 @@ class Table:
         """True or false."""
         value = self.take(key)
         if value is not None and not isinstance(value, bool):
-            self.wrong(key, show(value), "true or false")
+            self.wrong(key, as_written(value), "true or false")
         return value if isinstance(value, bool) else default
 
     def entries(self, key: str) -> list[Any]:
         """The entries of a list; empty where there is none."""
         value = self.take(key)
         if value is not None and not isinstance(value, list):
-            self.wrong(key, show(value), "a list in square brackets")
+            self.wrong(key, as_written(value), "a list in square brackets")
         return value if isinstance(value, list) else []
 
     def table(self, key: str, expected: str = "") -> Table | None:
@@ -109,7 +110,7 @@ class Table:
                 self.missing(key, expected)
             return None
         if not isinstance(value, dict):
-            self.wrong(key, show(value), expected or "a table")
+            self.wrong(key, as_written(value), expected or "a table")
             return None
         return Table(self.document, self.problems, (*self.path, key), value)
 
@@ -121,7 +122,7 @@ class Table:
             if is_number and 0 < value < 1:
                 found.add(float(value))
             else:
-                self.wrong((key, position), show(value), "a probability between 0 and 1")
+                self.wrong((key, position), as_written(value), "a probability between 0 and 1")
         return tuple(sorted(found))
 
     def settings(self, cls: type[T], *, like: str = "", folder: Path = Path()) -> T | None:
@@ -161,7 +162,7 @@ class Table:
         """Note the problems of a refused object, each as its author wrote it."""
         for problem in error.problems:
             path = (*self.path, *problem.path)
-            written = self.document.as_written(path) if problem.path else None
+            written = self.document.written_at(path) if problem.path else None
             self.problems.append(Problem(path, written or problem.found, problem.expected))
 
     def quantity(self, key: str, like: str, *, difference: bool = False) -> float | None:
@@ -182,12 +183,12 @@ class Table:
         if setting.kind == "file":
             if isinstance(value, str) and value and "\0" not in value:
                 return folder / value
-            self.wrong(key, show(value), setting.expected)
+            self.wrong(key, as_written(value), setting.expected)
             return None
         if setting.kind == "number" and isinstance(value, int) and not isinstance(value, bool):
             return float(value) if abs(value) < 1e300 else math.inf
         if not _is_of_kind(setting, value):
-            self.wrong(key, show(value), setting.expected)
+            self.wrong(key, as_written(value), setting.expected)
         return value
 
 

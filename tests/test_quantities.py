@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uqpen.errors import QuantityError
-from uqpen.units import are_alike, describe, parse_quantity, parse_spread, scale, si_unit
+from uqpen.quantities import parse_quantity, parse_spread
+from uqpen.units import are_alike, describe, scale, si_unit
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,60 @@
+"""What a distribution of an input is.
+
+Both tails have a function each, so that a law truncated far out keeps its accuracy.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.errors import Problem
+from uqpen.settings import validate
+
+__all__ = ["Distribution", "order_problem"]
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class Distribution(ABC):
+    """A continuous law of one variable; probabilities go in and out as arrays of any shape.
+
+    A subclass is a frozen dataclass of its parameters, in SI units.
+    """
+
+    def __post_init__(self) -> None:
+        validate(self, self.disorder())
+
+    def disorder(self) -> Iterator[Problem]:
+        """What is wrong between parameters that are right by themselves."""
+        yield from ()
+
+    @abstractmethod
+    def quantile(self, probability: FloatArray) -> FloatArray:
+        """The value below which the law lies with the given probability."""
+
+    @abstractmethod
+    def exceeded(self, probability: FloatArray) -> FloatArray:
+        """The value above which the law lies with the given probability."""
+
+    @abstractmethod
+    def below(self, value: FloatArray) -> FloatArray:
+        """Probability of lying below a value."""
+
+    @abstractmethod
+    def above(self, value: FloatArray) -> FloatArray:
+        """Probability of lying above a value."""
+
+    @property
+    def median(self) -> float:
+        """The value that is exceeded as often as not."""
+        return float(self.quantile(np.array(0.5)))
+
+
+def order_problem(lower: float, upper: float) -> Iterator[Problem]:
+    """The problem of two ends in the wrong order, if they are."""
+    if not lower < upper:
+        yield Problem(("upper",), f"{upper:g}", "a value above lower")

@@ -1,0 +1,80 @@
+"""A distribution cut off at one end or both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.errors import Problem
+from uqpen.inputs.distribution import Distribution, order_problem
+
+__all__ = ["Truncated"]
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Truncated(Distribution):
+    """A law given that it lies between two values; the parent keeps its parameters.
+
+    Parameters
+    ----------
+    parent : Distribution
+        The law before truncation.
+    lower, upper : float
+        What is left; infinite for an open end.
+    """
+
+    parent: Distribution
+    lower: float = -math.inf
+    upper: float = math.inf
+
+    def disorder(self) -> Iterator[Problem]:
+        yield from order_problem(self.lower, self.upper)
+        if self.lower < self.upper and not self._mass() > 0:
+            found = f"{self.lower:g} to {self.upper:g}, where the law has no probability"
+            yield Problem((), found, "limits that leave some of the law")
+
+    def quantile(self, probability: FloatArray) -> FloatArray:
+        return self._inverse(probability, 1 - probability)
+
+    def exceeded(self, probability: FloatArray) -> FloatArray:
+        return self._inverse(1 - probability, probability)
+
+    def below(self, value: FloatArray) -> FloatArray:
+        x = np.clip(value, self.lower, self.upper)
+        parent, lower = self.parent, np.array(self.lower)
+        if self._is_upper_tail():
+            return (parent.above(lower) - parent.above(x)) / self._mass()
+        return (parent.below(x) - parent.below(lower)) / self._mass()
+
+    def above(self, value: FloatArray) -> FloatArray:
+        x = np.clip(value, self.lower, self.upper)
+        parent, upper = self.parent, np.array(self.upper)
+        if self._is_upper_tail():
+            return (parent.above(x) - parent.above(upper)) / self._mass()
+        return (parent.below(upper) - parent.below(x)) / self._mass()
+
+    def _is_upper_tail(self) -> bool:
+        """Whether what is left lies in the parent's upper half, where 1 - F is the exact one."""
+        return bool(self.parent.below(np.array(self.lower)) > 0.5)
+
+    def _mass(self) -> float:
+        lower, upper = np.array(self.lower), np.array(self.upper)
+        if self._is_upper_tail():
+            return float(self.parent.above(lower) - self.parent.above(upper))
+        return float(self.parent.below(upper) - self.parent.below(lower))
+
+    def _inverse(self, probability: FloatArray, complement: FloatArray) -> FloatArray:
+        lower, upper = np.array(self.lower), np.array(self.upper)
+        if self._is_upper_tail():
+            ends = self.parent.above(lower), self.parent.above(upper)
+            value = self.parent.exceeded(complement * ends[0] + probability * ends[1])
+        else:
+            ends = self.parent.below(lower), self.parent.below(upper)
+            value = self.parent.quantile(complement * ends[0] + probability * ends[1])
+        return np.clip(value, self.lower, self.upper)
