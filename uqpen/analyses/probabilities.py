@@ -199,31 +199,34 @@ def _band_interval(sample: Sample) -> Interval:
 
 def _probabilities(sample: Sample, events: npt.NDArray[np.bool_]) -> _Probabilities:
     """Probabilities of events, each a column over the runs."""
-    errors = [
+    told = [
         sample.standard_error(column.astype(np.float64)) if sample.size > 1 else (np.nan, 0)
         for column in events.T
     ]
-    halves = np.array([student_quantile(freedom, LEVEL) * error for error, freedom in errors])
-    return _from_counts(sample, events.sum(axis=0), halves)
+    errors, freedoms = np.array(told).reshape(-1, 2).T
+    freedom = freedoms[0] if freedoms.size else 0
+    return _from_counts(sample, events.sum(axis=0), errors, freedom)
 
 
 def _below(sample: Sample, values: FloatArray) -> _Probabilities:
     """The distribution function at many values at once."""
     if not sample.size:
-        return _from_counts(sample, np.zeros(values.shape), np.full(values.shape, np.nan))
+        return _from_counts(sample, np.zeros(values.shape), np.full(values.shape, np.nan), 0)
     counts = sample.counts(values)
     total = counts.sum(axis=0)
-    halves = np.full(values.shape, np.nan)
+    errors = np.full(values.shape, np.nan)
     if sample.plan is Plan.REPLICATED:
         # The same ratio error as of any mean, from counts in place of a column of events a value.
         excess = counts - np.outer(sample.replicate_sizes(), total / sample.size)
         replicates = sample.replicates
         variance = (excess**2).sum(axis=0) * replicates / (replicates - 1) / sample.size**2
-        halves = student_quantile(replicates - 1, LEVEL) * np.sqrt(variance)
-    return _from_counts(sample, total, halves)
+        errors = np.sqrt(variance)
+    return _from_counts(sample, total, errors, sample.replicates - 1)
 
 
-def _from_counts(sample: Sample, events: npt.ArrayLike, halves: FloatArray) -> _Probabilities:
+def _from_counts(
+    sample: Sample, events: npt.ArrayLike, errors: FloatArray, freedom: float
+) -> _Probabilities:
     """Estimates from counts, with the t interval where its condition holds, else the binomial."""
     counted = np.asarray(events, dtype=np.float64)
     missing = np.full(counted.shape, np.nan)
@@ -236,16 +239,20 @@ def _from_counts(sample: Sample, events: npt.ArrayLike, halves: FloatArray) -> _
     if sample.plan is Plan.INDEPENDENT:
         return _Probabilities(estimate, lower, upper, Interval(_BINOMIAL, "discrete"))
     regular = np.minimum(counted, sample.size - counted) >= FEWEST_BEYOND
-    regular &= np.isfinite(halves)
+    regular &= np.isfinite(errors)
+    halves = student_quantile(freedom, LEVEL) * np.maximum(errors, sample.rounding_error)
     lower = np.where(regular, np.maximum(estimate - halves, 0.0), lower)
     upper = np.where(regular, np.minimum(estimate + halves, 1.0), upper)
-    return _Probabilities(estimate, lower, upper, _t_interval(sample, regular))
+    is_rounded = bool((errors < sample.rounding_error)[regular].any())
+    interval = _t_interval(sample, regular, is_rounded=is_rounded)
+    return _Probabilities(estimate, lower, upper, interval)
 
 
-def _t_interval(sample: Sample, regular: npt.NDArray[np.bool_]) -> Interval:
+def _t_interval(sample: Sample, regular: npt.NDArray[np.bool_], *, is_rounded: bool) -> Interval:
     over = "over replicates" if sample.plan is Plan.REPLICATED else "on additive residuals"
-    if regular.all():
-        return Interval(f"Student t {over}")
     if not regular.any():
         return Interval(_BINOMIAL, "conservative")
-    return Interval(f"Student t {over}; {_FEW}", "discrete")
+    method = f"Student t {over}" if regular.all() else f"Student t {over}; {_FEW}"
+    if sample.plan is Plan.SINGLE:
+        return Interval(method, "conservative")
+    return Interval(method, "discrete" if is_rounded or not regular.all() else "nominal")

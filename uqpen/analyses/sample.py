@@ -38,8 +38,10 @@ class Sample:
     ----------
     values : ndarray, shape (run,)
         In the variable's SI unit.
-    inputs : ndarray, shape (run, random input)
-        The points.
+    points : ndarray, shape (point, random input)
+        The points, those of lost runs too.
+    used : ndarray of int, shape (run,)
+        Which of the points came back.
     replicate : ndarray of int, shape (run,)
         The replicate of each run, from 0.
     replicates : int
@@ -49,7 +51,8 @@ class Sample:
     """
 
     values: FloatArray
-    inputs: FloatArray
+    points: FloatArray
+    used: IntArray
     replicate: IntArray
     replicates: int
     sampling: Sampling
@@ -59,17 +62,19 @@ class Sample:
         """The sample of a variable in a runs dataset; lost runs are left out unless asked for."""
         used = np.flatnonzero((runs[STATUS].values == Status.OK) | with_lost)
         random = [
-            variable.values[used]
+            variable.values
             for variable in runs.data_vars.values()
             if variable.attrs.get(ROLE) == "input" and variable.dims == (RUN,)
         ]
-        inputs = np.column_stack(random) if random else np.empty((used.size, 0))
-        replicate = np.zeros(runs.sizes[RUN], dtype=np.int64)
+        total = runs.sizes[RUN]
+        points = np.column_stack(random) if random else np.empty((total, 0))
+        replicate = np.zeros(total, dtype=np.int64)
         if REPLICATE in runs.coords:
             replicate = runs[REPLICATE].values.astype(np.int64)
         return cls(
             values=runs[name].values[used].astype(np.float64),
-            inputs=inputs,
+            points=points,
+            used=used,
             replicate=replicate[used],
             replicates=int(replicate.max(initial=0)) + 1,
             sampling=Sampling(runs.attrs[SAMPLING]),
@@ -94,6 +99,15 @@ class Sample:
             return Plan.INDEPENDENT
         return Plan.REPLICATED if self.replicates > 1 else Plan.SINGLE
 
+    @property
+    def rounding_error(self) -> float:
+        """Standard error that a share may have because runs are counted whole, at most.
+
+        Over strata a replicate's count is one of two whole numbers, so it scatters by half a run
+        at most; where the replicates happen to agree, their scatter tells nothing of it.
+        """
+        return 0.5 * math.sqrt(self.replicates) / self.size
+
     def standard_error(self, influence: FloatArray) -> tuple[float, float]:
         """Standard error of a mean over the sample, and its degrees of freedom.
 
@@ -112,8 +126,16 @@ class Sample:
         if self.plan is Plan.REPLICATED:
             return ratio_error(influence, self.replicate, self.replicates)
         if self.plan is Plan.SINGLE:
-            return additive_residual_error(influence, self.inputs)
+            return self._single_error(influence)
         return float(influence.std(ddof=1)) / math.sqrt(self.size), self.size - 1
+
+    def _single_error(self, influence: FloatArray) -> tuple[float, float]:
+        # What is stratified are all the points: with lost runs the mean is a ratio of sums over
+        # them, and a lost run adds nothing to either.
+        deviation = np.zeros(len(self.points))
+        deviation[self.used] = influence - influence.mean()
+        error, freedom = additive_residual_error(deviation, self.points)
+        return error * len(self.points) / self.size, freedom
 
     def counts(self, thresholds: FloatArray) -> IntArray:
         """How many values lie at or below each threshold, by replicate.
