@@ -14,7 +14,7 @@ PATHS = st.lists(st.one_of(st.text(max_size=5), st.integers(0, 100)), max_size=4
 
 def test_the_same_names_give_the_same_numbers() -> None:
     first = Stream(5876, "designs", "a").generator("points", 0).random(4)
-    again = Stream(5876).at("designs", "a").at("points").generator(0).random(4)
+    again = Stream(5876, "designs", "a", "points").generator(0).random(4)
     np.testing.assert_array_equal(first, again)
 
 

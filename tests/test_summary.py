@@ -120,23 +120,23 @@ def test_lost_runs_are_counted_and_their_probability_told(tables: dict[str, Outp
     assert "±" in cell(table, "P(inadmissible)", "few") or "…" in cell(
         table, "P(inadmissible)", "few"
     )
-    assert any("given the inputs being admissible" in note for note in table.notes)
+    assert any("conditional on admissible inputs" in note for note in table.notes)
 
 
 def test_a_figure_without_an_interval_says_why(tables: dict[str, OutputTable]) -> None:
     table = tables["penetration_depth [cm]"]
     assert "±" not in cell(table, "sd", "few")
     assert any("heavy tail" in note for note in table.notes)
-    assert "half spread 16–84 %" in dict(table.rows)
+    assert "half 16–84 % range" in dict(table.rows)
 
 
 def test_a_bound_that_too_few_runs_give_says_how_many_it_takes(
     tables: dict[str, OutputTable],
 ) -> None:
     table = tables["penetration_depth [cm]"]
-    assert "at most" in cell(table, "held with 90 %", "few")
-    assert "at most" not in cell(table, "held with 99.99 %", "few")
-    assert any("29\u202f956 runs" in note for note in table.notes)
+    assert "at most" in cell(table, "not exceeded, 90 %", "few")
+    assert "at most" not in cell(table, "not exceeded, 99.99 %", "few")
+    assert any("at least 29956 runs" in note for note in table.notes)
 
 
 def test_a_wider_interval_than_need_be_says_so(tables: dict[str, OutputTable]) -> None:

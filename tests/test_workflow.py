@@ -62,7 +62,7 @@ class TestConcrete:
         assert probability["lower"] < 4.9e-4 < probability["upper"]
         attributes = concrete[f"moments/{design}"].attrs
         assert attributes["runs_used"] + attributes["runs_inadmissible"] == 10_000
-        assert attributes["conditional_on"] == "the inputs being admissible"
+        assert attributes["conditional_on"] == "admissible inputs"
 
     def test_a_third_of_the_rods_stop_while_they_erode(
         self, concrete: xr.DataTree, design: str

@@ -12,10 +12,11 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.inputs.constraints import Constraint
-from uqpen.labels import BLOCK, LOST, REASON, REPLICATE, ROLE, ROUND, RUN, STATUS, Status
+from uqpen.labels import LOST, REASON, REPLICATE, ROLE, ROUND, RUN, STATUS, Status
 from uqpen.model import Model, Output, Results, inadmissible
+from uqpen.streams import BLOCK
 
-__all__ = ["Evaluator", "Map", "evaluate", "join"]
+__all__ = ["Evaluator", "Map", "evaluate", "join", "status_counts"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -156,6 +157,12 @@ def join(rounds: Sequence[xr.Dataset]) -> xr.Dataset:
         if REASON in runs
     ]
     return joined.merge(xr.concat(lost, LOST)) if lost else joined
+
+
+def status_counts(runs: xr.Dataset) -> dict[Status, int]:
+    """How many runs ended with each status."""
+    counts = np.bincount(runs[STATUS].values.astype(np.int64), minlength=len(Status))
+    return {status: int(counts[status]) for status in Status}
 
 
 def _batches(runs: int, *, vectorized: bool) -> Iterator[slice]:

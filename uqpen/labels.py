@@ -11,15 +11,14 @@ from enum import IntEnum, StrEnum
 from types import MappingProxyType
 
 __all__ = [
-    "BLOCK",
     "BOUND",
     "BOUNDS",
     "CDFS",
     "CONDITIONAL",
     "EXCEEDANCE",
-    "GROUPS",
     "HOLDS",
     "LOST",
+    "MISSING",
     "MOMENTS",
     "NAME",
     "QUANTILES",
@@ -59,6 +58,7 @@ RANK = "rank"
 ROLE = "role"
 SAMPLING = "sampling"
 CONDITIONAL = "conditional_on"
+MISSING = "missing"
 
 RUNS = "runs"
 MOMENTS = "moments"
@@ -69,14 +69,9 @@ CDFS = "cdfs"
 SHARES = "shares"
 STATUSES = "statuses"
 TRAJECTORY = "trajectory"
-GROUPS = (RUNS, MOMENTS, QUANTILES, HOLDS, EXCEEDANCE, CDFS, SHARES, STATUSES, TRAJECTORY)
 
 # Names that the datasets of an archive use themselves.
 RESERVED = frozenset({RUN, BOUND, REPLICATE, ROUND, STATUS, LOST, REASON, RANK})
-
-# Draws and reductions work in blocks of this many runs, whatever the machine: summing in other
-# pieces would change a result's last bits.
-BLOCK = 65_536
 
 
 class Status(IntEnum):

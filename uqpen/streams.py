@@ -12,7 +12,11 @@ import json
 
 import numpy as np
 
-__all__ = ["Stream"]
+__all__ = ["BLOCK", "Stream"]
+
+# Points are drawn from a generator of its own for each so many, whatever the machine: more runs
+# then keep those there were.
+BLOCK = 65_536
 
 
 class Stream:
@@ -36,10 +40,6 @@ class Stream:
     def __init__(self, seed: int, *path: str | int) -> None:
         self.seed = seed
         self.path = path
-
-    def at(self, *path: str | int) -> Stream:
-        """The stream further down at `path`."""
-        return Stream(self.seed, *self.path, *path)
 
     def generator(self, *path: str | int) -> np.random.Generator:
         """A generator for the stream at `path`, always the same one for the same names."""

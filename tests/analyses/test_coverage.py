@@ -18,8 +18,9 @@ import pytest
 import xarray as xr
 from scipy import stats
 
+from uqpen.analyses.cdfs import cdf
 from uqpen.analyses.moments import moments
-from uqpen.analyses.probabilities import cdf, exceedance
+from uqpen.analyses.probabilities import exceedance
 from uqpen.analyses.quantiles import holds, quantiles
 from uqpen.analyses.question import Question, Threshold
 from uqpen.analyses.sample import Sample
@@ -34,6 +35,7 @@ from uqpen.labels import SAMPLING
 from uqpen.model import Input, Output
 from uqpen.models.python_function import PythonFunction
 from uqpen.streams import Stream
+from uqpen.summary.tables import told
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -169,7 +171,7 @@ def seen(answer: xr.DataArray, truth: float) -> Seen:
     # A one-sided bound has no lower one.
     covers = truth <= upper and not lower > truth
     half = upper - estimate if math.isnan(lower) else (upper - lower) / 2
-    return Seen(answer.attrs["interval_label"], covers, half, estimate - truth)
+    return Seen(told(answer, "interval_label"), covers, half, estimate - truth)
 
 
 def intervals(problem: Problem, drawn: Sample) -> Iterator[tuple[str, Seen]]:

@@ -17,9 +17,8 @@ from uqpen.designs.table import Table
 from uqpen.errors import SettingsError, TableError
 from uqpen.inputs.distributions import Normal, Uniform
 from uqpen.inputs.law import FixedInput, InputLaw, RandomInput
-from uqpen.labels import BLOCK
 from uqpen.model import Input
-from uqpen.streams import Stream
+from uqpen.streams import BLOCK, Stream
 
 LENGTH, MASS, SHARE = Input("length", "m"), Input("mass", "kg"), Input("share", "1")
 LAW = InputLaw(

@@ -14,6 +14,6 @@ ANALYSES = {
     "quantiles": "uqpen.analyses.quantiles:quantiles",
     "holds": "uqpen.analyses.quantiles:holds",
     "exceedance": "uqpen.analyses.probabilities:exceedance",
-    "cdfs": "uqpen.analyses.probabilities:cdf",
+    "cdfs": "uqpen.analyses.cdfs:cdf",
     "shares": "uqpen.analyses.probabilities:shares",
 }

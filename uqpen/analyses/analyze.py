@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 import xarray as xr
 
 from uqpen.analyses import ANALYSES
 from uqpen.analyses.probabilities import statuses
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Sample
-from uqpen.labels import CONDITIONAL, STATUS, STATUSES, Status
+from uqpen.evaluation import status_counts
+from uqpen.labels import CONDITIONAL, MISSING, RUN, STATUSES, Status
 from uqpen.lookup import resolve
 
-__all__ = ["analyze", "status_counts"]
+__all__ = ["analyze"]
 
 
 def analyze(runs: xr.Dataset, questions: Sequence[Question]) -> dict[str, xr.Dataset]:
@@ -36,14 +36,7 @@ def analyze(runs: xr.Dataset, questions: Sequence[Question]) -> dict[str, xr.Dat
     samples = {
         question.output.name: Sample.of(runs, question.output.name) for question in questions
     }
-    counted = status_counts(runs)
-    attributes: dict[str, int | str] = {
-        "runs": int(runs[STATUS].size),
-        "runs_used": counted[Status.OK],
-        **{f"runs_{status.meaning}": lost for status, lost in counted.items() if status},
-    }
-    if Status.INADMISSIBLE in counted:
-        attributes[CONDITIONAL] = "the inputs being admissible"
+    attributes = _accounts(runs)
     groups = {}
     for name, reference in ANALYSES.items():
         analysis = resolve(reference)
@@ -60,9 +53,18 @@ def analyze(runs: xr.Dataset, questions: Sequence[Question]) -> dict[str, xr.Dat
     return groups
 
 
-def status_counts(runs: xr.Dataset) -> dict[Status, int]:
-    """How many runs ended with each status; statuses that none has are left out, but for ok."""
-    counts = np.bincount(runs[STATUS].values.astype(np.int64), minlength=len(Status))
-    return {
-        status: int(counts[status]) for status in Status if counts[status] or status is Status.OK
+def _accounts(runs: xr.Dataset) -> dict[str, int | str]:
+    """What a group of statistics says of the runs that it is of."""
+    counts = status_counts(runs)
+    lost = {status: count for status, count in counts.items() if count and status}
+    attributes: dict[str, int | str] = {
+        "runs": int(runs.sizes[RUN]),
+        "runs_used": counts[Status.OK],
+        **{f"runs_{status.meaning}": count for status, count in lost.items()},
     }
+    if lost.pop(Status.INADMISSIBLE, 0):
+        attributes[CONDITIONAL] = "admissible inputs"
+    if lost:
+        share = sum(lost.values()) / (sum(lost.values()) + counts[Status.OK])
+        attributes[MISSING] = f"{100 * share:.2g} % of the admissible runs"
+    return attributes

@@ -1,83 +1,101 @@
-"""An estimate with its bounds, as every analysis gives it."""
+"""An estimate: a figure with its bounds, how they were made, or why there are none."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.analyses.sample import Plan, Sample
 from uqpen.labels import BOUND, BOUNDS
 
-__all__ = ["LEVEL", "Interval", "bounded", "reason_for_none"]
+__all__ = ["LEVEL", "Estimate"]
 
+# The probability with which an interval covers, and the confidence of a one-sided bound.
 LEVEL = 0.95
 
 
 @dataclass(frozen=True)
-class Interval:
-    """How an interval was made, for whoever reads it.
+class Estimate:
+    """A figure with its bounds.
 
     Parameters
     ----------
+    value, lower, upper : float
+        NaN for what there is not.
     method : str
-        The formula in words; ``"none"`` where there is no interval.
+        The formula of the bounds, in words.
     label : str
-        ``"nominal"``: it covers as often as its level says. ``"discrete"``, ``"conservative"``: at
-        least as often. ``"none"``: there is none.
+        ``"nominal"``: they cover as often as `LEVEL` says. ``"discrete"``: at least as often, for
+        counts are whole numbers. ``"conservative"``: at least as often. ``"none"``: there are none.
     note : str
-        What a reader must know: why there is none, or when it may cover less.
-    level : float
-        The probability it covers with.
+        What a reader must know: why there are none, or when they may cover less.
     """
 
+    value: float
+    lower: float
+    upper: float
     method: str
-    label: str = "nominal"
+    label: str
     note: str = ""
-    level: float = LEVEL
 
     @classmethod
-    def none(cls, reason: str) -> Interval:
-        """No interval, and why."""
-        return cls("none", "none", reason)
+    def without_bounds(cls, value: float, reason: str) -> Estimate:
+        """A figure that has no bounds, and why."""
+        return cls(value, math.nan, math.nan, "none", "none", reason)
 
+    def noting(self, note: str) -> Estimate:
+        """The same estimate with another note."""
+        return replace(self, note=note)
 
-def bounded(
-    estimate: npt.ArrayLike,
-    lower: npt.ArrayLike,
-    upper: npt.ArrayLike,
-    interval: Interval,
-    *,
-    dims: tuple[str, ...] = (),
-    units: str,
-    long_name: str,
-) -> xr.DataArray:
-    """An estimate with its bounds, along a last dimension ``bound``.
+    @property
+    def bounds(self) -> tuple[float, float, float]:
+        """Value, lower and upper bound."""
+        return self.value, self.lower, self.upper
 
-    Bounds are NaN where there are none; the attributes say how they were made, or why not.
-    """
-    stacked = np.stack(np.broadcast_arrays(estimate, lower, upper), axis=-1).astype(np.float64)
-    attributes: dict[str, str | float] = {
-        "units": units,
-        "long_name": long_name,
-        "interval": interval.method,
-        "interval_label": interval.label,
-    }
-    if interval.label != "none":
-        attributes["interval_level"] = interval.level
-    if interval.note:
-        attributes["note"] = interval.note
-    return xr.DataArray(stacked, {BOUND: list(BOUNDS)}, (*dims, BOUND), attrs=attributes)
+    def to_array(self, *, units: str, long_name: str) -> xr.DataArray:
+        """The estimate along ``bound``; its attributes say how the bounds were made."""
+        attributes: dict[str, str | float] = {
+            "units": units,
+            "long_name": long_name,
+            "interval": self.method,
+            "interval_label": self.label,
+        }
+        if self.label != "none":
+            attributes["interval_level"] = LEVEL
+        if self.note:
+            attributes["note"] = self.note
+        return xr.DataArray(list(self.bounds), {BOUND: list(BOUNDS)}, (BOUND,), attrs=attributes)
 
+    @staticmethod
+    def stack(
+        estimates: Sequence[Estimate], dimension: str, *, units: str, long_name: str
+    ) -> xr.DataArray:
+        """Several estimates along a dimension and ``bound``.
 
-def reason_for_none(sample: Sample) -> str:
-    """Why no interval at all can be told for a sample; empty where one can."""
-    if sample.plan is Plan.UNKNOWN:
-        return "the table does not say that its points are independent (independent = true)"
-    if sample.size == 0:
-        return "no run came back"
-    if sample.size == 1:
-        return "a single run has no scatter"
-    return ""
+        How the bounds of each were made stands in coordinates along the dimension, as what was
+        asked beside it must not change what is said of a figure.
+        """
+        array = xr.DataArray(
+            np.array([estimate.bounds for estimate in estimates]),
+            {BOUND: list(BOUNDS)},
+            (dimension, BOUND),
+            attrs={"units": units, "long_name": long_name, "interval_level": LEVEL},
+        )
+        told = {
+            "interval": [estimate.method for estimate in estimates],
+            "interval_label": [estimate.label for estimate in estimates],
+            "note": [estimate.note for estimate in estimates],
+        }
+        return array.assign_coords(
+            {
+                f"{dimension}_{name}": (
+                    dimension,
+                    np.array(texts, dtype=object),
+                    {"long_name": name.replace("_", " ")},
+                )
+                for name, texts in told.items()
+            }
+        )

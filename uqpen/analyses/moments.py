@@ -1,21 +1,26 @@
-"""Mean, standard deviation, skewness and kurtosis, and what the tail allows to say of them."""
+"""Mean, spread, skewness and kurtosis, and what the tail allows to say of them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
-from uqpen.analyses.estimate import LEVEL, Interval, bounded, reason_for_none
-from uqpen.analyses.quantiles import half_spread
+from uqpen.analyses.estimate import LEVEL, Estimate
+from uqpen.analyses.quantiles import is_regular, quantile
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Plan, Sample
 from uqpen.intervals import student_quantile
 
 __all__ = ["moments"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 
 # Where the standard deviation's interval stopped covering in simulations: a tail so heavy that
 # only a few runs decide the variance. With few runs a heavy tail need not show in them: below the
@@ -29,46 +34,16 @@ _DOUBTFUL_KURTOSIS = 4.5
 # Means over replicates covered less than said on heavy tails below this many runs.
 _FEWEST_RUNS_FOR_HEAVY_MEANS = 5000
 
-_MEAN_INTERVALS = {
-    Plan.INDEPENDENT: Interval("Student t"),
-    Plan.REPLICATED: Interval("Student t over replicates"),
-    Plan.SINGLE: Interval("Student t on the residuals of an additive fit", "conservative"),
-}
+# About one standard deviation either side of the median, for a normal law.
+_LOW, _HIGH = 0.16, 0.84
 
-
-@dataclass(frozen=True)
-class _Tail:
-    """How much of the variance hangs on how few runs."""
-
-    runs: int
-    kurtosis: float
-    effective_runs: float
-
-    @classmethod
-    def of(cls, squares: np.ndarray) -> _Tail:
-        """The tail of squared deviations from the mean."""
-        second, fourth = float(squares.sum()), float(squares @ squares)
-        if not fourth > 0:
-            return cls(len(squares), math.nan, math.nan)
-        return cls(len(squares), len(squares) * fourth / second**2, second**2 / fourth)
-
-    @property
-    def is_heavy(self) -> bool:
-        return self.kurtosis > _HEAVY_KURTOSIS and self.effective_runs < _FEWEST_EFFECTIVE_RUNS
-
-    def __str__(self) -> str:
-        return f"kurtosis {self.kurtosis:.3g}, {self.effective_runs:.0f} effective runs"
+_NO_TAIL_SEEN = f"fewer than {_FEWEST_RUNS_FOR_TAILS} runs do not show a heavy tail"
+_DIAGNOSIS = "a diagnosis of the tail, not an estimate"
+_CONSTANT = "the output does not vary"
 
 
 def moments(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataArray]]:
     """Moments of an output, with the tail's kurtosis and effective number of runs.
-
-    Parameters
-    ----------
-    sample : Sample
-        The runs that came back.
-    question : Question
-        Its output says the units.
 
     Yields
     ------
@@ -80,78 +55,181 @@ def moments(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataAr
     """
     if question.output.categories:
         return
-    name, units = question.output.name, question.output.unit
-    title = question.output.title
-    mean = float(sample.values.mean()) if sample.size else math.nan
-    deviations = sample.values - mean
-    tail = _Tail.of(deviations**2)
-    yield f"{name}_mean", _mean(sample, mean, tail, units, f"mean of {title}")
-    yield f"{name}_std", _std(sample, deviations, tail, units, f"standard deviation of {title}")
-    yield f"{name}_half_spread", half_spread(sample, units, title)
-    for statistic, value, why in (
-        ("skewness", _skewness(deviations), "no interval was found that covers"),
-        ("kurtosis", tail.kurtosis, "a diagnosis of the tail, not an estimate"),
-        ("effective_runs", tail.effective_runs, "a diagnosis of the tail, not an estimate"),
+    name, title = question.output.name, question.output.title
+    shape = _Shape(sample)
+    for statistic, estimate, long_name in (
+        ("mean", _mean(sample, shape), "mean"),
+        ("std", _std(sample, shape), "standard deviation"),
+        ("half_spread", _half_spread(sample), "half the 16 % to 84 % range"),
     ):
+        array = estimate.to_array(units=question.output.unit, long_name=f"{long_name} of {title}")
+        yield f"{name}_{statistic}", array
+    for statistic, value, reason in (
+        ("skewness", shape.skewness, "no interval was found that covers"),
+        ("kurtosis", shape.kurtosis, _DIAGNOSIS),
+        ("effective_runs", shape.effective_runs, _DIAGNOSIS),
+    ):
+        why = _CONSTANT if sample.is_constant else sample.reason_for_none or reason
         long_name = f"{statistic.replace('_', ' ')} of {title}"
-        none = Interval.none(why if sample.size else reason_for_none(sample))
-        yield (
-            f"{name}_{statistic}",
-            bounded(value, math.nan, math.nan, none, units="1", long_name=long_name),
+        estimate = Estimate.without_bounds(value, why)
+        yield f"{name}_{statistic}", estimate.to_array(units="1", long_name=long_name)
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """A sample's deviations from its mean, and how much of them hangs on how few runs."""
+
+    sample: Sample
+
+    @cached_property
+    def mean(self) -> float:
+        values = self.sample.values
+        if not self.sample.size or self.sample.is_constant:
+            return float(values[0]) if self.sample.size else math.nan
+        # The sum of values over their largest cannot overflow.
+        largest = float(np.abs(values).max())
+        return float((values / largest).mean()) * largest
+
+    @cached_property
+    def scale(self) -> float:
+        """The largest deviation: powers of what is divided by it neither overflow nor vanish."""
+        if not self.sample.size:
+            return math.nan
+        return float(np.abs(self.sample.values - self.mean).max())
+
+    @cached_property
+    def deviations(self) -> FloatArray:
+        """Deviations from the mean over `scale`."""
+        if not self.scale > 0:
+            return np.zeros(self.sample.size)
+        scaled: FloatArray = (self.sample.values - self.mean) / self.scale
+        return scaled
+
+    def _moment(self, power: int) -> float:
+        return float((self.deviations**power).mean()) if self.scale > 0 else math.nan
+
+    @property
+    def skewness(self) -> float:
+        return float(self._moment(3) / self._moment(2) ** 1.5)
+
+    @property
+    def kurtosis(self) -> float:
+        return self._moment(4) / self._moment(2) ** 2
+
+    @property
+    def effective_runs(self) -> float:
+        return self.sample.size / self.kurtosis
+
+    @property
+    def is_heavy(self) -> bool:
+        is_few = self.effective_runs < _FEWEST_EFFECTIVE_RUNS
+        return self.kurtosis > _HEAVY_KURTOSIS and is_few
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether a heavier tail may be there that these runs do not show."""
+        if self.sample.size < _ENOUGH_RUNS_FOR_TAILS:
+            return True
+        is_few = self.effective_runs < _FEWEST_EFFECTIVE_RUNS
+        return self.kurtosis > _DOUBTFUL_KURTOSIS and is_few
+
+    @property
+    def tail(self) -> str:
+        """The tail in figures."""
+        return f"kurtosis {self.kurtosis:.3g}, {self.effective_runs:.0f} effective runs"
+
+
+def _mean(sample: Sample, shape: _Shape) -> Estimate:
+    if reason := sample.reason_for_none:
+        return Estimate.without_bounds(shape.mean, reason)
+    error, freedom = sample.standard_error(shape.deviations)
+    half = student_quantile(freedom, LEVEL) * error * shape.scale
+    ends = shape.mean - half, shape.mean + half
+    is_replicated = sample.plan is Plan.REPLICATED
+    if sample.plan is Plan.SINGLE:
+        method = "Student t on the residuals of an additive fit"
+        estimate = Estimate(shape.mean, *ends, method, "conservative")
+    else:
+        method = "Student t over replicates" if is_replicated else "Student t"
+        estimate = Estimate(shape.mean, *ends, method, "nominal")
+    if is_replicated and shape.is_heavy and sample.size < _FEWEST_RUNS_FOR_HEAVY_MEANS:
+        return estimate.noting(
+            f"heavy tail ({shape.tail}): below 5 000 runs it may cover less often than it says"
         )
+    if sample.size < _FEWEST_RUNS_FOR_TAILS and not sample.is_constant:
+        return estimate.noting(f"{_NO_TAIL_SEEN}; with one it covers less often than it says")
+    return estimate
 
 
-def _mean(sample: Sample, mean: float, tail: _Tail, units: str, long_name: str) -> xr.DataArray:
-    if reason := reason_for_none(sample):
-        none = Interval.none(reason)
-        return bounded(mean, math.nan, math.nan, none, units=units, long_name=long_name)
-    error, freedom = sample.standard_error(sample.values)
-    half = student_quantile(freedom, LEVEL) * error
-    interval = _MEAN_INTERVALS[sample.plan]
-    is_doubtful = sample.plan is Plan.REPLICATED and sample.size < _FEWEST_RUNS_FOR_HEAVY_MEANS
-    if is_doubtful and tail.is_heavy:
-        note = f"heavy tail ({tail}): below 5 000 runs it may cover less often than it says"
-        interval = replace(interval, note=note)
-    elif is_doubtful and sample.size < _FEWEST_RUNS_FOR_TAILS:
-        note = (
-            f"fewer than {_FEWEST_RUNS_FOR_TAILS} runs do not show a heavy tail: "
-            "with one it covers less often than it says"
-        )
-        interval = replace(interval, note=note)
-    return bounded(mean, mean - half, mean + half, interval, units=units, long_name=long_name)
-
-
-def _std(
-    sample: Sample, deviations: np.ndarray, tail: _Tail, units: str, long_name: str
-) -> xr.DataArray:
-    reason = reason_for_none(sample)
-    std = float(deviations.std(ddof=1)) if sample.size > 1 else math.nan
-    if not reason:
-        # What the sample's mean takes from the squares is its own variance, which over strata is
-        # less than that of independent draws; for those it makes the divisor one run less.
-        std = math.hypot(float(deviations.std()), sample.standard_error(sample.values)[0])
-    if not reason and sample.size < _FEWEST_RUNS_FOR_TAILS:
-        reason = f"fewer than {_FEWEST_RUNS_FOR_TAILS} runs do not show a heavy tail"
-    if not reason and tail.is_heavy:
-        reason = f"heavy tail ({tail}): no interval covers; see the half spread"
-    if reason or not std > 0:
-        none = Interval.none(reason or "the output does not vary")
-        return bounded(std, math.nan, math.nan, none, units=units, long_name=long_name)
+def _std(sample: Sample, shape: _Shape) -> Estimate:
+    if sample.size < 2 or sample.is_constant:
+        value = 0.0 if sample.size > 1 else math.nan
+        return Estimate.without_bounds(value, sample.reason_for_none or _CONSTANT)
+    if reason := sample.reason_for_none:
+        return Estimate.without_bounds(float(shape.deviations.std(ddof=1)) * shape.scale, reason)
+    # What the sample's mean takes from the squares is its own variance, which over strata is
+    # less than that of independent draws; for those it makes the divisor one run less.
+    error, freedom = sample.standard_error(shape.deviations)
+    std = math.hypot(float(shape.deviations.std()), error)
+    if sample.size < _FEWEST_RUNS_FOR_TAILS:
+        return Estimate.without_bounds(std * shape.scale, _NO_TAIL_SEEN)
+    if shape.is_heavy:
+        reason = f"heavy tail ({shape.tail}): no interval covers; see half the 16–84 % range"
+        return Estimate.without_bounds(std * shape.scale, reason)
     # The delta method on log(std), whose law is closer to normal than that of std itself.
-    error, freedom = sample.standard_error(deviations**2)
-    half = student_quantile(freedom, LEVEL) * error / (2 * std**2)
+    error, freedom = sample.standard_error(shape.deviations**2)
+    factor = math.exp(student_quantile(freedom, LEVEL) * error / (2 * std**2))
+    value = std * shape.scale
+    label = "conservative" if sample.plan is Plan.SINGLE else "nominal"
     method = f"delta method on the logarithm, {sample.plan}"
-    interval = Interval(method, "conservative" if sample.plan is Plan.SINGLE else "nominal")
-    is_doubtful = tail.kurtosis > _DOUBTFUL_KURTOSIS
-    if sample.size < _ENOUGH_RUNS_FOR_TAILS or (
-        is_doubtful and tail.effective_runs < _FEWEST_EFFECTIVE_RUNS
-    ):
-        note = "if the tail is heavier than these runs show, it covers less often than it says"
-        interval = replace(interval, note=note)
-    lower, upper = std * math.exp(-half), std * math.exp(half)
-    return bounded(std, lower, upper, interval, units=units, long_name=long_name)
+    estimate = Estimate(value, value / factor, value * factor, method, label)
+    if shape.is_doubtful:
+        return estimate.noting(
+            "if the tail is heavier than these runs show, it covers less often than it says"
+        )
+    return estimate
 
 
-def _skewness(deviations: np.ndarray) -> float:
-    variance = float((deviations**2).mean()) if deviations.size else 0.0
-    return float((deviations**3).mean()) / variance**1.5 if variance > 0 else math.nan
+def _half_spread(sample: Sample) -> Estimate:
+    """Half the distance from the 16 % to the 84 % quantile.
+
+    For a normal law it is the standard deviation all but for half a per cent; unlike that, it has
+    an interval on a heavy tail too. Its ends are as far off as Woodruff's of both quantiles, by the
+    correlation of their errors (Zou, G. Y. (2007). Psychol. Methods 12, 399-413).
+    """
+    asked = np.array([_LOW, _HIGH])
+    ends = quantile(sample, asked)
+    value = float(ends[1] / 2 - ends[0] / 2)
+    reason = sample.reason_for_none
+    if not reason and not is_regular(sample, sample.size * _LOW):
+        reason = f"{sample.size} runs are too few"
+    if reason:
+        return Estimate.without_bounds(value, reason)
+    below = [sample.values <= end for end in ends]
+    errors, freedoms, _ = zip(*(sample.share_error(events) for events in below), strict=True)
+    correlation = _correlation(sample, below[0], below[1])
+    step = student_quantile(freedoms[0], LEVEL) * np.array(errors)
+    down = (ends - quantile(sample, np.clip(asked - step, 0.0, 1.0))) / 2
+    up = (quantile(sample, np.clip(asked + step, 0.0, 1.0)) - ends) / 2
+    return Estimate(
+        value,
+        value - _combined(up[0], down[1], correlation),
+        value + _combined(down[0], up[1], correlation),
+        f"two Woodruff intervals combined, {sample.plan}",
+        "conservative" if sample.plan is Plan.SINGLE else "discrete",
+    )
+
+
+def _correlation(sample: Sample, one: BoolArray, other: BoolArray) -> float:
+    """Correlation of the errors of two shares, as far as their scatter tells it."""
+    first, second = sample.standard_error(one * 1.0)[0], sample.standard_error(other * 1.0)[0]
+    if not first * second > 0:
+        return 0.0
+    between, _ = sample.standard_error(other * 1.0 - one)
+    correlation = (first**2 + second**2 - between**2) / (2 * first * second)
+    return min(max(correlation, -1.0), 1.0)
+
+
+def _combined(low: float, high: float, correlation: float) -> float:
+    """How far off a difference may be whose terms may be off so far."""
+    return math.sqrt(max(low**2 + high**2 - 2 * correlation * low * high, 0.0))

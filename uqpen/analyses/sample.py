@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 
@@ -32,53 +32,74 @@ class Plan(StrEnum):
 
 @dataclass(frozen=True)
 class Sample:
-    """One variable over the runs of a design, usually those that came back.
+    """One variable over the runs of a design that came back.
+
+    The design's points are kept whole: what is stratified are all of them, not those that came
+    back.
 
     Parameters
     ----------
     values : ndarray, shape (run,)
         In the variable's SI unit.
-    points : ndarray, shape (point, random input)
-        The points, those of lost runs too.
     used : ndarray of int, shape (run,)
         Which of the points came back.
-    replicate : ndarray of int, shape (run,)
-        The replicate of each run, from 0.
-    replicates : int
-        How many there were.
+    missing : ndarray of int, shape (lost,)
+        Which of them were lost for reasons that may have to do with the answer: every loss but
+        that of an inadmissible point.
+    points : ndarray, shape (point, random input)
+        All points of the design.
+    replicates : ndarray of int, shape (point,)
+        The replicate of each point, from 0.
     sampling : Sampling
         How the design drew its points.
     """
 
     values: FloatArray
-    points: FloatArray
     used: IntArray
-    replicate: IntArray
-    replicates: int
+    missing: IntArray
+    points: FloatArray
+    replicates: IntArray
     sampling: Sampling
 
     @classmethod
-    def of(cls, runs: xr.Dataset, name: str, *, with_lost: bool = False) -> Sample:
-        """The sample of a variable in a runs dataset; lost runs are left out unless asked for."""
-        used = np.flatnonzero((runs[STATUS].values == Status.OK) | with_lost)
+    def of(cls, runs: xr.Dataset, name: str) -> Sample:
+        """The sample of a variable in a runs dataset."""
+        status = runs[STATUS].values
+        used = np.flatnonzero(status == Status.OK)
+        return cls._taken(runs, runs[name].values[used].astype(np.float64), used)
+
+    @classmethod
+    def of_status(cls, runs: xr.Dataset) -> Sample:
+        """The sample of the runs' statuses, in which none is lost."""
+        values = runs[STATUS].values.astype(np.float64)
+        return cls._taken(runs, values, np.arange(len(values)))
+
+    @classmethod
+    def _taken(cls, runs: xr.Dataset, values: FloatArray, used: IntArray) -> Sample:
+        status = runs[STATUS].values
+        lost = np.flatnonzero((status != Status.OK) & (status != Status.INADMISSIBLE))
         random = [
             variable.values
             for variable in runs.data_vars.values()
             if variable.attrs.get(ROLE) == "input" and variable.dims == (RUN,)
         ]
-        total = runs.sizes[RUN]
-        points = np.column_stack(random) if random else np.empty((total, 0))
-        replicate = np.zeros(total, dtype=np.int64)
+        replicates = np.zeros(len(status), dtype=np.int64)
         if REPLICATE in runs.coords:
-            replicate = runs[REPLICATE].values.astype(np.int64)
+            replicates = runs[REPLICATE].values.astype(np.int64)
         return cls(
-            values=runs[name].values[used].astype(np.float64),
-            points=points,
+            values=values,
             used=used,
-            replicate=replicate[used],
-            replicates=int(replicate.max(initial=0)) + 1,
+            missing=np.setdiff1d(lost, used),
+            points=np.column_stack(random) if random else np.empty((len(status), 0)),
+            replicates=replicates,
             sampling=Sampling(runs.attrs[SAMPLING]),
         )
+
+    def with_missing(self, value: float) -> Sample:
+        """The same sample, as it would be if every missing run had come back with a value."""
+        used = np.concatenate([self.used, self.missing])
+        values = np.concatenate([self.values, np.full(self.missing.shape, value)])
+        return replace(self, values=values, used=used, missing=self.missing[:0])
 
     @property
     def size(self) -> int:
@@ -91,22 +112,47 @@ class Sample:
         return np.sort(self.values)
 
     @property
+    def is_constant(self) -> bool:
+        """Whether all values are the same."""
+        return self.size > 0 and bool(self.ordered[0] == self.ordered[-1])
+
+    @cached_property
+    def replicate(self) -> IntArray:
+        """The replicate of each run, numbered through those that are not empty."""
+        _, numbered = np.unique(self.replicates[self.used], return_inverse=True)
+        return numbered.astype(np.int64)
+
+    @property
+    def replicate_count(self) -> int:
+        """How many replicates are not empty."""
+        return int(self.replicate.max(initial=-1)) + 1
+
+    @property
     def plan(self) -> Plan:
         """How its error can be told."""
         if self.sampling is Sampling.GIVEN:
             return Plan.UNKNOWN
         if self.sampling is Sampling.INDEPENDENT:
             return Plan.INDEPENDENT
-        return Plan.REPLICATED if self.replicates > 1 else Plan.SINGLE
+        return Plan.REPLICATED if self.replicates.max(initial=0) > 0 else Plan.SINGLE
 
     @property
-    def rounding_error(self) -> float:
-        """Standard error that a share may have because runs are counted whole, at most.
+    def reason_for_none(self) -> str:
+        """Why no interval at all can be told; empty where one can."""
+        if self.plan is Plan.UNKNOWN:
+            return "the table does not say that its points are independent (independent = true)"
+        if self.size == 0:
+            return "no run came back"
+        if self.size == 1:
+            return "a single run has no scatter"
+        if self.plan is Plan.REPLICATED and self.replicate_count < 2:
+            return "the runs that came back are all of one replicate"
+        return ""
 
-        Over strata a replicate's count is one of two whole numbers, so it scatters by half a run
-        at most; where the replicates happen to agree, their scatter tells nothing of it.
-        """
-        return 0.5 * math.sqrt(self.replicates) / self.size
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of a standard error over independent draws or replicates."""
+        return (self.replicate_count if self.plan is Plan.REPLICATED else self.size) - 1
 
     def standard_error(self, influence: FloatArray) -> tuple[float, float]:
         """Standard error of a mean over the sample, and its degrees of freedom.
@@ -121,21 +167,50 @@ class Sample:
         error, freedom : float
             NaN and 0 where the design allows none.
         """
-        if self.size < 2 or self.plan is Plan.UNKNOWN:
+        if self.reason_for_none:
             return math.nan, 0
         if self.plan is Plan.REPLICATED:
-            return ratio_error(influence, self.replicate, self.replicates)
+            return ratio_error(influence, self.replicate, self.replicate_count)
         if self.plan is Plan.SINGLE:
             return self._single_error(influence)
-        return float(influence.std(ddof=1)) / math.sqrt(self.size), self.size - 1
+        return float(influence.std(ddof=1)) / math.sqrt(self.size), self.freedom
 
     def _single_error(self, influence: FloatArray) -> tuple[float, float]:
-        # What is stratified are all the points: with lost runs the mean is a ratio of sums over
-        # them, and a lost run adds nothing to either.
+        # With lost runs the mean is a ratio of sums over all points, to which a lost run adds
+        # nothing.
         deviation = np.zeros(len(self.points))
         deviation[self.used] = influence - influence.mean()
         error, freedom = additive_residual_error(deviation, self.points)
         return error * len(self.points) / self.size, freedom
+
+    @property
+    def rounding_error(self) -> float:
+        """Standard error that a share may have because runs are counted whole, at most.
+
+        Over strata a replicate's count is one of two whole numbers, so it scatters by half a run
+        at most; where the replicates happen to agree, their scatter tells nothing of it.
+        """
+        if self.plan is Plan.INDEPENDENT:
+            return 0.5 / self.size
+        return 0.5 * math.sqrt(self.replicate_count) / self.size
+
+    def share_error(self, events: npt.NDArray[np.bool_]) -> tuple[float, float, bool]:
+        """Standard error of a share, and its degrees of freedom.
+
+        Parameters
+        ----------
+        events : ndarray of bool, shape (run,)
+            In which runs it happened.
+
+        Returns
+        -------
+        error, freedom : float
+        is_rounded : bool
+            Whether it is the error of counting whole runs, which is more than that of the scatter.
+        """
+        error, freedom = self.standard_error(events.astype(np.float64))
+        is_rounded = error <= self.rounding_error
+        return max(error, self.rounding_error), freedom, is_rounded
 
     def counts(self, thresholds: FloatArray) -> IntArray:
         """How many values lie at or below each threshold, by replicate.
@@ -148,13 +223,9 @@ class Sample:
             [np.searchsorted(part, thresholds, side="right") for part in self._ordered_replicates()]
         )
 
-    def replicate_sizes(self) -> IntArray:
-        """How many runs of each replicate came back."""
-        return np.bincount(self.replicate, minlength=self.replicates)
-
     def _ordered_replicates(self) -> Iterator[FloatArray]:
-        if self.replicates == 1:
+        if self.replicate_count == 1:
             yield self.ordered
             return
-        for replicate in range(self.replicates):
+        for replicate in range(self.replicate_count):
             yield np.sort(self.values[self.replicate == replicate])

@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from uqpen.designs.design import Design, Rounds
 from uqpen.inputs.law import InputLaw
-from uqpen.labels import BLOCK, Sampling
+from uqpen.labels import Sampling
 from uqpen.settings import count
-from uqpen.streams import Stream
+from uqpen.streams import BLOCK, Stream
 
 __all__ = ["MonteCarlo"]
 

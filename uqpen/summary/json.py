@@ -8,8 +8,21 @@ from typing import Any
 import xarray as xr
 
 from uqpen.archive.read import SCHEMA_ATTRIBUTE, group, names_in
-from uqpen.labels import BOUND, EXCEEDANCE, HOLDS, MOMENTS, QUANTILES, RUN, RUNS, SHARES, STATUSES
-from uqpen.summary.tables import output_names, status_counts
+from uqpen.evaluation import status_counts
+from uqpen.labels import (
+    BOUND,
+    CONDITIONAL,
+    EXCEEDANCE,
+    HOLDS,
+    MISSING,
+    MOMENTS,
+    QUANTILES,
+    RUN,
+    RUNS,
+    SHARES,
+    STATUSES,
+)
+from uqpen.summary.tables import output_names, told
 from uqpen.units import DIMENSIONLESS
 
 __all__ = ["as_json"]
@@ -58,6 +71,11 @@ def _design(tree: xr.DataTree, design: str) -> dict[str, Any]:
             str(name): _figure(array)
             for name, array in group(tree, STATUSES, design).data_vars.items()
         },
+        **{
+            name: group(tree, STATUSES, design).attrs[name]
+            for name in (CONDITIONAL, MISSING)
+            if name in group(tree, STATUSES, design).attrs
+        },
         "outputs": {name: _output(tree, design, name, runs) for name in output_names(runs)},
     }
 
@@ -75,7 +93,7 @@ def _output(tree: xr.DataTree, design: str, name: str, runs: xr.Dataset) -> dict
             array = answers[name]
             found[key] = {str(label): _figure(array[i]) for i, label in enumerate(labels)}
             if key == "hold":
-                needed = answers[f"{name}_runs_needed"].values
+                needed = answers[f"{name}_hold_runs_needed"].values
                 for label, runs_needed in zip(labels, needed, strict=True):
                     found[key][str(label)]["runs_needed"] = int(runs_needed)
     return found
@@ -84,7 +102,8 @@ def _output(tree: xr.DataTree, design: str, name: str, runs: xr.Dataset) -> dict
 def _figure(array: xr.DataArray) -> dict[str, Any]:
     bounds = zip(array[BOUND].values.tolist(), array.values.tolist(), strict=True)
     figure: dict[str, Any] = {str(k): v if math.isfinite(v) else None for k, v in bounds}
-    figure["interval"] = array.attrs["interval"]
-    if "note" in array.attrs:
-        figure["note"] = array.attrs["note"]
+    figure["interval"] = told(array, "interval")
+    figure["interval_label"] = told(array, "interval_label")
+    if note := told(array, "note"):
+        figure["note"] = note
     return figure

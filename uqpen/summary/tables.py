@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group, names_in
+from uqpen.evaluation import status_counts
 from uqpen.labels import (
     CONDITIONAL,
     EXCEEDANCE,
     HOLDS,
+    MISSING,
     MOMENTS,
     QUANTILES,
     ROLE,
     RUN,
     RUNS,
     SHARES,
-    STATUS,
     STATUS_TEXT,
     STATUSES,
     Status,
@@ -28,7 +29,9 @@ from uqpen.labels import (
 from uqpen.summary.digits import SUPERSCRIPTS, grouped, held, percent, sensible
 from uqpen.units import DIMENSIONLESS, Scale, scale
 
-__all__ = ["OutputTable", "output_names", "output_tables", "status_counts"]
+__all__ = ["OutputTable", "output_names", "output_tables", "told"]
+
+Conversion = Callable[[Any], Any]
 
 
 @dataclass
@@ -90,18 +93,16 @@ def output_names(runs: xr.Dataset) -> list[str]:
     return [str(name) for name, v in runs.data_vars.items() if v.attrs.get(ROLE) == "output"]
 
 
-def status_counts(runs: xr.Dataset) -> dict[Status, int]:
-    """How many runs ended with each status."""
-    counts = np.bincount(runs[STATUS].values.astype(np.int64), minlength=len(Status))
-    return {status: int(counts[status]) for status in Status}
-
-
 def _lost(tree: xr.DataTree, design: str, table: OutputTable) -> str:
     counts = status_counts(group(tree, RUNS, design))
     lost = [f"{n} {STATUS_TEXT[s]}" for s, n in counts.items() if n and s is not Status.OK]
-    given = group(tree, MOMENTS, design).attrs.get(CONDITIONAL)
-    note = f"statistics are of the law given {given}" if given else ""
-    return (", ".join(lost) or "0") + table.mark(note)
+    accounts = group(tree, STATUSES, design).attrs
+    notes = []
+    if CONDITIONAL in accounts:
+        notes.append(f"statistics are conditional on {accounts[CONDITIONAL]}")
+    if MISSING in accounts:
+        notes.append(f"statistics are of the runs that came back; {accounts[MISSING]} did not")
+    return (", ".join(lost) or "0") + "".join(map(table.mark, notes))
 
 
 def _add_statuses(table: OutputTable, tree: xr.DataTree) -> None:
@@ -134,57 +135,78 @@ class _Rows:
 
     def add(self) -> None:
         """All rows that the archive has an answer for."""
-        self._moment("mean", "mean")
-        self._moment("std", "sd")
+        as_value, as_difference = self.measure.from_si, self.measure.difference_from_si
+        self._moment("mean", "mean", as_value)
+        self._moment("std", "sd", as_difference)
         stds = self._arrays(MOMENTS, f"{self.name}_std")
         if any(math.isnan(std.values[1]) and std.values[0] > 0 for std in stds):
-            self._moment("half_spread", "half spread 16–84 %")
-        self._moment("skewness", "skewness")
-        quantiles = self._arrays(QUANTILES, self.name)
-        for position, p in enumerate(quantiles[0][f"{self.name}_probability"].values):
+            self._moment("half_spread", "half 16–84 % range", as_difference)
+        self._moment("skewness", "skewness", _unchanged)
+        for p, arrays in self._along(QUANTILES, "probability"):
             label = "median" if p == 0.5 else f"{percent(p)} quantile"
-            self._row(label, [array[position] for array in quantiles])
-        exceedance = self._arrays(EXCEEDANCE, self.name)
-        if exceedance:
-            for position, text in enumerate(exceedance[0][f"{self.name}_threshold"].values):
-                self._row(f"P(> {text})", [array[position] for array in exceedance])
-        holds = self._arrays(HOLDS, self.name)
-        if holds:
-            for position, p in enumerate(holds[0][f"{self.name}_hold"].values):
-                cells = [self._held(array[position], p) for array in holds]
-                self.table.rows.append((f"held with {percent(p)}", cells))
+            self._row(label, arrays, as_value)
+        for text, arrays in self._along(EXCEEDANCE, "threshold"):
+            self._row(f"P(> {text})", arrays, _unchanged)
+        for p, arrays in self._along(HOLDS, "hold"):
+            cells = [self._held(array) for array in arrays]
+            self.table.rows.append((f"not exceeded, {percent(p)}", cells))
 
     def _arrays(self, kind: str, variable: str) -> list[xr.DataArray]:
         """A statistic of every design; empty where it was not asked."""
         found = (group(self.tree, kind, design) for design in self.table.columns)
         return [dataset[variable] for dataset in found if variable in dataset]
 
-    def _moment(self, statistic: str, label: str) -> None:
-        is_difference = statistic in ("std", "half_spread")
-        arrays = self._arrays(MOMENTS, f"{self.name}_{statistic}")
-        self._row(label, arrays, difference=is_difference)
+    def _along(self, kind: str, coordinate: str) -> Iterator[tuple[Any, list[xr.DataArray]]]:
+        """The entries of a statistic: what each is called, and the estimate of every design."""
+        arrays = self._arrays(kind, self.name)
+        if arrays:
+            for position, called in enumerate(arrays[0][f"{self.name}_{coordinate}"].values):
+                yield called, [array[position] for array in arrays]
 
-    def _row(self, label: str, arrays: list[xr.DataArray], *, difference: bool = False) -> None:
-        convert = self.measure.difference_from_si if difference else self.measure.from_si
-        shown = [
-            array
-            if array.attrs["units"] == DIMENSIONLESS
-            else array.copy(data=convert(array.values))
-            for array in arrays
-        ]
+    def _moment(self, statistic: str, label: str, convert: Conversion) -> None:
+        self._row(label, self._arrays(MOMENTS, f"{self.name}_{statistic}"), convert)
+
+    def _row(self, label: str, arrays: list[xr.DataArray], convert: Conversion) -> None:
+        shown = [array.copy(data=convert(array.values)) for array in arrays]
         self.table.rows.append((label, [_cell(self.table, array) for array in shown]))
 
-    def _held(self, array: xr.DataArray, probability: float) -> str:
+    def _held(self, array: xr.DataArray) -> str:
         estimate, _, upper = self.measure.from_si(array.values)
-        note = str(array.attrs.get("note", ""))
-        if math.isnan(upper) and not note:
-            needed = grouped(int(array[f"{self.name}_runs_needed"]))
-            note = f"a bound on the {percent(probability)} value takes at least {needed} runs"
-        return held(estimate, upper) + self.table.mark(note)
+        mark = self.table.mark(_remark(array))
+        if upper > estimate:
+            mark += self.table.mark("at most: one-sided tolerance bound, 95 % confidence")
+        return held(estimate, upper) + mark
+
+
+def _unchanged(values: Any) -> Any:
+    """What has no unit is shown as it is, whatever unit its output is shown in."""
+    return values
 
 
 def _cell(table: OutputTable, array: xr.DataArray) -> str:
-    note = str(array.attrs.get("note", ""))
-    if array.attrs["interval_label"] == "conservative":
-        note = note or "conservative: the interval is wider than it need be"
-    return sensible(*(float(value) for value in array.values)) + table.mark(note)
+    return sensible(*(float(value) for value in array.values)) + table.mark(_remark(array))
+
+
+def _remark(array: xr.DataArray) -> str:
+    """What a reader must know of an estimate; empty for nothing."""
+    note = told(array, "note")
+    if not note and told(array, "interval_label") == "conservative":
+        return "conservative: the interval may be wider than it need be"
+    return note
+
+
+def told(array: xr.DataArray, what: str) -> str:
+    """What an estimate says of its own interval.
+
+    Parameters
+    ----------
+    array : DataArray
+        One estimate, along ``bound``.
+    what : str
+        ``"interval"``, ``"interval_label"`` or ``"note"``: an attribute of a single estimate, a
+        coordinate of one out of several.
+    """
+    for name, coordinate in array.coords.items():
+        if str(name).endswith(f"_{what}"):
+            return str(coordinate.values)
+    return str(array.attrs.get(what, ""))
