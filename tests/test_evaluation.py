@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -109,8 +110,18 @@ def test_points_outside_a_constraint_are_inadmissible() -> None:
         (3.0, "returned float, not a mapping of outputs"),
         (None, "returned NoneType, not a mapping of outputs"),
         ({"z": 1.0}, 'returned no "w"'),
-        ({"z": 1.0, "w": "wide"}, 'returned a "w" that is not a number'),
-        ({"z": 1.0, "w": 1j}, 'returned a "w" that is not a number'),
+        ({"z": 1.0, "w": "3.0"}, 'returned a "w" of text in place of numbers'),
+        ({"z": 1.0, "w": b"3.0"}, 'returned a "w" of bytes in place of numbers'),
+        ({"z": 1.0, "w": 1j}, 'returned a "w" of complex numbers in place of numbers'),
+        (
+            {"z": 1.0, "w": np.complex128(1)},
+            'returned a "w" of complex numbers in place of numbers',
+        ),
+        ({"z": 1.0, "w": None}, 'returned a "w" of NoneType in place of a number'),
+        (
+            {"z": 1.0, "w": np.datetime64("2000-01-01")},
+            'returned a "w" of dates in place of numbers',
+        ),
         ({"z": 1.0, "w": [1.0, 2.0]}, 'returned a "w" of shape (2,), not ()'),
     ],
 )
@@ -118,6 +129,51 @@ def test_an_answer_that_makes_no_sense_is_a_failed_run(returned: object, reason:
     runs = runs_of(lambda x, y: returned, [1.0])
     assert runs["status"].values.tolist() == [Status.FAILED]
     assert reasons(runs) == {0: reason}
+
+
+def test_a_masked_value_is_not_finite() -> None:
+    def masks(x: Any, y: Any) -> dict[str, Any]:
+        return {"z": np.ma.masked_greater(x, 1.5), "w": y}
+
+    runs = runs_of(masks, [1.0, 2.0], vectorized=True)
+    assert runs["status"].values.tolist() == [0, Status.NOT_FINITE]
+
+
+@pytest.mark.parametrize("value", [10**400, Fraction(1, 3), True, np.float32(2), np.int64(3)])
+def test_any_real_number_is_a_number(value: object) -> None:
+    runs = runs_of(lambda x, y: {"z": value, "w": y}, [1.0])
+    expected = Status.NOT_FINITE if isinstance(value, int) and value > 1 else Status.OK
+    assert runs["status"].values.tolist() == [expected]
+
+
+class _Malicious:
+    def __array__(self, *arguments: object, **options: object) -> object:
+        raise ZeroDivisionError
+
+
+class _SpeechlessError(Exception):
+    def __str__(self) -> str:
+        raise ValueError
+
+
+def test_an_answer_that_raises_when_it_is_read_is_a_failed_run() -> None:
+    runs = runs_of(lambda x, y: {"z": _Malicious(), "w": y}, [1.0])
+    assert runs["status"].values.tolist() == [Status.FAILED]
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (_SpeechlessError(), "_SpeechlessError"),
+        (ValueError("half \ud800 a character"), "ValueError: half ? a character"),
+        (GeneratorExit(), "GeneratorExit: "),
+    ],
+)
+def test_any_exception_has_a_reason_that_can_be_kept(error: BaseException, reason: str) -> None:
+    def raises(x: float, y: float) -> dict[str, float]:
+        raise error
+
+    assert reasons(runs_of(raises, [1.0])) == {0: reason.strip()}
 
 
 def test_a_function_that_leaves_python_loses_its_run_only() -> None:

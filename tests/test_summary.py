@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 import uqpen
 from uqpen.summary.digits import held, percent, sensible
 from uqpen.summary.json import as_json
+from uqpen.summary.losses import has_lost_all, losses
 from uqpen.summary.tables import OutputTable, output_tables
 
 
@@ -39,9 +41,18 @@ def test_an_estimate_has_the_digits_its_interval_leaves(
     assert sensible(estimate, lower, upper) == text
 
 
-@given(estimate=st.floats(-1e9, 1e9), below=st.floats(1e-9, 1e6), above=st.floats(1e-9, 1e6))
-def test_any_estimate_can_be_shown(estimate: float, below: float, above: float) -> None:
-    assert sensible(estimate, estimate - below, estimate + above)
+@given(estimate=st.floats(-1e9, 1e9), below=st.floats(1e-9, 1e6), share=st.floats(0.7, 1.4))
+def test_a_shown_estimate_is_right_to_a_twentieth_of_its_interval(
+    estimate: float, below: float, share: float
+) -> None:
+    above = below * share
+    text = sensible(estimate, estimate - below, estimate + above)
+    # With two digits of the half-width the last place is a tenth of it, at most half of that off.
+    figures, _, power = text.removeprefix("(").partition(")×10")
+    scale = 10.0 ** float(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0)
+    shown = float(figures.split()[0]) * scale
+    half = max(estimate - (estimate - below), estimate + above - estimate)
+    assert half == 0 or abs(shown - estimate) <= 0.051 * half
 
 
 def test_a_bound_that_holds_is_shown_beside_its_estimate() -> None:
@@ -114,6 +125,33 @@ def test_figures_are_shown_in_the_units_of_the_study(
     assert float(shown.split()[0]) == pytest.approx(100 * mean, abs=1)
 
 
+def test_a_percentage_scales_the_output_and_not_its_probabilities(tmp_path: Path) -> None:
+    (tmp_path / "share.py").write_text("def f(x): return {'y': x}")
+    study = """
+        seed = 1
+        [model]
+        python = "share.py:f"
+        [model.inputs]
+        x = "1"
+        [model.outputs]
+        y = "1"
+        [inputs]
+        x = { uniform = { lower = 0.4, upper = 0.6 } }
+        [outputs.y]
+        unit = "%"
+        exceeds = ["50 %"]
+        [designs.a]
+        kind = "monte-carlo"
+        runs = 400
+    """
+    (table,) = output_tables(uqpen.run(uqpen.parse_study(study, folder=tmp_path)))
+    assert table.title == "y [%]"
+    assert 49 < float(cell(table, "mean", "a").split()[0]) < 51
+    assert 5 < float(cell(table, "sd", "a").split()[0]) < 7
+    assert 0.4 < float(cell(table, "P(> 50 %)", "a").split()[0]) < 0.6
+    assert abs(float(cell(table, "skewness", "a").split()[0])) < 1
+
+
 def test_lost_runs_are_counted_and_their_probability_told(tables: dict[str, OutputTable]) -> None:
     table = tables["penetration_depth [cm]"]
     assert "inadmissible" in cell(table, "lost", "few")
@@ -150,6 +188,15 @@ def test_kinds_have_shares_and_no_mean(tables: dict[str, OutputTable]) -> None:
     assert "mean" not in labels
 
 
+def test_what_was_lost_is_told_with_its_reasons(tree: xr.DataTree) -> None:
+    found = [loss for loss in losses(tree) if loss.design == "few"]
+    counted = as_json(tree)["designs"]["few"]
+    assert sum(loss.runs for loss in found) == counted["status"]["inadmissible"]
+    assert {loss.reason for loss in found} == {entry["reason"] for entry in counted["reasons"]}
+    assert [loss.runs for loss in found] == sorted((loss.runs for loss in found), reverse=True)
+    assert not has_lost_all(tree)
+
+
 def test_json_holds_every_figure_in_si_units(tree: xr.DataTree) -> None:
     found: dict[str, Any] = json.loads(json.dumps(as_json(tree), allow_nan=False))
     few = found["designs"]["few"]
@@ -171,3 +218,5 @@ def test_json_holds_every_figure_in_si_units(tree: xr.DataTree) -> None:
     assert "heavy tail" in depth["std"]["note"]
     assert depth["hold"]["0.9999"]["runs_needed"] == 29956
     assert "mean" not in few["outputs"]["termination"]
+    assert few["conditional_on"] == "admissible inputs"
+    assert depth["mean"]["interval_label"] == "nominal"

@@ -213,6 +213,95 @@ def test_an_output_that_does_not_vary_has_an_interval_of_no_width(tmp_path: Path
         assert (tree[f"quantiles/{design}"]["y"].values == 2.0).all()
 
 
+PYTHON = """
+seed = 1
+[model]
+python = "model_of_test.py:f"
+vectorized = true
+[model.inputs]
+x = "1"
+[model.outputs]
+y = "1"
+[inputs]
+x = {{ uniform = {{ lower = 0, upper = 1 }} }}
+[outputs.y]
+exceeds = [0.5]
+hold = [0.9]
+[designs.mc]
+kind = "monte-carlo"
+runs = {runs}
+[designs.lhs]
+kind = "latin-hypercube"
+runs = {runs}
+replicates = {replicates}
+"""
+
+
+def python(folder: Path, body: str, *, runs: int = 1000, replicates: int = 10) -> xr.DataTree:
+    """The analysis of a function of x, which is uniform over (0, 1)."""
+    source = f"import numpy as np\ndef f(x):\n    return {{'y': {body}}}\n"
+    (folder / "model_of_test.py").write_text(source)
+    text = PYTHON.format(runs=runs, replicates=replicates)
+    return uqpen.run(uqpen.parse_study(text, folder=folder))
+
+
+def test_missing_runs_widen_a_probability_by_what_they_could_have_been(tmp_path: Path) -> None:
+    # Of the values above a half, those above 0.9 are lost: what came back says 4/9, the truth 1/2.
+    tree = python(tmp_path, "np.where(x > 0.9, np.nan, x)")
+    for design in ("mc", "lhs"):
+        probability = tree[f"exceedance/{design}"]["y"][0]
+        estimate, lower, upper = probability.values
+        assert estimate == pytest.approx(4 / 9, abs=0.06)
+        assert lower < 0.5 < upper
+        assert "counted both ways" in str(probability["y_threshold_note"].values)
+        assert tree[f"moments/{design}"].attrs["missing"].endswith(" % of the admissible runs")
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e-100, 1e100, 1e300])
+def test_tiny_and_huge_outputs_have_their_moments(tmp_path: Path, scale: float) -> None:
+    moments = python(tmp_path, f"{scale} * (1 + x)")["moments/mc"]
+    mean, std = moments["y_mean"].values / scale, moments["y_std"].values / scale
+    assert mean[1] < 1.5 < mean[2]
+    assert std[1] < 12**-0.5 < std[2]
+    assert float(moments["y_kurtosis"][0]) == pytest.approx(1.8, abs=0.1)
+
+
+def test_a_constant_that_is_not_exact_in_binary_does_not_vary(tmp_path: Path) -> None:
+    moments = python(tmp_path, "0.1 + 0 * x", runs=300)["moments/mc"]
+    assert moments["y_mean"].values.tolist() == [0.1, 0.1, 0.1]
+    assert np.isnan(moments["y_skewness"].values[0])
+    assert moments["y_skewness"].attrs["note"] == "the output does not vary"
+
+
+def test_two_replicates_fall_back_on_order_statistics(tmp_path: Path) -> None:
+    # So jagged that strata do not help.
+    tree = python(tmp_path, "(1e6 * x) % 1", runs=200, replicates=2)
+    quantiles = tree["quantiles/lhs"]["y"]
+    assert np.isfinite(quantiles.values).all()
+    assert "order statistics (binomial)" in quantiles["y_probability_interval"].values
+
+
+def test_runs_that_are_all_of_one_replicate_tell_no_error(tmp_path: Path) -> None:
+    # The first stratum of each hypercube is all that comes back: one run of each replicate.
+    tree = python(tmp_path, "np.where(np.arange(len(x)) < 20, x, np.nan)", runs=200)
+    mean = tree["moments/lhs"]["y_mean"]
+    assert np.isnan(mean.values[1])
+    assert mean.attrs["note"] == "the runs that came back are all of one replicate"
+
+
+def test_how_a_figure_is_told_does_not_depend_on_what_else_was_asked() -> None:
+    one = uqpen.run(small("[outputs.y]\nexceeds = [5]"))["exceedance/a"]["y"]
+    more = uqpen.run(small("[outputs.y]\nexceeds = [5, 100]"))["exceedance/a"]["y"]
+    for name in ("interval", "interval_label", "note"):
+        coordinate = f"y_threshold_{name}"
+        assert str(one[coordinate].values[0]) == str(more[coordinate].values[0])
+
+
+def test_a_mean_that_hangs_on_a_handful_of_runs_says_so(tmp_path: Path) -> None:
+    mean = python(tmp_path, "1 / x**3", runs=20_000)["moments/mc"]["y_mean"]
+    assert "may not exist" in mean.attrs["note"]
+
+
 def test_points_of_unknown_origin_give_no_interval_and_say_why(tmp_path: Path) -> None:
     (tmp_path / "points.csv").write_text("x1,x2\n" + "\n".join(f"{i / 50},1" for i in range(100)))
     study = """

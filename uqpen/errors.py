@@ -6,10 +6,11 @@
     ├── StudyError (ValueError)          a study file with mistakes, all of them listed
     ├── SettingsError (ValueError)       a setting outside what its owner accepts
     ├── QuantityError (ValueError)       text that is not a number with a unit
-    ├── ConstraintError (ValueError)     a constraint that cannot be read or has mixed units
+    │   └── ConstraintError              a constraint that cannot be read or has mixed units
     ├── UnknownNameError (LookupError)   a name that is not among the known ones
     ├── ModelError (ValueError)          a model that cannot be built or called as asked
     ├── TableError (ValueError)          a table of points that cannot be read
+    ├── TrajectoryError (ArithmeticError)  the one run whose course was asked for has failed
     └── ArchiveError (OSError)           a file that cannot be written, or is not an archive
 
 Anything else that escapes is a fault of uqpen itself and keeps its traceback.
@@ -20,6 +21,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from datetime import date, time
 
 __all__ = [
     "ArchiveError",
@@ -30,6 +32,7 @@ __all__ = [
     "SettingsError",
     "StudyError",
     "TableError",
+    "TrajectoryError",
     "UnknownNameError",
     "UqpenError",
     "as_written",
@@ -120,6 +123,10 @@ class ModelError(UqpenError, ValueError):
     """A model that cannot be built or called as asked."""
 
 
+class TrajectoryError(UqpenError, ArithmeticError):
+    """The one run whose course was asked for has failed."""
+
+
 class TableError(UqpenError, ValueError):
     """A table of points that cannot be read or does not fit the model."""
 
@@ -134,6 +141,8 @@ def as_written(value: object) -> str:
         return str(value).lower()
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, date | time):
+        return value.isoformat()
     if isinstance(value, dict):
         return "a table"
     if isinstance(value, list):

@@ -35,6 +35,7 @@ __all__ = [
     "STATUS",
     "STATUSES",
     "STATUS_TEXT",
+    "SUFFIXES",
     "TRAJECTORY",
     "Sampling",
     "Status",
@@ -53,6 +54,26 @@ STATUS = "status"
 LOST = "lost_run"
 REASON = "lost_reason"
 RANK = "rank"
+
+# What the names of an output's statistics and of their coordinates end in.
+SUFFIXES = frozenset(
+    {
+        "mean",
+        "std",
+        "half_spread",
+        "skewness",
+        "kurtosis",
+        "effective_runs",
+        "probability",
+        "band",
+        "threshold",
+        "threshold_value",
+        "hold",
+        "hold_runs_needed",
+        "category",
+        "category_label",
+    }
+)
 
 # Attributes that an analysis or a reader goes by.
 ROLE = "role"

@@ -222,7 +222,7 @@ class Model(ABC):
 
         Raises
         ------
-        ArithmeticError
+        TrajectoryError
             If that run fails.
         """
         return None

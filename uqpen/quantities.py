@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from uqpen.errors import QuantityError, as_written
 from uqpen.units import DIMENSIONLESS, NUMBER, Scale, are_alike, describe, scale, si_unit
 
-__all__ = ["Quantity", "Spread", "parse_quantity", "parse_spread"]
+__all__ = ["Quantity", "Spread", "parse_any", "parse_quantity", "parse_spread"]
 
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*\Z", re.DOTALL)
 _PLUS_MINUS = re.compile(r"±|\+/-|\+-")
 _GROUPED = re.compile(r"\s*\((.*)\)\s*(.*?)\s*\Z", re.DOTALL)
-_DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+)(.*)\Z", re.DOTALL)
+_DECIMAL_COMMA = re.compile(r"\s*([+-]?[0-9]+),([0-9]+)(.*)\Z", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,19 @@ def parse_quantity(text: str | float, like: str, *, difference: bool = False) ->
     measure = _checked_scale(text, unit, like)
     value = measure.difference_to_si(number) if difference else measure.to_si(number)
     if not math.isfinite(value):
-        raise QuantityError(f'"{text}", which is not finite', describe(like))
+        raise QuantityError(f"{as_written(text)}, which is not finite", describe(like))
     return Quantity(value, unit)
+
+
+def parse_any(text: str) -> Quantity:
+    """Read a quantity of whatever dimension its unit has.
+
+    Raises
+    ------
+    QuantityError
+        If it is not a finite number with a unit, or without one.
+    """
+    return parse_quantity(text, _split(text, DIMENSIONLESS)[1])
 
 
 def parse_spread(text: str, like: str) -> Spread | None:
@@ -100,11 +111,11 @@ def parse_spread(text: str, like: str) -> Spread | None:
     parts = _PLUS_MINUS.split(inner)
     shape = f'a mean and a standard deviation, such as "{_example(like)}"'
     if len(parts) != 2:
-        raise QuantityError(f'"{text}"', shape)
+        raise QuantityError(f"{as_written(text)}", shape)
     for part in parts:
         _refuse_comma(part)
     if not all(re.fullmatch(rf"\s*{NUMBER}\s*", part) for part in parts):
-        raise QuantityError(f'"{text}"', f"{shape}, the unit once and behind the bracket")
+        raise QuantityError(f"{as_written(text)}", f"{shape}, the unit once and behind the bracket")
     mean, std = (float(part) for part in parts)
     measure = _checked_scale(text, unit, like)
     return Spread(measure.to_si(mean), measure.difference_to_si(std), unit or DIMENSIONLESS)
@@ -120,12 +131,10 @@ def _split(text: str, like: str) -> tuple[float, str]:
     _refuse_comma(text)
     match = _QUANTITY.match(text)
     if match is None:
-        raise QuantityError(f'"{text}"', describe(like))
+        raise QuantityError(f"{as_written(text)}", describe(like))
     number, unit = match.groups()
     if _PLUS_MINUS.search(unit):
-        raise QuantityError(f'"{text}", with a ±', f"{describe(like)}, without a spread")
-    if re.match(r"[\d.]", unit):
-        raise QuantityError(f'"{text}", with two numbers', describe(like))
+        raise QuantityError(f"{as_written(text)}, with a ±", f"{describe(like)}, without a spread")
     return float(number), unit or DIMENSIONLESS
 
 
@@ -134,7 +143,9 @@ def _refuse_comma(text: str) -> None:
     if match:
         whole, fraction, rest = match.groups()
         written = f"{whole}.{fraction}{rest}".strip()
-        raise QuantityError(f'"{text}", with a decimal comma', f'a decimal point: "{written}"')
+        raise QuantityError(
+            f"{as_written(text)}, with a decimal comma", f'a decimal point: "{written}"'
+        )
 
 
 def _checked_scale(text: str, unit: str, like: str) -> Scale:
@@ -142,5 +153,5 @@ def _checked_scale(text: str, unit: str, like: str) -> Scale:
     unit = unit or DIMENSIONLESS
     if not are_alike(unit, like):
         missing = ", a number without a unit" if unit == DIMENSIONLESS else ""
-        raise QuantityError(f'"{text}"{missing}', describe(like))
+        raise QuantityError(f"{as_written(text)}{missing}", describe(like))
     return scale(unit)

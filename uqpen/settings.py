@@ -29,6 +29,9 @@ __all__ = [
 
 _KEY = "uqpen.setting"
 
+# More runs than this fit no machine's memory.
+_MOST = 100_000_000
+
 
 @dataclasses.dataclass(frozen=True)
 class Setting:
@@ -53,9 +56,11 @@ def count(*, minimum: int = 1, default: Any = dataclasses.MISSING) -> Any:
     """A whole number, at least `minimum`."""
 
     def accepts(value: Any) -> bool:
-        return isinstance(value, int) and not isinstance(value, bool) and value >= minimum
+        is_whole = isinstance(value, int) and not isinstance(value, bool)
+        return is_whole and minimum <= value <= _MOST
 
-    return _field(Setting("count", f"a whole number, at least {minimum}", accepts), default)
+    expected = f"a whole number, at least {minimum} and at most {_MOST:_}"
+    return _field(Setting("count", expected, accepts), default)
 
 
 def number(

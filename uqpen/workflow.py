@@ -10,6 +10,7 @@ from uqpen.analyses.analyze import analyze
 from uqpen.archive.provenance import CONVENTIONS, SCHEMA, provenance
 from uqpen.archive.read import SCHEMA_ATTRIBUTE
 from uqpen.designs.design import Design
+from uqpen.errors import TrajectoryError
 from uqpen.evaluation import Evaluator, Map, evaluate, join
 from uqpen.labels import RUNS, SAMPLING, TRAJECTORY
 from uqpen.streams import Stream
@@ -90,7 +91,7 @@ def _trajectory(study: Study) -> xr.Dataset | None:
         return None
     try:
         course = study.model.trajectory(nominal)
-    except ArithmeticError as error:
+    except TrajectoryError as error:
         # The one run at the nominal inputs failed, which is data as any run's failure is.
         course = xr.Dataset(attrs={"reason": str(error)})
     if course is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
@@ -142,16 +143,34 @@ class TestTable:
         xr.Dataset({"length": length, "share": ("point", [0.5, 1.0])}).to_netcdf(path)
         assert points(Table(path))["length"].values.tolist() == [1.5, 2.0]
 
+    def test_a_missing_value_in_a_netcdf_file_is_no_point(self, tmp_path: Path) -> None:
+        with netCDF4.Dataset(tmp_path / "points.nc", "w") as dataset:
+            dataset.createDimension("point", 3)
+            length = dataset.createVariable("length", "f8", ("point",))
+            length.units = "m"
+            length[0], length[2] = 1.0, 2.0
+        with pytest.raises(TableError, match="no number at position 1"):
+            points(Table(tmp_path / "points.nc"))
+
+    def test_a_table_is_read_once(self, tmp_path: Path) -> None:
+        table = self.write(tmp_path, "length [m],share\n1,2\n")
+        assert table.size(LAW) == 1
+        table.file.unlink()
+        assert points(table)["length"].values.tolist() == [1.0]
+
     @pytest.mark.parametrize(
         ("text", "complaint"),
         [
+            ("length [m];share\n1;2\n", "not of the form"),
+            ("length [m],share\n\n\n1,x\n", "line 4"),
+            ('length [m],share\n1,"' + "x" * 200_000 + '"\n', "line 2: field larger"),
             ("lenght [m],share\n1,2\n", 'column "lenght" is no input; did you mean "length"'),
             ("length [kg],share\n1,2\n", 'in "kg"; expected a length'),
             ("length [frob],share\n1,2\n", "not a known unit"),
             ("length,share\n1,2\n", 'in "1"; expected a length'),
             ("length [m],length [m]\n1,2\n", "stands twice"),
-            ("length [m],share\n1\n", "row 2: 1 values under 2 headings"),
-            ("length [m],share\n1,x\n", 'row 2, column "share": found "x"'),
+            ("length [m],share\n1\n", "line 2: 1 values under 2 headings"),
+            ("length [m],share\n1,x\n", 'line 2, column "share": found "x"'),
             ("length [m],share\n1,nan\n", 'found "nan"'),
             ("length [m],share\n1,\n", 'found ""'),
             ("length [m],share\n", "no rows"),

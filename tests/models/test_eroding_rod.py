@@ -15,7 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uqpen.models import tsitouras
-from uqpen.models.eroding_rod import Penetration, Termination, penetrate
+from uqpen.models.eroding_rod import Penetration, penetrate
+from uqpen.models.rod_and_target import Termination
 from uqpen.models.rod_trajectory import (
     Trajectory,
     erosion_slopes,

@@ -9,11 +9,10 @@ from uqpen.evaluation import Evaluator
 from uqpen.labels import Status
 from uqpen.lookup import resolve
 from uqpen.model import Model, Results
-from uqpen.models import MODELS
-from uqpen.models.eroding_rod import Termination
+from uqpen.models import MODELS, rod_lanes
 from uqpen.models.ishigami import Ishigami
 from uqpen.models.rigid_penetration import RigidPenetration
-from uqpen.models.rod_and_target import OUTPUTS
+from uqpen.models.rod_and_target import OUTPUTS, Termination
 from uqpen.models.walker_anderson import WalkerAnderson
 from uqpen.units import si_unit
 
@@ -156,9 +155,10 @@ def test_a_rod_that_never_erodes_is_the_rigid_rod() -> None:
         )
 
 
-def test_the_kinds_of_termination_are_the_integrators() -> None:
-    kinds = {category.flag: n for n, category in enumerate(OUTPUTS[3].categories)}
-    assert kinds == {kind.name.lower(): kind.value for kind in Termination}
+def test_the_integrator_numbers_terminations_as_the_output_does() -> None:
+    assert rod_lanes.CAUGHT_UP == Termination.BREAKDOWN
+    assert rod_lanes.AT_REST == Termination.STANDSTILL
+    assert [category.label for category in OUTPUTS[3].categories] == ["v = u", "u = 0", "rigid"]
 
 
 def test_the_course_of_a_run_is_a_dataset_against_depth() -> None:

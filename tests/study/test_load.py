@@ -6,6 +6,7 @@ import contextlib
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -191,7 +192,14 @@ def test_the_studies_that_come_with_it_are_right(path: Path) -> None:
             '"10 mm"',
             "above lower",
         ),
-        ('unit = "cm"', 'unit = "kg"', 19, "outputs.penetration_depth.unit", '"kg"', "a length"),
+        (
+            'unit = "cm"',
+            'unit = "kg"',
+            19,
+            "outputs.penetration_depth.unit",
+            '"kg"',
+            'a unit such as "m"',
+        ),
         (
             "quantiles = [0.99]",
             "quantiles = [0.5, 99]",
@@ -259,6 +267,39 @@ def test_all_mistakes_are_told_at_once_in_the_order_of_their_lines() -> None:
     told = report(text)
     assert "3 mistakes" in told
     assert [int(n) for n in re.findall(r"study\.toml:(\d+)  ", told)] == [2, 10, 29]
+
+
+def test_lines_are_counted_as_toml_counts_them() -> None:
+    # A line separator of Unicode's is text to TOML.
+    text = changed("seed = 1", "seed = 1 # a\u2028b\x85").replace("runs = 100", "runs = 0")
+    assert "study.toml:29  designs.mc.runs" in report(text)
+
+
+def test_many_mistakes_are_told_in_a_moment_and_not_all() -> None:
+    text = changed("hold = [0.9]", "hold = [\n" + "2,\n" * 1000 + "]")
+    told = report(text)
+    assert "1000 mistakes" in told
+    assert "and 950 more" in told
+
+
+def test_a_number_with_too_many_digits_is_no_traceback() -> None:
+    assert "cannot be read as a study" in report(changed("seed = 1", "seed = " + "9" * 5000))
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        'gamma = { mean = "1 m", std = "1e200 m" }',
+        'gamma = { mean = "1e300 m", std = "1e-10 m" }',
+        'lognormal = { mean = "1 m", std = "1e-200 m" }',
+        'lognormal = { mean = "1e-200 m", std = "1e200 m" }',
+        'normal = { mean = "1e308 m", std = "1e308 m" }',
+        'weibull = { shape = 1e-3, scale = "1 m" }',
+    ],
+)
+def test_a_law_that_cannot_be_drawn_from_is_told(law: str) -> None:
+    text = changed('uniform = { lower = "14 mm", upper = "20 mm" }', law)
+    assert "too wide or too narrow to draw from" in report(text)
 
 
 def test_every_missing_input_is_told() -> None:
@@ -401,6 +442,31 @@ class TestPythonModel:
         source = "from neighbour_of_mine import factor\ndef simulate(rod_length, speed): return {}"
         assert self.study(tmp_path, source)
 
+    def test_it_may_import_what_lies_beside_it_while_it_runs(self, tmp_path: Path) -> None:
+        (tmp_path / "late_neighbour.py").write_text("factor = 2")
+        source = (
+            "def simulate(rod_length, speed):\n"
+            "    import late_neighbour\n"
+            "    return {'depth': late_neighbour.factor}"
+        )
+        study = self.study(tmp_path, source)
+        inputs = {name: np.ones(1) for name in ("rod_length", "speed")}
+        assert study.model.evaluate(inputs).outputs["depth"].tolist() == [0.02]
+
+    def test_two_studies_do_not_share_the_modules_beside_them(self, tmp_path: Path) -> None:
+        source = "import shared_name\ndef simulate(rod_length, speed): return shared_name.answer()"
+        found = []
+        for factor in (2, 3):
+            folder = tmp_path / str(factor)
+            folder.mkdir()
+            (folder / "shared_name.py").write_text(f"def answer(): return {{'depth': {factor}}}")
+            model = self.study(folder, source).model
+            inputs = {name: np.ones(1) for name in ("rod_length", "speed")}
+            found.append((model.evaluate(inputs).outputs["depth"][0], model.identity()))
+        (first, one), (second, other) = found
+        assert (first, second) == (0.02, 0.03)
+        assert one != other, "what it imports is part of what a model is"
+
     def test_an_importable_module_is_a_model_too(self, tmp_path: Path) -> None:
         (tmp_path / "module_of_mine.py").write_text("def go(rod_length, speed): return {}")
         text = PYTHON.replace("mine.py:simulate", "module_of_mine:go")
@@ -416,6 +482,7 @@ class TestPythonModel:
             ("import absent_module_of_mine", "No module named"),
             ("x = 1\ny = 1 / 0\n", "failed at line 2: ZeroDivisionError"),
             ("def broken(:\n", "failed at line 1: SyntaxError"),
+            ("import sys\nsys.exit(0)\n", "failed at line 2: SystemExit: 0"),
         ],
     )
     def test_a_function_that_cannot_be_used_is_told(
@@ -436,6 +503,7 @@ class TestPythonModel:
             ('depth = "cm"', "", "at least one"),
             ('[model.outputs]\ndepth = "cm"\n', "", "what the model gives"),
             ('speed = "m/s"', "speed = 3", 'a unit such as "cm"'),
+            ('depth = "cm"', 'depth = "cm"\ndepth_band = "m"', 'what "depth" brings along'),
             ('python = "mine', 'use = "ishigami"\npython = "mine', "use and python"),
         ],
     )

@@ -33,6 +33,8 @@ _ENOUGH_RUNS_FOR_TAILS = 1000
 _DOUBTFUL_KURTOSIS = 4.5
 # Means over replicates covered less than said on heavy tails below this many runs.
 _FEWEST_RUNS_FOR_HEAVY_MEANS = 5000
+# With fewer effective runs than this the law may well have no variance, or not even a mean.
+_FEWEST_RUNS_FOR_A_MEAN = 20
 
 # About one standard deviation either side of the median, for a normal law.
 _LOW, _HIGH = 0.16, 0.84
@@ -156,6 +158,8 @@ def _mean(sample: Sample, shape: _Shape) -> Estimate:
         return estimate.noting(
             f"heavy tail ({shape.tail}): below 5 000 runs it may cover less often than it says"
         )
+    if sample.size >= _FEWEST_RUNS_FOR_TAILS and shape.effective_runs < _FEWEST_RUNS_FOR_A_MEAN:
+        return estimate.noting(f"it hangs on so few runs ({shape.tail}) that it may not exist")
     if sample.size < _FEWEST_RUNS_FOR_TAILS and not sample.is_constant:
         return estimate.noting(f"{_NO_TAIL_SEEN}; with one it covers less often than it says")
     return estimate
@@ -222,14 +226,20 @@ def _half_spread(sample: Sample) -> Estimate:
 
 def _correlation(sample: Sample, one: BoolArray, other: BoolArray) -> float:
     """Correlation of the errors of two shares, as far as their scatter tells it."""
-    first, second = sample.standard_error(one * 1.0)[0], sample.standard_error(other * 1.0)[0]
+    first_events, second_events = one.astype(np.float64), other.astype(np.float64)
+    first, second = sample.standard_error(first_events)[0], sample.standard_error(second_events)[0]
     if not first * second > 0:
         return 0.0
-    between, _ = sample.standard_error(other * 1.0 - one)
+    between, _ = sample.standard_error(second_events - first_events)
     correlation = (first**2 + second**2 - between**2) / (2 * first * second)
     return min(max(correlation, -1.0), 1.0)
 
 
 def _combined(low: float, high: float, correlation: float) -> float:
     """How far off a difference may be whose terms may be off so far."""
-    return math.sqrt(max(low**2 + high**2 - 2 * correlation * low * high, 0.0))
+    largest = max(abs(low), abs(high))
+    if not largest > 0:
+        return 0.0
+    # Over the larger, as squares of what is far from one overflow or vanish.
+    one, other = low / largest, high / largest
+    return largest * math.sqrt(max(one**2 + other**2 - 2 * correlation * one * other, 0.0))

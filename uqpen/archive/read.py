@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import operator
 from pathlib import Path
 
 import xarray as xr
 
 from uqpen.archive.provenance import SCHEMA
+from uqpen.archive.skeleton import faults
 from uqpen.errors import ArchiveError
 
 __all__ = ["SCHEMA_ATTRIBUTE", "group", "is_archive", "names_in", "open_archive"]
@@ -38,9 +40,12 @@ def open_archive(path: str | Path) -> xr.DataTree:
         with xr.open_datatree(
             path, engine="netcdf4", decode_times=False, decode_timedelta=False, mask_and_scale=False
         ) as tree:
-            return tree.load()
+            whole = tree.load()
     except (OSError, RuntimeError, ValueError) as error:
         raise ArchiveError(f"{path}: is damaged: {error}") from error
+    if fault := next(faults(whole), None):
+        raise ArchiveError(f"{path}: is damaged: {fault}")
+    return whole
 
 
 def names_in(tree: xr.DataTree, name: str) -> list[str]:
@@ -73,10 +78,10 @@ def _schema(path: Path) -> int:
         with netCDF4.Dataset(path) as dataset:
             if SCHEMA_ATTRIBUTE not in dataset.ncattrs():
                 raise ArchiveError(f"{path}: is a NetCDF file, but not an archive of uqpen's")
-            return int(dataset.getncattr(SCHEMA_ATTRIBUTE))
+            return operator.index(dataset.getncattr(SCHEMA_ATTRIBUTE))
     except ArchiveError:
         raise
-    except (OSError, RuntimeError, ValueError) as error:
+    except (OSError, RuntimeError, ValueError, TypeError) as error:
         missing = isinstance(error, FileNotFoundError)
         reason = "there is no such file" if missing else "is not an archive of uqpen's"
         raise ArchiveError(f"{path}: {reason}") from None

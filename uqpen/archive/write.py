@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import os
 from pathlib import Path
 from typing import Any
@@ -24,10 +25,11 @@ def prepare_destination(path: Path) -> None:
     """
     if path.is_dir():
         raise ArchiveError(f"{path}: is a folder; name a file, such as {path / 'study.nc'}")
-    if path.exists() and not is_archive(path):
+    if path.exists() and not (path.is_file() and is_archive(path)):
         raise ArchiveError(f"{path}: is not an archive of uqpen's, so it is not overwritten")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        _remove_leftovers(path)
         trial = _part(path)
         trial.touch()
         trial.unlink()
@@ -54,6 +56,8 @@ def write(tree: xr.DataTree, path: Path) -> None:
         part.replace(path)
     except (OSError, RuntimeError) as error:
         # The NetCDF library reports a full disk as a RuntimeError about HDF.
+        if isinstance(error, RuntimeError) and not str(error).startswith("NetCDF:"):
+            raise
         reason = getattr(error, "strerror", None) or f"{error} (is the disk full?)"
         raise ArchiveError(f"{path}: cannot be written: {reason}") from error
     finally:
@@ -62,6 +66,24 @@ def write(tree: xr.DataTree, path: Path) -> None:
 
 def _part(path: Path) -> Path:
     return path.with_name(f".{path.name}.{os.getpid()}.part")
+
+
+def _remove_leftovers(path: Path) -> None:
+    """Remove the parts that processes have left that were killed while they wrote."""
+    for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
+        process = part.suffixes[-2].removeprefix(".")
+        if process.isdecimal() and not _is_running(int(process)):
+            part.unlink(missing_ok=True)
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:  # it runs, and is somebody else's
+        return True
+    return True
 
 
 def _encoding(tree: xr.DataTree) -> dict[str, dict[str, Any]]:

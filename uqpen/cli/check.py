@@ -17,12 +17,13 @@ __all__ = ["check"]
 @click.argument("file", type=click.Path(path_type=Path))
 def check(file: Path) -> None:
     """Read the study FILE, report every mistake in it, and say what it would run."""
+    from uqpen.cli.printable import printable
     from uqpen.cli.screen import output, plain_table
     from uqpen.study.load import load_study
 
     study = load_study(file)
     console = output()
-    console.print(study.title, style="bold", markup=False)
+    console.print(printable(study.title), style="bold", markup=False)
     console.print(f"model {study.model.name}, seed {study.seed}\n", markup=False)
     console.print(plain_table(["input", "value or law"], _inputs(study)))
     console.print()

@@ -12,4 +12,5 @@ class ExitCode(IntEnum):
 
     DONE = 0
     MISTAKE = 2
+    LOST = 3
     INTERRUPTED = 130

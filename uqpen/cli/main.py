@@ -9,6 +9,7 @@ import click
 
 from uqpen import __version__
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.printable import printable
 from uqpen.errors import UqpenError
 from uqpen.lookup import resolve
 
@@ -39,11 +40,11 @@ class _Commands(click.Group):
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="uqpen")
 def uqpen() -> None:
-    r"""Uncertainty quantification for any model: a study in, an archive out.
+    """Uncertainty quantification for any model: a study in, an archive out.
 
     \b
     Start with:  uqpen study studies/concrete.toml
-    """
+    """  # noqa: D301 - the \\b keeps the line that follows it as it is
 
 
 def main() -> None:
@@ -53,15 +54,19 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
-        uqpen(standalone_mode=False)
+        code = uqpen(standalone_mode=False)
+        sys.exit(code or ExitCode.DONE)
     except click.ClickException as error:
         error.show()
         sys.exit(ExitCode.MISTAKE)
     except UqpenError as error:
-        click.echo(str(error), err=True)
+        click.echo(printable(str(error)), err=True)
+        sys.exit(ExitCode.MISTAKE)
+    except MemoryError:
+        click.echo("this machine's memory does not suffice for so many runs", err=True)
         sys.exit(ExitCode.MISTAKE)
     except (click.Abort, KeyboardInterrupt):
-        click.echo("\ninterrupted; nothing was written", err=True)
+        click.echo("interrupted", err=True)
         sys.exit(ExitCode.INTERRUPTED)
     except BrokenPipeError:
         # Whoever read our output has seen enough; do not complain while closing it.

@@ -19,12 +19,12 @@ __all__ = ["run"]
 @click.argument("model")
 @click.option(
     "--set",
-    "settings",
+    "given",
     multiple=True,
     metavar='NAME="VALUE UNIT"',
     help='The value of an input, such as impact_velocity="1400 m/s".',
 )
-def run(model: str, settings: tuple[str, ...]) -> None:
+def run(model: str, given: tuple[str, ...]) -> None:
     """Run MODEL once: a built-in model, or a study file, whose inputs are then at their medians."""
     import numpy as np
 
@@ -34,7 +34,7 @@ def run(model: str, settings: tuple[str, ...]) -> None:
     from uqpen.labels import STATUS_TEXT, Status
 
     built, inputs, constraints = _model(model)
-    inputs |= _given(built, settings)
+    inputs |= _given(built, given)
     missing = [f'--set {name}="… {built.input(name).unit}"' for name in built.missing(inputs)]
     if missing:
         raise ModelError(f"{built.name} also needs\n  " + "\n  ".join(missing))
@@ -66,13 +66,13 @@ def _model(name: str) -> tuple[Model, dict[str, float], Sequence[Constraint]]:
     return model, defaults, ()
 
 
-def _given(model: Model, settings: Iterable[str]) -> dict[str, float]:
+def _given(model: Model, pairs: Iterable[str]) -> dict[str, float]:
     """Values in SI units out of the command line's ``name=value`` pairs."""
     from uqpen.errors import ModelError, QuantityError
     from uqpen.quantities import parse_quantity
 
     values = {}
-    for text in settings:
+    for text in pairs:
         name, equals, written = text.partition("=")
         if not equals:
             raise ModelError(f'--set {text}: expected the form name="value unit"')

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,47 +16,78 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 from rich.text import Text
 
+from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.printable import printable
+from uqpen.labels import STATUS_TEXT
+from uqpen.summary.losses import losses
 from uqpen.summary.tables import OutputTable, output_tables
 from uqpen.workflow import Progress
 
 __all__ = ["output", "plain_table", "progress", "show_tables"]
 
-_GAP = 2
+_GAP = 3
+
+# Reasons of lost runs that are shown; an archive holds them all.
+_MOST_REASONS = 10
+
+
+class _Output(Console):
+    """Standard output; a reader who has seen enough is no error."""
+
+    def on_broken_pipe(self) -> None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(ExitCode.DONE)
 
 
 def output() -> Console:
     """Standard output."""
-    return Console(highlight=False)
+    return _Output(highlight=False)
 
 
 def show_tables(tree: xr.DataTree) -> None:
-    """A title, then a table for each output, in as many parts as the screen's width takes."""
+    """A title, a table for each output, and what was lost to which reason."""
     console = output()
-    console.print(Text(str(tree.attrs["title"]), style="bold"))
+    console.print(Text(printable(str(tree.attrs["title"])), style="bold"))
     for table in output_tables(tree):
         console.print()
-        for part in _parts(table, console.width):
-            console.print(part)
+        console.print(Text(printable(table.title), style="bold"))
+        for part, width in _parts(table, console.width):
+            console.print(part, width=max(width, console.width), crop=False)
         for number, note in enumerate(table.notes, start=1):
             hanging = Table.grid(padding=(0, 1, 0, 0))
-            hanging.add_row(Text(f" {number}", style="dim"), Text(note, style="dim"))
+            hanging.add_row(Text(f" {number}", style="dim"), Text(printable(note), style="dim"))
             console.print(hanging)
+    _show_losses(console, tree)
     console.print()
+
+
+def _show_losses(console: Console, tree: xr.DataTree) -> None:
+    found = list(losses(tree))
+    if not found:
+        return
+    rows = [
+        (loss.design, f"{loss.runs} {STATUS_TEXT[loss.status]}", loss.reason)
+        for loss in found[:_MOST_REASONS]
+    ]
+    console.print()
+    console.print(plain_table(["design", "lost", "reason"], rows))
+    if len(found) > len(rows):
+        console.print(Text(f"and {len(found) - len(rows)} more reasons", style="dim"))
 
 
 def plain_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     """A table of texts, the first column being what the others are of."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), show_edge=False, pad_edge=False)
     for position, name in enumerate(header):
-        table.add_column(Text(name), no_wrap=position == 0)
+        table.add_column(Text(printable(name)), no_wrap=position == 0)
     for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
+        table.add_row(*(Text(printable(cell)) for cell in row))
     return table
 
 
-def _parts(table: OutputTable, width: int) -> Iterator[Table]:
-    """The table's columns, as many at a time as fit."""
-    label = max(len(table.title), *(len(label) for label, _ in table.rows)) + _GAP
+def _parts(table: OutputTable, width: int) -> Iterator[tuple[Table, int]]:
+    """The table's columns, as many at a time as fit, each with the width that it takes."""
+    longest = max(len(label) for label, _ in table.rows)
     widths = [
         max(len(name), *(len(cells[column]) for _, cells in table.rows)) + _GAP
         for column, name in enumerate(table.columns)
@@ -62,10 +95,11 @@ def _parts(table: OutputTable, width: int) -> Iterator[Table]:
     start = 0
     while start < len(widths):
         end = start + 1
-        while end < len(widths) and label + sum(widths[start : end + 1]) <= width:
+        while end < len(widths) and longest + sum(widths[start : end + 1]) <= width:
             end += 1
         rows = [(label, *cells[start:end]) for label, cells in table.rows]
-        yield plain_table([table.title, *table.columns[start:end]], rows)
+        part = plain_table(["", *table.columns[start:end]], rows)
+        yield part, longest + sum(widths[start:end])
         start = end
 
 

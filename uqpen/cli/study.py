@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from uqpen.cli.exit_code import ExitCode
+
 __all__ = ["study"]
 
 
@@ -18,18 +20,32 @@ __all__ = ["study"]
     type=click.Path(path_type=Path),
     help="The archive to write.  [default: archives/<study>.nc]",
 )
-def study(file: Path, archive: Path | None) -> None:
-    """Make the runs of the study FILE, analyse them, and write everything into one archive."""
+def study(file: Path, archive: Path | None) -> ExitCode:
+    """Make the runs of the study FILE, analyse them, and write everything into one archive.
+
+    Leaves with 3 if a design lost all of its runs.
+    """
     from uqpen.archive.write import prepare_destination, write
     from uqpen.cli.screen import output, progress, show_tables
     from uqpen.study.load import load_study
+    from uqpen.summary.losses import has_lost_all
     from uqpen.workflow import run
 
+    # Where the user stands now: a model may go elsewhere once it is loaded.
+    here = Path.cwd()
     loaded = load_study(file)
     archive = archive or Path("archives") / f"{loaded.name}.nc"
-    prepare_destination(archive)
-    with progress() as reporter:
-        tree = run(loaded, progress=reporter)
-    write(tree, archive)
+    prepare_destination(here / archive)
+    try:
+        with progress() as reporter:
+            tree = run(loaded, progress=reporter)
+        write(tree, here / archive)
+    except KeyboardInterrupt:
+        click.echo("interrupted; nothing was written", err=True)
+        return ExitCode.INTERRUPTED
     show_tables(tree)
     output().print(f"archive: {archive}", soft_wrap=True, markup=False, highlight=False)
+    if has_lost_all(tree):
+        click.echo("a design lost all of its runs", err=True)
+        return ExitCode.LOST
+    return ExitCode.DONE

@@ -8,23 +8,27 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.arrays import floats
 from uqpen.designs.design import Design, Rounds
-from uqpen.errors import QuantityError, TableError
+from uqpen.errors import QuantityError, TableError, as_written
 from uqpen.inputs.law import InputLaw, points_dataset
 from uqpen.labels import Sampling
 from uqpen.lookup import choices
 from uqpen.model import Input
 from uqpen.settings import file, flag
 from uqpen.streams import Stream
-from uqpen.units import DIMENSIONLESS, are_alike, describe, scale
+from uqpen.units import DIMENSIONLESS, NUMBER, are_alike, describe, scale
 
 __all__ = ["Table"]
 
+_NUMBER = re.compile(rf"\s*{NUMBER}\s*\Z")
 _HEADER = re.compile(r"\s*([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?\s*\Z")
 
 
@@ -67,26 +71,31 @@ class Table(Design):
             If it cannot be read, or a column is no input, has the wrong unit or no number.
         """
         known = {variable.name: variable for variable in law.variables}
-        try:
-            read = _netcdf if self.file.suffix == ".nc" else _csv
-            headed = read(self.file)
-        except FileNotFoundError:
-            raise TableError(f'there is no file "{self.file.name}" beside the study') from None
-        except OSError as error:
-            raise TableError(f'"{self.file.name}" cannot be read: {error.strerror}') from None
         columns: dict[str, npt.NDArray[np.float64]] = {}
-        for name, unit, values in headed:
+        for name, unit, values in self._headed:
             if name not in known:
                 raise TableError(f'column "{name}" is no input; {choices(name, known)}')
             if name in columns:
                 raise TableError(f'column "{name}" stands twice')
             columns[name] = _in_si(known[name], unit, values)
+            if len({len(values) for values in columns.values()}) > 1:
+                raise TableError(f'column "{name}" differs in length from those before')
         if not columns or not len(next(iter(columns.values()))):
             raise TableError(f'"{self.file.name}" has no rows of points')
         for entry in law.random:
             if entry.variable.name not in columns:
                 raise TableError(f'no column "{entry.variable.name}", an input that is random')
         return columns
+
+    @cached_property
+    def _headed(self) -> list[Headed]:
+        """The table as it stands in the file; read once, so that it cannot change in mid-study."""
+        try:
+            return _netcdf(self.file) if self.file.suffix == ".nc" else _csv(self.file)
+        except FileNotFoundError:
+            raise TableError(f'there is no file "{self.file}"') from None
+        except OSError as error:
+            raise TableError(f'"{self.file.name}" cannot be read: {error.strerror}') from None
 
 
 Headed = tuple[str, str, npt.NDArray[np.float64]]
@@ -110,20 +119,23 @@ def _csv(path: Path) -> list[Headed]:
         text = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError:
         raise TableError(f'"{path.name}" is not UTF-8') from None
-    lines = [
-        line for line in csv.reader(io.StringIO(text, newline="")) if any(map(str.strip, line))
-    ]
+    reader = csv.reader(io.StringIO(text, newline=""))
+    try:
+        lines = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
+    except csv.Error as error:
+        raise TableError(f'"{path.name}", line {reader.line_num}: {error}') from None
     if not lines:
         raise TableError(f'"{path.name}" is empty')
-    header, *rows = lines
-    for number, row in enumerate(rows, start=2):
+    (_, header), *rows = lines
+    for line, row in rows:
         if len(row) != len(header):
-            found = f"{len(row)} values under {len(header)} headings"
-            raise TableError(f'"{path.name}", row {number}: {found}')
+            found = f"{len(row)} values under {len(header)} headings; commas separate columns"
+            raise TableError(f'"{path.name}", line {line}: {found}')
     columns = []
     for position, heading in enumerate(header):
         name, unit = _heading(heading, path)
-        columns.append((name, unit, _numbers([row[position] for row in rows], name, path)))
+        texts = [(line, row[position]) for line, row in rows]
+        columns.append((name, unit, _numbers(texts, name, path)))
     return columns
 
 
@@ -134,16 +146,13 @@ def _heading(text: str, path: Path) -> tuple[str, str]:
     return match[1], (match[2] or "").strip() or DIMENSIONLESS
 
 
-def _numbers(texts: Sequence[str], name: str, path: Path) -> npt.NDArray[np.float64]:
+def _numbers(texts: Sequence[tuple[int, str]], name: str, path: Path) -> npt.NDArray[np.float64]:
     values = np.empty(len(texts))
-    for row, text in enumerate(texts):
-        try:
-            values[row] = float(text)
-        except ValueError:
-            values[row] = math.nan
-        if not math.isfinite(values[row]):
-            where = f'"{path.name}", row {row + 2}, column "{name}"'
-            raise TableError(f'{where}: found "{text.strip()}", expected a number')
+    for position, (line, text) in enumerate(texts):
+        if not _NUMBER.match(text) or not math.isfinite(float(text)):
+            where = f'"{path.name}", line {line}, column "{name}"'
+            raise TableError(f"{where}: found {as_written(text.strip())}, expected a number")
+        values[position] = float(text)
     return values
 
 
@@ -152,18 +161,27 @@ def _netcdf(path: Path) -> list[Headed]:
 
     try:
         with netCDF4.Dataset(path) as dataset:
-            found = [
-                (str(name), str(getattr(variable, "units", DIMENSIONLESS)), np.asarray(variable[:]))
+            return [
+                (str(name), str(getattr(variable, "units", DIMENSIONLESS)), _values(variable, path))
                 for name, variable in dataset.variables.items()
-                if variable.ndim == 1 and name not in dataset.dimensions
+                if not (name in dataset.dimensions and "units" not in variable.ncattrs())
             ]
     except OSError as error:
         if isinstance(error, FileNotFoundError):
             raise
         raise TableError(f'"{path.name}" is not a NetCDF file') from None
-    if len({len(values) for _, _, values in found}) > 1:
-        raise TableError(f'"{path.name}": its variables differ in length')
-    for name, _, values in found:
-        if not np.issubdtype(values.dtype, np.number) or not np.isfinite(values).all():
-            raise TableError(f'"{path.name}": "{name}" has values that are no numbers')
-    return found
+
+
+def _values(variable: Any, path: Path) -> npt.NDArray[np.float64]:
+    """The values of a NetCDF variable, none of which may be missing."""
+    where = f'"{path.name}", variable "{variable.name}"'
+    if variable.ndim != 1:
+        raise TableError(f"{where} has {variable.ndim} dimensions, expected one")
+    try:
+        values = floats(variable[:])
+    except ValueError as error:
+        raise TableError(f"{where} holds {error}") from None
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise TableError(f"{where} has no number at position {bad[0]}")
+    return values

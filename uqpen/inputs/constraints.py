@@ -9,6 +9,7 @@ file contains is ever executed.
 from __future__ import annotations
 
 import ast
+import functools
 import itertools
 import operator
 import warnings
@@ -19,15 +20,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.errors import ConstraintError, QuantityError
+from uqpen.errors import ConstraintError, QuantityError, as_written
 from uqpen.lookup import choices
-from uqpen.quantities import Quantity, parse_quantity
-from uqpen.units import DIMENSIONLESS, are_alike, product, ratio, scale, si_unit
+from uqpen.quantities import Quantity, parse_any
+from uqpen.units import DIMENSIONLESS, are_alike, product, ratio, si_unit
 
 __all__ = ["Constraint", "parse_constraint"]
 
 _SHAPE = 'a comparison of inputs, such as "plasticity_radius > crater_radius"'
-_LONGEST = 1000
+_LONGEST = 500
 _HIGHEST_POWER = 9
 
 _COMPARISONS: Mapping[type[ast.cmpop], Callable[[Any, Any], Any]] = {
@@ -90,10 +91,14 @@ def parse_constraint(text: str, units: Mapping[str, str]) -> Constraint:
     """
     tree = _parsed(text)
     sides = [tree.left, *tree.comparators]
-    _all_alike([_unit_of(side, units) for side in sides], text)
+    try:
+        found = [_unit_of(side, units) for side in sides]
+    except RecursionError:
+        raise ConstraintError(f"{as_written(text)}, nested too deeply", _SHAPE) from None
+    _all_alike(found, text)
     names = frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
     if not names:
-        raise ConstraintError(f'"{text}", which names no input', _SHAPE)
+        raise ConstraintError(f"{as_written(text)}, which names no input", _SHAPE)
     return Constraint(text, names)
 
 
@@ -105,11 +110,11 @@ def _parsed(text: str) -> ast.Compare:
             warnings.simplefilter("error")  # what Python would only warn of is no comparison
             tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise ConstraintError(f'"{text}"', _SHAPE) from None
+        raise ConstraintError(f"{as_written(text)}", _SHAPE) from None
     if not isinstance(tree, ast.Compare):
-        raise ConstraintError(f'"{text}"', _SHAPE)
+        raise ConstraintError(f"{as_written(text)}", _SHAPE)
     if not all(type(comparison) in _COMPARISONS for comparison in tree.ops):
-        raise ConstraintError(f'"{text}"', "one of <, <=, >, >= between its sides")
+        raise ConstraintError(f"{as_written(text)}", "one of <, <=, >, >= between its sides")
     return tree
 
 
@@ -119,7 +124,7 @@ def _holds(tree: ast.Compare, inputs: Mapping[str, Any]) -> Any:
         _COMPARISONS[type(comparison)](left, right)
         for comparison, left, right in zip(tree.ops, sides, sides[1:], strict=False)
     ]
-    return np.logical_and.reduce(results)
+    return functools.reduce(np.logical_and, [*results, *map(np.isfinite, sides)])
 
 
 def _value_of(node: ast.expr, inputs: Mapping[str, Any]) -> Any:
@@ -128,7 +133,7 @@ def _value_of(node: ast.expr, inputs: Mapping[str, Any]) -> Any:
         case ast.Name(id=name):
             return inputs[name]
         case ast.Constant(value=value):
-            return _quantity(value).value
+            return np.float64(_quantity(value).value)  # which divides by zero as arrays do
         case ast.UnaryOp(op=op, operand=operand):
             value = _value_of(operand, inputs)
             return -value if isinstance(op, ast.USub) else value
@@ -153,7 +158,7 @@ def _unit_of(node: ast.expr, units: Mapping[str, str]) -> str:
         case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
             return _unit_of(operand, units)
         case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int(power))) if (
-            1 <= power <= _HIGHEST_POWER
+            not isinstance(power, bool) and 1 <= power <= _HIGHEST_POWER
         ):
             unit = base = _unit_of(left, units)
             for _ in range(power - 1):
@@ -175,22 +180,18 @@ def _all_alike(found: list[str], text: str) -> None:
     for one, other in itertools.pairwise(found):
         if not are_alike(one, other):
             raise ConstraintError(
-                f'"{text}", which compares {one} with {other}', "sides of the same dimension"
+                f"{as_written(text)}, which compares {one} with {other}",
+                "sides of the same dimension",
             )
 
 
 def _quantity(value: object) -> Quantity:
     """A number, or a quoted quantity of any dimension."""
     if isinstance(value, str):
-        _, _, unit = value.strip().partition(" ")
         try:
-            scale(unit)
-        except QuantityError:
-            unit = ""
-        try:
-            return parse_quantity(value, like=unit or DIMENSIONLESS)
+            return parse_any(value)
         except QuantityError as error:
             raise ConstraintError(error.found, 'a quantity such as "16 cm"') from None
-    if isinstance(value, int | float) and not isinstance(value, bool):
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300:
         return Quantity(float(value), DIMENSIONLESS)
     raise ConstraintError(repr(value), "a number or a quoted quantity")

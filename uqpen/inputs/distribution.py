@@ -11,12 +11,16 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.errors import Problem
+from uqpen.errors import Problem, SettingsError
 from uqpen.settings import validate
 
-__all__ = ["Distribution", "order_problem"]
+__all__ = ["OPEN", "Distribution", "order_problem"]
 
 FloatArray = npt.NDArray[np.float64]
+
+# Generators give 0 now and then, and rounding 1, where the quantile of a law may be infinite: so
+# draws are taken from half a step of the generator inside.
+OPEN = (2.0**-54, 1 - 2.0**-53)
 
 
 class Distribution(ABC):
@@ -47,6 +51,16 @@ class Distribution(ABC):
     @abstractmethod
     def above(self, value: FloatArray) -> FloatArray:
         """Probability of lying above a value."""
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether every draw is a finite number."""
+        try:
+            with np.errstate(all="ignore"):
+                ends = self.quantile(np.array([OPEN[0], 0.5, OPEN[1]]))
+        except (ArithmeticError, SettingsError):
+            return False  # parameters so large or small that the formulas overflow
+        return bool(np.isfinite(ends).all() and ends[0] < ends[-1])
 
     @property
     def median(self) -> float:

@@ -218,7 +218,7 @@ class Gamma(Distribution):
 
     @property
     def _scale(self) -> float:
-        return self.std**2 / self.mean
+        return self.std * (self.std / self.mean)
 
     def quantile(self, probability: FloatArray) -> FloatArray:
         return self._scale * special.gammaincinv(self._shape, probability)

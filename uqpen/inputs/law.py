@@ -10,17 +10,13 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.inputs.distribution import Distribution
+from uqpen.inputs.distribution import OPEN, Distribution
 from uqpen.labels import RUN
 from uqpen.model import Input
 
 __all__ = ["FixedInput", "InputLaw", "RandomInput", "points_dataset"]
 
 FloatArray = npt.NDArray[np.float64]
-
-# Generators give 0 now and then, and rounding 1, where the quantile of a law may be infinite: half
-# a step of the generator inside.
-_OPEN = (2.0**-54, 1 - 2.0**-53)
 
 
 @dataclass(frozen=True)
@@ -118,7 +114,7 @@ class InputLaw:
         Dataset
             A variable for each input, along ``run`` where it is random.
         """
-        inside = np.clip(unit, *_OPEN)
+        inside = np.clip(unit, *OPEN)
         values: dict[str, Any] = {
             entry.variable.name: entry.distribution.quantile(column)
             for entry, column in zip(self.random, inside.T, strict=True)

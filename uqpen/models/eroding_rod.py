@@ -9,31 +9,21 @@ Walker-Anderson model. FFI/RAPPORT-2000/05876. Its equation numbers stand in bra
 
 from __future__ import annotations
 
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from uqpen.models import rod_lanes
+from uqpen.models.rod_and_target import Termination
 
-__all__ = ["DEFAULT_TOLERANCE", "Penetration", "Termination", "penetrate", "prepare"]
+__all__ = ["DEFAULT_TOLERANCE", "Penetration", "penetrate", "prepare"]
 
 FloatArray = npt.NDArray[np.float64]
 
 # The largest errors in 40 000 draws of the report's Table 3.1 are then 2.4e-7 in the residue and
 # 5e-8 in the depth.
 DEFAULT_TOLERANCE = 1e-6
-
-
-class Termination(IntEnum):
-    """How erosion ended."""
-
-    BREAKDOWN = int(
-        rod_lanes.CAUGHT_UP
-    )  # the tail became as slow as the nose; the rest went on as a rigid body
-    STANDSTILL = int(rod_lanes.AT_REST)  # the nose came to rest while the rod was eroding
-    RIGID = 2  # the rod never began to erode
 
 
 class Penetration(NamedTuple):

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.arrays import floats
 from uqpen.errors import ModelError
 from uqpen.labels import Status
 from uqpen.model import Arrays, Input, Model, Output, Results
@@ -110,8 +111,10 @@ class PythonFunction(Model):
         """Outputs of one call, or the reason why there are none."""
         try:
             returned = self.function(**arguments)
-        except (Exception, SystemExit) as error:  # what a black box raises is data
-            return _one_line(f"{type(error).__name__}: {error}")
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # whatever else a black box raises is data
+            return _described(error)
         try:
             return _checked(returned, [output.name for output in self.outputs], runs)
         except _UnusableError as refused:
@@ -130,9 +133,9 @@ def _checked(
         if name not in returned:
             raise _UnusableError(f'returned no "{name}"')
         try:
-            values = np.asarray(returned[name], dtype=np.float64)
-        except (TypeError, ValueError):
-            raise _UnusableError(f'returned a "{name}" that is not a number') from None
+            values = floats(returned[name])
+        except ValueError as error:
+            raise _UnusableError(f'returned a "{name}" of {error}') from None
         if values.shape != shape:
             raise _UnusableError(f'returned a "{name}" of shape {values.shape}, not {shape}')
         outputs[name] = values
@@ -153,7 +156,7 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], byt
     -------
     function : callable
     source : bytes
-        Of the file that defines it; empty where it has none.
+        Of the file that defines it, and of those beside the study that it has imported.
 
     Raises
     ------
@@ -169,8 +172,9 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], byt
         known = [key for key, value in vars(module).items() if inspect.isfunction(value)]
         listing = f"; it defines {', '.join(known)}" if known else ""
         raise ModelError(f'"{where}" has no function "{name}"{listing}')
-    path = getattr(module, "__file__", None)
-    return function, Path(path).read_bytes() if path and Path(path).is_file() else b""
+    own = getattr(module, "__file__", None)
+    files = {path for _, path in _modules_in(folder)} | ({Path(own)} if own else set())
+    return function, b"".join(path.read_bytes() for path in sorted(files) if path.is_file())
 
 
 def check_signature(function: Callable[..., Any], names: list[str]) -> None:
@@ -193,8 +197,7 @@ def check_signature(function: Callable[..., Any], names: list[str]) -> None:
 
 
 def _imported(where: str, folder: Path) -> Any:
-    # A model may import what lies beside it, as it would when run from its own folder.
-    sys.path.insert(0, str(folder))
+    _enter(folder)
     try:
         if where.endswith(".py"):
             return _from_file(folder / where)
@@ -203,13 +206,37 @@ def _imported(where: str, folder: Path) -> Any:
         raise
     except ModuleNotFoundError as error:
         raise ModelError(f'"{where}": {error}') from None
-    except Exception as error:  # a user's module can raise anything while it is imported
+    except (Exception, SystemExit) as error:  # a user's module can raise anything when imported
         place = traceback.extract_tb(error.__traceback__)[-1]
         line = getattr(error, "lineno", None) or place.lineno
-        text = f'importing "{where}" failed at line {line}: {type(error).__name__}: {error}'
+        text = f'importing "{where}" failed at line {line}: {_described(error)}'
         raise ModelError(_one_line(text)) from None
-    finally:
-        sys.path.remove(str(folder))
+
+
+# The folder whose modules a model may import, as it would when run from there.
+_entered: list[Path] = []
+
+
+def _enter(folder: Path) -> None:
+    """Let modules beside a study be imported, and none that lie beside an earlier study."""
+    for earlier in _entered:
+        if str(earlier) in sys.path:
+            sys.path.remove(str(earlier))
+        for name, _ in _modules_in(earlier):
+            del sys.modules[name]
+    _entered[:] = [folder]
+    sys.path.insert(0, str(folder))
+
+
+def _modules_in(folder: Path) -> list[tuple[str, Path]]:
+    """Imported modules whose source lies in a folder, but for installed ones and uqpen's own."""
+    found = []
+    for name, module in sorted(sys.modules.items()):
+        path = Path(getattr(module, "__file__", None) or "/")
+        is_ours = name.partition(".")[0] == "uqpen"
+        if path.is_relative_to(folder) and "site-packages" not in path.parts and not is_ours:
+            found.append((name, path))
+    return found
 
 
 def _from_file(path: Path) -> Any:
@@ -225,6 +252,15 @@ def _from_file(path: Path) -> Any:
     return module
 
 
+def _described(error: BaseException) -> str:
+    """An exception in one line, whatever its own text does."""
+    try:
+        return _one_line(f"{type(error).__name__}: {error}")
+    except Exception:  # a foreign exception whose text raises another
+        return type(error).__name__
+
+
 def _one_line(text: str) -> str:
-    line = " ".join(text.split())
+    """A text as a reason can hold it: one line, not too long, and no half characters."""
+    line = " ".join(text.encode("utf-8", "replace").decode("utf-8").split())
     return line if len(line) <= _LONGEST_REASON else line[: _LONGEST_REASON - 1] + "…"

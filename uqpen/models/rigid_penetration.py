@@ -41,12 +41,11 @@ class RigidPenetration(Model):
         inertia = density_ratio * L + R * (S - R) / (S + R)
         # (2.16) with u = v and no erosion, integrated over depth down to u = 0.
         depth = inertia * np.log1p(inputs["impact_velocity"] ** 2 / resistance)
-        rigid = [category.flag for category in self.output("termination").categories].index("rigid")
         return Results.all_ok(
             {
                 "penetration_depth": depth,
                 "projectile_residue": L.copy(),
                 "erosion_end_depth": np.zeros_like(depth),
-                "termination": np.full_like(depth, rigid),
+                "termination": np.full_like(depth, rod_and_target.Termination.RIGID),
             }
         )

@@ -11,13 +11,14 @@ Walker-Anderson model. FFI/RAPPORT-2000/05876. Table 3.1.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
 
 from uqpen.model import POSITIVE, Arrays, BoolArray, Bounds, Category, Input, Output
 
-__all__ = ["ALTERNATIVES", "INPUTS", "OUTPUTS", "conditions", "sound_speed"]
+__all__ = ["ALTERNATIVES", "INPUTS", "OUTPUTS", "Termination", "conditions", "sound_speed"]
 
 INPUTS = (
     Input("projectile_density", "kg m-3", bounds=POSITIVE, display_unit="g/cm^3"),
@@ -60,6 +61,24 @@ INPUTS = (
 # A Young's modulus gives the sound speed, so one of the two is enough.
 ALTERNATIVES = (("projectile_sound_speed", "projectile_young_modulus"),)
 
+
+class Termination(IntEnum):
+    """How erosion ends."""
+
+    BREAKDOWN = 0
+    """The tail becomes as slow as the nose; the rest of the rod goes on as a rigid body."""
+    STANDSTILL = 1
+    """The nose comes to rest while the rod is eroding."""
+    RIGID = 2
+    """The rod never begins to erode."""
+
+
+_TERMINATION_LABELS = {
+    Termination.BREAKDOWN: "v = u",
+    Termination.STANDSTILL: "u = 0",
+    Termination.RIGID: "rigid",
+}
+
 OUTPUTS = (
     Output("penetration_depth", "m", "depth of penetration"),
     Output("projectile_residue", "m", "length of projectile left"),
@@ -68,10 +87,8 @@ OUTPUTS = (
         "termination",
         "1",
         "how erosion ends",
-        categories=(
-            Category("breakdown", "v = u"),
-            Category("standstill", "u = 0"),
-            Category("rigid", "rigid"),
+        categories=tuple(
+            Category(kind.name.lower(), _TERMINATION_LABELS[kind]) for kind in Termination
         ),
     ),
 )

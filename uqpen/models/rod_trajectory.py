@@ -13,11 +13,14 @@ used with (2 - ε), as (2.4) and (2.8) give it.
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+
+from uqpen.errors import TrajectoryError
 
 __all__ = [
     "Rod",
@@ -30,6 +33,8 @@ __all__ = [
 
 FloatArray = npt.NDArray[np.float64]
 Vector = tuple[float, float, float, float]
+
+_MOST_EVALUATIONS = 200_000
 
 
 class Trajectory(NamedTuple):
@@ -113,7 +118,7 @@ def trajectory(
 
     Raises
     ------
-    ArithmeticError
+    TrajectoryError
         If the integration does not reach the end of erosion.
     """
     rod = rod_in_target(
@@ -215,7 +220,7 @@ def integrate_erosion(rod: Rod, tolerance: float, *, dense_output: bool = False)
 
     Raises
     ------
-    ArithmeticError
+    TrajectoryError
         If neither event is reached.
     """
     from scipy.integrate import solve_ivp
@@ -227,8 +232,16 @@ def integrate_erosion(rod: Rod, tolerance: float, *, dense_output: bool = False)
     # In this time the target's resistance alone would stop the rod as it was, however fast.
     inertia = rod.density_ratio * rod.length + rod.added_length
     longest = math.pi * inertia / math.sqrt(rod.resistance)
+    calls = itertools.count()
+
+    def slopes(time: float, state: FloatArray, rod: Rod) -> Vector:
+        # A plastic zone next to the crater is stiff: S/R = 1.001 takes about this many.
+        if next(calls) > _MOST_EVALUATIONS:
+            raise TrajectoryError(f"erosion did not end within {_MOST_EVALUATIONS} evaluations")
+        return erosion_slopes(time, state, rod)
+
     solution = solve_ivp(
-        erosion_slopes,
+        slopes,
         (0.0, longest if erodes else 0.0),
         at_impact,
         method="DOP853",
@@ -239,7 +252,7 @@ def integrate_erosion(rod: Rod, tolerance: float, *, dense_output: bool = False)
         atol=tolerance * 1e-2 * scales,
     )
     if erodes and solution.status != 1:
-        raise ArithmeticError(f"erosion did not come to an end: {solution.message}")
+        raise TrajectoryError(f"erosion did not come to an end: {solution.message}")
     return solution
 
 

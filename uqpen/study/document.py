@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,9 @@ _TWICE = ("Cannot overwrite a value", "Cannot declare", "Cannot redefine", "Dupl
 
 # No study comes near it; a parser that is given more only serves to exhaust memory.
 _LARGEST = 4 * 1024 * 1024
+
+# Nobody mends more mistakes than this before looking again.
+_MOST_TOLD = 50
 
 
 @dataclass(frozen=True)
@@ -56,26 +60,48 @@ class Document:
             path.pop()
         if not path:
             return None
-        lines = self.text.splitlines(keepends=True)
-        low, high = 0, len(lines)  # the key is absent after `low` lines and there after `high`
+        low, high = 0, len(self._lines)  # the key is absent after `low` lines, there after `high`
         while high - low > 1:
             middle = (low + high) // 2
-            if _has(_longest_whole_prefix(lines, middle)[1], path):
+            if _has(self._whole_prefix(middle)[1], path):
                 high = middle
             else:
                 low = middle
-        start, _ = _longest_whole_prefix(lines, high - 1)
-        return start + 1
+        return self._whole_prefix(high - 1)[0] + 1
+
+    @cached_property
+    def _lines(self) -> list[str]:
+        """The lines as TOML counts them: other line ends than these are text to it."""
+        return [f"{line}\n" for line in self.text.split("\n")]
+
+    @cached_property
+    def _prefixes(self) -> dict[int, tuple[int, dict[str, Any]]]:
+        """What has been found of `_whole_prefix`, by the number of lines asked."""
+        return {0: (0, {})}
+
+    def _whole_prefix(self, end: int) -> tuple[int, dict[str, Any]]:
+        """The most lines, `end` at most, after which no value runs on, and their content."""
+        cut = end
+        while cut not in self._prefixes:
+            try:
+                self._prefixes[cut] = cut, tomllib.loads("".join(self._lines[:cut]))
+            except ValueError:
+                cut -= 1
+        for asked in range(cut + 1, end + 1):
+            self._prefixes[asked] = self._prefixes[cut]
+        return self._prefixes[end]
 
     def error(self, problems: Sequence[Problem]) -> StudyError:
         """All mistakes in one error, in the order of their lines."""
         located = sorted(
-            ((self.line(problem.path) or 0, problem) for problem in problems),
+            ((self.line(problem.path) or 0, problem) for problem in problems[:_MOST_TOLD]),
             key=lambda pair: pair[0],
         )
-        count = "1 mistake" if len(located) == 1 else f"{len(located)} mistakes"
+        count = "1 mistake" if len(problems) == 1 else f"{len(problems)} mistakes"
         blocks = [f"{self.label}: {count}; nothing was run"]
         blocks += [_block(self.label, line, problem) for line, problem in located]
+        if len(problems) > len(located):
+            blocks.append(f"  and {len(problems) - len(located)} more")
         return StudyError("\n\n".join(blocks), [problem for _, problem in located])
 
 
@@ -118,11 +144,13 @@ def parse_document(text: str, label: str) -> Document:
     except tomllib.TOMLDecodeError as error:
         message = str(error)
         match = _POSITION.search(message)
-        line = int(match[1]) if match else len(text.splitlines())
+        line = int(match[1]) if match else len(text.rstrip("\n").split("\n"))
         found = _POSITION.sub("", message).removesuffix(" (at end of document)")
         is_twice = message.startswith(_TWICE)
         expected = "every key and table once" if is_twice else "TOML (see https://toml.io)"
         raise _unreadable(label, line, Problem((), found, expected)) from None
+    except ValueError as error:  # a number with too many digits
+        raise _unreadable(label, 1, Problem((), str(error), "a study")) from None
     except RecursionError:
         problem = Problem((), "brackets nested too deeply", "a study")
         raise _unreadable(label, 1, problem) from None
@@ -155,13 +183,3 @@ def _has(content: dict[str, Any], path: Sequence[str | int]) -> bool:
     except (KeyError, IndexError, TypeError):
         return False
     return True
-
-
-def _longest_whole_prefix(lines: Sequence[str], end: int) -> tuple[int, dict[str, Any]]:
-    """The most lines, `end` at most, after which no value runs on, and their content."""
-    for cut in range(end, 0, -1):
-        try:
-            return cut, tomllib.loads("".join(lines[:cut]))
-        except tomllib.TOMLDecodeError:
-            continue
-    return 0, {}

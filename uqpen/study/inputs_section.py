@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
 from typing import Any
+
+import numpy as np
 
 from uqpen.errors import ConstraintError, QuantityError, SettingsError, as_written
 from uqpen.inputs.constraints import Constraint, parse_constraint
@@ -78,6 +79,8 @@ def _entry(table: Table, variable: Input, value: Any) -> Entry | None:
             quantity = parse_quantity(value, variable.unit)
             return _fixed(table, variable, value, quantity.value, quantity.unit)
         normal = Normal(spread.mean, spread.std)
+        if not _is_usable(table, variable.name, normal):
+            return None
     except QuantityError as error:
         expected = error.expected
         if not isinstance(value, str | int | float):
@@ -91,13 +94,9 @@ def _entry(table: Table, variable: Input, value: Any) -> Entry | None:
 
 
 def _fixed(table: Table, variable: Input, written: Any, value: float, unit: str) -> Entry | None:
-    bounds = variable.bounds
-    inside = (bounds.lower <= value if bounds.lower_included else bounds.lower < value) and (
-        value <= bounds.upper if bounds.upper_included else value < bounds.upper
-    )
-    if not inside:
+    if not variable.bounds.contain(np.array(value)):
         where = "" if variable.unit == DIMENSIONLESS else f" {variable.unit}"
-        table.wrong(variable.name, as_written(written), f"a value {bounds}{where}")
+        table.wrong(variable.name, as_written(written), f"a value {variable.bounds}{where}")
         return None
     return FixedInput(variable, value, unit)
 
@@ -130,12 +129,19 @@ def _distribution(table: Table, variable: Input) -> Entry | None:
     except SettingsError as error:
         table.refused(error)
         return None
-    if not math.isfinite(law.median):
-        table.wrong(family, "a law whose values overflow", "parameters of a usual size")
+    if not _is_usable(table, family, law):
         return None
     return RandomInput(
         variable, law, _unit_of(section.content, variable), _described(table.content)
     )
+
+
+def _is_usable(table: Table, key: str, law: Distribution) -> bool:
+    """Note a law whose draws are not all finite, or are all the same."""
+    if not law.is_finite:
+        expected = "parameters whose draws are finite and differ in double precision"
+        table.wrong(key, "a law too wide or too narrow to draw from", expected)
+    return law.is_finite
 
 
 def _unit_of(parameters: Mapping[str, Any], variable: Input) -> str:

@@ -79,8 +79,10 @@ def _study(document: Document, name: str, folder: Path) -> Study:
     constraints = read_constraints(constraints_table, model, inputs_table.content)
     questions = read_questions(outputs_table, model)
     # An input that could not be understood would only cause mistakes that are none.
+    noted = len(problems)
     given_by_tables = check_designs(designs_table, designs, law) if inputs_are_right else set()
-    _check_completeness(inputs_table, model, given_by_tables)
+    if len(problems) == noted:
+        _check_completeness(inputs_table, model, given_by_tables)
     if not problems:
         _check_nominal(inputs_table, model, law)
     if problems or title is None or seed is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from uqpen.errors import ModelError, QuantityError, as_written
-from uqpen.labels import NAME, RESERVED
+from uqpen.labels import NAME, RESERVED, SUFFIXES
 from uqpen.lookup import choices, resolve
 from uqpen.model import Input, Model, Output
 from uqpen.models import MODELS
@@ -68,6 +68,15 @@ def _function(table: Table, folder: Path) -> Model | None:
     )
 
 
+def _clash(name: str, section: Table) -> str | None:
+    """Another output that has a statistic by this name."""
+    for other in section:
+        stem, _, suffix = name.removeprefix(other).partition("_")
+        if name.startswith(other) and not stem and suffix in SUFFIXES:
+            return other
+    return None
+
+
 def _variables(table: Table, key: str, called_in: dict[str, str]) -> list[tuple[str, str]]:
     """Names and units of a model's inputs or outputs."""
     does = "takes" if key == "inputs" else "gives"
@@ -84,6 +93,8 @@ def _variables(table: Table, key: str, called_in: dict[str, str]) -> list[tuple[
             section.wrong(name, as_written(name), expected)
         elif name in called_in:
             section.wrong(name, "an output with the name of an input", "names that differ")
+        elif (clash := _clash(name, section)) is not None:
+            section.wrong(name, as_written(name), f'a name other than what "{clash}" brings along')
         elif not isinstance(unit, str):
             section.wrong(name, as_written(unit), 'a unit such as "cm", or "1" where there is none')
         else:

@@ -8,7 +8,7 @@ from uqpen.lookup import choices
 from uqpen.model import Model, Output
 from uqpen.quantities import parse_quantity
 from uqpen.study.table import Table
-from uqpen.units import are_alike, describe
+from uqpen.units import are_alike
 
 __all__ = ["read_questions"]
 
@@ -45,14 +45,15 @@ def _question(table: Table, output: Output) -> Question:
 
 
 def _display_unit(table: Table, output: Output) -> str:
-    unit = table.text("unit", describe(output.unit), default=output.shown_unit)
+    expected = f'a unit such as "{output.unit}"'
+    unit = table.text("unit", expected, default=output.shown_unit)
     try:
         if unit is not None and are_alike(unit, output.unit):
             return unit
         if unit is not None:
-            table.wrong("unit", as_written(unit), f"a unit of {describe(output.unit)}")
+            table.wrong("unit", as_written(unit), expected)
     except QuantityError as error:
-        table.wrong("unit", error.found, error.expected)
+        table.wrong("unit", error.found, expected)
     return output.shown_unit
 
 

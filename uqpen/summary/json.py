@@ -22,6 +22,7 @@ from uqpen.labels import (
     SHARES,
     STATUSES,
 )
+from uqpen.summary.losses import losses
 from uqpen.summary.tables import output_names, told
 from uqpen.units import DIMENSIONLESS
 
@@ -67,6 +68,11 @@ def _design(tree: xr.DataTree, design: str) -> dict[str, Any]:
     return {
         "runs": int(runs.sizes[RUN]),
         "status": {status.meaning: count for status, count in status_counts(runs).items()},
+        "reasons": [
+            {"status": loss.status.meaning, "reason": loss.reason, "runs": loss.runs}
+            for loss in losses(tree)
+            if loss.design == design
+        ],
         "lost": {
             str(name): _figure(array)
             for name, array in group(tree, STATUSES, design).data_vars.items()

@@ -1,0 +1,91 @@
+"""What an archive must hold to be read as one, whoever has written or damaged it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from uqpen.labels import (
+    BOUND,
+    BOUNDS,
+    CDFS,
+    LOST,
+    MOMENTS,
+    QUANTILES,
+    REASON,
+    ROLE,
+    RUN,
+    RUNS,
+    SHARES,
+    STATUS,
+    Status,
+)
+
+__all__ = ["faults"]
+
+_ROOT = ("title", "study_text", "study_sha256", "seed", "model_name")
+_MOMENTS = ("mean", "std", "half_spread", "skewness", "kurtosis", "effective_runs")
+
+
+def faults(tree: xr.DataTree) -> Iterator[str]:
+    """What is wrong with an archive, for one line each.
+
+    Only what everything that reads archives goes by; that the figures are those of the study is
+    another matter.
+    """
+    for name in _ROOT:
+        if not isinstance(tree.attrs.get(name), str):
+            yield f'no text "{name}" at its root'
+    if not str(tree.attrs.get("seed", "")).isdecimal():
+        yield "a seed that is no number"
+    designs = tree.children[RUNS].children if RUNS in tree.children else {}
+    if not designs:
+        yield "no runs"
+    for name, runs in designs.items():
+        yield from (f"/{RUNS}/{name}: {fault}" for fault in _faults_of_runs(runs.dataset))
+        yield from _missing_statistics(tree, str(name), runs.dataset)
+    for node in tree.subtree:
+        for variable in node.data_vars.values():
+            if BOUND in variable.dims and not _is_told(variable):
+                yield f"{node.path}/{variable.name}: does not say how its interval was made"
+
+
+def _faults_of_runs(runs: xr.Dataset) -> Iterator[str]:
+    if STATUS not in runs or runs[STATUS].dims != (RUN,):
+        yield f"no {STATUS} along {RUN}"
+    elif not np.isin(runs[STATUS].values, list(Status)).all():
+        yield f"a {STATUS} that is none"
+    if RUN not in runs.coords:
+        yield f"no {RUN} numbers"
+    if REASON in runs and (LOST not in runs or not runs[LOST].isin(runs.get(RUN, [])).all()):
+        yield f"reasons without a {LOST}"
+
+
+def _missing_statistics(tree: xr.DataTree, design: str, runs: xr.Dataset) -> Iterator[str]:
+    """Groups and variables that there is one of for each output of each design."""
+    for name, variable in runs.data_vars.items():
+        if variable.attrs.get(ROLE) != "output":
+            continue
+        needed = (
+            {SHARES: [f"{name}"]}
+            if "flag_meanings" in variable.attrs
+            else {
+                MOMENTS: [f"{name}_{moment}" for moment in _MOMENTS],
+                QUANTILES: [f"{name}", f"{name}_probability"],
+                CDFS: [f"{name}"],
+            }
+        )
+        for group, names in needed.items():
+            designs = tree.children[group].children if group in tree.children else {}
+            held = designs[design].variables if design in designs else {}
+            path = f"/{group}/{design}"
+            yield from (f"{path}: no {missing}" for missing in names if missing not in held)
+
+
+def _is_told(variable: xr.DataArray) -> bool:
+    """Whether an estimate says how its bounds were made, in itself or in its coordinates."""
+    is_whole = variable.sizes[BOUND] == len(BOUNDS)
+    by_entry = [str(name) for name in variable.coords if str(name).endswith("_interval_label")]
+    return is_whole and bool(by_entry or "interval_label" in variable.attrs)

@@ -1,0 +1,59 @@
+"""Numbers that come from outside: from a user's function or a file."""
+
+from __future__ import annotations
+
+import numbers
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["floats"]
+
+_NO_NUMBERS = {
+    "c": "complex numbers",
+    "U": "text",
+    "S": "bytes",
+    "M": "dates",
+    "m": "durations",
+}
+
+
+def floats(value: object) -> npt.NDArray[np.float64]:
+    """An array of floats out of anything.
+
+    Parameters
+    ----------
+    value : object
+        A number, an array or a nested list of them; a masked entry becomes NaN.
+
+    Raises
+    ------
+    ValueError
+        If it is something else: text, a complex number, None. The message says what.
+    """
+    try:
+        array = np.asanyarray(value)
+        if array.dtype.kind == "O":
+            return _from_objects(array)
+        if array.dtype.kind not in "biuf":
+            kind = _NO_NUMBERS.get(array.dtype.kind, str(array.dtype))
+            raise ValueError(f"{kind} in place of numbers")
+        whole = np.asarray(array, dtype=np.float64)
+        return np.where(np.ma.getmaskarray(array), np.nan, whole)  # type: ignore[no-untyped-call]
+    except ValueError:
+        raise
+    except Exception as error:  # an object from outside may raise anything when it is read
+        raise ValueError(f"{type(error).__name__} when it is read as numbers") from None
+
+
+def _from_objects(array: npt.NDArray[np.object_]) -> npt.NDArray[np.float64]:
+    """Floats out of Python's own numbers, of which some are too large for one."""
+    found = np.empty(array.shape)
+    for index, entry in np.ndenumerate(array):
+        if not isinstance(entry, numbers.Real):
+            raise ValueError(f"{type(entry).__name__} in place of a number")
+        try:
+            found[index] = float(entry)
+        except OverflowError:
+            found[index] = np.inf
+    return found
