@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import netCDF4
@@ -135,6 +137,17 @@ class TestDestination:
         with pytest.raises(ArchiveError, match="cannot be written"):
             prepare_destination(tmp_path / "file" / "a.nc")
 
+    def test_what_a_killed_process_left_is_removed(self, tmp_path: Path) -> None:
+        with subprocess.Popen([sys.executable, "-c", ""]) as ended:
+            pass
+        left = tmp_path / f".a.nc.{ended.pid}.part"
+        ours = tmp_path / f".a.nc.{os.getppid()}.part"
+        left.touch()
+        ours.touch()
+        prepare_destination(tmp_path / "a.nc")
+        assert not left.exists()
+        assert ours.exists(), "that process is running"
+
 
 class TestInterruption:
     def test_a_failed_write_leaves_what_stood_there(
@@ -153,6 +166,50 @@ class TestInterruption:
             write(tree, path)
         assert path.read_bytes() == before
         assert [entry.name for entry in tmp_path.iterdir()] == ["a.nc"]
+
+
+class TestDamage:
+    """A file that claims to be an archive and is not whole."""
+
+    @pytest.fixture
+    def dataset(self, archive: Path, tmp_path: Path) -> Iterator[netCDF4.Dataset]:
+        (tmp_path / "a.nc").write_bytes(archive.read_bytes())
+        with netCDF4.Dataset(tmp_path / "a.nc", "a") as dataset:
+            yield dataset
+
+    @pytest.mark.parametrize(
+        ("damage", "told"),
+        [
+            (lambda d: d.delncattr("title"), 'no text "title"'),
+            (lambda d: d.setncattr("title", 3), 'no text "title"'),
+            (lambda d: d.setncattr("seed", "many"), "a seed that is no number"),
+            (lambda d: d.renameGroup("runs", "walks"), "no runs"),
+            (lambda d: d["runs/monte_carlo"].renameVariable("status", "state"), "no status"),
+            (lambda d: d["runs/monte_carlo/status"].__setitem__(0, -5), "a status that is none"),
+            (lambda d: d.renameGroup("moments", "means"), "/moments/monte_carlo: no"),
+            (
+                lambda d: d["moments/monte_carlo/penetration_depth_mean"].delncattr(
+                    "interval_label"
+                ),
+                "does not say how its interval was made",
+            ),
+            (
+                lambda d: d["quantiles/monte_carlo"].renameVariable("penetration_depth", "depth"),
+                "/quantiles/monte_carlo: no penetration_depth",
+            ),
+        ],
+    )
+    def test_it_is_told(
+        self,
+        dataset: netCDF4.Dataset,
+        damage: Callable[[netCDF4.Dataset], object],
+        told: str,
+    ) -> None:
+        path = dataset.filepath()
+        damage(dataset)
+        dataset.sync()
+        with pytest.raises(ArchiveError, match=f"is damaged: .*{told}"):
+            open_archive(path)
 
 
 class TestForeignFiles:
@@ -174,6 +231,11 @@ class TestForeignFiles:
     def test_a_later_schema_is_told(self, tmp_path: Path) -> None:
         xr.Dataset(attrs={"uqpen_schema": 999}).to_netcdf(tmp_path / "a.nc")
         with pytest.raises(ArchiveError, match="schema 999"):
+            open_archive(tmp_path / "a.nc")
+
+    def test_a_schema_that_is_no_number_is_told(self, tmp_path: Path) -> None:
+        xr.Dataset(attrs={"uqpen_schema": [1, 2]}).to_netcdf(tmp_path / "a.nc")
+        with pytest.raises(ArchiveError, match="is not an archive"):
             open_archive(tmp_path / "a.nc")
 
     @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.99])

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import netCDF4
 import pytest
 
 from uqpen.cli.main import main
@@ -109,6 +110,41 @@ class TestStudy:
         assert "not overwritten" in done.err
         assert Path("thesis.nc").read_text() == "years of work"
 
+    def test_a_model_that_goes_elsewhere_does_not_take_the_archive_along(
+        self, uqpen: Command, tmp_path: Path
+    ) -> None:
+        (tmp_path / "slow.py").write_text(
+            "import os\ndef f(x):\n    os.chdir('/')\n    return {'y': x}"
+        )
+        (tmp_path / "slow.toml").write_text(SLOW_STUDY.replace("100_000", "10"))
+        assert uqpen("study", "slow.toml").code == 0
+        assert (tmp_path / "archives" / "slow.nc").is_file()
+
+    def test_a_design_that_lost_every_run_leaves_with_3_and_says_why(
+        self, uqpen: Command, tmp_path: Path
+    ) -> None:
+        (tmp_path / "slow.py").write_text("def f(x):\n    raise ValueError('why \\x1b[31m oh why')")
+        (tmp_path / "slow.toml").write_text(SLOW_STUDY.replace("100_000", "10"))
+        done = uqpen("study", "slow.toml")
+        assert done.code == 3
+        assert "10 failed" in done.out
+        assert "ValueError: why \\x1b[31m oh why" in done.out, (
+            "with its control characters spelled out"
+        )
+        assert "a design lost all of its runs" in done.err
+        assert (tmp_path / "archives" / "slow.nc").is_file(), "failed runs are data"
+
+    def test_figures_are_shown_however_long_the_names_are(
+        self, uqpen: Command, tmp_path: Path
+    ) -> None:
+        name = "maximum_principal_stress_at_the_left_support_of_the_beam_under_load_case_two"
+        (tmp_path / "slow.py").write_text(f"def f(x): return {{'{name}': 2 + x / 10}}")
+        study = SLOW_STUDY.replace("100_000", "10").replace("\ny =", f"\n{name} =")
+        (tmp_path / "slow.toml").write_text(study)
+        done = uqpen("study", "slow.toml")
+        assert name in done.out
+        assert "±" in done.out
+
     @pytest.mark.parametrize(
         "arguments", [("study",), ("study", "a", "b"), ("frob",), ("study", "--frob")]
     )
@@ -152,6 +188,20 @@ class TestShow:
         mean = found["designs"]["monte_carlo"]["outputs"]["y"]["mean"]
         assert mean["lower"] < mean["estimate"] < mean["upper"]
         assert "0.05" in found["designs"]["latin_hypercube"]["outputs"]["y"]["quantiles"]
+
+    def test_a_damaged_archive_leaves_with_2_and_says_where(self, uqpen: Command) -> None:
+        uqpen("study", "small.toml")
+        with netCDF4.Dataset("archives/small.nc", "a") as dataset:
+            dataset["moments"].renameGroup("latin_hypercube", "lost")
+        done = uqpen("show", "archives/small.nc")
+        assert done.code == 2
+        assert "is damaged: /moments/latin_hypercube: no y_mean" in done.err
+
+    def test_a_title_cannot_command_the_terminal(self, uqpen: Command) -> None:
+        uqpen("study", "small.toml")
+        with netCDF4.Dataset("archives/small.nc", "a") as dataset:
+            dataset.title = "\x1b]0;taken\x07"
+        assert "\x1b" not in uqpen("show", "archives/small.nc").out
 
     def test_a_file_that_is_no_archive_leaves_with_2(self, uqpen: Command) -> None:
         done = uqpen("show", "small.toml")

@@ -1,0 +1,44 @@
+"""What the README prints works as printed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import uqpen
+from uqpen.summary.tables import output_tables
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+
+
+def test_the_example_of_a_beam_runs_and_is_right(tmp_path: Path) -> None:
+    model, study = blocks("python")[0], blocks("toml")[0]
+    (tmp_path / "beam.py").write_text(model, encoding="utf-8")
+    (tmp_path / "beam.toml").write_text(study, encoding="utf-8")
+    loaded = uqpen.load_study(tmp_path / "beam.toml")
+    (table,) = output_tables(uqpen.run(loaded))
+    assert table.title == "deflection [mm]"
+    mean = float(dict(table.rows)["mean"][0].split()[0])
+    # 10 kN · (3 m)³ / (48 · 210 GPa · 8e-6 m⁴) = 3.35 mm; the spread of the inputs adds 0.5 %.
+    assert mean == pytest.approx(3.35, rel=0.02)
+
+
+def test_the_table_that_is_shown_is_the_one_that_is_printed() -> None:
+    tree = uqpen.run(uqpen.load_study(ROOT / "studies" / "concrete.toml"))
+    table = next(output_tables(tree))
+    (shown,) = blocks("text")
+    for label, cells in table.rows:
+        assert re.search(rf"^{re.escape(label)}\s+{re.escape(cells[0])}\s+", shown, re.MULTILINE)
+
+
+def test_continuous_integration_runs_the_line_that_is_printed() -> None:
+    line = next(block for block in blocks("sh") if "pytest" in block).strip()
+    assert line in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert line in (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
