@@ -17,6 +17,7 @@ from uqpen.errors import Problem, SettingsError, as_written
 
 __all__ = [
     "Setting",
+    "choice",
     "count",
     "declared",
     "difference",
@@ -40,7 +41,8 @@ class Setting:
     Parameters
     ----------
     kind : str
-        ``"count"``, ``"number"``, ``"quantity"``, ``"difference"``, ``"flag"`` or ``"file"``.
+        ``"count"``, ``"number"``, ``"quantity"``, ``"difference"``, ``"choice"``, ``"flag"`` or
+        ``"file"``.
     expected : str
         The same in words, for a message.
     accepts : callable
@@ -80,6 +82,12 @@ def difference(*, above: float = -math.inf, default: Any = dataclasses.MISSING) 
     """Like `quantity`, for a difference of two values: a standard deviation, say."""
     expected = _between(above, math.inf, "a quantity")
     return _field(Setting("difference", expected, _is_within(above, math.inf)), default)
+
+
+def choice(*names: str, default: Any = dataclasses.MISSING) -> Any:
+    """One of `names`."""
+    listing = ", ".join(f'"{name}"' for name in names)
+    return _field(Setting("choice", f"one of {listing}", names.__contains__), default)
 
 
 def flag(*, default: Any = dataclasses.MISSING) -> Any:

@@ -10,10 +10,13 @@ import pytest
 import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import special
+from scipy.stats import qmc
 
 from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
 from uqpen.designs.table import Table
 from uqpen.errors import SettingsError, TableError
 from uqpen.inputs.distributions import Normal, Uniform
@@ -38,12 +41,19 @@ def points(design: Design, law: InputLaw = LAW, stream: Stream = STREAM) -> xr.D
     return only
 
 
-RANDOM_DESIGNS = [MonteCarlo(1000), LatinHypercube(1000), LatinHypercube(1000, replicates=1)]
+RANDOM_DESIGNS = [
+    MonteCarlo(1024),
+    LatinHypercube(1024, replicates=8),
+    LatinHypercube(1024, replicates=1),
+    LatinHypercube(64, replicates=2, optimization="random-cd"),
+    SobolSequence(1024),
+    Halton(1024),
+]
 
 
 @pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
 def test_a_design_makes_the_runs_it_says(design: Design) -> None:
-    assert points(design).sizes["run"] == design.size(LAW) == 1000
+    assert points(design).sizes["run"] == design.size(LAW)
 
 
 @pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
@@ -61,7 +71,7 @@ def test_another_name_gives_other_points(design: Design) -> None:
 def test_no_point_is_drawn_twice(design: Design) -> None:
     drawn = points(design)
     for name in ("length", "share"):
-        assert len(np.unique(drawn[name])) == 1000
+        assert len(np.unique(drawn[name])) == design.size(LAW)
 
 
 @pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
@@ -74,9 +84,10 @@ def test_a_fixed_input_is_a_scalar(design: Design) -> None:
 def test_points_follow_the_law(design: Design) -> None:
     drawn = points(design)
     assert bool(((drawn["length"] >= 1.0) & (drawn["length"] <= 3.0)).all())
-    # Four standard errors of a mean of 1000 independent draws.
-    assert float(drawn["length"].mean()) == pytest.approx(2.0, abs=4 * 0.577 / 1000**0.5)
-    assert float(drawn["share"].mean()) == pytest.approx(0.0, abs=4 / 1000**0.5)
+    # Four standard errors of a mean of as many independent draws.
+    error = 4 / design.size(LAW) ** 0.5
+    assert float(drawn["length"].mean()) == pytest.approx(2.0, abs=0.577 * error)
+    assert float(drawn["share"].mean()) == pytest.approx(0.0, abs=error)
 
 
 def test_more_runs_of_monte_carlo_keep_those_there_were() -> None:
@@ -85,19 +96,71 @@ def test_more_runs_of_monte_carlo_keep_those_there_were() -> None:
     assert len(np.unique(many["share"])) == BLOCK + 10
 
 
-@given(each=st.integers(2, 40), replicates=st.integers(1, 8))
-def test_every_stratum_of_every_hypercube_has_one_point(each: int, replicates: int) -> None:
-    drawn = points(LatinHypercube(each * replicates, replicates))
+@pytest.mark.parametrize("optimization", ["none", "random-cd"])
+@pytest.mark.parametrize(("each", "replicates"), [(2, 1), (3, 4), (17, 2), (40, 3)])
+def test_every_stratum_of_every_hypercube_has_one_point(
+    optimization: str, each: int, replicates: int
+) -> None:
+    drawn = points(LatinHypercube(each * replicates, replicates, optimization))
     strata = np.floor((drawn["length"].values - 1.0) / 2.0 * each).astype(int)
     for replicate in range(replicates):
         inside = strata[drawn["replicate"].values == replicate]
         assert sorted(inside) == list(range(each))
 
 
-def test_replicates_are_drawn_independently() -> None:
+@given(power=st.integers(1, 9), replicates=st.integers(2, 5))
+def test_sobol_replicates_are_balanced_over_elementary_intervals(
+    power: int, replicates: int
+) -> None:
+    drawn = points(SobolSequence(2**power * replicates, replicates))
+    unit = np.stack([(drawn["length"] - 1.0) / 2.0, special.ndtr(drawn["share"])], axis=1)
+    for replicate in range(replicates):
+        inside = unit[drawn["replicate"].values == replicate]
+        # In two dimensions Sobol' points are a (0, m, 2)-net: one point in every such box.
+        for first in range(power + 1):
+            boxes = np.floor(inside * [2**first, 2 ** (power - first)]).astype(int)
+            assert len({tuple(box) for box in boxes}) == 2**power
+
+
+def test_a_lower_discrepancy_is_what_optimization_is_for() -> None:
+    plain, better = (
+        points(LatinHypercube(100, 1, optimization)) for optimization in ("none", "random-cd")
+    )
+    unit = [np.stack([(p["length"] - 1) / 2, special.ndtr(p["share"])], 1) for p in (plain, better)]
+    assert qmc.discrepancy(unit[1]) < 0.8 * qmc.discrepancy(unit[0])
+
+
+@pytest.mark.parametrize("name", ["lloyd", "maximin", ""])
+def test_an_optimization_that_would_break_the_strata_is_refused(name: str) -> None:
+    with pytest.raises(SettingsError, match='one of "none", "random-cd"'):
+        LatinHypercube(100, 1, name)
+
+
+def test_hypercubes_are_drawn_independently() -> None:
     drawn = points(LatinHypercube(4000, replicates=2))["length"].values.reshape(2, 2000)
     # A correlation of 2000 independent pairs, within five of its standard errors.
     assert abs(np.corrcoef(drawn)[0, 1]) < 5 / 2000**0.5
+
+
+@pytest.mark.parametrize(
+    ("runs", "replicates", "nearest"),
+    [(1000, 16, "512 or 1024"), (16, 16, "such as 32,"), (100, 2, "64 or 128"), (4, 3, "6")],
+)
+def test_a_sobol_design_of_another_size_is_refused_naming_the_nearest(
+    runs: int, replicates: int, nearest: str
+) -> None:
+    with pytest.raises(SettingsError, match="times a power of two") as caught:
+        SobolSequence(runs, replicates)
+    assert nearest in str(caught.value)
+
+
+@pytest.mark.parametrize("design", [SobolSequence, Halton])
+def test_a_single_set_of_quasi_random_points_is_refused(
+    design: type[SobolSequence] | type[Halton],
+) -> None:
+    # Nothing tells the error of one.
+    with pytest.raises(SettingsError, match="at least 2"):
+        design(64, replicates=1)
 
 
 @pytest.mark.parametrize(

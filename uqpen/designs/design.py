@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 
 import xarray as xr
 
+from uqpen.errors import Problem
 from uqpen.inputs.law import InputLaw
 from uqpen.labels import Sampling
 from uqpen.settings import validate
@@ -26,7 +27,11 @@ class Design(ABC):
         """How its points relate to each other, which decides the error bars of estimates."""
 
     def __post_init__(self) -> None:
-        validate(self)
+        validate(self, self.disorder())
+
+    def disorder(self) -> Iterator[Problem]:
+        """What is wrong between settings that are right by themselves."""
+        yield from ()
 
     @abstractmethod
     def rounds(self, law: InputLaw, stream: Stream) -> Rounds:

@@ -197,6 +197,6 @@ def _has_unit(setting: Setting) -> bool:
 
 
 def _is_of_kind(setting: Setting, value: Any) -> bool:
-    types = {"count": int, "number": float, "flag": bool}
+    types = {"count": int, "number": float, "flag": bool, "choice": str}
     is_flag = isinstance(value, bool)
     return isinstance(value, types[setting.kind]) and is_flag == (setting.kind == "flag")

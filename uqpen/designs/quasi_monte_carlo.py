@@ -1,0 +1,106 @@
+"""Scrambled low-discrepancy points, replicated so that their error can be told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.designs.design import Design, Rounds
+from uqpen.designs.replicated import replicated_points, uneven
+from uqpen.errors import Problem
+from uqpen.inputs.law import InputLaw
+from uqpen.labels import Sampling
+from uqpen.settings import count
+from uqpen.streams import Stream
+
+__all__ = ["Halton", "SobolSequence"]
+
+# All bits of a double: with fewer, a scrambled point falls on 0 now and then, where a law may be
+# infinite.
+_BITS = 53
+
+
+@dataclass(frozen=True)
+class SobolSequence(Design):
+    """Scrambled Sobol' points: every replicate is balanced over all its elementary intervals.
+
+    Parameters
+    ----------
+    runs : int
+        How many points in all: `replicates` times a power of two, as any other number of points
+        breaks the balance.
+    replicates : int
+        How many sets, each scrambled by itself; their scatter shows the error.
+
+    References
+    ----------
+    Sobol', I. M. (1967). USSR Comput. Math. Math. Phys. 7, 86-112.
+    Owen, A. B. (1998). ACM Trans. Model. Comput. Simul. 8, 71-102.
+    """
+
+    runs: int = count(minimum=2)
+    replicates: int = count(minimum=2, default=16)
+
+    def disorder(self) -> Iterator[Problem]:
+        return uneven(self.runs, self.replicates, powers_of_two=True)
+
+    @property
+    def sampling(self) -> Sampling:
+        return Sampling.STRATIFIED
+
+    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
+        yield replicated_points(law, stream, _sobol, runs=self.runs, replicates=self.replicates)
+
+    def size(self, law: InputLaw) -> int:
+        return self.runs
+
+
+@dataclass(frozen=True)
+class Halton(Design):
+    """Scrambled Halton points; any number of them will do.
+
+    Parameters
+    ----------
+    runs : int
+        How many points in all, a multiple of `replicates`.
+    replicates : int
+        How many sets, each scrambled by itself; their scatter shows the error.
+
+    References
+    ----------
+    Halton, J. H. (1960). Numer. Math. 2, 84-90.
+    Owen, A. B. (2017). arXiv:1706.02808.
+    """
+
+    runs: int = count(minimum=2)
+    replicates: int = count(minimum=2, default=16)
+
+    def disorder(self) -> Iterator[Problem]:
+        return uneven(self.runs, self.replicates)
+
+    @property
+    def sampling(self) -> Sampling:
+        return Sampling.STRATIFIED
+
+    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
+        yield replicated_points(law, stream, _halton, runs=self.runs, replicates=self.replicates)
+
+    def size(self, law: InputLaw) -> int:
+        return self.runs
+
+
+def _sobol(rng: np.random.Generator, points: int, dimension: int) -> npt.NDArray[np.float64]:
+    # Imported where it is used: this part of SciPy takes longer to load than the rest.
+    from scipy.stats import qmc
+
+    engine = qmc.Sobol(dimension, scramble=True, bits=_BITS, rng=rng)
+    return engine.random_base2(points.bit_length() - 1)
+
+
+def _halton(rng: np.random.Generator, points: int, dimension: int) -> npt.NDArray[np.float64]:
+    from scipy.stats import qmc
+
+    return qmc.Halton(dimension, scramble=True, rng=rng).random(points)

@@ -1,0 +1,67 @@
+"""Designs made of independent replicates of one set of points that avoid each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.errors import Problem
+from uqpen.inputs.law import InputLaw
+from uqpen.labels import REPLICATE
+from uqpen.streams import Stream
+
+__all__ = ["replicated_points", "uneven"]
+
+# A generator, how many points and of what dimension, into points of the unit cube.
+Draw = Callable[[np.random.Generator, int, int], npt.NDArray[np.float64]]
+
+
+def replicated_points(
+    law: InputLaw, stream: Stream, draw: Draw, *, runs: int, replicates: int
+) -> xr.Dataset:
+    """Points of all replicates, each drawn from a generator of its own.
+
+    Parameters
+    ----------
+    law : InputLaw
+        What the points are mapped to.
+    stream : Stream
+        Where the random numbers come from.
+    draw : callable
+        Draws the points of one replicate.
+    runs, replicates : int
+        How many points there are in all, and in how many replicates.
+    """
+    each, dimension = runs // replicates, len(law.random)
+    sets = [
+        draw(stream.generator("points", replicate), each, dimension)
+        for replicate in range(replicates)
+    ]
+    return law.points(np.concatenate(sets), {REPLICATE: np.repeat(np.arange(replicates), each)})
+
+
+def uneven(runs: int, replicates: int, *, powers_of_two: bool = False) -> Iterator[Problem]:
+    """The problem of runs that cannot be split into replicates, naming the nearest that can.
+
+    Parameters
+    ----------
+    runs, replicates : int
+        What was asked.
+    powers_of_two : bool
+        Whether each replicate must have a power of two of points.
+    """
+    each, left = divmod(runs, replicates)
+    is_power = each & (each - 1) == 0
+    if each >= 2 and not left and (is_power or not powers_of_two):
+        return
+    lower = max(each, 1)
+    if powers_of_two:
+        lower = 1 << (lower.bit_length() - 1)
+    upper = 2 * lower if powers_of_two else lower + 1
+    nearest = [str(size * replicates) for size in (lower, upper) if size >= 2]
+    shape = " times a power of two" if powers_of_two else ""
+    expected = f"a multiple of replicates ({replicates}){shape}, such as {' or '.join(nearest)}"
+    yield Problem(("runs",), str(runs), f"{expected}, or other replicates")
