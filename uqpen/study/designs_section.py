@@ -6,17 +6,17 @@ from pathlib import Path
 
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
-from uqpen.designs.table import Table as TableDesign
+from uqpen.designs.table import Table
 from uqpen.errors import TableError, as_written
 from uqpen.inputs.law import InputLaw
 from uqpen.labels import NAME
 from uqpen.lookup import choices, resolve
-from uqpen.study.table import Table
+from uqpen.study.section import Section
 
 __all__ = ["check_designs", "read_designs"]
 
 
-def read_designs(table: Table, folder: Path) -> dict[str, Design]:
+def read_designs(table: Section, folder: Path) -> dict[str, Design]:
     """The designs of a study; what could not be understood is noted and left out."""
     found: dict[str, Design] = {}
     for name in table:
@@ -34,7 +34,7 @@ def read_designs(table: Table, folder: Path) -> dict[str, Design]:
     return found
 
 
-def check_designs(table: Table, designs: dict[str, Design], law: InputLaw) -> set[str]:
+def check_designs(table: Section, designs: dict[str, Design], law: InputLaw) -> set[str]:
     """Note designs that do not fit the inputs.
 
     Returns
@@ -44,7 +44,7 @@ def check_designs(table: Table, designs: dict[str, Design], law: InputLaw) -> se
     """
     given: list[set[str]] = []
     for name, design in designs.items():
-        if isinstance(design, TableDesign):
+        if isinstance(design, Table):
             try:
                 given.append(set(design.columns(law)))
             except TableError as error:
@@ -58,7 +58,7 @@ def check_designs(table: Table, designs: dict[str, Design], law: InputLaw) -> se
     return set.intersection(*given) if given else set()
 
 
-def _design(table: Table, folder: Path) -> Design | None:
+def _design(table: Section, folder: Path) -> Design | None:
     kind = table.text("kind", f"one of {', '.join(DESIGNS)}")
     if kind is None:
         return None

@@ -16,7 +16,7 @@ from uqpen.inputs.truncated import Truncated
 from uqpen.lookup import choices, resolve
 from uqpen.model import Input, Model
 from uqpen.quantities import parse_quantity, parse_spread
-from uqpen.study.table import Table
+from uqpen.study.section import Section
 from uqpen.units import DIMENSIONLESS
 
 __all__ = ["read_constraints", "read_inputs"]
@@ -24,7 +24,7 @@ __all__ = ["read_constraints", "read_inputs"]
 Entry = FixedInput | RandomInput
 
 
-def read_inputs(table: Table, model: Model) -> InputLaw:
+def read_inputs(table: Section, model: Model) -> InputLaw:
     """The law of a model's inputs; what could not be understood is noted and left out."""
     found: dict[str, Entry] = {}
     for name in table:
@@ -45,7 +45,7 @@ def read_inputs(table: Table, model: Model) -> InputLaw:
 
 
 def read_constraints(
-    table: Table | None, model: Model, given: Collection[str]
+    table: Section | None, model: Model, given: Collection[str]
 ) -> tuple[Constraint, ...]:
     """The comparisons that every point must satisfy, of inputs that are given."""
     if table is None:
@@ -69,9 +69,9 @@ def read_constraints(
     return tuple(found)
 
 
-def _entry(table: Table, variable: Input, value: Any) -> Entry | None:
+def _entry(table: Section, variable: Input, value: Any) -> Entry | None:
     if isinstance(value, dict):
-        section = Table(table.document, table.problems, (*table.path, variable.name), value)
+        section = Section(table.document, table.problems, (*table.path, variable.name), value)
         return _distribution(section, variable)
     try:
         spread = parse_spread(value, variable.unit) if isinstance(value, str) else None
@@ -93,7 +93,7 @@ def _entry(table: Table, variable: Input, value: Any) -> Entry | None:
     return None
 
 
-def _fixed(table: Table, variable: Input, written: Any, value: float, unit: str) -> Entry | None:
+def _fixed(table: Section, variable: Input, written: Any, value: float, unit: str) -> Entry | None:
     if not variable.bounds.contain(np.array(value)):
         where = "" if variable.unit == DIMENSIONLESS else f" {variable.unit}"
         table.wrong(variable.name, as_written(written), f"a value {variable.bounds}{where}")
@@ -101,7 +101,7 @@ def _fixed(table: Table, variable: Input, written: Any, value: float, unit: str)
     return FixedInput(variable, value, unit)
 
 
-def _distribution(table: Table, variable: Input) -> Entry | None:
+def _distribution(table: Section, variable: Input) -> Entry | None:
     """A random input from ``{ family = { … }, lower = …, upper = … }``."""
     families = [key for key in table if key not in ("lower", "upper")]
     if len(families) != 1:
@@ -136,7 +136,7 @@ def _distribution(table: Table, variable: Input) -> Entry | None:
     )
 
 
-def _is_usable(table: Table, key: str, law: Distribution) -> bool:
+def _is_usable(table: Section, key: str, law: Distribution) -> bool:
     """Note a law whose draws are not all finite, or are all the same."""
     if not law.is_finite:
         expected = "parameters whose draws are finite and differ in double precision"

@@ -14,8 +14,8 @@ from uqpen.study.document import Document, parse_document, read_document
 from uqpen.study.inputs_section import read_constraints, read_inputs
 from uqpen.study.model_section import read_model
 from uqpen.study.outputs_section import read_questions
+from uqpen.study.section import Section
 from uqpen.study.study import Study
-from uqpen.study.table import Table
 from uqpen.units import describe
 
 __all__ = ["load_study", "parse_study"]
@@ -60,7 +60,7 @@ def parse_study(text: str, *, name: str = "study", folder: str | Path = ".") -> 
 
 def _study(document: Document, name: str, folder: Path) -> Study:
     problems: list[Problem] = []
-    root = Table(document, problems, (), document.content)
+    root = Section(document, problems, (), document.content)
     title = root.text("title", "a title in quotes", default=name)
     seed = _seed(root)
     model_table = root.table("model", "a [model] table")
@@ -90,7 +90,7 @@ def _study(document: Document, name: str, folder: Path) -> Study:
     return Study(name, title, seed, model, law, constraints, questions, designs, document.text)
 
 
-def _seed(root: Table) -> int | None:
+def _seed(root: Section) -> int | None:
     expected = "a whole number, 0 or more: the same seed gives the same draws"
     seed = root.take("seed")
     if seed is None:
@@ -102,7 +102,7 @@ def _seed(root: Table) -> int | None:
     return seed
 
 
-def _check_completeness(table: Table, model: Model, given_by_tables: set[str]) -> None:
+def _check_completeness(table: Section, model: Model, given_by_tables: set[str]) -> None:
     """Note inputs that nothing gives: neither the study nor a column of every table."""
     for name in model.missing(given_by_tables.union(table)):
         variable = model.input(name)
@@ -111,7 +111,7 @@ def _check_completeness(table: Table, model: Model, given_by_tables: set[str]) -
         table.missing(name, describe(variable.unit) + instead)
 
 
-def _check_nominal(table: Table, model: Model, law: InputLaw) -> None:
+def _check_nominal(table: Section, model: Model, law: InputLaw) -> None:
     """Note a condition of the model's that its nominal inputs violate."""
     nominal = law.nominal()
     if next(model.missing(nominal), None) is not None:

@@ -10,7 +10,7 @@ from uqpen.lookup import choices, resolve
 from uqpen.model import Input, Model, Output
 from uqpen.models import MODELS
 from uqpen.models.python_function import PythonFunction, check_signature, load_function
-from uqpen.study.table import Table
+from uqpen.study.section import Section
 from uqpen.units import si_unit
 
 __all__ = ["read_model"]
@@ -18,7 +18,7 @@ __all__ = ["read_model"]
 _WAYS = 'use = "…" (a built-in model) or python = "my_model.py:function"'
 
 
-def read_model(table: Table, folder: Path) -> Model | None:
+def read_model(table: Section, folder: Path) -> Model | None:
     """The model of a study, or None where a mistake was noted."""
     ways = [key for key in ("use", "python") if key in table]
     if len(ways) != 1:
@@ -31,7 +31,7 @@ def read_model(table: Table, folder: Path) -> Model | None:
     return model
 
 
-def _built_in(table: Table) -> Model | None:
+def _built_in(table: Section) -> Model | None:
     name = table.text("use", "the name of a model")
     if name is None:
         return None
@@ -42,7 +42,7 @@ def _built_in(table: Table) -> Model | None:
     return model
 
 
-def _function(table: Table, folder: Path) -> Model | None:
+def _function(table: Section, folder: Path) -> Model | None:
     noted = len(table.problems)
     reference = table.text("python", "a function")
     vectorized = table.flag("vectorized", default=False)
@@ -68,7 +68,7 @@ def _function(table: Table, folder: Path) -> Model | None:
     )
 
 
-def _clash(name: str, section: Table) -> str | None:
+def _clash(name: str, section: Section) -> str | None:
     """Another output that has a statistic by this name."""
     for other in section:
         stem, _, suffix = name.removeprefix(other).partition("_")
@@ -77,7 +77,7 @@ def _clash(name: str, section: Table) -> str | None:
     return None
 
 
-def _variables(table: Table, key: str, called_in: dict[str, str]) -> list[tuple[str, str]]:
+def _variables(table: Section, key: str, called_in: dict[str, str]) -> list[tuple[str, str]]:
     """Names and units of a model's inputs or outputs."""
     does = "takes" if key == "inputs" else "gives"
     section = table.table(key, f'what the model {does}, as name = "unit"')

@@ -7,13 +7,13 @@ from uqpen.errors import QuantityError, as_written
 from uqpen.lookup import choices
 from uqpen.model import Model, Output
 from uqpen.quantities import parse_quantity
-from uqpen.study.table import Table
+from uqpen.study.section import Section
 from uqpen.units import are_alike
 
 __all__ = ["read_questions"]
 
 
-def read_questions(table: Table | None, model: Model) -> tuple[Question, ...]:
+def read_questions(table: Section | None, model: Model) -> tuple[Question, ...]:
     """A question for each of the model's outputs, in the model's order."""
     known = {output.name: output for output in model.outputs}
     asked: dict[str, Question] = {}
@@ -30,7 +30,7 @@ def read_questions(table: Table | None, model: Model) -> tuple[Question, ...]:
     )
 
 
-def _question(table: Table, output: Output) -> Question:
+def _question(table: Section, output: Output) -> Question:
     if output.categories:
         for key in table:
             table.take(key)
@@ -44,7 +44,7 @@ def _question(table: Table, output: Output) -> Question:
     return Question(output, unit, quantiles, exceeds, hold)
 
 
-def _display_unit(table: Table, output: Output) -> str:
+def _display_unit(table: Section, output: Output) -> str:
     expected = f'a unit such as "{output.unit}"'
     unit = table.text("unit", expected, default=output.shown_unit)
     try:
@@ -57,7 +57,7 @@ def _display_unit(table: Table, output: Output) -> str:
     return output.shown_unit
 
 
-def _thresholds(table: Table, output: Output) -> tuple[Threshold, ...]:
+def _thresholds(table: Section, output: Output) -> tuple[Threshold, ...]:
     found: dict[str, Threshold] = {}
     for position, value in enumerate(table.entries("exceeds")):
         path = ("exceeds", position)

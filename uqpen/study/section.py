@@ -15,12 +15,12 @@ from uqpen.settings import Setting, declared
 from uqpen.study.document import Document
 from uqpen.units import describe
 
-__all__ = ["Table"]
+__all__ = ["Section"]
 
 T = TypeVar("T")
 
 
-class Table:
+class Section:
     """A TOML table while it is read.
 
     Whoever reads it takes the keys it knows; what is left when it is closed was not known.
@@ -102,7 +102,7 @@ class Table:
             self.wrong(key, as_written(value), "a list in square brackets")
         return value if isinstance(value, list) else []
 
-    def table(self, key: str, expected: str = "") -> Table | None:
+    def table(self, key: str, expected: str = "") -> Section | None:
         """A table inside; where `expected` says what it is, it must be there."""
         value = self.take(key)
         if value is None:
@@ -112,7 +112,7 @@ class Table:
         if not isinstance(value, dict):
             self.wrong(key, as_written(value), expected or "a table")
             return None
-        return Table(self.document, self.problems, (*self.path, key), value)
+        return Section(self.document, self.problems, (*self.path, key), value)
 
     def probabilities(self, key: str) -> tuple[float, ...]:
         """A list of numbers strictly between 0 and 1, ascending and each once."""
