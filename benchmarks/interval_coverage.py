@@ -35,6 +35,7 @@ from uqpen.analyses.sample import Sample
 from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.evaluation import Evaluator, evaluate
 from uqpen.inputs.constraints import parse_constraint
 from uqpen.inputs.distributions import Distribution, Normal, Uniform
@@ -55,6 +56,7 @@ REFERENCE_EXPONENT = 22
 REFERENCE_SEED = 20_010
 
 LOWEST, HIGHEST = 0.92, 0.98
+LABELS = ("nominal", "discrete", "conservative")
 # Fewer seeds than this tell too little of a cell to judge it.
 FEWEST_SEEDS = 50
 
@@ -67,6 +69,10 @@ DESIGNS: dict[str, Callable[[int], Design]] = {
     "monte-carlo": lambda runs: MonteCarlo(runs=runs),
     "latin-hypercube x10": lambda runs: LatinHypercube(runs=runs, replicates=10),
     "latin-hypercube x1": lambda runs: LatinHypercube(runs=runs, replicates=1),
+    # The power of two of points in each of 16 replicates that comes nearest.
+    "sobol-sequence x16": lambda runs: SobolSequence(
+        runs=16 * 2 ** round(math.log2(runs / 16)), replicates=16
+    ),
 }
 
 
@@ -150,6 +156,8 @@ def main() -> int:
     _report(table)
     if options.output:
         _write(options.output, table)
+    if options.markdown:
+        options.markdown.write_text(_markdown(table, options.seeds), encoding="utf-8")
     return 1 if any(row["verdict"] == "FAILS" for row in table) else 0
 
 
@@ -164,6 +172,7 @@ def _options() -> argparse.Namespace:
     )
     parser.add_argument("--only", default="", help="part of a cell's title", metavar="SUBSTRING")
     parser.add_argument("--output", type=Path, metavar="FILE.csv")
+    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the table of the docs")
     parser.add_argument("--workers", type=int, default=1)
     return parser.parse_args()
 
@@ -342,6 +351,61 @@ def _report(table: Sequence[Mapping[str, Any]]) -> None:
         for row in rows:
             where = f"{row['problem']}, {row['design']}, {row['runs']}: "
             print(f"  {where}{_line(row['statistic'], row)}")
+
+
+# What the statistics of a cell begin with, and what a reader calls them.
+_FAMILIES = {
+    "mean": "mean",
+    "std": "standard deviation",
+    "half_spread": "half the 16–84 % range",
+    "quantile": "quantiles 0.05, 0.5, 0.95, 0.99",
+    "hold": "values not exceeded, 0.95 and 0.99",
+    "P(": "probabilities from 0.5 to 0.00014",
+    "share": "shares",
+    "cdf at": "cdf at a value",
+    "cdf band": "cdf, simultaneous band",
+}
+
+
+_HEAD = """\
+# How often the intervals cover
+
+Lowest and highest coverage, in per cent, of intervals that should cover 95 %: over {seeds} seeds of
+each of {problems} problems with about 100, 1 000 and 10 000 runs. One cell of them has an error of
+{error:.1f} points. *Discrete* and *conservative* intervals may cover more; cells whose interval
+carries a warning are listed below. Made by `benchmarks/interval_coverage.py`.
+"""
+
+
+def _markdown(table: Sequence[Mapping[str, Any]], seeds: int) -> str:
+    """Coverage by statistic and design, over all problems and sizes, and what is warned of."""
+    designs = list(dict.fromkeys(str(row["design"]) for row in table))
+    problems = len({row["problem"] for row in table})
+    error = 100 * math.sqrt(0.95 * 0.05 / seeds)
+    lines = [_HEAD.format(seeds=seeds, problems=problems, error=error)]
+    lines += ["| statistic | " + " | ".join(designs) + " |", "|---" * (len(designs) + 1) + "|"]
+    for prefix, name in _FAMILIES.items():
+        of_family = [row for row in table if str(row["statistic"]).startswith(prefix)]
+        cells = [_span([row for row in of_family if row["design"] == each]) for each in designs]
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    lines += ["", "## What carries a warning", "", "| cell | covers, where it warns |", "|---|---|"]
+    lines += [
+        f"| {row['problem']}, {row['design']}, {row['runs']} runs: {row['statistic']} "
+        f"| {100 * row['coverage_warned']:.1f} |"
+        for row in table
+        if row["verdict"] == "warns"
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _span(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The lowest and the highest coverage of some cells, and the labels they carry."""
+    certain = [row for row in rows if row["verdict"] in ("ok", "FAILS")]
+    if not certain:
+        return "none"
+    covered = [100 * row["coverage"] for row in certain]
+    labels = [label for label in LABELS if any(label in row["labels"] for row in certain)]
+    return f"{min(covered):.1f} … {max(covered):.1f} ({', '.join(labels)})"
 
 
 def _write(path: Path, table: Sequence[Mapping[str, str | float]]) -> None:

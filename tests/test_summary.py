@@ -67,21 +67,11 @@ def test_a_probability_in_per_cent_has_its_own_digits() -> None:
 
 @pytest.fixture(scope="module")
 def tree() -> xr.DataTree:
-    study = """
+    rods = (Path(__file__).parent / "data" / "rods.toml").read_text(encoding="utf-8")
+    study = f"""
         title = "Rods"
         seed = 4
-        [model]
-        use = "walker-anderson"
-        [inputs]
-        projectile_density = "17.5 g/cm^3"
-        projectile_yield_limit = "1.65 GPa"
-        projectile_length = "16 cm"
-        impact_velocity = "1400 m/s"
-        projectile_sound_speed = "3071 m/s"
-        target_density = "(2.5 ± 0.05) g/cm^3"
-        target_yield_limit = "(400 ± 40) MPa"
-        plasticity_radius = "(60 ± 25) mm"
-        crater_radius = "(17 ± 3) mm"
+        {rods}
         [outputs.penetration_depth]
         unit = "cm"
         exceeds = ["60 cm"]

@@ -18,21 +18,11 @@ from uqpen.archive.read import group, is_archive, names_in, open_archive
 from uqpen.archive.write import prepare_destination, write
 from uqpen.errors import ArchiveError
 
-STUDY = """
+RODS = (Path(__file__).parents[1] / "data" / "rods.toml").read_text(encoding="utf-8")
+STUDY = f"""
 title = "Größe"
 seed = 12345678901234567890123
-[model]
-use = "walker-anderson"
-[inputs]
-projectile_density = "17.5 g/cm^3"
-projectile_yield_limit = "1.65 GPa"
-projectile_length = "16 cm"
-impact_velocity = "1400 m/s"
-projectile_sound_speed = "3071 m/s"
-target_density = "(2.5 ± 0.05) g/cm^3"
-target_yield_limit = "(400 ± 40) MPa"
-plasticity_radius = "(60 ± 25) mm"
-crater_radius = "(17 ± 3) mm"
+{RODS}
 [outputs.penetration_depth]
 exceeds = ["60 cm"]
 hold = [0.95]

@@ -209,7 +209,7 @@ def test_long_rod_without_strength_reaches_the_hydrodynamic_limit(target_density
     # The start and the end take a depth of some crater radii, of which the rod is 3000 long.
     assert depth == pytest.approx(length / steady, rel=3e-3)
     assert residue < 1e-5 * length
-    course = trajectory(**{**NOMINAL, **weak}, depths=3)
+    course = trajectory(rod_in_target(**{**NOMINAL, **weak}), depths=3)
     # Steady flow: v = u (1 + sqrt(ρt/ρp)), but for strengths 5e-4 of the pressure and s/L.
     assert course.tail_velocity[1] / course.nose_velocity[1] == pytest.approx(1 + steady, rel=3e-3)
 
@@ -295,7 +295,7 @@ def test_an_empty_batch_gives_an_empty_result():
 def test_a_thin_plastic_zone_is_stiff_but_solved(ratio):
     changes = {"plasticity_radius": ratio * NOMINAL["crater_radius"]}
     result = penetrate(**rods(**changes))
-    course = trajectory(**{**NOMINAL, **changes}, depths=2)
+    course = trajectory(rod_in_target(**{**NOMINAL, **changes}), depths=2)
     assert result.solved.all()
     assert result.depth[0] == pytest.approx(course.depth[-1], rel=PROMISED)
     assert result.residue[0] == pytest.approx(course.length[-1], rel=PROMISED)
@@ -335,7 +335,7 @@ def test_a_rod_too_slow_to_erode_penetrates_as_a_rigid_body(velocity):
 )
 def test_extreme_rods_end_where_an_independent_integration_ends(changes):
     result = penetrate(**rods(**changes))
-    course = trajectory(**{**NOMINAL, **changes}, depths=2)
+    course = trajectory(rod_in_target(**{**NOMINAL, **changes}), depths=2)
     assert result.depth[0] == pytest.approx(course.depth[-1], rel=PROMISED)
     assert result.residue[0] == pytest.approx(course.length[-1], rel=PROMISED)
 
@@ -345,7 +345,7 @@ def test_extreme_rods_end_where_an_independent_integration_ends(changes):
 
 @pytest.fixture(scope="module")
 def course() -> Trajectory:
-    return trajectory(**NOMINAL, depths=10_001)
+    return trajectory(rod_in_target(**NOMINAL), depths=10_001)
 
 
 @pytest.mark.parametrize(
@@ -374,7 +374,9 @@ def test_tail_and_nose_meet_at_the_known_time_depth_and_velocity():
 def test_plastic_flow_reaches_its_known_extent(smoothing, extent):
     values = {**NOMINAL, "smoothing": smoothing}
     # Three digits are known.
-    assert trajectory(**values).plastic_extent.max() == pytest.approx(extent, rel=2e-3)
+    assert trajectory(rod_in_target(**values)).plastic_extent.max() == pytest.approx(
+        extent, rel=2e-3
+    )
 
 
 @pytest.mark.parametrize(
@@ -383,7 +385,7 @@ def test_plastic_flow_reaches_its_known_extent(smoothing, extent):
     ids=["breakdown", "smoothed", "standstill", "rigid"],
 )
 def test_trajectory_ends_where_the_lanes_end(changes):
-    result = trajectory(**{**NOMINAL, **changes})
+    result = trajectory(rod_in_target(**{**NOMINAL, **changes}))
     # Both integrations allow each of some hundred steps an error of 1e-10 or less.
     assert (result.depth[-1], result.length[-1]) == pytest.approx(one(**changes), rel=1e-9)
     assert result.nose_velocity[-1] == 0

@@ -76,37 +76,13 @@ class Rod(NamedTuple):
     impact_velocity: float  # v0, m s-1
 
 
-def trajectory(
-    *,
-    projectile_density: float,
-    projectile_yield_limit: float,
-    projectile_length: float,
-    impact_velocity: float,
-    projectile_sound_speed: float,
-    target_density: float,
-    target_yield_limit: float,
-    plasticity_radius: float,
-    crater_radius: float,
-    smoothing: float,
-    depths: int = 401,
-    tolerance: float = 1e-10,
-) -> Trajectory:
+def trajectory(rod: Rod, *, depths: int = 401, tolerance: float = 1e-10) -> Trajectory:
     """Follow one run from impact to rest.
 
     Parameters
     ----------
-    projectile_density, target_density : float
-        ρp, ρt, kg m-3.
-    projectile_yield_limit, target_yield_limit : float
-        Yp, Yt, Pa.
-    projectile_length : float
-        L0, m.
-    impact_velocity, projectile_sound_speed : float
-        v0, c, m s-1.
-    plasticity_radius, crater_radius : float
-        S, R, m, with S > R.
-    smoothing : float
-        ε of the velocity profile in the rod, 0 ≤ ε < 2; 0 is the original model.
+    rod : Rod
+        What `rod_in_target` returns.
     depths : int
         How many depths to give the course at.
     tolerance : float
@@ -121,18 +97,6 @@ def trajectory(
     TrajectoryError
         If the integration does not reach the end of erosion.
     """
-    rod = rod_in_target(
-        projectile_density=projectile_density,
-        projectile_yield_limit=projectile_yield_limit,
-        projectile_length=projectile_length,
-        impact_velocity=impact_velocity,
-        projectile_sound_speed=projectile_sound_speed,
-        target_density=target_density,
-        target_yield_limit=target_yield_limit,
-        plasticity_radius=plasticity_radius,
-        crater_radius=crater_radius,
-        smoothing=smoothing,
-    )
     solution = integrate_erosion(rod, tolerance, dense_output=True)
     u, x, L, z = solution.y[:, -1]
     if solution.t_events[1].size:
@@ -163,7 +127,23 @@ def rod_in_target(
     crater_radius: float,
     smoothing: float,
 ) -> Rod:
-    """The constants of the equations from the inputs of `trajectory`."""
+    """The constants of the equations.
+
+    Parameters
+    ----------
+    projectile_density, target_density : float
+        ρp, ρt, kg m-3.
+    projectile_yield_limit, target_yield_limit : float
+        Yp, Yt, Pa.
+    projectile_length : float
+        L0, m.
+    impact_velocity, projectile_sound_speed : float
+        v0, c, m s-1.
+    plasticity_radius, crater_radius : float
+        S, R, m, with S > R.
+    smoothing : float
+        ε of the velocity profile in the rod, 0 ≤ ε < 2; 0 is the original model.
+    """
     S, R = plasticity_radius, crater_radius
     return Rod(
         density_ratio=projectile_density / target_density,

@@ -102,11 +102,11 @@ class WalkerAnderson(Model):
         """
         import xarray as xr
 
-        from uqpen.models.rod_trajectory import trajectory
+        from uqpen.models.rod_trajectory import rod_in_target, trajectory
 
         scalars = {name: np.asarray(value, dtype=np.float64) for name, value in inputs.items()}
         constants: dict[str, Any] = {name: float(value) for name, value in _rod(scalars).items()}
-        course = trajectory(**constants)
+        course = trajectory(rod_in_target(**constants))
         described = {"units": "m", "long_name": "depth of the projectile's nose, z"}
         return xr.Dataset(
             {
