@@ -47,9 +47,7 @@ def analyze(runs: xr.Dataset, questions: Sequence[Question]) -> dict[str, xr.Dat
         )
         if variables:
             groups[name] = xr.Dataset(variables, attrs=attributes)
-    lost = dict(statuses(runs))
-    if lost:
-        groups[STATUSES] = xr.Dataset(lost, attrs=attributes)
+    groups[STATUSES] = xr.Dataset(dict(statuses(runs)), attrs=attributes)
     return groups
 
 

@@ -90,7 +90,7 @@ def shares(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataArr
 
 
 def statuses(runs: xr.Dataset) -> Iterator[tuple[str, xr.DataArray]]:
-    """Probability of each way in which runs of a design were lost.
+    """Probability of each way in which runs of a design can be lost, of those that none was too.
 
     Parameters
     ----------
@@ -106,10 +106,10 @@ def statuses(runs: xr.Dataset) -> Iterator[tuple[str, xr.DataArray]]:
     """
     sample = Sample.of_status(runs)
     for status in Status:
-        events = sample.values == status
-        if status is not Status.OK and events.any():
+        if status is not Status.OK:
+            estimate = _share(sample, sample.values == status)
             long_name = f"probability that a run is {STATUS_TEXT[status]}"
-            yield status.meaning, _share(sample, events).to_array(units="1", long_name=long_name)
+            yield status.meaning, estimate.to_array(units="1", long_name=long_name)
 
 
 def _share(sample: Sample, events: BoolArray) -> Estimate:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import xarray as xr
@@ -20,6 +20,7 @@ from uqpen.labels import (
     RUNS,
     SHARES,
     STATUS,
+    STATUSES,
     Status,
 )
 
@@ -64,7 +65,9 @@ def _faults_of_runs(runs: xr.Dataset) -> Iterator[str]:
 
 
 def _missing_statistics(tree: xr.DataTree, design: str, runs: xr.Dataset) -> Iterator[str]:
-    """Groups and variables that there is one of for each output of each design."""
+    """Groups and variables that there is one of for each design, or each output of it."""
+    lost = [status.meaning for status in Status if status is not Status.OK]
+    yield from _missing(tree, STATUSES, design, lost)
     for name, variable in runs.data_vars.items():
         if variable.attrs.get(ROLE) != "output":
             continue
@@ -78,10 +81,13 @@ def _missing_statistics(tree: xr.DataTree, design: str, runs: xr.Dataset) -> Ite
             }
         )
         for group, names in needed.items():
-            designs = tree.children[group].children if group in tree.children else {}
-            held = designs[design].variables if design in designs else {}
-            path = f"/{group}/{design}"
-            yield from (f"{path}: no {missing}" for missing in names if missing not in held)
+            yield from _missing(tree, group, design, names)
+
+
+def _missing(tree: xr.DataTree, group: str, design: str, names: Sequence[str]) -> Iterator[str]:
+    designs = tree.children[group].children if group in tree.children else {}
+    held = designs[design].variables if design in designs else {}
+    yield from (f"/{group}/{design}: no {name}" for name in names if name not in held)
 
 
 def _is_told(variable: xr.DataArray) -> bool:

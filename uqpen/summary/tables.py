@@ -107,13 +107,11 @@ def _lost(tree: xr.DataTree, design: str, table: OutputTable) -> str:
 
 def _add_statuses(table: OutputTable, tree: xr.DataTree) -> None:
     """A row for each way in which runs were lost: how likely it is."""
-    groups = [group(tree, STATUSES, design) for design in table.columns]
+    counts = [status_counts(group(tree, RUNS, design)) for design in table.columns]
     for status in Status:
-        if any(status.meaning in statuses for statuses in groups):
-            cells = [
-                _cell(table, statuses[status.meaning]) if status.meaning in statuses else "–"
-                for statuses in groups
-            ]
+        if status is not Status.OK and any(count[status] for count in counts):
+            arrays = [group(tree, STATUSES, design)[status.meaning] for design in table.columns]
+            cells = [_cell(table, array) for array in arrays]
             table.rows.append((f"P({STATUS_TEXT[status]})", cells))
 
 
