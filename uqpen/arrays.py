@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numbers
+from decimal import Decimal
 
 import numpy as np
 import numpy.typing as npt
@@ -48,9 +49,11 @@ def floats(value: object) -> npt.NDArray[np.float64]:
 
 def _from_objects(array: npt.NDArray[np.object_]) -> npt.NDArray[np.float64]:
     """Floats out of Python's own numbers, of which some are too large for one."""
-    found = np.empty(array.shape)
+    found = np.full(array.shape, np.nan)
     for index, entry in np.ndenumerate(array):
-        if not isinstance(entry, numbers.Real):
+        if entry is np.ma.masked:
+            continue
+        if not isinstance(entry, numbers.Real | Decimal):
             raise ValueError(f"{type(entry).__name__} in place of a number")
         try:
             found[index] = float(entry)

@@ -31,9 +31,12 @@ DIMENSIONLESS = "1"
 
 # A decimal number, as a regular expression.
 NUMBER = r"[+-]?(?:[0-9]+(?:_[0-9]+)*\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+# Typeset powers, of which the library reads a few only.
+_TYPESET = str.maketrans("⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+-0123456789")
+
 # What units are written of, for `_is_product_of_names`.
-_POWER = r"(?:(?:\^|\*\*)?[+-]?[0-9]+|[⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+)"
-_OPERAND = re.compile(rf"\(|[A-Za-z_%°µμΩΩÅ'\"]+{_POWER}?|1(?![0-9])")
+_POWER = r"(?:(?:\^|\*\*)?[+-]?[0-9]+)"
+_OPERAND = re.compile(rf"\(|(?!(?:nmi|mph)\b)[A-Za-z_%°µμΩΩÅ℃℉′″'\"]+{_POWER}?|1(?![0-9])")
 _OPERATOR = re.compile(rf"\){_POWER}?|\s*[*/·.]\s*|\s+")
 
 # Coherent units with a name of their own, preferred to their base units; what they measure, for
@@ -64,6 +67,7 @@ _KNOWN = {
     "m2 s-1": ("a diffusivity or kinematic viscosity", "1 mm^2/s"),
     "m3 s-1": ("a flow rate", "2 l/s"),
     "W m-1 K-1": ("a thermal conductivity", "0.5 W/(m K)"),
+    "W m-2 K-1": ("a heat transfer coefficient", "10 W/(m^2 K)"),
     "J kg-1 K-1": ("a specific heat capacity", "900 J/(kg K)"),
 }
 
@@ -100,9 +104,10 @@ def _unit(text: str) -> Any:
     """The units library's own object; imported here, since not every command needs it."""
     import cf_units
 
+    plain = text.translate(_TYPESET) or DIMENSIONLESS
     try:
-        if _is_product_of_names(text or DIMENSIONLESS):
-            return cf_units.Unit(text or DIMENSIONLESS)
+        if _is_product_of_names(plain):
+            return cf_units.Unit(plain)
     except ValueError:
         pass
     expected = 'a unit such as "g/cm^3", with whole powers'
@@ -113,7 +118,8 @@ def _is_product_of_names(text: str) -> bool:
     """Whether a text is names with whole powers, multiplied and divided.
 
     The library takes far more, and some of it not as it was meant: the ``.5`` of ``m^0.5`` for a
-    factor of 5, and what follows a bracket too many for nothing.
+    factor of 5, what follows a bracket too many for nothing, a ``nmi`` for a thousand millionth of
+    a mile and ``mph`` for a thousandth of a phot.
     """
     position, depth, wants_operand = 0, 0, True
     while position < len(text):

@@ -31,7 +31,7 @@ from uqpen.evaluation import Evaluator, evaluate
 from uqpen.inputs.constraints import Constraint, parse_constraint
 from uqpen.inputs.distributions import Uniform
 from uqpen.inputs.law import InputLaw, RandomInput
-from uqpen.labels import SAMPLING
+from uqpen.labels import SAMPLING, Sampling
 from uqpen.model import Input, Output
 from uqpen.models.python_function import PythonFunction
 from uqpen.streams import Stream
@@ -251,3 +251,44 @@ def test_an_independent_band_misses_somewhere_in_as_many_seeds_as_it_says() -> N
     # coverage would show it. That none of so many seeds misses has a probability of 0.6 %.
     seeds = over_seeds("step", "monte-carlo")["band"]
     assert not all(interval.covers for interval in seeds)
+
+
+@pytest.mark.parametrize("sampling", [Sampling.INDEPENDENT, Sampling.STRATIFIED])
+@pytest.mark.parametrize(("p", "asked"), [(0.045, 0.95), (0.048, 0.95), (0.155, 0.84)])
+def test_quantiles_of_lumps_of_probability_are_covered(
+    sampling: Sampling, p: float, asked: float
+) -> None:
+    # The output is 1 with a probability just below that of lying above the quantile, which is 0.
+    runs, covered = 1000, 0
+    for seed in range(SEEDS):
+        values = (np.random.default_rng(seed).random(runs) < p).astype(float)
+        everything = np.arange(runs)
+        sample = Sample(
+            values=values,
+            used=everything,
+            missing=everything[:0],
+            points=np.empty((runs, 0)),
+            replicates=everything // (runs // 10),
+            sampling=sampling,
+        )
+        if asked == 0.84:
+            covered += seen(dict(moments(sample, QUESTION))["y_half_spread"], 0.0).covers
+        else:
+            question = Question(OUTPUT, "1", quantiles=(asked,))
+            covered += seen(dict(quantiles(sample, question))["y"][0], 0.0).covers
+    assert covered >= FEWEST_COVERING
+
+
+def test_strata_that_leave_no_scatter_tell_no_error() -> None:
+    problem = Problem(
+        lambda x1: 1.0 * (x1 > 0.501), ("x1",), 0.499, 0.5, cdf=np.asarray, quantile=float
+    )
+    silent = 0
+    for seed in range(20):
+        drawn = problem.sample(LatinHypercube(1000), seed)
+        mean = dict(moments(drawn, QUESTION))["y_mean"]
+        lower, upper = mean.values[1:]
+        assert np.isnan(lower) or lower < upper
+        silent += bool(np.isnan(lower))
+    # Each of ten replicates has one run in the stratum of the step, which is on either side of it.
+    assert silent > 0

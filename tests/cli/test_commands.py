@@ -333,10 +333,13 @@ class TestProcess:
         assert b"Traceback" not in seen
         assert [path.name for path in (tmp_path / "archives").iterdir()] == []
 
-    def test_a_reader_that_has_seen_enough_is_no_error(self, tmp_path: Path) -> None:
+    @pytest.mark.parametrize("arguments", [("check", "small.toml"), ("--help",), ("models",)])
+    def test_a_reader_that_has_seen_enough_is_no_error(
+        self, tmp_path: Path, arguments: tuple[str, ...]
+    ) -> None:
         (tmp_path / "small.toml").write_text(SMALL)
         with subprocess.Popen(
-            self.command("check", "small.toml"),
+            self.command(*arguments),
             cwd=tmp_path,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -345,6 +348,7 @@ class TestProcess:
             assert process.stderr is not None
             process.stdout.close()
             assert process.stderr.read() == b""
+            assert process.wait() == 0
 
     def test_a_terminal_without_unicode_gets_question_marks(self, tmp_path: Path) -> None:
         (tmp_path / "small.toml").write_text(SMALL)
@@ -356,7 +360,8 @@ class TestProcess:
             env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"},
         )
         assert done.returncode == 0, done.stderr
-        assert b"mean" in done.stdout
+        assert b"+/-" in done.stdout
+        assert b"?" not in done.stdout
 
 
 def _read(descriptor: int) -> bytes:

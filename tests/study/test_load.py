@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from uqpen.errors import StudyError
 from uqpen.inputs.distributions import Normal, Uniform
 from uqpen.inputs.law import FixedInput, RandomInput
 from uqpen.inputs.truncated import Truncated
+from uqpen.models.surroundings import Surroundings
 from uqpen.study.load import load_study, parse_study
 from uqpen.study.study import Study
 
@@ -453,19 +455,36 @@ class TestPythonModel:
         inputs = {name: np.ones(1) for name in ("rod_length", "speed")}
         assert study.model.evaluate(inputs).outputs["depth"].tolist() == [0.02]
 
-    def test_two_studies_do_not_share_the_modules_beside_them(self, tmp_path: Path) -> None:
-        source = "import shared_name\ndef simulate(rod_length, speed): return shared_name.answer()"
-        found = []
+    @pytest.mark.parametrize(
+        "source",
+        [
+            "import shared_name\ndef simulate(rod_length, speed): return shared_name.answer()",
+            "def simulate(rod_length, speed):\n"
+            "    import shared_name\n    return shared_name.answer()",
+        ],
+        ids=["at once", "late"],
+    )
+    def test_studies_do_not_share_the_modules_beside_them(
+        self, tmp_path: Path, source: str
+    ) -> None:
+        before = dict(sys.modules)
+        models = []
         for factor in (2, 3):
             folder = tmp_path / str(factor)
             folder.mkdir()
             (folder / "shared_name.py").write_text(f"def answer(): return {{'depth': {factor}}}")
-            model = self.study(folder, source).model
-            inputs = {name: np.ones(1) for name in ("rod_length", "speed")}
-            found.append((model.evaluate(inputs).outputs["depth"][0], model.identity()))
-        (first, one), (second, other) = found
-        assert (first, second) == (0.02, 0.03)
-        assert one != other, "what it imports is part of what a model is"
+            models.append(self.study(folder, source).model)
+        inputs = {name: np.ones(1) for name in ("rod_length", "speed")}
+        found = [model.evaluate(inputs).outputs["depth"].tolist() for model in (*models, models[0])]
+        assert found == [[0.02], [0.03], [0.02]]
+        assert models[0].identity() != models[1].identity(), "what it imports is part of it"
+        assert "shared_name" not in sys.modules
+        assert {name: sys.modules.get(name) for name in before} == before
+
+    def test_a_folder_around_python_itself_is_no_surrounding(self) -> None:
+        before = dict(sys.modules)
+        with Surroundings(Path(sys.base_prefix).parent).entered():
+            assert set(before) == set(sys.modules)
 
     def test_an_importable_module_is_a_model_too(self, tmp_path: Path) -> None:
         (tmp_path / "module_of_mine.py").write_text("def go(rod_length, speed): return {}")

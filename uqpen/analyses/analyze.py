@@ -64,5 +64,5 @@ def _accounts(runs: xr.Dataset) -> dict[str, int | str]:
         attributes[CONDITIONAL] = "admissible inputs"
     if lost:
         share = sum(lost.values()) / (sum(lost.values()) + counts[Status.OK])
-        attributes[MISSING] = f"{100 * share:.2g} % of the admissible runs"
+        attributes[MISSING] = f"{100 * share:.3g} % of the admissible runs"
     return attributes

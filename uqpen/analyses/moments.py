@@ -42,6 +42,10 @@ _LOW, _HIGH = 0.16, 0.84
 _NO_TAIL_SEEN = f"fewer than {_FEWEST_RUNS_FOR_TAILS} runs do not show a heavy tail"
 _DIAGNOSIS = "a diagnosis of the tail, not an estimate"
 _CONSTANT = "the output does not vary"
+_REPLICATES_AGREE = "the strata leave no scatter, so nothing tells the error"
+
+# A sum of as many runs as there ever are is exact to this, relative to the largest.
+_ROUNDING = 1e-12
 
 
 def moments(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataArray]]:
@@ -71,7 +75,8 @@ def moments(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataAr
         ("kurtosis", shape.kurtosis, _DIAGNOSIS),
         ("effective_runs", shape.effective_runs, _DIAGNOSIS),
     ):
-        why = _CONSTANT if sample.is_constant else sample.reason_for_none or reason
+        is_constant = sample.is_constant and sample.size > 1
+        why = _CONSTANT if is_constant else sample.reason_for_none or reason
         long_name = f"{statistic.replace('_', ' ')} of {title}"
         estimate = Estimate.without_bounds(value, why)
         yield f"{name}_{statistic}", estimate.to_array(units="1", long_name=long_name)
@@ -145,6 +150,8 @@ def _mean(sample: Sample, shape: _Shape) -> Estimate:
     if reason := sample.reason_for_none:
         return Estimate.without_bounds(shape.mean, reason)
     error, freedom = sample.standard_error(shape.deviations)
+    if _is_silent(sample, error):
+        return Estimate.without_bounds(shape.mean, _REPLICATES_AGREE)
     half = student_quantile(freedom, LEVEL) * error * shape.scale
     ends = shape.mean - half, shape.mean + half
     is_replicated = sample.plan is Plan.REPLICATED
@@ -182,6 +189,8 @@ def _std(sample: Sample, shape: _Shape) -> Estimate:
         return Estimate.without_bounds(std * shape.scale, reason)
     # The delta method on log(std), whose law is closer to normal than that of std itself.
     error, freedom = sample.standard_error(shape.deviations**2)
+    if _is_silent(sample, error):
+        return Estimate.without_bounds(std * shape.scale, _REPLICATES_AGREE)
     factor = math.exp(student_quantile(freedom, LEVEL) * error / (2 * std**2))
     value = std * shape.scale
     label = "conservative" if sample.plan is Plan.SINGLE else "nominal"
@@ -192,6 +201,11 @@ def _std(sample: Sample, shape: _Shape) -> Estimate:
             "if the tail is heavier than these runs show, it covers less often than it says"
         )
     return estimate
+
+
+def _is_silent(sample: Sample, error: float) -> bool:
+    """Whether an error is none, of an output that varies: of one with few values over strata."""
+    return not sample.is_constant and error < _ROUNDING
 
 
 def _half_spread(sample: Sample) -> Estimate:
@@ -209,9 +223,8 @@ def _half_spread(sample: Sample) -> Estimate:
         reason = f"{sample.size} runs are too few"
     if reason:
         return Estimate.without_bounds(value, reason)
-    below = [sample.values <= end for end in ends]
-    errors, freedoms, _ = zip(*(sample.share_error(events) for events in below), strict=True)
-    correlation = _correlation(sample, below[0], below[1])
+    errors, freedoms, _ = zip(*(sample.cdf_error(float(end)) for end in ends), strict=True)
+    correlation = _correlation(sample, sample.values <= ends[0], sample.values <= ends[1])
     step = student_quantile(freedoms[0], LEVEL) * np.array(errors)
     down = (ends - quantile(sample, np.clip(asked - step, 0.0, 1.0))) / 2
     up = (quantile(sample, np.clip(asked + step, 0.0, 1.0)) - ends) / 2

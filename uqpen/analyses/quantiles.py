@@ -135,8 +135,8 @@ def _quantile_estimate(sample: Sample, p: float) -> Estimate:
     label = "discrete" if sample.plan is Plan.INDEPENDENT else "conservative"
     estimate = Estimate(value, *ends, _ORDER_STATISTICS, label)
     if any(map(math.isnan, ends)):
-        side = "lower" if math.isnan(ends[0]) else "upper"
-        return estimate.noting(f"{sample.size} runs are too few for a {side} bound")
+        side = "a lower" if math.isnan(ends[0]) else "an upper"
+        return estimate.noting(f"{sample.size} runs are too few for {side} bound")
     return estimate
 
 
@@ -166,7 +166,7 @@ def _woodruff_step(sample: Sample, p: float, value: float, level: float) -> tupl
 
     Woodruff, R. S. (1952). J. Am. Stat. Assoc. 47, 635-646; with the scatter over replicates.
     """
-    error, freedom, is_rounded = sample.share_error(sample.values <= value)
+    error, freedom, is_rounded = sample.cdf_error(value)
     return student_quantile(freedom, level) * error, is_rounded
 
 

@@ -212,6 +212,15 @@ class Sample:
         is_rounded = error <= self.rounding_error
         return max(error, self.rounding_error), freedom, is_rounded
 
+    def cdf_error(self, value: float) -> tuple[float, float, bool]:
+        """Like `share_error`, of lying below a value; where the law has a lump of probability.
+
+        The distribution function jumps there, and a quantile may be off to either side: the larger
+        of the errors below the jump and above it counts.
+        """
+        at_or_below = self.share_error(self.values <= value)
+        return max(at_or_below, self.share_error(self.values < value))
+
     def counts(self, thresholds: FloatArray) -> IntArray:
         """How many values lie at or below each threshold, by replicate.
 

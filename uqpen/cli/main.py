@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import io
+import os
 import sys
 
 import click
 
 from uqpen import __version__
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.printable import printable
+from uqpen.cli.printable import SPELLED_OUT, printable
 from uqpen.errors import UqpenError
 from uqpen.lookup import resolve
 
@@ -50,25 +51,36 @@ def uqpen() -> None:
 def main() -> None:
     """Run the command line, and leave with its exit code."""
     for stream in (sys.stdout, sys.stderr):
-        # A terminal that lacks a character gets a question mark, not a traceback.
+        # A terminal that lacks a character gets something like it, not a traceback.
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
+            stream.reconfigure(errors=SPELLED_OUT)
     try:
-        code = uqpen(standalone_mode=False)
-        sys.exit(code or ExitCode.DONE)
-    except click.ClickException as error:
-        error.show()
-        sys.exit(ExitCode.MISTAKE)
-    except UqpenError as error:
-        click.echo(printable(str(error)), err=True)
-        sys.exit(ExitCode.MISTAKE)
-    except MemoryError:
-        click.echo("this machine's memory does not suffice for so many runs", err=True)
-        sys.exit(ExitCode.MISTAKE)
-    except (click.Abort, KeyboardInterrupt):
-        click.echo("interrupted", err=True)
-        sys.exit(ExitCode.INTERRUPTED)
+        code = _run(sys.argv[1:])
+        sys.stdout.flush()
     except BrokenPipeError:
         # Whoever read our output has seen enough; do not complain while closing it.
-        sys.stdout = io.TextIOWrapper(io.BytesIO())
-        sys.exit(ExitCode.DONE)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = ExitCode.DONE
+    sys.exit(code)
+
+
+def _run(arguments: list[str]) -> int:
+    """The exit code of a command, after telling what went wrong."""
+    try:
+        # Not the group's own `main`, which takes a closed pipe for an error.
+        with uqpen.make_context("uqpen", arguments) as context:
+            return uqpen.invoke(context) or ExitCode.DONE
+    except click.exceptions.Exit as left:
+        return left.exit_code
+    except click.ClickException as error:
+        error.show()
+        return ExitCode.MISTAKE
+    except UqpenError as error:
+        click.echo(printable(str(error)), err=True)
+        return ExitCode.MISTAKE
+    except MemoryError:
+        click.echo("this machine's memory does not suffice for so many runs", err=True)
+        return ExitCode.MISTAKE
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("interrupted", err=True)
+        return ExitCode.INTERRUPTED

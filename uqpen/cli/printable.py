@@ -1,8 +1,25 @@
-"""Text from elsewhere, made safe for a terminal."""
+"""Text made fit for a terminal: without commands to it, and in the characters that it has."""
 
 from __future__ import annotations
 
-__all__ = ["printable"]
+import codecs
+
+__all__ = ["SPELLED_OUT", "printable"]
+
+# The name of an error handler for streams: a character that the encoding lacks becomes others.
+SPELLED_OUT = "uqpen.spelled_out"
+
+_SPELLED_OUT = {
+    "±": "+/-",
+    "…": "...",
+    "–": "-",
+    "─": "-",
+    "×": "x",
+    "−": "-",
+    "⁻": "-",
+    "\u202f": " ",
+    **dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789", strict=True)),
+}
 
 
 def printable(text: str) -> str:
@@ -13,3 +30,13 @@ def printable(text: str) -> str:
         else character.encode("unicode_escape").decode("ascii")
         for character in text
     )
+
+
+def _spell_out(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    missing = error.object[error.start : error.end]
+    return "".join(_SPELLED_OUT.get(character, "?") for character in missing), error.end
+
+
+codecs.register_error(SPELLED_OUT, _spell_out)

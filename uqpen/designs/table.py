@@ -95,7 +95,7 @@ class Table(Design):
         except FileNotFoundError:
             raise TableError(f'there is no file "{self.file}"') from None
         except OSError as error:
-            raise TableError(f'"{self.file.name}" cannot be read: {error.strerror}') from None
+            raise TableError(f'"{self.file}" cannot be read: {error.strerror}') from None
 
 
 Headed = tuple[str, str, npt.NDArray[np.float64]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib
 import importlib.util
@@ -20,6 +21,7 @@ from uqpen.arrays import floats
 from uqpen.errors import ModelError
 from uqpen.labels import Status
 from uqpen.model import Arrays, Input, Model, Output, Results
+from uqpen.models.surroundings import Surroundings
 from uqpen.units import scale
 
 __all__ = ["PythonFunction", "check_signature", "load_function"]
@@ -48,8 +50,8 @@ class PythonFunction(Model):
         The unit that the function takes each input and gives each output in.
     vectorized : bool
         Whether it takes and returns arrays of shape (run,); else one float for each.
-    source : bytes
-        The function's source, which tells one version of a model from another.
+    surroundings : Surroundings, optional
+        What the function must be called in; its source tells one version of a model from another.
     """
 
     function: Callable[..., Mapping[str, Any]]
@@ -58,7 +60,7 @@ class PythonFunction(Model):
     outputs: tuple[Output, ...]
     called_in: Mapping[str, str]
     vectorized: bool = False
-    source: bytes = field(default=b"", repr=False)
+    surroundings: Surroundings | None = field(default=None, repr=False, compare=False)
 
     def evaluate(self, inputs: Arrays) -> Results:
         arguments = {
@@ -68,20 +70,24 @@ class PythonFunction(Model):
         outputs = {output.name: np.full(runs, np.nan) for output in self.outputs}
         status = np.full(runs, Status.OK, dtype=np.int8)
         reasons: dict[int, str] = {}
-        for batch, answer in self._answers(arguments, runs):
-            if isinstance(answer, str):
-                status[batch] = Status.FAILED
-                reasons[batch.start] = answer
-                continue
-            for name, values in answer.items():
-                outputs[name][batch] = values
+        with self.surroundings.entered() if self.surroundings else contextlib.nullcontext():
+            for batch, answer in self._answers(arguments, runs):
+                if isinstance(answer, str):
+                    status[batch] = Status.FAILED
+                    reasons[batch.start] = answer
+                    continue
+                for name, values in answer.items():
+                    outputs[name][batch] = values
         for output in self.outputs:
             measure = scale(self.called_in[output.name])
             outputs[output.name] = outputs[output.name] * measure.factor + measure.offset
         return Results(outputs, status, reasons)
 
     def identity(self) -> dict[str, str]:
-        return {"name": self.name, "source_sha256": hashlib.sha256(self.source).hexdigest()}
+        if self.surroundings is None:
+            return {"name": self.name}
+        sources = self.surroundings.sources()
+        return {"name": self.name, "source_sha256": hashlib.sha256(sources).hexdigest()}
 
     def _answers(
         self, arguments: Arrays, runs: int
@@ -142,7 +148,7 @@ def _checked(
     return outputs
 
 
-def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], bytes]:
+def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], Surroundings]:
     """The function behind ``"file.py:function"`` or ``"package.module:function"``.
 
     Parameters
@@ -155,8 +161,8 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], byt
     Returns
     -------
     function : callable
-    source : bytes
-        Of the file that defines it, and of those beside the study that it has imported.
+    surroundings : Surroundings
+        What it must be called in.
 
     Raises
     ------
@@ -166,15 +172,15 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], byt
     where, _, name = reference.rpartition(":")
     if not where or not name:
         raise ModelError(f'"{reference}" is not of the form "my_model.py:function"')
-    module = _imported(where, folder)
+    surroundings = Surroundings(folder)
+    with surroundings.entered():
+        module = _imported(where, folder)
     function = getattr(module, name, None)
     if not callable(function):
         known = [key for key, value in vars(module).items() if inspect.isfunction(value)]
         listing = f"; it defines {', '.join(known)}" if known else ""
         raise ModelError(f'"{where}" has no function "{name}"{listing}')
-    own = getattr(module, "__file__", None)
-    files = {path for _, path in _modules_in(folder)} | ({Path(own)} if own else set())
-    return function, b"".join(path.read_bytes() for path in sorted(files) if path.is_file())
+    return function, surroundings
 
 
 def check_signature(function: Callable[..., Any], names: list[str]) -> None:
@@ -197,7 +203,6 @@ def check_signature(function: Callable[..., Any], names: list[str]) -> None:
 
 
 def _imported(where: str, folder: Path) -> Any:
-    _enter(folder)
     try:
         if where.endswith(".py"):
             return _from_file(folder / where)
@@ -211,32 +216,6 @@ def _imported(where: str, folder: Path) -> Any:
         line = getattr(error, "lineno", None) or place.lineno
         text = f'importing "{where}" failed at line {line}: {_described(error)}'
         raise ModelError(_one_line(text)) from None
-
-
-# The folder whose modules a model may import, as it would when run from there.
-_entered: list[Path] = []
-
-
-def _enter(folder: Path) -> None:
-    """Let modules beside a study be imported, and none that lie beside an earlier study."""
-    for earlier in _entered:
-        if str(earlier) in sys.path:
-            sys.path.remove(str(earlier))
-        for name, _ in _modules_in(earlier):
-            del sys.modules[name]
-    _entered[:] = [folder]
-    sys.path.insert(0, str(folder))
-
-
-def _modules_in(folder: Path) -> list[tuple[str, Path]]:
-    """Imported modules whose source lies in a folder, but for installed ones and uqpen's own."""
-    found = []
-    for name, module in sorted(sys.modules.items()):
-        path = Path(getattr(module, "__file__", None) or "/")
-        is_ours = name.partition(".")[0] == "uqpen"
-        if path.is_relative_to(folder) and "site-packages" not in path.parts and not is_ours:
-            found.append((name, path))
-    return found
 
 
 def _from_file(path: Path) -> Any:

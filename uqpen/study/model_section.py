@@ -58,13 +58,13 @@ def _function(table: Section, folder: Path) -> Model | None:
     if reference is None or len(table.problems) > noted:
         return None
     try:
-        function, source = load_function(reference, folder)
+        function, surroundings = load_function(reference, folder)
         check_signature(function, [variable.name for variable in inputs])
     except ModelError as error:
         table.wrong("python", str(error), "a function that can be called with the model's inputs")
         return None
     return PythonFunction(
-        function, reference, tuple(inputs), tuple(outputs), called_in, vectorized, source
+        function, reference, tuple(inputs), tuple(outputs), called_in, vectorized, surroundings
     )
 
 
