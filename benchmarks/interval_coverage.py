@@ -32,6 +32,7 @@ from scipy.stats import qmc
 from uqpen.analyses import ANALYSES
 from uqpen.analyses.question import Question, Threshold
 from uqpen.analyses.sample import Sample
+from uqpen.archive.told import told
 from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
@@ -47,7 +48,6 @@ from uqpen.models.ishigami import Ishigami
 from uqpen.models.python_function import PythonFunction
 from uqpen.streams import Stream
 from uqpen.study.load import load_study
-from uqpen.summary.tables import told
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -179,7 +179,7 @@ def test_kinds_have_shares_and_no_mean(tables: dict[str, OutputTable]) -> None:
 
 
 def test_what_was_lost_is_told_with_its_reasons(tree: xr.DataTree) -> None:
-    found = [loss for loss in losses(tree) if loss.design == "few"]
+    found = list(losses(tree, "few"))
     counted = as_json(tree)["designs"]["few"]
     assert sum(loss.runs for loss in found) == counted["status"]["inadmissible"]
     assert {loss.reason for loss in found} == {entry["reason"] for entry in counted["reasons"]}

@@ -13,7 +13,7 @@ import xarray as xr
 
 from uqpen.inputs.constraints import Constraint
 from uqpen.labels import LOST, REASON, REPLICATE, ROLE, ROUND, RUN, STATUS, Status
-from uqpen.model import Model, Output, Results, inadmissible
+from uqpen.model import Category, Model, Output, Results, inadmissible
 from uqpen.streams import BLOCK
 
 __all__ = ["Evaluator", "Map", "evaluate", "join", "status_counts"]
@@ -204,24 +204,13 @@ def _describe(runs: xr.Dataset, model: Model, display_units: Mapping[str, str]) 
         for variable in variables:
             if variable.name in runs:
                 shown = display_units.get(variable.name, variable.shown_unit)
+                measure = {"units": variable.unit, "display_units": shown}
+                kinds = variable.categories if isinstance(variable, Output) else ()
                 runs[variable.name].attrs = {
-                    "units": variable.unit,
-                    "display_units": shown,
                     "long_name": variable.title,
                     ROLE: role,
+                    **(_kinds(kinds) if kinds else measure),
                 }
-    for output in model.outputs:
-        if output.categories:
-            del runs[output.name].attrs["display_units"]
-            del runs[output.name].attrs["units"]
-            runs[output.name].attrs |= _flags(
-                [-1, *range(len(output.categories))],
-                ["lost", *(category.flag for category in output.categories)],
-            )
-            runs[output.name].attrs["flag_labels"] = [
-                "lost",
-                *(category.label for category in output.categories),
-            ]
     runs[STATUS].attrs = {"long_name": "what became of the run"}
     runs[STATUS].attrs |= _flags(list(Status), [status.meaning for status in Status])
     runs[RUN].attrs = {
@@ -234,6 +223,12 @@ def _describe(runs: xr.Dataset, model: Model, display_units: Mapping[str, str]) 
     if LOST in runs:
         runs[LOST].attrs = {"long_name": "number of a lost run"}
         runs[REASON].attrs = {"long_name": "why the run was lost"}
+
+
+def _kinds(categories: Sequence[Category]) -> dict[str, Any]:
+    """Attributes of an output with kinds; those of no kind are the lost runs."""
+    flags = _flags(range(-1, len(categories)), ["lost", *(kind.flag for kind in categories)])
+    return {**flags, "flag_labels": ["lost", *(kind.label for kind in categories)]}
 
 
 def _flags(values: Sequence[int], meanings: Sequence[str]) -> dict[str, Any]:

@@ -17,10 +17,14 @@ __all__ = [
     "CONDITIONAL",
     "EXCEEDANCE",
     "HOLDS",
+    "INTERVAL",
+    "INTERVAL_LABEL",
+    "INTERVAL_LEVEL",
     "LOST",
     "MISSING",
     "MOMENTS",
     "NAME",
+    "NOTE",
     "QUANTILES",
     "RANK",
     "REASON",
@@ -32,6 +36,7 @@ __all__ = [
     "RUNS",
     "SAMPLING",
     "SHARES",
+    "STATISTICS",
     "STATUS",
     "STATUSES",
     "STATUS_TEXT",
@@ -55,23 +60,33 @@ LOST = "lost_run"
 REASON = "lost_reason"
 RANK = "rank"
 
+# The moments of an output, as the names of its variables end.
+STATISTICS = ("mean", "std", "half_spread", "skewness", "kurtosis", "effective_runs")
+
+# What an estimate says of its own interval: attributes of a single one, coordinates along several.
+INTERVAL = "interval"
+INTERVAL_LABEL = "interval_label"
+INTERVAL_LEVEL = "interval_level"
+NOTE = "note"
+
 # What the names of an output's statistics and of their coordinates end in.
 SUFFIXES = frozenset(
     {
-        "mean",
-        "std",
-        "half_spread",
-        "skewness",
-        "kurtosis",
-        "effective_runs",
-        "probability",
+        *STATISTICS,
         "band",
-        "threshold",
-        "threshold_value",
-        "hold",
-        "hold_runs_needed",
-        "category",
-        "category_label",
+        *(
+            f"{dimension}{coordinate}"
+            for dimension in ("probability", "threshold", "hold", "category")
+            for coordinate in (
+                "",
+                f"_{INTERVAL}",
+                f"_{INTERVAL_LABEL}",
+                f"_{NOTE}",
+                "_value",
+                "_runs_needed",
+                "_label",
+            )
+        ),
     }
 )
 

@@ -111,11 +111,11 @@ def parse_spread(text: str, like: str) -> Spread | None:
     parts = _PLUS_MINUS.split(inner)
     shape = f'a mean and a standard deviation, such as "{_example(like)}"'
     if len(parts) != 2:
-        raise QuantityError(f"{as_written(text)}", shape)
+        raise QuantityError(as_written(text), shape)
     for part in parts:
         _refuse_comma(part)
     if not all(re.fullmatch(rf"\s*{NUMBER}\s*", part) for part in parts):
-        raise QuantityError(f"{as_written(text)}", f"{shape}, the unit once and behind the bracket")
+        raise QuantityError(as_written(text), f"{shape}, the unit once and behind the bracket")
     mean, std = (float(part) for part in parts)
     measure = _checked_scale(text, unit, like)
     return Spread(measure.to_si(mean), measure.difference_to_si(std), unit or DIMENSIONLESS)
@@ -131,7 +131,7 @@ def _split(text: str, like: str) -> tuple[float, str]:
     _refuse_comma(text)
     match = _QUANTITY.match(text)
     if match is None:
-        raise QuantityError(f"{as_written(text)}", describe(like))
+        raise QuantityError(as_written(text), describe(like))
     number, unit = match.groups()
     if _PLUS_MINUS.search(unit):
         raise QuantityError(f"{as_written(text)}, with a ±", f"{describe(like)}, without a spread")

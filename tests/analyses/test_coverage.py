@@ -24,6 +24,7 @@ from uqpen.analyses.probabilities import exceedance
 from uqpen.analyses.quantiles import holds, quantiles
 from uqpen.analyses.question import Question, Threshold
 from uqpen.analyses.sample import Sample
+from uqpen.archive.told import told
 from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
@@ -35,7 +36,6 @@ from uqpen.labels import SAMPLING, Sampling
 from uqpen.model import Input, Output
 from uqpen.models.python_function import PythonFunction
 from uqpen.streams import Stream
-from uqpen.summary.tables import told
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -13,11 +13,22 @@ from uqpen.analyses.quantiles import is_regular, quantile
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Plan, Sample
 from uqpen.intervals import clopper_pearson, dkw_half_width, student_quantile
-from uqpen.labels import BOUND, BOUNDS, RANK
+from uqpen.labels import (
+    BOUND,
+    BOUNDS,
+    INTERVAL,
+    INTERVAL_LABEL,
+    INTERVAL_LEVEL,
+    NOTE,
+    RANK,
+)
 
 __all__ = ["RANKS", "cdf"]
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+# Estimate, lower and upper bound at each value, and what to say of them.
+Band = tuple[FloatArray, dict[str, str | float]]
 
 # A distribution function is kept at this many equally spaced probabilities.
 RANKS = 1001
@@ -44,10 +55,8 @@ def cdf(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataArray]
     values = quantile(sample, ranks)
     described = {"units": question.output.unit, "long_name": f"values of {title}"}
     yield name, xr.DataArray(values, coordinate, (RANK,), attrs=described)
-    counts = sample.counts(values) if sample.size else np.zeros((1, RANKS), dtype=np.int64)
-    for suffix, (estimate, attributes), which in (
-        ("probability", _pointwise(sample, counts), "pointwise"),
-        ("band", _simultaneous(sample, counts), "simultaneous"),
+    for suffix, which, (estimate, attributes) in zip(
+        ("probability", "band"), ("pointwise", "simultaneous"), _bands(sample, values), strict=True
     ):
         attributes |= {"units": "1"}
         attributes["long_name"] = f"probability that {title} lies below a value, {which}"
@@ -55,28 +64,44 @@ def cdf(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataArray]
         yield f"{name}_{suffix}", array.assign_coords(coordinate)
 
 
-def _pointwise(
-    sample: Sample, counts: npt.NDArray[np.int64]
-) -> tuple[FloatArray, dict[str, str | float]]:
+def _bands(sample: Sample, values: FloatArray) -> tuple[Band, Band]:
+    """The pointwise and the simultaneous band at some values."""
+    if not sample.size:
+        missing = np.full(values.shape, np.nan)
+        return _without_bounds(sample, missing), _without_bounds(sample, missing)
+    counts = _counts(sample, values)
+    estimate: FloatArray = counts.sum(axis=0) / sample.size
+    if sample.reason_for_none:
+        return _without_bounds(sample, estimate), _without_bounds(sample, estimate)
+    return _pointwise(sample, counts, estimate), _simultaneous(sample, estimate)
+
+
+def _counts(sample: Sample, values: FloatArray) -> IntArray:
+    """How many runs lie at or below each value, a row for each replicate."""
+    parts = [
+        np.sort(sample.values[sample.replicate == number])
+        for number in range(sample.replicate_count)
+    ]
+    return np.array([np.searchsorted(part, values, side="right") for part in parts])
+
+
+def _pointwise(sample: Sample, counts: IntArray, estimate: FloatArray) -> Band:
     total = counts.sum(axis=0)
-    if reason := sample.reason_for_none:
-        return _without_bounds(sample, total, reason)
-    estimate = total / sample.size
     lower, upper = clopper_pearson(total, sample.size, LEVEL)
-    attributes = _told("Clopper-Pearson", "conservative")
+    method, label = "Clopper-Pearson", "conservative"
     if sample.plan is Plan.INDEPENDENT:
-        attributes = _told("Clopper-Pearson", "discrete")
+        label = "discrete"
     elif sample.plan is Plan.REPLICATED:
         half = student_quantile(sample.freedom, LEVEL) * _errors(sample, counts)
         regular = is_regular(sample, total)
         lower = np.where(regular, np.maximum(estimate - half, 0.0), lower)
         upper = np.where(regular, np.minimum(estimate + half, 1.0), upper)
         method = "Student t over replicates; Clopper-Pearson with fewer than 10 runs on a side"
-        attributes = _told(method, "discrete")
-    return np.stack([estimate, lower, upper], axis=-1), attributes
+        label = "discrete"
+    return np.stack([estimate, lower, upper], axis=-1), _told(method, label)
 
 
-def _errors(sample: Sample, counts: npt.NDArray[np.int64]) -> FloatArray:
+def _errors(sample: Sample, counts: IntArray) -> FloatArray:
     """Standard errors over replicates at all values at once, as `ratio_error` has them at one."""
     sizes = np.bincount(sample.replicate)
     excess = counts - np.outer(sizes, counts.sum(axis=0) / sample.size)
@@ -86,30 +111,22 @@ def _errors(sample: Sample, counts: npt.NDArray[np.int64]) -> FloatArray:
     return errors
 
 
-def _simultaneous(
-    sample: Sample, counts: npt.NDArray[np.int64]
-) -> tuple[FloatArray, dict[str, str | float]]:
-    total = counts.sum(axis=0)
-    if reason := sample.reason_for_none:
-        return _without_bounds(sample, total, reason)
-    estimate = total / sample.size
+def _simultaneous(sample: Sample, estimate: FloatArray) -> Band:
     half = dkw_half_width(sample.size, LEVEL)
     # On stratified points the band is wider than need be: the function scatters less than it does
     # over independent draws.
     label = "nominal" if sample.plan is Plan.INDEPENDENT else "conservative"
     lower, upper = np.maximum(estimate - half, 0.0), np.minimum(estimate + half, 1.0)
-    attributes = _told("Dvoretzky-Kiefer-Wolfowitz-Massart", label)
-    return np.stack([estimate, lower, upper], axis=-1), attributes
+    told = _told("Dvoretzky-Kiefer-Wolfowitz-Massart", label)
+    return np.stack([estimate, lower, upper], axis=-1), told
 
 
 def _told(method: str, label: str) -> dict[str, str | float]:
-    return {"interval": method, "interval_label": label, "interval_level": LEVEL}
+    return {INTERVAL: method, INTERVAL_LABEL: label, INTERVAL_LEVEL: LEVEL}
 
 
-def _without_bounds(
-    sample: Sample, total: npt.NDArray[np.int64], reason: str
-) -> tuple[FloatArray, dict[str, str | float]]:
-    estimate = np.full((len(total), len(BOUNDS)), np.nan)
-    if sample.size:
-        estimate[:, 0] = total / sample.size
-    return estimate, {"interval": "none", "interval_label": "none", "note": reason}
+def _without_bounds(sample: Sample, estimate: FloatArray) -> Band:
+    none = np.full(estimate.shape, np.nan)
+    told: dict[str, str | float] = {INTERVAL: "none", INTERVAL_LABEL: "none"}
+    told[NOTE] = sample.reason_for_none
+    return np.stack([estimate, none, none], axis=-1), told

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
-from uqpen.labels import BOUND, BOUNDS
+from uqpen.labels import BOUND, BOUNDS, INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE
 
 __all__ = ["LEVEL", "Estimate"]
 
@@ -60,13 +60,13 @@ class Estimate:
         attributes: dict[str, str | float] = {
             "units": units,
             "long_name": long_name,
-            "interval": self.method,
-            "interval_label": self.label,
+            INTERVAL: self.method,
+            INTERVAL_LABEL: self.label,
         }
         if self.label != "none":
-            attributes["interval_level"] = LEVEL
+            attributes[INTERVAL_LEVEL] = LEVEL
         if self.note:
-            attributes["note"] = self.note
+            attributes[NOTE] = self.note
         return xr.DataArray(list(self.bounds), {BOUND: list(BOUNDS)}, (BOUND,), attrs=attributes)
 
     @staticmethod
@@ -82,12 +82,12 @@ class Estimate:
             np.array([estimate.bounds for estimate in estimates]),
             {BOUND: list(BOUNDS)},
             (dimension, BOUND),
-            attrs={"units": units, "long_name": long_name, "interval_level": LEVEL},
+            attrs={"units": units, "long_name": long_name, INTERVAL_LEVEL: LEVEL},
         )
         told = {
-            "interval": [estimate.method for estimate in estimates],
-            "interval_label": [estimate.label for estimate in estimates],
-            "note": [estimate.note for estimate in estimates],
+            INTERVAL: [estimate.method for estimate in estimates],
+            INTERVAL_LABEL: [estimate.label for estimate in estimates],
+            NOTE: [estimate.note for estimate in estimates],
         }
         return array.assign_coords(
             {

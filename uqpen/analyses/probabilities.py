@@ -90,7 +90,7 @@ def shares(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataArr
 
 
 def statuses(runs: xr.Dataset) -> Iterator[tuple[str, xr.DataArray]]:
-    """Probability of each way in which runs of a design can be lost, of those that none was too.
+    """Probability of each way in which runs of a design can be lost, whether or not one was.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def _widened_share(sample: Sample, events: BoolArray) -> Estimate:
     estimate = _share(sample, events)
     if not sample.missing.size or estimate.label == "none":
         return estimate
-    whole = sample.with_missing(np.nan)
+    whole = sample.with_missing()
     as_none, as_all = (
         _share(whole, np.concatenate([events, np.full(sample.missing.shape, happened)]))
         for happened in (False, True)

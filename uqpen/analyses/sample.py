@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
@@ -95,10 +94,10 @@ class Sample:
             sampling=Sampling(runs.attrs[SAMPLING]),
         )
 
-    def with_missing(self, value: float) -> Sample:
-        """The same sample, as it would be if every missing run had come back with a value."""
+    def with_missing(self) -> Sample:
+        """The same sample with its missing runs at the end, their values not a number."""
         used = np.concatenate([self.used, self.missing])
-        values = np.concatenate([self.values, np.full(self.missing.shape, value)])
+        values = np.concatenate([self.values, np.full(self.missing.shape, np.nan)])
         return replace(self, values=values, used=used, missing=self.missing[:0])
 
     @property
@@ -220,21 +219,3 @@ class Sample:
         """
         at_or_below = self.share_error(self.values <= value)
         return max(at_or_below, self.share_error(self.values < value))
-
-    def counts(self, thresholds: FloatArray) -> IntArray:
-        """How many values lie at or below each threshold, by replicate.
-
-        Returns
-        -------
-        ndarray of int, shape (replicate, threshold)
-        """
-        return np.array(
-            [np.searchsorted(part, thresholds, side="right") for part in self._ordered_replicates()]
-        )
-
-    def _ordered_replicates(self) -> Iterator[FloatArray]:
-        if self.replicate_count == 1:
-            yield self.ordered
-            return
-        for replicate in range(self.replicate_count):
-            yield np.sort(self.values[self.replicate == replicate])

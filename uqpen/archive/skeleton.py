@@ -7,10 +7,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.told import told
 from uqpen.labels import (
     BOUND,
     BOUNDS,
     CDFS,
+    INTERVAL_LABEL,
     LOST,
     MOMENTS,
     QUANTILES,
@@ -19,6 +21,7 @@ from uqpen.labels import (
     RUN,
     RUNS,
     SHARES,
+    STATISTICS,
     STATUS,
     STATUSES,
     Status,
@@ -27,7 +30,6 @@ from uqpen.labels import (
 __all__ = ["faults"]
 
 _ROOT = ("title", "study_text", "study_sha256", "seed", "model_name")
-_MOMENTS = ("mean", "std", "half_spread", "skewness", "kurtosis", "effective_runs")
 
 
 def faults(tree: xr.DataTree) -> Iterator[str]:
@@ -49,7 +51,10 @@ def faults(tree: xr.DataTree) -> Iterator[str]:
         yield from _missing_statistics(tree, str(name), runs.dataset)
     for node in tree.subtree:
         for variable in node.data_vars.values():
-            if BOUND in variable.dims and not _is_told(variable):
+            is_estimate = BOUND in variable.dims
+            if is_estimate and variable.sizes[BOUND] != len(BOUNDS):
+                yield f"{node.path}/{variable.name}: not the bounds of an estimate"
+            if is_estimate and not told(variable, INTERVAL_LABEL):
                 yield f"{node.path}/{variable.name}: does not say how its interval was made"
 
 
@@ -75,7 +80,7 @@ def _missing_statistics(tree: xr.DataTree, design: str, runs: xr.Dataset) -> Ite
             {SHARES: [f"{name}"]}
             if "flag_meanings" in variable.attrs
             else {
-                MOMENTS: [f"{name}_{moment}" for moment in _MOMENTS],
+                MOMENTS: [f"{name}_{moment}" for moment in STATISTICS],
                 QUANTILES: [f"{name}", f"{name}_probability"],
                 CDFS: [f"{name}"],
             }
@@ -88,10 +93,3 @@ def _missing(tree: xr.DataTree, group: str, design: str, names: Sequence[str]) -
     designs = tree.children[group].children if group in tree.children else {}
     held = designs[design].variables if design in designs else {}
     yield from (f"/{group}/{design}: no {name}" for name in names if name not in held)
-
-
-def _is_told(variable: xr.DataArray) -> bool:
-    """Whether an estimate says how its bounds were made, in itself or in its coordinates."""
-    is_whole = variable.sizes[BOUND] == len(BOUNDS)
-    by_entry = [str(name) for name in variable.coords if str(name).endswith("_interval_label")]
-    return is_whole and bool(by_entry or "interval_label" in variable.attrs)

@@ -16,9 +16,10 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 from rich.text import Text
 
+from uqpen.archive.read import names_in
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import printable
-from uqpen.labels import STATUS_TEXT
+from uqpen.labels import RUNS, STATUS_TEXT
 from uqpen.summary.losses import losses
 from uqpen.summary.tables import OutputTable, output_tables
 from uqpen.workflow import Progress
@@ -62,7 +63,7 @@ def show_tables(tree: xr.DataTree) -> None:
 
 
 def _show_losses(console: Console, tree: xr.DataTree) -> None:
-    found = list(losses(tree))
+    found = [loss for design in names_in(tree, RUNS) for loss in losses(tree, design)]
     if not found:
         return
     rows = [

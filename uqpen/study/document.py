@@ -56,7 +56,7 @@ class Document:
         runs on, and has the key from the line on that defines it: so bisect.
         """
         path = list(path)
-        while path and self.written_at(path) is None:
+        while path and not _has(self.content, path):
             path.pop()
         if not path:
             return None

@@ -26,9 +26,9 @@ Entry = FixedInput | RandomInput
 
 def read_inputs(table: Section, model: Model) -> InputLaw:
     """The law of a model's inputs; what could not be understood is noted and left out."""
+    known = {variable.name: variable for variable in model.inputs}
     found: dict[str, Entry] = {}
     for name in table:
-        known = {variable.name: variable for variable in model.inputs}
         value = table.take(name)
         if name not in known:
             expected = f"an input of {model.name}; {choices(name, known)}"

@@ -8,27 +8,31 @@ from typing import Any
 import xarray as xr
 
 from uqpen.archive.read import SCHEMA_ATTRIBUTE, group, names_in
+from uqpen.archive.told import told
 from uqpen.evaluation import status_counts
 from uqpen.labels import (
     BOUND,
     CONDITIONAL,
     EXCEEDANCE,
     HOLDS,
+    INTERVAL,
+    INTERVAL_LABEL,
     MISSING,
     MOMENTS,
+    NOTE,
     QUANTILES,
     RUN,
     RUNS,
     SHARES,
+    STATISTICS,
     STATUSES,
 )
 from uqpen.summary.losses import losses
-from uqpen.summary.tables import output_names, told
+from uqpen.summary.tables import output_names
 from uqpen.units import DIMENSIONLESS
 
 __all__ = ["as_json"]
 
-_STATISTICS = ("mean", "std", "half_spread", "skewness", "kurtosis", "effective_runs")
 
 # Key in JSON, group, and the coordinate that its entries are called by.
 _FAMILIES = (
@@ -64,24 +68,16 @@ def as_json(tree: xr.DataTree) -> dict[str, Any]:
 
 
 def _design(tree: xr.DataTree, design: str) -> dict[str, Any]:
-    runs = group(tree, RUNS, design)
+    runs, statuses = group(tree, RUNS, design), group(tree, STATUSES, design)
     return {
         "runs": int(runs.sizes[RUN]),
         "status": {status.meaning: count for status, count in status_counts(runs).items()},
         "reasons": [
             {"status": loss.status.meaning, "reason": loss.reason, "runs": loss.runs}
-            for loss in losses(tree)
-            if loss.design == design
+            for loss in losses(tree, design)
         ],
-        "lost": {
-            str(name): _figure(array)
-            for name, array in group(tree, STATUSES, design).data_vars.items()
-        },
-        **{
-            name: group(tree, STATUSES, design).attrs[name]
-            for name in (CONDITIONAL, MISSING)
-            if name in group(tree, STATUSES, design).attrs
-        },
+        "lost": {str(name): _figure(array) for name, array in statuses.data_vars.items()},
+        **{name: statuses.attrs[name] for name in (CONDITIONAL, MISSING) if name in statuses.attrs},
         "outputs": {name: _output(tree, design, name, runs) for name in output_names(runs)},
     }
 
@@ -89,7 +85,7 @@ def _design(tree: xr.DataTree, design: str) -> dict[str, Any]:
 def _output(tree: xr.DataTree, design: str, name: str, runs: xr.Dataset) -> dict[str, Any]:
     found: dict[str, Any] = {"units": runs[name].attrs.get("units", DIMENSIONLESS)}
     moments = group(tree, MOMENTS, design)
-    for statistic in _STATISTICS:
+    for statistic in STATISTICS:
         if f"{name}_{statistic}" in moments:
             found[statistic] = _figure(moments[f"{name}_{statistic}"])
     for key, kind, coordinate in _FAMILIES:
@@ -108,8 +104,7 @@ def _output(tree: xr.DataTree, design: str, name: str, runs: xr.Dataset) -> dict
 def _figure(array: xr.DataArray) -> dict[str, Any]:
     bounds = zip(array[BOUND].values.tolist(), array.values.tolist(), strict=True)
     figure: dict[str, Any] = {str(k): v if math.isfinite(v) else None for k, v in bounds}
-    figure["interval"] = told(array, "interval")
-    figure["interval_label"] = told(array, "interval_label")
-    if note := told(array, "note"):
-        figure["note"] = note
+    figure |= {what: told(array, what) for what in (INTERVAL, INTERVAL_LABEL)}
+    if note := told(array, NOTE):
+        figure[NOTE] = note
     return figure

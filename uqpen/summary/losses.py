@@ -34,22 +34,23 @@ class Loss(NamedTuple):
     runs: int
 
 
-def losses(tree: xr.DataTree) -> Iterator[Loss]:
-    """What was lost, design by design, the most frequent reason first.
+def losses(tree: xr.DataTree, design: str) -> Iterator[Loss]:
+    """What was lost of a design, the most frequent reason first.
 
     Parameters
     ----------
     tree : DataTree
         An archive.
+    design : str
+        Its name.
     """
-    for design in names_in(tree, RUNS):
-        runs = group(tree, RUNS, design)
-        if REASON in runs:
-            at = np.searchsorted(runs[RUN].values, runs[LOST].values)
-            statuses = runs[STATUS].values[at].tolist()
-            counted = Counter(zip(statuses, runs[REASON].values.tolist(), strict=True))
-            for (status, reason), count in counted.most_common():
-                yield Loss(design, Status(status), str(reason), count)
+    runs = group(tree, RUNS, design)
+    if REASON in runs:
+        at = np.searchsorted(runs[RUN].values, runs[LOST].values)
+        statuses = runs[STATUS].values[at].tolist()
+        counted = Counter(zip(statuses, runs[REASON].values.tolist(), strict=True))
+        for (status, reason), count in counted.most_common():
+            yield Loss(design, Status(status), str(reason), count)
 
 
 def has_lost_all(tree: xr.DataTree) -> bool:

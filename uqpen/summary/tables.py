@@ -10,13 +10,16 @@ from typing import Any
 import xarray as xr
 
 from uqpen.archive.read import group, names_in
+from uqpen.archive.told import told
 from uqpen.evaluation import status_counts
 from uqpen.labels import (
     CONDITIONAL,
     EXCEEDANCE,
     HOLDS,
+    INTERVAL_LABEL,
     MISSING,
     MOMENTS,
+    NOTE,
     QUANTILES,
     ROLE,
     RUN,
@@ -29,7 +32,7 @@ from uqpen.labels import (
 from uqpen.summary.digits import SUPERSCRIPTS, grouped, held, percent, sensible
 from uqpen.units import DIMENSIONLESS, Scale, scale
 
-__all__ = ["OutputTable", "output_names", "output_tables", "told"]
+__all__ = ["OutputTable", "output_names", "output_tables"]
 
 Conversion = Callable[[Any], Any]
 
@@ -187,24 +190,7 @@ def _cell(table: OutputTable, array: xr.DataArray) -> str:
 
 def _remark(array: xr.DataArray) -> str:
     """What a reader must know of an estimate; empty for nothing."""
-    note = told(array, "note")
-    if not note and told(array, "interval_label") == "conservative":
+    note = told(array, NOTE)
+    if not note and told(array, INTERVAL_LABEL) == "conservative":
         return "conservative: the interval may be wider than it need be"
     return note
-
-
-def told(array: xr.DataArray, what: str) -> str:
-    """What an estimate says of its own interval.
-
-    Parameters
-    ----------
-    array : DataArray
-        One estimate, along ``bound``.
-    what : str
-        ``"interval"``, ``"interval_label"`` or ``"note"``: an attribute of a single estimate, a
-        coordinate of one out of several.
-    """
-    for name, coordinate in array.coords.items():
-        if str(name).endswith(f"_{what}"):
-            return str(coordinate.values)
-    return str(array.attrs.get(what, ""))

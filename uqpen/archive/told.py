@@ -1,0 +1,24 @@
+"""What an estimate says of its own interval, wherever in its array that stands."""
+
+from __future__ import annotations
+
+import xarray as xr
+
+__all__ = ["told"]
+
+
+def told(array: xr.DataArray, what: str) -> str:
+    """What an estimate says of its own interval; empty for nothing.
+
+    Parameters
+    ----------
+    array : DataArray
+        One estimate, along ``bound``, or several.
+    what : str
+        `uqpen.labels.INTERVAL`, ``INTERVAL_LABEL`` or ``NOTE``: an attribute of a single estimate,
+        a coordinate where there are several.
+    """
+    for name, coordinate in array.coords.items():
+        if str(name).endswith(f"_{what}"):
+            return str(coordinate.values)
+    return str(array.attrs.get(what, ""))
