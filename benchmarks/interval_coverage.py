@@ -266,7 +266,8 @@ def _shares(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
 
 def _answers(analysis: str, runs: xr.Dataset, question: Question) -> dict[str, xr.DataArray]:
     sample = Sample.of(runs, question.output.name)
-    return dict(resolve(ANALYSES[analysis])(sample, question))
+    (reference,) = ANALYSES[analysis]
+    return dict(resolve(reference)(sample, question))
 
 
 def _cell(answer: xr.DataArray, truth: float, *, one_sided: bool = False) -> Cell:

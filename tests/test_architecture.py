@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import uqpen
-from uqpen.analyses import ANALYSES
+from uqpen.analyses import ANALYSES, ANALYSES_OF_DESIGNS
 from uqpen.cli.main import COMMANDS
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
@@ -93,7 +93,11 @@ def test_members_of_a_family_are_final_and_frozen(family: dict[str, str], kind: 
 
 
 def test_every_analysis_resolves_to_a_callable() -> None:
-    assert all(callable(resolve(reference)) for reference in ANALYSES.values())
+    families = [ANALYSES, *ANALYSES_OF_DESIGNS.values()]
+    references = [
+        reference for family in families for group in family.values() for reference in group
+    ]
+    assert all(callable(resolve(reference)) for reference in references)
 
 
 def test_the_exception_tree_is_the_one_that_is_drawn() -> None:

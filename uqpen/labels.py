@@ -11,20 +11,27 @@ from enum import IntEnum, StrEnum
 from types import MappingProxyType
 
 __all__ = [
+    "BLOCK_NUMBER",
     "BOUND",
     "BOUNDS",
     "CDFS",
+    "COMPARISON",
     "CONDITIONAL",
     "EXCEEDANCE",
     "HOLDS",
+    "INPUT",
     "INTERVAL",
     "INTERVAL_LABEL",
     "INTERVAL_LEVEL",
     "LOST",
+    "MATRIX",
     "MISSING",
     "MOMENTS",
     "NAME",
     "NOTE",
+    "OTHER_INPUT",
+    "POSITION",
+    "QUADRATURE_WEIGHT",
     "QUANTILES",
     "RANK",
     "REASON",
@@ -35,12 +42,14 @@ __all__ = [
     "RUN",
     "RUNS",
     "SAMPLING",
+    "SENSITIVITY",
     "SHARES",
     "STATISTICS",
     "STATUS",
     "STATUSES",
     "STATUS_TEXT",
     "SUFFIXES",
+    "SURROGATES",
     "TRAJECTORY",
     "Sampling",
     "Status",
@@ -55,6 +64,12 @@ BOUND = "bound"
 BOUNDS = ("estimate", "lower", "upper")
 REPLICATE = "replicate"
 ROUND = "round"
+BLOCK_NUMBER = "block"
+MATRIX = "matrix"
+POSITION = "position"
+QUADRATURE_WEIGHT = "quadrature_weight"
+INPUT = "input"
+OTHER_INPUT = "other_input"
 STATUS = "status"
 LOST = "lost_run"
 REASON = "lost_reason"
@@ -104,10 +119,28 @@ EXCEEDANCE = "exceedance"
 CDFS = "cdfs"
 SHARES = "shares"
 STATUSES = "statuses"
+SENSITIVITY = "sensitivity"
+SURROGATES = "surrogates"
+COMPARISON = "comparison"
 TRAJECTORY = "trajectory"
 
 # Names that the datasets of an archive use themselves.
-RESERVED = frozenset({RUN, BOUND, REPLICATE, ROUND, STATUS, LOST, REASON, RANK})
+RESERVED = frozenset(
+    {
+        RUN,
+        BOUND,
+        REPLICATE,
+        ROUND,
+        BLOCK_NUMBER,
+        MATRIX,
+        POSITION,
+        QUADRATURE_WEIGHT,
+        STATUS,
+        LOST,
+        REASON,
+        RANK,
+    }
+)
 
 
 class Status(IntEnum):
@@ -147,3 +180,16 @@ class Sampling(StrEnum):
     """The points of a replicate are spread over strata, so they avoid each other."""
     GIVEN = "given"
     """Points of the user's own, about which nothing more is known."""
+    PICK_FREEZE = "pick-freeze"
+    """Blocks of points that share coordinates; the first two matrices are stratified samples."""
+    RULE = "integration rule"
+    """Nodes with weights; no sample."""
+    TRAJECTORIES = "trajectories"
+    """Inputs moved one after the other from random starts; no sample."""
+    STEPS = "steps"
+    """Inputs moved one at a time from the nominal point; no sample."""
+
+    @property
+    def is_sample(self) -> bool:
+        """Whether its points, or some of them, are a sample of the input law."""
+        return self not in (Sampling.RULE, Sampling.TRAJECTORIES, Sampling.STEPS)

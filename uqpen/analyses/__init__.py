@@ -1,19 +1,29 @@
 """Analyses: from runs to statistics, each with the interval that covers on its design.
 
-Every analysis takes one output's sample and the questions that a study asks of that output; it
-yields named estimates for the group of its own name. All of them are made of every design.
-What became of the runs themselves is told by `uqpen.analyses.probabilities.statuses`.
+An analysis of a sample takes one output's sample of the input law and the questions that a study
+asks of that output; it yields named estimates. Every design whose points are such a sample gets all
+of them, so that designs can be compared. Designs that are made to answer one question (pick-freeze
+blocks, trajectories, an integration rule) have analyses of their own, which take their runs. What
+became of the runs themselves is told by `uqpen.analyses.probabilities.statuses`.
 """
 
 from __future__ import annotations
 
-__all__ = ["ANALYSES"]
+from collections.abc import Mapping
+from types import MappingProxyType
 
+from uqpen.labels import Sampling
+
+__all__ = ["ANALYSES", "ANALYSES_OF_DESIGNS"]
+
+# The group that the answers stand in, and who gives them.
 ANALYSES = {
-    "moments": "uqpen.analyses.moments:moments",
-    "quantiles": "uqpen.analyses.quantiles:quantiles",
-    "holds": "uqpen.analyses.quantiles:holds",
-    "exceedance": "uqpen.analyses.probabilities:exceedance",
-    "cdfs": "uqpen.analyses.cdfs:cdf",
-    "shares": "uqpen.analyses.probabilities:shares",
+    "moments": ["uqpen.analyses.moments:moments"],
+    "quantiles": ["uqpen.analyses.quantiles:quantiles"],
+    "holds": ["uqpen.analyses.quantiles:holds"],
+    "exceedance": ["uqpen.analyses.probabilities:exceedance"],
+    "cdfs": ["uqpen.analyses.cdfs:cdf"],
+    "shares": ["uqpen.analyses.probabilities:shares"],
 }
+
+ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType({})

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 import xarray as xr
 
-from uqpen.analyses import ANALYSES
+from uqpen.analyses import ANALYSES, ANALYSES_OF_DESIGNS
 from uqpen.analyses.probabilities import statuses
 from uqpen.analyses.question import Question
-from uqpen.analyses.sample import Sample
+from uqpen.analyses.sample import Sample, sample_of_law
 from uqpen.evaluation import status_counts
-from uqpen.labels import CONDITIONAL, MISSING, RUN, STATUSES, Status
+from uqpen.labels import CONDITIONAL, MISSING, RUN, SAMPLING, STATUSES, Sampling, Status
 from uqpen.lookup import resolve
 
 __all__ = ["analyze"]
+
+Answers = Iterator[tuple[str, xr.DataArray]]
 
 
 def analyze(runs: xr.Dataset, questions: Sequence[Question]) -> dict[str, xr.Dataset]:
@@ -30,24 +33,45 @@ def analyze(runs: xr.Dataset, questions: Sequence[Question]) -> dict[str, xr.Dat
     Returns
     -------
     dict of str to Dataset
-        By the name of the analysis; without those that have nothing to say. Each says in its
+        By the name of the group; without those that have nothing to say. Each says in its
         attributes how many runs it used and how many were lost to what.
     """
-    samples = {
-        question.output.name: Sample.of(runs, question.output.name) for question in questions
-    }
-    attributes = _accounts(runs)
-    groups = {}
-    for name, reference in ANALYSES.items():
-        analysis = resolve(reference)
-        variables = dict(
-            pair
-            for question in questions
-            for pair in analysis(samples[question.output.name], question)
+    sampling = Sampling(runs.attrs[SAMPLING])
+    groups: dict[str, xr.Dataset] = {}
+    if sampling.is_sample:
+        drawn = sample_of_law(runs)
+        samples = {
+            question.output.name: Sample.of(drawn, question.output.name) for question in questions
+        }
+        groups = _answered(
+            ANALYSES, questions, lambda question: samples[question.output.name], _accounts(drawn)
         )
+        groups[STATUSES] = xr.Dataset(dict(statuses(drawn)), attrs=_accounts(drawn))
+    made_for = ANALYSES_OF_DESIGNS.get(sampling, {})
+    for group, answers in _answered(made_for, questions, lambda _: runs, _accounts(runs)).items():
+        # What a design is made to tell, it tells better than its sample does.
+        groups[group] = answers.merge(groups.get(group, xr.Dataset()), compat="override")
+        groups[group].attrs = answers.attrs
+    return groups
+
+
+def _answered(
+    analyses: Mapping[str, Sequence[str]],
+    questions: Sequence[Question],
+    evidence: Callable[[Question], Any],
+    attributes: Mapping[str, int | str],
+) -> dict[str, xr.Dataset]:
+    """The answers of analyses to all questions, group by group."""
+    groups = {}
+    for group, references in analyses.items():
+        variables = {
+            name: answer
+            for reference in references
+            for question in questions
+            for name, answer in resolve(reference)(evidence(question), question)
+        }
         if variables:
-            groups[name] = xr.Dataset(variables, attrs=attributes)
-    groups[STATUSES] = xr.Dataset(dict(statuses(runs)), attrs=attributes)
+            groups[group] = xr.Dataset(variables, attrs=attributes)
     return groups
 
 

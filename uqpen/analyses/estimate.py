@@ -71,12 +71,18 @@ class Estimate:
 
     @staticmethod
     def stack(
-        estimates: Sequence[Estimate], dimension: str, *, units: str, long_name: str
+        estimates: Sequence[Estimate],
+        dimension: str,
+        *,
+        units: str,
+        long_name: str,
+        name: str = "",
     ) -> xr.DataArray:
         """Several estimates along a dimension and ``bound``.
 
         How the bounds of each were made stands in coordinates along the dimension, as what was
-        asked beside it must not change what is said of a figure.
+        asked beside it must not change what is said of a figure. Where several variables share the
+        dimension, `name`, the variable's own, tells their coordinates apart.
         """
         array = xr.DataArray(
             np.array([estimate.bounds for estimate in estimates]),
@@ -91,11 +97,11 @@ class Estimate:
         }
         return array.assign_coords(
             {
-                f"{dimension}_{name}": (
+                f"{name or dimension}_{what}": (
                     dimension,
                     np.array(texts, dtype=object),
-                    {"long_name": name.replace("_", " ")},
+                    {"long_name": what.replace("_", " ")},
                 )
-                for name, texts in told.items()
+                for what, texts in told.items()
             }
         )

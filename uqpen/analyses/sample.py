@@ -12,9 +12,19 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.intervals import additive_residual_error, ratio_error
-from uqpen.labels import REPLICATE, ROLE, RUN, SAMPLING, STATUS, Sampling, Status
+from uqpen.labels import (
+    MATRIX,
+    REPLICATE,
+    ROLE,
+    ROUND,
+    RUN,
+    SAMPLING,
+    STATUS,
+    Sampling,
+    Status,
+)
 
-__all__ = ["Plan", "Sample"]
+__all__ = ["Plan", "Sample", "sample_of_law"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -27,6 +37,31 @@ class Plan(StrEnum):
     REPLICATED = "independent replicates"
     SINGLE = "one stratified set"
     UNKNOWN = "points of unknown origin"
+
+
+_NO_DRAWS = "the points are no draws from the law"
+
+# The two matrices of a pick-freeze design whose rows are points by themselves.
+_DRAWN_MATRICES = (0, 1)
+
+
+def sample_of_law(runs: xr.Dataset) -> xr.Dataset:
+    """Those runs of a design whose points are a sample of the input law.
+
+    All of them, but for pick-freeze blocks: there, the rows of the first two matrices as they were
+    drawn at first.
+
+    Parameters
+    ----------
+    runs : Dataset
+        Of a design whose `Sampling` is that of a sample.
+    """
+    if Sampling(runs.attrs[SAMPLING]) is not Sampling.PICK_FREEZE:
+        return runs
+    drawn = np.isin(runs[MATRIX].values, _DRAWN_MATRICES)
+    if ROUND in runs.coords:
+        drawn &= runs[ROUND].values == 0
+    return runs.isel({RUN: drawn})
 
 
 @dataclass(frozen=True)
@@ -47,6 +82,8 @@ class Sample:
         that of an inadmissible point.
     points : ndarray, shape (point, random input)
         All points of the design.
+    inputs : tuple of str
+        The random inputs, in the order of the columns of `points`.
     replicates : ndarray of int, shape (point,)
         The replicate of each point, from 0.
     sampling : Sampling
@@ -57,6 +94,7 @@ class Sample:
     used: IntArray
     missing: IntArray
     points: FloatArray
+    inputs: tuple[str, ...]
     replicates: IntArray
     sampling: Sampling
 
@@ -77,11 +115,11 @@ class Sample:
     def _taken(cls, runs: xr.Dataset, values: FloatArray, used: IntArray) -> Sample:
         status = runs[STATUS].values
         lost = np.flatnonzero((status != Status.OK) & (status != Status.INADMISSIBLE))
-        random = [
-            variable.values
-            for variable in runs.data_vars.values()
+        random = {
+            str(name): variable.values
+            for name, variable in runs.data_vars.items()
             if variable.attrs.get(ROLE) == "input" and variable.dims == (RUN,)
-        ]
+        }
         replicates = np.zeros(len(status), dtype=np.int64)
         if REPLICATE in runs.coords:
             replicates = runs[REPLICATE].values.astype(np.int64)
@@ -89,7 +127,8 @@ class Sample:
             values=values,
             used=used,
             missing=np.setdiff1d(lost, used),
-            points=np.column_stack(random) if random else np.empty((len(status), 0)),
+            points=np.column_stack([*random.values()]) if random else np.empty((len(status), 0)),
+            inputs=tuple(random),
             replicates=replicates,
             sampling=Sampling(runs.attrs[SAMPLING]),
         )
@@ -129,7 +168,7 @@ class Sample:
     @property
     def plan(self) -> Plan:
         """How its error can be told."""
-        if self.sampling is Sampling.GIVEN:
+        if self.sampling is Sampling.GIVEN or not self.sampling.is_sample:
             return Plan.UNKNOWN
         if self.sampling is Sampling.INDEPENDENT:
             return Plan.INDEPENDENT
@@ -138,6 +177,8 @@ class Sample:
     @property
     def reason_for_none(self) -> str:
         """Why no interval at all can be told; empty where one can."""
+        if not self.sampling.is_sample:
+            return _NO_DRAWS
         if self.plan is Plan.UNKNOWN:
             return "the table does not say that its points are independent (independent = true)"
         if self.size == 0:

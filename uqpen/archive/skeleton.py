@@ -20,14 +20,18 @@ from uqpen.labels import (
     ROLE,
     RUN,
     RUNS,
+    SAMPLING,
     SHARES,
     STATISTICS,
     STATUS,
     STATUSES,
+    Sampling,
     Status,
 )
 
 __all__ = ["faults"]
+
+_SAMPLES = [str(sampling) for sampling in Sampling if sampling.is_sample]
 
 _ROOT = ("title", "study_text", "study_sha256", "seed", "model_name")
 
@@ -48,7 +52,12 @@ def faults(tree: xr.DataTree) -> Iterator[str]:
         yield "no runs"
     for name, runs in designs.items():
         yield from (f"/{RUNS}/{name}: {fault}" for fault in _faults_of_runs(runs.dataset))
-        yield from _missing_statistics(tree, str(name), runs.dataset)
+        if str(runs.attrs.get(SAMPLING)) in _SAMPLES:
+            yield from _missing_statistics(tree, str(name), runs.dataset)
+    yield from _faults_of_estimates(tree)
+
+
+def _faults_of_estimates(tree: xr.DataTree) -> Iterator[str]:
     for node in tree.subtree:
         for variable in node.data_vars.values():
             is_estimate = BOUND in variable.dims
@@ -63,6 +72,8 @@ def _faults_of_runs(runs: xr.Dataset) -> Iterator[str]:
         yield f"no {STATUS} along {RUN}"
     elif not np.isin(runs[STATUS].values, list(Status)).all():
         yield f"a {STATUS} that is none"
+    if runs.attrs.get(SAMPLING) not in list(Sampling):
+        yield f"no {SAMPLING} that is known"
     if RUN not in runs.coords:
         yield f"no {RUN} numbers"
     if REASON in runs and (LOST not in runs or not runs[LOST].isin(runs.get(RUN, [])).all()):

@@ -16,8 +16,11 @@ def told(array: xr.DataArray, what: str) -> str:
         One estimate, along ``bound``, or several.
     what : str
         `uqpen.labels.INTERVAL`, ``INTERVAL_LABEL`` or ``NOTE``: an attribute of a single estimate,
-        a coordinate where there are several.
+        a coordinate where there are several, called after the array or its dimension.
     """
+    own = f"{array.name}_{what}"
+    if own in array.coords:
+        return str(array.coords[own].values)
     for name, coordinate in array.coords.items():
         if str(name).endswith(f"_{what}"):
             return str(coordinate.values)
