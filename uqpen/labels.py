@@ -11,39 +11,71 @@ from enum import IntEnum, StrEnum
 from types import MappingProxyType
 
 __all__ = [
+    "ASSOCIATIONS",
     "BLOCK_NUMBER",
     "BOUND",
     "BOUNDS",
+    "BUDGET",
     "CDFS",
+    "CHECKED",
     "COMPARISON",
     "CONDITIONAL",
+    "DEPENDENCE",
+    "DIFFERENCES",
+    "EFFECTS",
+    "ENTRIES",
+    "ERRORS",
+    "ESTIMATES",
+    "ESTIMATOR",
     "EXCEEDANCE",
+    "HEAD_TO_HEAD",
     "HOLDS",
+    "INDICES",
     "INPUT",
     "INTERVAL",
     "INTERVAL_LABEL",
     "INTERVAL_LEVEL",
+    "KIND",
+    "LARGEST_CONTRIBUTION",
     "LOST",
     "MATRIX",
+    "METHOD",
+    "METHODS",
     "MISSING",
+    "MODELS",
     "MOMENTS",
+    "MOVED_BY",
+    "MOVED_INPUT",
+    "MOVED_UNCERTAINTY",
     "NAME",
     "NOTE",
+    "OPTIMIZED_BY",
     "OTHER_INPUT",
+    "PAIR",
     "POSITION",
     "QUADRATURE_WEIGHT",
     "QUANTILES",
     "RANK",
     "REASON",
+    "REFERENCE",
+    "REFUSED",
+    "RELATIVE_TO_SPREAD",
+    "REPEAT",
     "REPLICATE",
+    "REPLICATED",
     "RESERVED",
+    "RESPONSES",
     "ROLE",
     "ROUND",
     "RUN",
     "RUNS",
+    "RUNS_SPENT",
     "SAMPLING",
     "SENSITIVITY",
     "SHARES",
+    "SINGLE",
+    "SLOPES",
+    "SOURCE",
     "STATISTICS",
     "STATUS",
     "STATUSES",
@@ -51,6 +83,9 @@ __all__ = [
     "SUFFIXES",
     "SURROGATES",
     "TRAJECTORY",
+    "UNCHECKED",
+    "VARIANT",
+    "VERDICTS",
     "Sampling",
     "Status",
 ]
@@ -67,9 +102,14 @@ ROUND = "round"
 BLOCK_NUMBER = "block"
 MATRIX = "matrix"
 POSITION = "position"
+MOVED_INPUT = "moved_input"
+MOVED_BY = "moved_by"
+MOVED_UNCERTAINTY = "moved_uncertainty"
 QUADRATURE_WEIGHT = "quadrature_weight"
 INPUT = "input"
 OTHER_INPUT = "other_input"
+SOURCE = "source"
+PAIR = "pair"
 STATUS = "status"
 LOST = "lost_run"
 REASON = "lost_reason"
@@ -78,11 +118,35 @@ RANK = "rank"
 # The moments of an output, as the names of its variables end.
 STATISTICS = ("mean", "std", "half_spread", "skewness", "kurtosis", "effective_runs")
 
+# Sobol' indices of an output, likewise.
+INDICES = (
+    "first_order",
+    "total_order",
+    "second_order",
+    *(
+        f"{of}_{order}_order"
+        for of in ("log", "exceedance", "category")
+        for order in ("first", "total")
+    ),
+)
+
+# How an output goes along with each input over a sample, likewise.
+ASSOCIATIONS = ("pearson", "spearman", "partial", "partial_rank", "delta")
+
+# What is told of each input's elementary effects, and of its steps from the nominal point.
+EFFECTS = ("mu", "mu_star", "sigma")
+RESPONSES = ("response", "contribution")
+
 # What an estimate says of its own interval: attributes of a single one, coordinates along several.
 INTERVAL = "interval"
 INTERVAL_LABEL = "interval_label"
 INTERVAL_LEVEL = "interval_level"
 NOTE = "note"
+
+# Of a surrogate's figure that independent runs bear out, contradict, or cannot check.
+CHECKED = "checked"
+REFUSED = "refused"
+UNCHECKED = "unchecked"
 
 # What the names of an output's statistics and of their coordinates end in.
 SUFFIXES = frozenset(
@@ -91,7 +155,7 @@ SUFFIXES = frozenset(
         "band",
         *(
             f"{dimension}{coordinate}"
-            for dimension in ("probability", "threshold", "hold", "category")
+            for dimension in ("probability", "threshold", "hold", "category", *INDICES)
             for coordinate in (
                 "",
                 f"_{INTERVAL}",
@@ -102,6 +166,11 @@ SUFFIXES = frozenset(
                 "_label",
             )
         ),
+        *(
+            f"{figure}{coordinate}"
+            for figure in (*EFFECTS, *RESPONSES, *ASSOCIATIONS)
+            for coordinate in ("", f"_{INTERVAL}", f"_{INTERVAL_LABEL}", f"_{NOTE}")
+        ),
     }
 )
 
@@ -110,6 +179,14 @@ ROLE = "role"
 SAMPLING = "sampling"
 CONDITIONAL = "conditional_on"
 MISSING = "missing"
+RUNS_SPENT = "runs_spent"
+ESTIMATOR = "estimator"
+LARGEST_CONTRIBUTION = "largest_contribution"
+DEPENDENCE = "dependence"
+# The criterion by which points were moved apart.
+OPTIMIZED_BY = "points_optimized_by"
+# Moved inputs whose nominal value is 0, so that no step is relative to it.
+RELATIVE_TO_SPREAD = "relative_to_half_spread"
 
 RUNS = "runs"
 MOMENTS = "moments"
@@ -124,6 +201,32 @@ SURROGATES = "surrogates"
 COMPARISON = "comparison"
 TRAJECTORY = "trajectory"
 
+# What kind of archive it is, at its root; those of studies do not say.
+KIND = "uqpen_kind"
+HEAD_TO_HEAD = "head-to-head"
+
+# An archive of methods head to head: its groups, and what its figures lie along.
+METHODS = "methods"
+ESTIMATES = "estimates"
+REFERENCE = "reference"
+ERRORS = "errors"
+SLOPES = "slopes"
+VERDICTS = "verdicts"
+# Not "method", which is a keyword of xarray's where entries are chosen by name.
+METHOD = "contestant"
+VARIANT = "variant"
+BUDGET = "budget"
+REPEAT = "repeat"
+
+# How the points of a design are taken: as one set, or as replicates whose scatter tells the error.
+SINGLE = "single"
+REPLICATED = "replicated"
+
+# What the entries of a statistic lie along there, of which there may be several.
+ENTRIES = MappingProxyType({"quantile": "probability", EXCEEDANCE: "threshold"})
+MODELS = "models"
+DIFFERENCES = "differences"
+
 # Names that the datasets of an archive use themselves.
 RESERVED = frozenset(
     {
@@ -134,7 +237,11 @@ RESERVED = frozenset(
         BLOCK_NUMBER,
         MATRIX,
         POSITION,
+        MOVED_INPUT,
+        MOVED_BY,
+        MOVED_UNCERTAINTY,
         QUADRATURE_WEIGHT,
+        INPUT,
         STATUS,
         LOST,
         REASON,

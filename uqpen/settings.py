@@ -9,20 +9,23 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from uqpen.errors import Problem, SettingsError, as_written
+from uqpen.labels import NAME
 
 __all__ = [
     "Setting",
     "choice",
+    "choices",
     "count",
     "declared",
     "difference",
     "file",
     "flag",
+    "name",
     "number",
     "quantity",
     "validate",
@@ -41,8 +44,8 @@ class Setting:
     Parameters
     ----------
     kind : str
-        ``"count"``, ``"number"``, ``"quantity"``, ``"difference"``, ``"choice"``, ``"flag"`` or
-        ``"file"``.
+        ``"count"``, ``"number"``, ``"quantity"``, ``"difference"``, ``"choice"``, ``"choices"``,
+        ``"flag"``, ``"file"`` or ``"name"``.
     expected : str
         The same in words, for a message.
     accepts : callable
@@ -54,22 +57,29 @@ class Setting:
     accepts: Callable[[Any], bool]
 
 
-def count(*, minimum: int = 1, default: Any = dataclasses.MISSING) -> Any:
-    """A whole number, at least `minimum`."""
+def count(*, minimum: int = 1, maximum: int = _MOST, default: Any = dataclasses.MISSING) -> Any:
+    """A whole number, at least `minimum` and at most `maximum`."""
 
     def accepts(value: Any) -> bool:
         is_whole = isinstance(value, int) and not isinstance(value, bool)
-        return is_whole and minimum <= value <= _MOST
+        return is_whole and minimum <= value <= maximum
 
-    expected = f"a whole number, at least {minimum} and at most {_MOST:_}"
+    expected = f"a whole number, at least {minimum} and at most {maximum:_}"
     return _field(Setting("count", expected, accepts), default)
 
 
 def number(
-    *, above: float = -math.inf, below: float = math.inf, default: Any = dataclasses.MISSING
+    *,
+    above: float = -math.inf,
+    below: float = math.inf,
+    at_most: float = math.inf,
+    default: Any = dataclasses.MISSING,
 ) -> Any:
-    """A plain number strictly between two others."""
-    return _field(Setting("number", _between(above, below), _is_within(above, below)), default)
+    """A plain number strictly between two others, and at most a third."""
+    is_within = _is_within(above, below)
+    limit = f" and at most {at_most:g}" if at_most < math.inf else ""
+    accepts = lambda value: is_within(value) and value <= at_most  # noqa: E731 - as in `file`
+    return _field(Setting("number", _between(above, below) + limit, accepts), default)
 
 
 def quantity(*, above: float = -math.inf, default: Any = dataclasses.MISSING) -> Any:
@@ -90,6 +100,19 @@ def choice(*names: str, default: Any = dataclasses.MISSING) -> Any:
     return _field(Setting("choice", f"one of {listing}", names.__contains__), default)
 
 
+def choices(*names: str) -> Any:
+    """By name, one of `names`; none where nothing is given."""
+    listing = ", ".join(f'"{name}"' for name in names)
+
+    def accepts(value: Any) -> bool:
+        return isinstance(value, Mapping) and all(
+            isinstance(key, str) and chosen in names for key, chosen in value.items()
+        )
+
+    setting = Setting("choices", f"a table of names, each with one of {listing}", accepts)
+    return dataclasses.field(default_factory=dict, hash=False, metadata={_KEY: setting})
+
+
 def flag(*, default: Any = dataclasses.MISSING) -> Any:
     """True or false."""
     return _field(Setting("flag", "true or false", lambda value: isinstance(value, bool)), default)
@@ -99,6 +122,12 @@ def file(*, default: Any = dataclasses.MISSING) -> Any:
     """A path; relative to the study file's folder, where a study file gives it."""
     accepts = lambda value: isinstance(value, Path)  # noqa: E731 - a predicate among its like
     return _field(Setting("file", "the path of a file", accepts), default)
+
+
+def name(*, default: Any = dataclasses.MISSING) -> Any:
+    """The name that a study gives to something else of its own."""
+    accepts = lambda value: isinstance(value, str) and bool(NAME.match(value))  # noqa: E731
+    return _field(Setting("name", "a name in quotes", accepts), default)
 
 
 def declared(owner: Any) -> Iterator[tuple[dataclasses.Field[Any], Setting]]:
@@ -137,6 +166,12 @@ def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
 
 
 def _field(setting: Setting, default: Any) -> Any:
+    """A field with its setting; one whose default is None may be None."""
+    if default is None:
+        accepts = setting.accepts
+        setting = dataclasses.replace(
+            setting, accepts=lambda value: value is None or accepts(value)
+        )
     return dataclasses.field(default=default, metadata={_KEY: setting})
 
 

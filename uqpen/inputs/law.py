@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.inputs.dependence import Dependence
 from uqpen.inputs.distribution import OPEN, Distribution
-from uqpen.labels import RUN
+from uqpen.labels import DEPENDENCE, RUN
 from uqpen.model import Input
 
 __all__ = ["FixedInput", "InputLaw", "RandomInput", "points_dataset"]
@@ -57,12 +58,15 @@ class RandomInput:
         The unit to show it in.
     description : str
         The distribution as its author wrote it.
+    fit : mapping of str to str, int or float
+        Where the distribution follows from measurements: how many, and how well it fits them.
     """
 
     variable: Input
     distribution: Distribution
     display_unit: str
     description: str = ""
+    fit: Mapping[str, str | int | float] = field(default_factory=dict, hash=False)
 
     @property
     def nominal(self) -> float:
@@ -72,7 +76,7 @@ class RandomInput:
 
 @dataclass(frozen=True)
 class InputLaw:
-    """The inputs of a study, in the model's order; the random ones are independent.
+    """The inputs of a study, in the model's order; the random ones independent or joined.
 
     Parameters
     ----------
@@ -80,10 +84,13 @@ class InputLaw:
         At most one of each name.
     variables : tuple of Input
         All that the model takes: a table of points may give those that the study does not.
+    dependence : Dependence, optional
+        The copula of some of the random inputs; the others are independent.
     """
 
     inputs: tuple[FixedInput | RandomInput, ...]
     variables: tuple[Input, ...]
+    dependence: Dependence | None = None
 
     @property
     def fixed(self) -> tuple[FixedInput, ...]:
@@ -95,6 +102,11 @@ class InputLaw:
         """The inputs with a distribution."""
         return tuple(entry for entry in self.inputs if isinstance(entry, RandomInput))
 
+    @property
+    def is_independent(self) -> bool:
+        """Whether the random inputs are independent of each other."""
+        return self.dependence is None
+
     def nominal(self) -> dict[str, float]:
         """One value for each input: the fixed one, or the median."""
         return {entry.variable.name: entry.nominal for entry in self.inputs}
@@ -105,7 +117,7 @@ class InputLaw:
         Parameters
         ----------
         unit : ndarray, shape (run, random input)
-            Probabilities, one column for each random input in order.
+            Independent probabilities, one column for each random input in order.
         coordinates : mapping of str to ndarray, shape (run,)
             What an analysis will need of the design: the replicate, say.
 
@@ -114,12 +126,50 @@ class InputLaw:
         Dataset
             A variable for each input, along ``run`` where it is random.
         """
-        inside = np.clip(unit, *OPEN)
-        values: dict[str, Any] = {
+        values = self.values(self.conditional(unit, {}))
+        return points_dataset(self, values, coordinates, runs=len(unit))
+
+    def conditional(self, unit: FloatArray, given: Mapping[int, FloatArray]) -> FloatArray:
+        """Draws of the random inputs' probabilities, given those of some of them.
+
+        Parameters
+        ----------
+        unit : ndarray, shape (run, random input)
+            Independent probabilities; the columns of given inputs are not looked at.
+        given : mapping of int to ndarray, shape (run,)
+            By position in `random`, the probability below each given value: 0.5 for a median.
+            With none, draws are of the law itself.
+
+        Returns
+        -------
+        ndarray, shape (run, random input)
+            What `values` takes. The given columns stand as they are given; of independent inputs,
+            the others do so too.
+        """
+        points = np.clip(unit, *OPEN)
+        for position, column in given.items():
+            points[:, position] = np.clip(column, *OPEN)
+        if self.dependence is None:
+            return points
+        names = [entry.variable.name for entry in self.random]
+        joined = [names.index(name) for name in self.dependence.inputs]
+        among = {joined.index(key): column for key, column in given.items() if key in joined}
+        points[:, joined] = self.dependence.conditional(points[:, joined], among)
+        return points
+
+    def values(self, probabilities: FloatArray) -> dict[str, FloatArray]:
+        """The random inputs' values in SI units, from their probabilities.
+
+        Parameters
+        ----------
+        probabilities : ndarray, shape (run, random input)
+            Of lying below the value, for each input by itself.
+        """
+        inside = np.clip(probabilities, *OPEN)
+        return {
             entry.variable.name: entry.distribution.quantile(column)
             for entry, column in zip(self.random, inside.T, strict=True)
         }
-        return points_dataset(self, values, coordinates, runs=len(unit))
 
 
 def points_dataset(
@@ -138,4 +188,10 @@ def points_dataset(
         elif variable.name in fixed:
             variables[variable.name] = ((), fixed[variable.name])
     indexes = {name: (RUN, column) for name, column in coordinates.items()}
-    return xr.Dataset(variables, {RUN: np.arange(runs), **indexes})
+    points = xr.Dataset(variables, {RUN: np.arange(runs), **indexes})
+    for entry in law.random:
+        if entry.variable.name in points:
+            points[entry.variable.name].attrs = dict(entry.fit)
+    if law.dependence is not None:
+        points.attrs[DEPENDENCE] = str(law.dependence)
+    return points
