@@ -16,7 +16,7 @@ from uqpen.labels import LOST, REASON, REPLICATE, ROLE, ROUND, RUN, STATUS, Stat
 from uqpen.model import Category, Model, Output, Results, inadmissible
 from uqpen.streams import BLOCK
 
-__all__ = ["Evaluator", "Map", "evaluate", "join", "status_counts"]
+__all__ = ["Evaluator", "Map", "evaluate", "join", "status_counts", "worst"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -54,7 +54,9 @@ class Evaluator:
         outputs = {output.name: np.full(runs, np.nan) for output in self.model.outputs}
         admissible = np.flatnonzero(status == Status.OK)
         if admissible.size:
-            some = {name: values[admissible] for name, values in inputs.items()}
+            # A constraint may be on an input that this model of several does not take.
+            taken = [variable.name for variable in self.model.inputs if variable.name in inputs]
+            some = {name: inputs[name][admissible] for name in taken}
             self._fill(admissible, self.model.evaluate(some), outputs, status, reasons)
         return Results(outputs, status, reasons)
 
@@ -124,7 +126,9 @@ def evaluate(
     for results in map(evaluator, batches):
         collected.append(results)
         advance(len(results.status))
-    runs = points.assign(_variables(evaluator.model.outputs, collected))
+    taken = {variable.name for variable in evaluator.model.inputs}
+    runs = points.drop_vars([name for name in names if name not in taken])
+    runs = runs.assign(_variables(evaluator.model.outputs, collected))
     _describe(runs, evaluator.model, display_units)
     return runs
 
@@ -151,12 +155,35 @@ def join(rounds: Sequence[xr.Dataset]) -> xr.Dataset:
     joined = joined.assign_coords({RUN: np.arange(sum(sizes))})
     joined[RUN].attrs = rounds[0][RUN].attrs
     joined = joined.assign_coords({ROUND: (RUN, np.repeat(np.arange(len(rounds)), sizes))})
+    joined[ROUND].attrs = {"units": "1", "long_name": "round that the run was made in"}
     lost = [
         runs[[REASON]].assign_coords({LOST: runs[LOST] + start})
         for runs, start in zip(rounds, starts, strict=True)
         if REASON in runs
     ]
     return joined.merge(xr.concat(lost, LOST)) if lost else joined
+
+
+def worst(runs: Sequence[xr.Dataset]) -> xr.Dataset:
+    """The runs of the first of several models, lost where any of them lost its run.
+
+    Parameters
+    ----------
+    runs : sequence of Dataset
+        Of several models at the same points, at least one.
+
+    Returns
+    -------
+    Dataset
+        Where a point is inadmissible to one model, it is so; else with the gravest status.
+    """
+    first, *others = runs
+    if not others:
+        return first
+    statuses = np.stack([each[STATUS].values for each in runs])
+    gravest = statuses.max(axis=0)
+    gravest[(statuses == Status.INADMISSIBLE).any(axis=0)] = Status.INADMISSIBLE
+    return first.assign({STATUS: first[STATUS].copy(data=gravest)})
 
 
 def status_counts(runs: xr.Dataset) -> dict[Status, int]:
@@ -207,6 +234,7 @@ def _describe(runs: xr.Dataset, model: Model, display_units: Mapping[str, str]) 
                 measure = {"units": variable.unit, "display_units": shown}
                 kinds = variable.categories if isinstance(variable, Output) else ()
                 runs[variable.name].attrs = {
+                    **runs[variable.name].attrs,
                     "long_name": variable.title,
                     ROLE: role,
                     **(_kinds(kinds) if kinds else measure),

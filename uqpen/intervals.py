@@ -19,6 +19,7 @@ __all__ = [
     "dkw_half_width",
     "order_statistic_ranks",
     "ratio_error",
+    "ratio_jackknife_error",
     "runs_needed",
     "student_quantile",
     "upper_rank",
@@ -68,6 +69,38 @@ def ratio_error(influence: FloatArray, replicate: IntArray, replicates: int) -> 
     scale = replicates / len(influence)
     variance = scale**2 * float(sums @ sums) / (replicates * (replicates - 1))
     return math.sqrt(variance), replicates - 1
+
+
+def ratio_jackknife_error(
+    numerator: FloatArray, denominator: FloatArray, group: IntArray, groups: int
+) -> tuple[float, float]:
+    """Standard error of a ratio of sums, by leaving out one group after the other.
+
+    The groups may be of unequal size (Busing, F. M. T. A., Meijer, E. & van der Leeden, R. (1999).
+    Stat. Comput. 9, 3-8).
+
+    Parameters
+    ----------
+    numerator, denominator : ndarray, shape (row,)
+        What is summed.
+    group : ndarray of int, shape (row,)
+        The group of each row, from 0; none is empty, and none holds all of the denominator.
+    groups : int
+        How many there are.
+
+    Returns
+    -------
+    error, freedom : float
+        Standard error of the ratio, and its degrees of freedom.
+    """
+    above, below = (np.bincount(group, column, groups) for column in (numerator, denominator))
+    without = (above.sum() - above) / (below.sum() - below)
+    fold = len(group) / np.bincount(group, minlength=groups)
+    whole = above.sum() / below.sum()
+    pseudo_values = fold * whole - (fold - 1) * without
+    centre = groups * whole - float(((1 - 1 / fold) * without).sum())
+    variance = float(((pseudo_values - centre) ** 2 / (fold - 1)).mean())
+    return math.sqrt(variance), groups - 1
 
 
 def additive_residual_error(influence: FloatArray, inputs: FloatArray) -> tuple[float, float]:

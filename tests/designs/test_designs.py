@@ -13,14 +13,20 @@ from hypothesis import strategies as st
 from scipy import special
 from scipy.stats import qmc
 
+from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
+from uqpen.designs.full_factorial import FullFactorial
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.morris import Morris
+from uqpen.designs.one_at_a_time import OneAtATime
+from uqpen.designs.quadrature import Quadrature
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
 from uqpen.designs.table import Table
 from uqpen.errors import SettingsError, TableError
 from uqpen.inputs.distributions import Normal, Uniform
 from uqpen.inputs.law import FixedInput, InputLaw, RandomInput
+from uqpen.lookup import resolve
 from uqpen.model import Input
 from uqpen.streams import BLOCK, Stream
 
@@ -51,12 +57,30 @@ RANDOM_DESIGNS = [
 ]
 
 
-@pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
+# Those whose points are no sample of the law.
+OTHER_DESIGNS = [
+    Quadrature(4),
+    Quadrature(4, "sparse"),
+    FullFactorial(7),
+    Morris(20),
+    OneAtATime(),
+]
+
+
+def test_every_kind_of_design_is_tested() -> None:
+    tested = {type(design) for design in [*RANDOM_DESIGNS, *OTHER_DESIGNS]}
+    # A table has no settings that could be given here, and blocks come in rounds.
+    elsewhere = {"table", "saltelli"}
+    kinds = {name: resolve(reference) for name, reference in DESIGNS.items()}
+    assert {kind for name, kind in kinds.items() if name not in elsewhere} == tested
+
+
+@pytest.mark.parametrize("design", [*RANDOM_DESIGNS, *OTHER_DESIGNS], ids=str)
 def test_a_design_makes_the_runs_it_says(design: Design) -> None:
     assert points(design).sizes["run"] == design.size(LAW)
 
 
-@pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
+@pytest.mark.parametrize("design", [*RANDOM_DESIGNS, *OTHER_DESIGNS], ids=str)
 def test_the_same_stream_gives_the_same_points(design: Design) -> None:
     assert points(design).identical(points(design))
 
@@ -74,7 +98,20 @@ def test_no_point_is_drawn_twice(design: Design) -> None:
         assert len(np.unique(drawn[name])) == design.size(LAW)
 
 
-@pytest.mark.parametrize("design", RANDOM_DESIGNS, ids=str)
+@pytest.mark.parametrize("design", OTHER_DESIGNS, ids=str)
+def test_what_is_no_sample_says_so_and_stays_inside_the_law(design: Design) -> None:
+    assert not design.sampling.is_sample
+    drawn = points(design)
+    assert np.isfinite(drawn["share"]).all()
+    assert bool(((drawn["length"] > 1.0) & (drawn["length"] < 3.0)).all())
+
+
+@pytest.mark.parametrize("design", [Quadrature(4), FullFactorial(7), OneAtATime()], ids=str)
+def test_what_is_not_drawn_is_the_same_under_any_name(design: Design) -> None:
+    assert points(design).identical(points(design, stream=Stream(2, "designs", "other")))
+
+
+@pytest.mark.parametrize("design", [*RANDOM_DESIGNS, *OTHER_DESIGNS], ids=str)
 def test_a_fixed_input_is_a_scalar(design: Design) -> None:
     assert points(design)["mass"].dims == ()
     assert float(points(design)["mass"]) == 5.0

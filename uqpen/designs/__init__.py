@@ -9,5 +9,10 @@ DESIGNS = {
     "latin-hypercube": "uqpen.designs.latin_hypercube:LatinHypercube",
     "sobol-sequence": "uqpen.designs.quasi_monte_carlo:SobolSequence",
     "halton": "uqpen.designs.quasi_monte_carlo:Halton",
+    "quadrature": "uqpen.designs.quadrature:Quadrature",
+    "full-factorial": "uqpen.designs.full_factorial:FullFactorial",
+    "saltelli": "uqpen.designs.saltelli:Saltelli",
+    "morris": "uqpen.designs.morris:Morris",
+    "one-at-a-time": "uqpen.designs.one_at_a_time:OneAtATime",
     "table": "uqpen.designs.table:Table",
 }

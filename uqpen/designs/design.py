@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator
+from typing import ClassVar
 
 import xarray as xr
 
@@ -20,6 +21,14 @@ Rounds = Generator[xr.Dataset, xr.Dataset, None]
 
 class Design(ABC):
     """Frozen settings that say which runs to make."""
+
+    assumes_independence: ClassVar[bool] = False
+    """Whether what it is made for has a meaning only where the inputs are independent."""
+
+    independence_reason: ClassVar[str] = (
+        "its indices split the variance among inputs that vary independently"
+    )
+    """Why, for whoever asks for it where they are not."""
 
     @property
     @abstractmethod
@@ -53,6 +62,29 @@ class Design(ABC):
             whatever an analysis needs to know of a run.
         """
 
+    def misfit(self, law: InputLaw) -> Iterator[Problem]:
+        """What is wrong between its settings and the inputs of a study."""
+        yield from ()
+
     @abstractmethod
     def size(self, law: InputLaw) -> int:
         """How many runs it makes, or will at most."""
+
+    def scaled(self, law: InputLaw, runs: int, *, replicated: bool) -> Design | None:
+        """The same design with another number of runs, for a comparison at equal budgets.
+
+        Parameters
+        ----------
+        law : InputLaw
+            The inputs of the study.
+        runs : int
+            How many it may make; it makes as many of them as it can.
+        replicated : bool
+            In about as many replicates as this one has; otherwise as one set of points.
+
+        Returns
+        -------
+        Design or None
+            None where it has no scale, cannot do with so few runs, or has no replicates.
+        """
+        return None

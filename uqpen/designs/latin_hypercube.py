@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from uqpen.designs.design import Design, Rounds
-from uqpen.designs.replicated import replicated_points, uneven
+from uqpen.designs.replicated import divided, replicated_points, uneven
 from uqpen.errors import Problem
 from uqpen.inputs.law import InputLaw
-from uqpen.labels import Sampling
+from uqpen.labels import OPTIMIZED_BY, Sampling
 from uqpen.settings import choice, count
 from uqpen.streams import Stream
 
@@ -54,12 +54,18 @@ class LatinHypercube(Design):
         return Sampling.STRATIFIED
 
     def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
-        yield replicated_points(
+        points = replicated_points(
             law, stream, self._hypercube, runs=self.runs, replicates=self.replicates
         )
+        is_optimized = self.optimization != "none"
+        yield points.assign_attrs({OPTIMIZED_BY: self.optimization}) if is_optimized else points
 
     def size(self, law: InputLaw) -> int:
         return self.runs
+
+    def scaled(self, law: InputLaw, runs: int, *, replicated: bool) -> LatinHypercube | None:
+        shape = divided(runs, self.replicates, replicated=replicated)
+        return replace(self, runs=shape[0], replicates=shape[1]) if shape else None
 
     def _hypercube(
         self, rng: np.random.Generator, points: int, dimension: int

@@ -42,3 +42,6 @@ class MonteCarlo(Design):
 
     def size(self, law: InputLaw) -> int:
         return self.runs
+
+    def scaled(self, law: InputLaw, runs: int, *, replicated: bool) -> MonteCarlo | None:
+        return None if replicated else MonteCarlo(runs)

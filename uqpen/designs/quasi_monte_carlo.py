@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.designs.design import Design, Rounds
-from uqpen.designs.replicated import replicated_points, uneven
+from uqpen.designs.replicated import Draw, divided, replicated_points, uneven
 from uqpen.errors import Problem
 from uqpen.inputs.law import InputLaw
 from uqpen.labels import Sampling
 from uqpen.settings import count
 from uqpen.streams import Stream
 
-__all__ = ["Halton", "SobolSequence"]
+__all__ = ["Halton", "SobolSequence", "sobol_points"]
 
 # All bits of a double: with fewer, a scrambled point falls on 0 now and then, where a law may be
 # infinite.
@@ -52,10 +52,15 @@ class SobolSequence(Design):
         return Sampling.STRATIFIED
 
     def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
-        yield replicated_points(law, stream, _sobol, runs=self.runs, replicates=self.replicates)
+        yield replicated_points(
+            law, stream, sobol_points, runs=self.runs, replicates=self.replicates
+        )
 
     def size(self, law: InputLaw) -> int:
         return self.runs
+
+    def scaled(self, law: InputLaw, runs: int, *, replicated: bool) -> Design | None:
+        return _Points.scaled_to(sobol_points, runs, self.replicates, replicated=replicated)
 
 
 @dataclass(frozen=True)
@@ -91,13 +96,55 @@ class Halton(Design):
     def size(self, law: InputLaw) -> int:
         return self.runs
 
+    def scaled(self, law: InputLaw, runs: int, *, replicated: bool) -> Design | None:
+        return _Points.scaled_to(_halton, runs, self.replicates, replicated=replicated)
 
-def _sobol(rng: np.random.Generator, points: int, dimension: int) -> npt.NDArray[np.float64]:
+
+@dataclass(frozen=True)
+class _Points(Design):
+    """As many points of a sequence as a comparison asks for, in balance or not.
+
+    No study can ask for them: nothing tells the error of a single set, and a Sobol' sequence loses
+    its balance where its points are no power of two. Both are what a comparison shows.
+
+    Parameters
+    ----------
+    draw : callable
+        Draws the points of one set.
+    runs, replicates : int
+        How many points there are in all, and in how many sets.
+    """
+
+    draw: Draw
+    runs: int
+    replicates: int
+
+    @classmethod
+    def scaled_to(
+        cls, draw: Draw, runs: int, replicates: int, *, replicated: bool
+    ) -> _Points | None:
+        """As `Design.scaled` has it."""
+        shape = divided(runs, replicates, replicated=replicated)
+        return cls(draw, *shape) if shape else None
+
+    @property
+    def sampling(self) -> Sampling:
+        return Sampling.STRATIFIED
+
+    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
+        yield replicated_points(law, stream, self.draw, runs=self.runs, replicates=self.replicates)
+
+    def size(self, law: InputLaw) -> int:
+        return self.runs
+
+
+def sobol_points(rng: np.random.Generator, points: int, dimension: int) -> npt.NDArray[np.float64]:
+    """The first scrambled Sobol' points of the unit cube; a power of two of them are balanced."""
     # Imported where it is used: this part of SciPy takes longer to load than the rest.
     from scipy.stats import qmc
 
     engine = qmc.Sobol(dimension, scramble=True, bits=_BITS, rng=rng)
-    return engine.random_base2(points.bit_length() - 1)
+    return engine.random_base2((points - 1).bit_length())[:points]
 
 
 def _halton(rng: np.random.Generator, points: int, dimension: int) -> npt.NDArray[np.float64]:

@@ -13,7 +13,7 @@ from uqpen.inputs.law import InputLaw
 from uqpen.labels import REPLICATE
 from uqpen.streams import Stream
 
-__all__ = ["replicated_points", "uneven"]
+__all__ = ["Draw", "divided", "replicated_points", "uneven"]
 
 # A generator, how many points and of what dimension, into points of the unit cube.
 Draw = Callable[[np.random.Generator, int, int], npt.NDArray[np.float64]]
@@ -43,7 +43,9 @@ def replicated_points(
     return law.points(np.concatenate(sets), {REPLICATE: np.repeat(np.arange(replicates), each)})
 
 
-def uneven(runs: int, replicates: int, *, powers_of_two: bool = False) -> Iterator[Problem]:
+def uneven(
+    runs: int, replicates: int, *, powers_of_two: bool = False, setting: str = "runs"
+) -> Iterator[Problem]:
     """The problem of runs that cannot be split into replicates, naming the nearest that can.
 
     Parameters
@@ -52,6 +54,8 @@ def uneven(runs: int, replicates: int, *, powers_of_two: bool = False) -> Iterat
         What was asked.
     powers_of_two : bool
         Whether each replicate must have a power of two of points.
+    setting : str
+        What the number of points is called in the design's settings.
     """
     each, left = divmod(runs, replicates)
     is_power = each & (each - 1) == 0
@@ -64,4 +68,35 @@ def uneven(runs: int, replicates: int, *, powers_of_two: bool = False) -> Iterat
     nearest = [str(size * replicates) for size in (lower, upper) if size >= 2]
     shape = " times a power of two" if powers_of_two else ""
     expected = f"a multiple of replicates ({replicates}){shape}, such as {' or '.join(nearest)}"
-    yield Problem(("runs",), str(runs), f"{expected}, or other replicates")
+    yield Problem((setting,), str(runs), f"{expected}, or other replicates")
+
+
+def divided(runs: int, replicates: int, *, replicated: bool) -> tuple[int, int] | None:
+    """How runs are split into about so many replicates of at least two points each.
+
+    Parameters
+    ----------
+    runs : int
+        How many there may be.
+    replicates : int
+        How many replicates are wanted; of those from half to twice as many that divide the runs,
+        the nearest is taken. Where none does, some of the runs are left out.
+    replicated : bool
+        Whether there are to be replicates at all.
+
+    Returns
+    -------
+    runs, replicates : int
+        None where there are too few runs, or no replicates were wanted in the first place.
+    """
+    if not replicated:
+        return (runs, 1) if runs >= 2 else None
+    if replicates < 2:
+        return None
+    most = min(2 * replicates, runs // 2)
+    fewest = max(2, -(-replicates // 2))
+    dividing = [number for number in range(fewest, most + 1) if runs % number == 0]
+    if dividing:
+        return runs, min(dividing, key=lambda number: abs(number - replicates))
+    each = runs // replicates
+    return (each * replicates, replicates) if each >= 2 else None

@@ -1,0 +1,310 @@
+"""Integration rules: exact where they should be, and honest where nodes were lost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from uqpen.analyses.analyze import analyze
+from uqpen.analyses.question import Question
+from uqpen.designs.design import Design
+from uqpen.designs.full_factorial import FullFactorial
+from uqpen.designs.morris import Morris
+from uqpen.designs.quadrature import Quadrature
+from uqpen.errors import SettingsError, StudyError
+from uqpen.evaluation import Evaluator, evaluate
+from uqpen.inputs.distribution import Distribution
+from uqpen.inputs.distributions import (
+    Beta,
+    Gamma,
+    Gumbel,
+    Lognormal,
+    Normal,
+    Triangular,
+    Uniform,
+    Weibull,
+)
+from uqpen.inputs.law import FixedInput, InputLaw, RandomInput
+from uqpen.inputs.recurrence import recurrence
+from uqpen.inputs.truncated import Truncated
+from uqpen.model import Bounds, Input, Output
+from uqpen.models.python_function import PythonFunction
+from uqpen.streams import Stream
+from uqpen.study.load import parse_study
+
+# Sums of some hundred rounded products.
+ROUNDING = 1e-12
+
+OUTPUT = Output("y", "m")
+
+LAWS: list[Distribution] = [
+    Normal(2.0, 0.5),
+    Uniform(-1.0, 3.0),
+    Lognormal(2.0, 0.5),
+    Triangular(-1.0, 0.5, 3.0),
+    Beta(2.0, 3.5, -1.0, 3.0),
+    Gamma(2.0, 0.5),
+    Weibull(1.7, 2.0),
+    Gumbel(2.0, 0.5),
+    Truncated(Normal(0.0, 1.0), -0.5, 2.0),
+]
+
+
+def law_of(*distributions: Distribution, bounds: Bounds | None = None) -> InputLaw:
+    inputs = tuple(
+        Input(f"x{number}", "m", bounds=bounds or Bounds())
+        for number in range(1, 1 + len(distributions))
+    )
+    random = tuple(
+        RandomInput(variable, distribution, "m")
+        for variable, distribution in zip(inputs, distributions, strict=True)
+    )
+    return InputLaw(random, inputs)
+
+
+def points(design: Design, law: InputLaw) -> xr.Dataset:
+    (only,) = design.rounds(law, Stream(1, "designs", "mine"))
+    return only
+
+
+def moments(
+    design: Design, law: InputLaw, function: Callable[..., Any], *, vectorized: bool = True
+) -> xr.Dataset:
+    names = [variable.name for variable in law.variables]
+    model = PythonFunction(
+        lambda **inputs: {"y": function(**inputs)},
+        "mine",
+        law.variables,
+        (OUTPUT,),
+        dict.fromkeys([*names, "y"], "m"),
+        vectorized,
+    )
+    runs = evaluate(Evaluator(model), points(design, law), {})
+    runs = runs.assign_attrs(sampling=str(design.sampling))
+    return analyze(runs, [Question(OUTPUT, "m")])["moments"]
+
+
+def value(found: xr.Dataset, statistic: str) -> float:
+    return float(found[f"y_{statistic}"].sel(bound="estimate"))
+
+
+def note(found: xr.Dataset, statistic: str) -> str:
+    return str(found[f"y_{statistic}"].attrs["note"])
+
+
+GRIDS = ["tensor", "sparse"]
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_mean_and_std_of_an_input_are_its_laws(law: Distribution, grid: str) -> None:
+    found = moments(Quadrature(2, grid), law_of(law), lambda x1: x1)
+    exact = recurrence(law, 1)
+    assert value(found, "mean") == pytest.approx(exact.mean, rel=ROUNDING)
+    assert value(found, "std") == pytest.approx(exact.std, rel=ROUNDING)
+    assert note(found, "mean") == "an integration rule has no scatter; its error is not told"
+    assert np.isnan(found["y_mean"].values[1:]).all()
+
+
+def test_skewness_and_kurtosis_are_the_laws() -> None:
+    found = moments(Quadrature(2), law_of(Gamma(2.0, 0.5)), lambda x1: x1)
+    assert value(found, "skewness") == pytest.approx(2 / math.sqrt(16), rel=ROUNDING)
+    assert value(found, "kurtosis") == pytest.approx(3 + 6 / 16, rel=ROUNDING)
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+@pytest.mark.parametrize(("order", "degree"), [(1, 3), (3, 7)])
+def test_polynomials_up_to_its_degree_are_exact(grid: str, order: int, degree: int) -> None:
+    drawn = points(Quadrature(order, grid), law_of(*[Uniform(0.0, 1.0)] * 3))
+    weights = drawn["quadrature_weight"].values
+    assert weights.sum() == pytest.approx(1.0, abs=ROUNDING)
+    for powers in np.ndindex(*[degree + 1] * 3):
+        if sum(powers) <= degree:
+            product = np.prod(
+                [drawn[f"x{i}"].values ** power for i, power in enumerate(powers, 1)], axis=0
+            )
+            exact = math.prod(1 / (power + 1) for power in powers)
+            assert product @ weights == pytest.approx(exact, abs=ROUNDING)
+
+
+def test_the_order_of_a_rule_is_where_it_ends() -> None:
+    drawn = points(Quadrature(1), law_of(Uniform(0.0, 1.0)))
+    assert drawn["x1"].values ** 4 @ drawn["quadrature_weight"].values != pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(("grid", "order"), [("tensor", 4), ("sparse", 8)])
+def test_rosenbrocks_function_is_exact(grid: str, order: int) -> None:
+    found = moments(
+        Quadrature(order, grid),
+        law_of(Uniform(-2.0, 2.0), Uniform(-2.0, 2.0)),
+        lambda x1, x2: 100 * (x2 - x1**2) ** 2 + (1 - x1) ** 2,
+    )
+    assert value(found, "mean") == pytest.approx(455.6666666667, rel=1e-12)
+    assert value(found, "std") == pytest.approx(606.5602418425781, rel=1e-12)
+
+
+def test_a_sparse_grid_has_far_fewer_nodes_and_says_how_many() -> None:
+    law = law_of(*[Normal(0.0, 1.0)] * 6)
+    tensor, sparse = Quadrature(3), Quadrature(3, "sparse")
+    assert tensor.size(law) == 4**6
+    assert sparse.size(law) == points(sparse, law).sizes["run"] < 600
+    assert (points(sparse, law)["quadrature_weight"] < 0).any()
+    # No node stands twice.
+    nodes = np.stack([points(sparse, law)[f"x{i}"].values for i in range(1, 7)], axis=1)
+    assert len(np.unique(np.round(nodes, 9), axis=0)) == len(nodes)
+
+
+def test_a_sparse_grid_is_chaospys() -> None:
+    import chaospy
+
+    law = law_of(Normal(0.0, 1.0), Normal(0.0, 1.0))
+    drawn = points(Quadrature(2, "sparse"), law)
+    joint = chaospy.J(chaospy.Normal(0, 1), chaospy.Normal(0, 1))
+    nodes, weights = chaospy.generate_quadrature(
+        2, joint, rule="gaussian", sparse=True, growth=False
+    )
+    for powers in [(2, 0), (2, 2), (4, 0), (0, 5)]:
+        ours = drawn["x1"].values ** powers[0] * drawn["x2"].values ** powers[1]
+        theirs = nodes[0] ** powers[0] * nodes[1] ** powers[1]
+        assert ours @ drawn["quadrature_weight"].values == pytest.approx(theirs @ weights, abs=1e-9)
+
+
+def test_a_full_factorial_takes_every_combination_of_medians() -> None:
+    law = law_of(Uniform(0.0, 1.0), Uniform(0.0, 10.0))
+    drawn = points(FullFactorial(2), law)
+    pairs = list(zip(drawn["x1"].values.tolist(), drawn["x2"].values.tolist(), strict=True))
+    assert pairs == [(0.25, 2.5), (0.25, 7.5), (0.75, 2.5), (0.75, 7.5)]
+    assert drawn["quadrature_weight"].values.tolist() == [0.25] * 4
+
+
+@pytest.mark.parametrize("design", [Quadrature(3), Quadrature(3, "sparse"), FullFactorial(5)])
+class TestLosses:
+    LAW = law_of(Uniform(-1.0, 1.0), Uniform(-1.0, 1.0), bounds=Bounds(lower=-0.75))
+
+    def lossy(self, design: Design, worst: Callable[[float], float]) -> xr.Dataset:
+        law = law_of(Uniform(-1.0, 1.0), Uniform(-1.0, 1.0))
+        return moments(
+            design, law, lambda x1, x2: worst(x1) if x1 > 0.7 else 5.0 + x2, vectorized=False
+        )
+
+    def counted(self, found: xr.Dataset, design: Design, law: InputLaw) -> None:
+        lost = found.attrs["runs"] - found.attrs["runs_used"]
+        assert 0 < lost < found.attrs["runs"] == design.size(law)
+        for statistic in ("mean", "std", "skewness", "kurtosis"):
+            assert f"{lost} of {design.size(law)} nodes" in note(found, statistic)
+            assert "biases" in note(found, statistic)
+
+    def test_a_run_that_is_not_finite_is_told(self, design: Design) -> None:
+        found = self.lossy(design, lambda x: math.nan)
+        self.counted(found, design, self.LAW)
+        assert found.attrs["runs_not_finite"] == found.attrs["runs"] - found.attrs["runs_used"]
+        assert value(found, "mean") == pytest.approx(5.0, abs=ROUNDING)
+
+    def test_an_exception_is_told(self, design: Design) -> None:
+        found = self.lossy(design, lambda x: 1 // 0)
+        self.counted(found, design, self.LAW)
+        assert value(found, "mean") == pytest.approx(5.0, abs=ROUNDING)
+
+    def test_an_inadmissible_node_is_told(self, design: Design) -> None:
+        found = moments(design, self.LAW, lambda x1, x2: 5.0 + x1 * x2)
+        self.counted(found, design, self.LAW)
+        assert found.attrs["conditional_on"] == "admissible inputs"
+        assert math.isfinite(value(found, "mean"))
+
+    def test_with_no_run_left_there_is_no_figure(self, design: Design) -> None:
+        found = moments(design, self.LAW, lambda x1, x2: x1 * math.nan)
+        for statistic in ("mean", "std", "skewness", "kurtosis"):
+            assert math.isnan(value(found, statistic))
+            assert "no run came back" in note(found, statistic)
+
+    def test_a_constant_does_not_vary(self, design: Design) -> None:
+        found = moments(design, law_of(Uniform(-1.0, 1.0)), lambda x1: 0 * x1 + 0.1)
+        assert value(found, "mean") == 0.1
+        assert value(found, "std") == 0.0
+        assert math.isnan(value(found, "skewness"))
+        assert note(found, "skewness") == "the output does not vary"
+
+
+def test_a_variance_below_zero_is_none() -> None:
+    # A spike at the middle, whose weight on this sparse grid is negative.
+    found = moments(
+        Quadrature(2, "sparse"),
+        law_of(*[Normal(0.0, 1.0)] * 4),
+        lambda x1, x2, x3, x4: np.where(np.abs(x1) + x2**2 + x3**2 + x4**2 < 1e-9, 1.0, 0.0),
+    )
+    drawn = points(Quadrature(2, "sparse"), law_of(*[Normal(0.0, 1.0)] * 4))
+    middle = np.abs(drawn["x1"]) + drawn["x2"] ** 2 + drawn["x3"] ** 2 + drawn["x4"] ** 2 < 1e-9
+    weight = float(drawn["quadrature_weight"][middle].item())
+    assert weight * (1 - weight) <= 0
+    assert math.isnan(value(found, "std"))
+    assert "no variance that a law can have" in note(found, "std")
+
+
+class TestMistakes:
+    TEXT = """
+seed = 1
+[model]
+use = "ishigami"
+[inputs]
+x1 = { uniform = { lower = -1, upper = 1 } }
+x2 = { uniform = { lower = -1, upper = 1 } }
+x3 = { uniform = { lower = -1, upper = 1 } }
+[designs.mine]
+"""
+
+    @pytest.mark.parametrize(
+        ("keys", "complaint"),
+        [
+            ('kind = "quadrature"\norder = 0', "at least 1"),
+            ('kind = "quadrature"\norder = 101', "at most 100"),
+            ('kind = "quadrature"\norder = 3\ngrid = "full"', 'one of "tensor", "sparse"'),
+            ('kind = "quadrature"\norder = 99\ngrid = "tensor"', ""),
+            ('kind = "full-factorial"\nlevels = 1', "at least 2"),
+            ('kind = "full-factorial"\nlevels = 1000', "1e+09 runs"),
+            ('kind = "morris"\ntrajectories = 10\nlevels = 5', "an even number"),
+            ('kind = "one-at-a-time"\nstep = 1', "above 0 and below 1"),
+        ],
+    )
+    def test_a_design_that_cannot_be_is_refused(self, keys: str, complaint: str) -> None:
+        if not complaint:
+            assert parse_study(self.TEXT + keys).runs == 100**3
+            return
+        with pytest.raises(StudyError) as caught:
+            parse_study(self.TEXT + keys)
+        assert complaint in str(caught.value)
+
+    def test_a_grid_over_many_inputs_is_refused_before_it_is_made(self) -> None:
+        law = law_of(*[Normal(0.0, 1.0)] * 40)
+        for design in (Quadrature(5), Quadrature(20, "sparse"), FullFactorial(3)):
+            (problem,) = design.misfit(law)
+            assert "40 random inputs" in problem.found
+            assert "10_000_000" in problem.expected
+
+    def test_more_nodes_than_a_law_has_polynomials_are_refused(self) -> None:
+        law = law_of(Lognormal(1.0, 10.0))
+        (problem,) = Quadrature(90).misfit(law)
+        assert "x1 has no polynomials" in problem.found
+
+    def test_an_order_out_of_range_is_refused(self) -> None:
+        with pytest.raises(SettingsError, match="at most 100"):
+            Quadrature(101)
+
+
+def test_gausss_rules_are_for_independent_inputs_and_a_grid_of_probabilities_is_not() -> None:
+    assert Quadrature(2).assumes_independence
+    assert Morris(2).assumes_independence
+    assert not FullFactorial(2).assumes_independence
+
+
+def test_a_fixed_input_stays_a_scalar() -> None:
+    x, fixed = Input("x1", "m"), Input("f", "m")
+    law = InputLaw(
+        (RandomInput(x, Uniform(0.0, 1.0), "m"), FixedInput(fixed, 7.0, "m")), (x, fixed)
+    )
+    for design in (Quadrature(2), Quadrature(2, "sparse"), FullFactorial(3)):
+        assert points(design, law)["f"].dims == ()

@@ -1,0 +1,229 @@
+"""Pick-freeze blocks: what shares what with what, and what is drawn again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import xarray as xr
+from scipy import special
+
+from uqpen.designs.pick_freeze import Layout
+from uqpen.designs.saltelli import MOST_ROUNDS, Saltelli
+from uqpen.errors import SettingsError
+from uqpen.evaluation import join
+from uqpen.inputs.distributions import Normal, Uniform
+from uqpen.inputs.law import FixedInput, InputLaw, RandomInput
+from uqpen.labels import Status
+from uqpen.model import Input
+from uqpen.streams import Stream
+
+FloatArray = npt.NDArray[np.float64]
+
+LENGTH, MASS, SHARE, WIDTH = (Input(name, "1") for name in ("length", "mass", "share", "width"))
+LAW = InputLaw(
+    (
+        RandomInput(LENGTH, Uniform(1.0, 3.0), "1"),
+        FixedInput(MASS, 5.0, "1"),
+        RandomInput(SHARE, Normal(0.0, 1.0), "1"),
+        RandomInput(WIDTH, Uniform(0.0, 1.0), "1"),
+    ),
+    (LENGTH, MASS, SHARE, WIDTH),
+)
+NAMES = ("length", "share", "width")
+
+# What becomes of points, told from their values.
+Fate = Callable[[FloatArray, FloatArray, FloatArray], Any]
+
+
+def everything_is_fine(length: FloatArray, share: FloatArray, width: FloatArray) -> Any:
+    return np.zeros(len(length))
+
+
+def made(design: Saltelli, fate: Fate = everything_is_fine, seed: int = 1) -> xr.Dataset:
+    """All runs of a design whose model does nothing."""
+    rounds = design.rounds(LAW, Stream(seed, "designs", "mine"))
+    points = next(rounds)
+    collected = []
+    while True:
+        status = fate(*(points[name].values for name in NAMES)).astype(np.int8)
+        collected.append(points.assign(status=("run", status)))
+        try:
+            points = rounds.send(collected[-1])
+        except StopIteration:
+            return join(collected)
+
+
+def values(runs: xr.Dataset, rows: Any) -> FloatArray:
+    return np.stack([runs[name].values[rows] for name in NAMES], axis=-1)
+
+
+def inadmissible(condition: Any) -> Any:
+    return np.where(condition, Status.INADMISSIBLE, Status.OK)
+
+
+DESIGNS = [Saltelli(64, 4), Saltelli(64, 4, second_order=True)]
+
+
+@pytest.mark.parametrize("design", DESIGNS, ids=str)
+def test_the_first_round_is_the_size_that_is_told(design: Saltelli) -> None:
+    runs = made(design)
+    assert runs.sizes["run"] == design.size(LAW) == 64 * (8 if design.second_order else 5)
+    assert "round" not in runs.coords
+    assert float(runs["mass"]) == 5.0
+
+
+@pytest.mark.parametrize("design", DESIGNS, ids=str)
+def test_mixed_rows_are_a_matrix_with_one_column_of_the_other(design: Saltelli) -> None:
+    runs = made(design)
+    rows = {
+        matrix: values(runs, np.flatnonzero(runs["matrix"].values == matrix))
+        for matrix in np.unique(runs["matrix"].values)
+    }
+    A, B = rows[0], rows[1]
+    assert not np.isin(A, B).any()
+    for i in range(3):
+        column = np.arange(3) == i
+        np.testing.assert_array_equal(rows[2 + i], np.where(column, B, A))
+        if design.second_order:
+            np.testing.assert_array_equal(rows[5 + i], np.where(column, A, B))
+
+
+@pytest.mark.parametrize("matrix", [0, 1])
+def test_every_replicate_of_both_matrices_is_balanced(matrix: int) -> None:
+    runs = made(Saltelli(256, 4))
+    for replicate in range(4):
+        inside = (runs["replicate"].values == replicate) & (runs["matrix"].values == matrix)
+        length, share, width = values(runs, inside).T
+        for unit in ((length - 1) / 2, special.ndtr(share), width):
+            assert sorted(np.floor(unit * 64).astype(int)) == list(range(64))
+
+
+def test_blocks_are_numbered_over_replicates() -> None:
+    runs = made(Saltelli(64, 4))
+    assert np.unique(runs["block"]).tolist() == list(range(64))
+    np.testing.assert_array_equal(runs["block"] // 16, runs["replicate"])
+
+
+def test_what_the_matrices_mean_stands_beside_them() -> None:
+    attributes = made(Saltelli(8, 2, second_order=True))["matrix"].attrs
+    meanings = attributes["flag_meanings"].split()
+    assert len(meanings) == len(set(meanings)) == len(attributes["flag_values"])
+    mixed = [f"{which}_{name}" for which in ("AB", "BA") for name in NAMES]
+    assert meanings[:8] == ["A", "B", *mixed]
+    assert meanings[-1] == "redrawn_sharing_share+width"
+
+
+def test_a_flag_stands_for_one_matrix_only() -> None:
+    layout = Layout(tuple(f"x{i}" for i in range(20)), second_order=True)
+    flags = layout.flags()
+    assert len(set(flags["flag_values"].tolist())) == len(flags["flag_meanings"].split())
+    assert set(layout.parts) <= set(flags["flag_values"].tolist())
+
+
+def half_lost(length: FloatArray, share: FloatArray, width: FloatArray) -> Any:
+    return inadmissible(length - 1 < 2 * width)
+
+
+@pytest.mark.parametrize("design", DESIGNS, ids=str)
+def test_what_is_drawn_again_shares_what_it_should(design: Saltelli) -> None:
+    runs = made(design, half_lost)
+    layout = Layout.of(runs)
+    rows = layout.rows_of(runs)
+    whole = np.all([(part >= 0) & (runs["status"].values[part] == 0) for part in rows.values()], 0)
+    # Of an input that must be larger than a uniform one, few are so small that none was found.
+    assert whole.mean() > 0.95
+    points = {matrix: values(runs, part[whole]) for matrix, part in rows.items()}
+    for matrix, part in layout.parts.items():
+        if part.anchor is not None:
+            differs = points[matrix] != points[part.anchor]
+            assert not differs[:, part.shared].any()
+            others = [i for i in range(3) if i not in part.shared]
+            assert differs[:, others].all()
+    assert (runs["matrix"].values[runs["round"].values > 0] > 1).any()
+
+
+def test_what_is_not_inadmissible_is_not_drawn_again() -> None:
+    runs = made(Saltelli(64, 4), half_lost)
+    later = runs["round"].values > 0
+    last_before = runs["status"].values[~later].reshape(64, 5)
+    # A and B are drawn again in just those blocks where they were inadmissible.
+    for matrix in (0, 1):
+        redrawn = np.unique(runs["block"].values[later & (runs["matrix"].values == matrix)])
+        assert redrawn.tolist() == np.flatnonzero(last_before[:, matrix]).tolist()
+
+
+def test_blocks_without_an_inadmissible_draw_cost_nothing_more() -> None:
+    runs = made(Saltelli(1024, 4), lambda length, share, width: inadmissible(width < 0.002))
+    extra = runs.sizes["run"] - 1024 * 5
+    touched = len(np.unique(runs["block"].values[runs["round"].values > 0]))
+    assert 0 < touched < 40
+    # A, B and a part of each kind for each input, at most.
+    assert extra <= 8 * touched
+
+
+@pytest.mark.parametrize("status", [Status.FAILED, Status.NOT_FINITE, Status.CRASHED])
+def test_a_run_lost_to_anything_else_is_not_drawn_again(status: Status) -> None:
+    runs = made(Saltelli(64, 4), lambda length, share, width: np.where(width < 0.1, status, 0))
+    assert "round" not in runs.coords
+
+
+def test_nothing_is_drawn_for_ever() -> None:
+    runs = made(Saltelli(4, 2), lambda length, share, width: inadmissible(length > 0))
+    assert int(runs["round"].max()) == MOST_ROUNDS
+    assert (runs["matrix"].values[runs["round"].values > 0] < 2).all()
+
+
+def test_the_same_stream_gives_the_same_redraws() -> None:
+    one, again = (made(Saltelli(64, 4), half_lost) for _ in range(2))
+    assert one.identical(again)
+    assert not np.isin(one["width"], made(Saltelli(64, 4), half_lost, seed=2)["width"]).any()
+
+
+@pytest.mark.parametrize("pair", [(0, 2), (2, 0)])
+def test_points_drawn_given_others_follow_the_conditional_law(pair: tuple[int, int]) -> None:
+    # Of (length - 1) / 2 and width the first is larger. Given the width, the first is uniform above
+    # it; given the first, the width is uniform below it.
+    runs = made(Saltelli(16 * 256, 16), half_lost)
+    layout = Layout.of(runs)
+    rows = layout.rows_of(runs)
+    shared, drawn = pair
+    part = layout.sharing_one(shared)
+    chosen = rows[part.matrix]
+    ok = (chosen >= 0) & (runs["status"].values[chosen] == 0)
+    scaled = (values(runs, chosen[ok]) - [1, 0, 0]) / [2, 1, 1]
+    low, high = (0, scaled[:, 0]) if shared == 0 else (scaled[:, 2], 1)
+    position = (scaled[:, drawn] - low) / (high - low)
+    # Four standard errors of the mean and the mean square of uniform numbers.
+    error = 4 / math.sqrt(len(position))
+    assert position.mean() == pytest.approx(1 / 2, abs=error * math.sqrt(1 / 12))
+    assert (position**2).mean() == pytest.approx(1 / 3, abs=error * math.sqrt(4 / 45))
+
+
+@pytest.mark.parametrize(("base", "replicates"), [(1000, 16), (16, 16), (24, 4)])
+def test_another_number_of_blocks_is_refused(base: int, replicates: int) -> None:
+    with pytest.raises(SettingsError, match="times a power of two") as caught:
+        Saltelli(base, replicates)
+    assert "base" in str(caught.value)
+
+
+def test_a_row_of_the_first_round_does_not_serve_beside_an_anchor_drawn_again() -> None:
+    # Of several models on the same points another may have lost the run of a B that was drawn
+    # again; so no point that shares an input with it was ever made.
+    first = made(Saltelli(64, 4))
+    lost = float(first["width"].values[1])
+
+    def fate(length: FloatArray, share: FloatArray, width: FloatArray) -> Any:
+        of_round = np.full(len(width), Status.OK if len(width) == 64 * 5 else Status.FAILED)
+        return np.where(width == lost, Status.INADMISSIBLE, of_round)
+
+    runs = made(Saltelli(64, 4), fate)
+    layout = Layout.of(runs)
+    rows = layout.rows_of(runs)
+    assert int(runs["round"].values[rows[1][0]]) == 1
+    assert [int(rows[layout.sharing_one(i).matrix][0]) for i in range(3)] == [-1, -1, -1]
+    assert (rows[layout.sharing_one(0).matrix][1:] >= 0).all()

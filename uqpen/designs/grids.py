@@ -1,0 +1,43 @@
+"""Grids over the inputs: every combination of some values of each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.errors import Problem
+
+__all__ = ["crossed", "overgrown"]
+
+Number = TypeVar("Number", np.float64, np.int64)
+
+# What a grid may grow to; it doubles and trebles with every input, so a mistake goes far beyond.
+_MOST_NODES = 10_000_000
+
+
+def crossed(columns: Sequence[npt.NDArray[Number]]) -> list[npt.NDArray[Number]]:
+    """Every combination of the entries of some columns, the last column running fastest."""
+    return [axis.ravel() for axis in np.meshgrid(*columns, indexing="ij")]
+
+
+def overgrown(setting: str, value: int, nodes: int, inputs: int) -> Iterator[Problem]:
+    """The problem of a grid with more nodes than anyone can run.
+
+    Parameters
+    ----------
+    setting : str
+        What makes it grow.
+    value : int
+        What was asked.
+    nodes : int
+        How many nodes it would have.
+    inputs : int
+        Over how many inputs.
+    """
+    if nodes > _MOST_NODES:
+        found = f"{value}, which over {inputs} random inputs takes {nodes:.3g} runs"
+        expected = f"a grid of at most {_MOST_NODES:_} runs: fewer nodes, or fewer random inputs"
+        yield Problem((setting,), found, expected)

@@ -1,0 +1,106 @@
+"""Morris's trajectories: every input moved once, one after the other, from random starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.designs.design import Design, Rounds
+from uqpen.designs.moves import with_moves
+from uqpen.errors import Problem
+from uqpen.inputs.law import InputLaw
+from uqpen.labels import BLOCK_NUMBER, POSITION, Sampling
+from uqpen.settings import count
+from uqpen.streams import Stream
+
+__all__ = ["Morris"]
+
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Morris(Design):
+    """Trajectories through a grid of levels, for elementary effects.
+
+    The levels are equally spaced in probability and inside the law: 1/5, 2/5, 3/5 and 4/5 where
+    there are four. Morris's own are not, as their lowest and highest are the ends of the law, where
+    it may be infinite. Each step moves one input by half of the levels, up or down.
+
+    Parameters
+    ----------
+    trajectories : int
+        How many; each takes a run more than there are random inputs. With more, those there were
+        stay the same.
+    levels : int
+        How many levels each input has, an even number.
+
+    References
+    ----------
+    Morris, M. D. (1991). Technometrics 33, 161-174.
+    """
+
+    assumes_independence: ClassVar[bool] = True
+    independence_reason: ClassVar[str] = (
+        "it moves an input while the others stay, which only independent ones do"
+    )
+
+    trajectories: int = count(minimum=2)
+    levels: int = count(minimum=2, default=4)
+
+    def disorder(self) -> Iterator[Problem]:
+        if self.levels % 2:
+            yield Problem(("levels",), str(self.levels), "an even number, such as 4")
+
+    @property
+    def sampling(self) -> Sampling:
+        return Sampling.TRAJECTORIES
+
+    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
+        inputs = len(law.random)
+        # Not the medians of equally likely strata: steps by half of the law's probability would not
+        # see an effect of that period, as Ishigami's second input has.
+        places, moved, steps = zip(
+            *(
+                _trajectory(stream.generator("points", number), inputs, self.levels)
+                for number in range(self.trajectories)
+            ),
+            strict=True,
+        )
+        points = law.points(
+            (np.concatenate(places) + 1) / (self.levels + 1),
+            {
+                BLOCK_NUMBER: np.repeat(np.arange(self.trajectories), inputs + 1),
+                POSITION: np.tile(np.arange(inputs + 1), self.trajectories),
+            },
+        )
+        points[BLOCK_NUMBER].attrs = {"units": "1", "long_name": "number of the run's trajectory"}
+        points[POSITION].attrs = {"units": "1", "long_name": "place of the run in its trajectory"}
+        yield with_moves(
+            points,
+            [entry.variable.name for entry in law.random],
+            np.concatenate(moved),
+            np.concatenate(steps) / (self.levels + 1),
+            measured="in probability",
+        )
+
+    def size(self, law: InputLaw) -> int:
+        return self.trajectories * (len(law.random) + 1)
+
+
+def _trajectory(
+    rng: np.random.Generator, inputs: int, levels: int
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Levels of each input along a trajectory, the input moved at each place, and how far."""
+    start = rng.integers(levels, size=inputs)
+    order = rng.permutation(inputs)
+    # Half of the levels up from the lower half of them, or down from the upper.
+    jump = np.where(start < levels // 2, levels // 2, -(levels // 2))
+    moves = np.zeros((inputs + 1, inputs), dtype=np.int64)
+    moves[np.arange(1, inputs + 1), order] = jump[order]
+    moved, steps = np.full(inputs + 1, -1), np.zeros(inputs + 1, dtype=np.int64)
+    moved[1:], steps[1:] = order, jump[order]
+    return start + moves.cumsum(axis=0), moved, steps

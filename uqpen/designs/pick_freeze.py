@@ -1,0 +1,191 @@
+"""What a block of a pick-freeze design consists of, and how its rows are marked.
+
+A block of the first round has a row of each of the matrices A and B, whose points are drawn, and of
+those that mix their columns: AB_i is A with input i of B, BA_i is B with input i of A. Sobol'
+indices compare points that share some inputs and are independent in the others; of a law that is
+conditional on admissible draws, that takes points whose others are drawn given those that they
+share. So a block is read as *parts*, each of which says what it shares with which other part. Where
+no draw was inadmissible, the rows of the first round serve as all of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.labels import BLOCK_NUMBER, MATRIX, ROUND
+
+__all__ = ["MATRIX_A", "MATRIX_B", "Layout", "Part"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+MATRIX_A, MATRIX_B = 0, 1
+
+# How the meanings of the mixed matrices begin, before the name of the input.
+_OF_B, _OF_A = "AB_", "BA_"
+
+
+@dataclass(frozen=True)
+class Part:
+    """One of the points that a block is read as.
+
+    Parameters
+    ----------
+    matrix : int
+        What rows of later rounds are marked by that were drawn for it.
+    first : int
+        The matrix whose row of the first round serves, where none had to be drawn again.
+    anchor : int or None
+        The part that it shares inputs with, by its `matrix`; None for a point of its own.
+    shared : tuple of int
+        The inputs it shares with that one, as columns.
+    rest : int
+        The matrix whose first row gives the other inputs when it is proposed first.
+    """
+
+    matrix: int
+    first: int
+    anchor: int | None = None
+    shared: tuple[int, ...] = ()
+    rest: int = MATRIX_A
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The matrices and parts of a design over some inputs.
+
+    Parameters
+    ----------
+    inputs : tuple of str
+        The random inputs, in the order of the columns.
+    second_order : bool
+        Whether there are BA_i, for indices of pairs of inputs.
+    """
+
+    inputs: tuple[str, ...]
+    second_order: bool
+
+    @classmethod
+    def of(cls, runs: xr.Dataset) -> Layout:
+        """The layout of a design, from its runs."""
+        meanings = str(runs[MATRIX].attrs["flag_meanings"]).split()
+        inputs = [text.removeprefix(_OF_B) for text in meanings if text.startswith(_OF_B)]
+        return cls(tuple(inputs), any(text.startswith(_OF_A) for text in meanings))
+
+    @property
+    def dimension(self) -> int:
+        """How many random inputs there are."""
+        return len(self.inputs)
+
+    @property
+    def rows(self) -> int:
+        """How many rows a block of the first round has."""
+        return 2 + (2 if self.second_order else 1) * self.dimension
+
+    @cached_property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """The pairs of inputs that have indices of their own."""
+        return tuple(combinations(range(self.dimension), 2)) if self.second_order else ()
+
+    @cached_property
+    def parts(self) -> dict[int, Part]:
+        """All parts by their matrix; those that others share inputs with come before them."""
+        drawn = [Part(MATRIX_A, MATRIX_A), Part(MATRIX_B, MATRIX_B)]
+        each = range(self.dimension)
+        if self.second_order:
+            drawn += [Part(2 + self.dimension + i, 2 + self.dimension + i) for i in each]
+        sharing = [self.sharing_one(i) for i in each] + [self.sharing_others(i) for i in each]
+        sharing += [self.sharing_pair(number) for number in range(len(self.pairs))]
+        return {part.matrix: part for part in [*drawn, *sharing]}
+
+    def sharing_one(self, i: int) -> Part:
+        """The part that shares input `i` alone with B."""
+        return Part(2 + 2 * self.dimension + i, 2 + i, MATRIX_B, (i,), MATRIX_A)
+
+    def sharing_others(self, i: int) -> Part:
+        """The part that shares all inputs but `i` with A."""
+        others = tuple(j for j in range(self.dimension) if j != i)
+        return Part(2 + 3 * self.dimension + i, 2 + i, MATRIX_A, others, MATRIX_B)
+
+    def sharing_pair(self, number: int) -> Part:
+        """The part that shares a pair of inputs with BA_i, where i is the first of them."""
+        i, j = self.pairs[number]
+        anchor = 2 + self.dimension + i
+        return Part(2 + 4 * self.dimension + number, 2 + j, anchor, (i, j), MATRIX_A)
+
+    def matrices(self, A: FloatArray, B: FloatArray) -> FloatArray:
+        """The points of the first round.
+
+        Parameters
+        ----------
+        A, B : ndarray, shape (block, input)
+            What is drawn.
+
+        Returns
+        -------
+        ndarray, shape (block, matrix, input)
+        """
+        each = range(self.dimension)
+        matrices = [A, B, *(_exchanged(A, B, i) for i in each)]
+        if self.second_order:
+            matrices += [_exchanged(B, A, i) for i in each]
+        return np.stack(matrices, axis=1)
+
+    def flags(self) -> dict[str, Any]:
+        """The attributes that say what a row's matrix means, as the CF conventions have it."""
+        meanings = ["A", "B", *(f"{_OF_B}{name}" for name in self.inputs)]
+        numbers = list(range(2 + self.dimension))
+        if self.second_order:
+            meanings += [f"{_OF_A}{name}" for name in self.inputs]
+            numbers = list(range(2 + 2 * self.dimension))
+        numbers += [part.matrix for part in self.parts.values() if part.anchor is not None]
+        meanings += [f"redrawn_sharing_{name}" for name in self.inputs]
+        meanings += [f"redrawn_sharing_all_but_{name}" for name in self.inputs]
+        meanings += [f"redrawn_sharing_{self.inputs[i]}+{self.inputs[j]}" for i, j in self.pairs]
+        return {
+            "long_name": "matrix of the run's block",
+            "flag_values": np.array(numbers, dtype=np.int16),
+            "flag_meanings": " ".join(meanings),
+        }
+
+    def rows_of(self, runs: xr.Dataset) -> dict[int, IntArray]:
+        """The run that stands for each part of each block: the last that was made for it.
+
+        Parameters
+        ----------
+        runs : Dataset
+            All runs of the design.
+
+        Returns
+        -------
+        dict of int to ndarray of int, shape (block,)
+            Positions along ``run`` by the part's `matrix`; -1 where no run was made.
+        """
+        block, matrix = runs[BLOCK_NUMBER].values, runs[MATRIX].values
+        made_in = runs[ROUND].values if ROUND in runs.coords else np.zeros_like(block)
+        in_order = np.argsort(made_in, kind="stable")
+        rows: dict[int, IntArray] = {}
+        for number, part in self.parts.items():
+            serves = np.where(made_in == 0, matrix == part.first, matrix == number)
+            if part.anchor is not None:
+                # A row of the first round shares nothing with an anchor that was drawn again.
+                redrawn = (rows[part.anchor] < 0) | (made_in[rows[part.anchor]] > 0)
+                serves &= (made_in > 0) | ~redrawn[block]
+            chosen = in_order[serves[in_order]]
+            rows[number] = np.full(int(block.max()) + 1, -1)
+            rows[number][block[chosen]] = chosen
+        return rows
+
+
+def _exchanged(points: FloatArray, others: FloatArray, i: int) -> FloatArray:
+    """Points with one of their columns from others."""
+    mixed = points.copy()
+    mixed[:, i] = others[:, i]
+    return mixed

@@ -1,0 +1,153 @@
+"""Integration rules: nodes with weights, exact for polynomials of the inputs."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.designs.design import Design, Rounds
+from uqpen.designs.grids import crossed, overgrown
+from uqpen.errors import Problem
+from uqpen.inputs.law import InputLaw, points_dataset
+from uqpen.inputs.recurrence import Recurrence, recurrence
+from uqpen.labels import QUADRATURE_WEIGHT, Sampling
+from uqpen.settings import choice, count
+from uqpen.streams import Stream
+
+__all__ = ["WEIGHT_ATTRIBUTES", "Quadrature"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+WEIGHT_ATTRIBUTES = {"units": "1", "long_name": "weight of the run in an integral over the inputs"}
+
+# Beyond, weights of the outer nodes are too small to matter, and time goes into nothing.
+_HIGHEST_ORDER = 100
+
+# Nodes of two rules that lie closer than this, relative to the spread of the nodes, are the same:
+# the middle of a symmetric law.
+_SAME_NODE = 1e-10
+
+
+@dataclass(frozen=True)
+class Quadrature(Design):
+    """Gauss's rules, each input's by its own law, combined over independent inputs.
+
+    Parameters
+    ----------
+    order : int
+        The rule is exact for polynomials up to degree 2 `order` + 1: in each input by itself on a
+        tensor grid, in all of them together on a sparse one.
+    grid : str
+        ``"tensor"`` takes every combination of `order` + 1 nodes of each input; ``"sparse"`` far
+        fewer of them where there are many inputs (Smolyak's construction), some of which have a
+        negative weight.
+
+    References
+    ----------
+    Golub, G. H. & Welsch, J. H. (1969). Math. Comput. 23, 221-230.
+    Smolyak, S. A. (1963). Dokl. Akad. Nauk SSSR 148, 1042-1045.
+    """
+
+    assumes_independence: ClassVar[bool] = True
+    independence_reason: ClassVar[str] = "its nodes are those of inputs that vary independently"
+
+    order: int = count()
+    grid: str = choice("tensor", "sparse", default="tensor")
+
+    def disorder(self) -> Iterator[Problem]:
+        if self.order > _HIGHEST_ORDER:
+            yield Problem(("order",), str(self.order), f"at most {_HIGHEST_ORDER}")
+
+    @property
+    def sampling(self) -> Sampling:
+        return Sampling.RULE
+
+    def misfit(self, law: InputLaw) -> Iterator[Problem]:
+        inputs = len(law.random)
+        nodes = (self.order + 1) ** inputs if self.grid == "tensor" else self._at_most(inputs)
+        yield from overgrown("order", self.order, nodes, inputs)
+        for entry in law.random:
+            if not recurrence(entry.distribution, self.order).is_finite:
+                found = f"{self.order}, of which {entry.variable.name} has no polynomials"
+                yield Problem(
+                    ("order",), found, "a lower one: the law has too few values or moments"
+                )
+
+    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
+        columns, weights = self._rule(law)
+        values = {
+            entry.variable.name: column for entry, column in zip(law.random, columns, strict=True)
+        }
+        points = points_dataset(law, values, {QUADRATURE_WEIGHT: weights}, runs=len(weights))
+        points[QUADRATURE_WEIGHT].attrs = WEIGHT_ATTRIBUTES
+        yield points
+
+    def size(self, law: InputLaw) -> int:
+        if self.grid == "tensor":
+            return int((self.order + 1) ** len(law.random))
+        return len(self._rule(law)[1])
+
+    def _at_most(self, inputs: int) -> int:
+        """Nodes of all the grids that a sparse one is combined from; some coincide."""
+        # Grids of total level k together have as many nodes as (1 - x)^(-2 inputs) says at x^k.
+        levels = range(max(self.order - inputs + 1, 0), self.order + 1)
+        return sum(math.comb(level + 2 * inputs - 1, level) for level in levels)
+
+    def _rule(self, law: InputLaw) -> tuple[list[FloatArray], FloatArray]:
+        """The nodes' values, input by input, and their weights."""
+        recurrences = [recurrence(entry.distribution, self.order) for entry in law.random]
+        if self.grid == "sparse":
+            return _smolyak(recurrences, self.order)
+        rules = [found.gauss(self.order + 1) for found in recurrences]
+        weights: FloatArray = np.prod(crossed([weights for _, weights in rules]), axis=0)
+        return crossed([values for values, _ in rules]), weights
+
+
+def _smolyak(recurrences: list[Recurrence], order: int) -> tuple[list[FloatArray], FloatArray]:
+    """Smolyak's combination of small tensor grids.
+
+    Wasilkowski, G. W. & Woźniakowski, H. (1995). J. Complexity 11, 1-56.
+    """
+    inputs = len(recurrences)
+    nodes, labels, weights = zip(*(_levels(found, order) for found in recurrences), strict=True)
+    labelled: list[IntArray] = []
+    weighed: list[FloatArray] = []
+    for levels in _multi_indices(inputs, order):
+        missing = order - sum(levels)
+        sign = (-1) ** missing * math.comb(inputs - 1, missing)
+        chosen = crossed([label[level] for label, level in zip(labels, levels, strict=True)])
+        factors = crossed([weight[level] for weight, level in zip(weights, levels, strict=True)])
+        labelled.append(np.stack(chosen, axis=1))
+        weighed.append(sign * np.prod(factors, axis=0))
+    places, where = np.unique(np.concatenate(labelled), axis=0, return_inverse=True)
+    total: FloatArray = np.zeros(len(places))
+    np.add.at(total, where.ravel(), np.concatenate(weighed))
+    return [node[column] for node, column in zip(nodes, places.T, strict=True)], total
+
+
+def _levels(found: Recurrence, order: int) -> tuple[FloatArray, list[IntArray], list[FloatArray]]:
+    """One input's rules of 1, 2, … nodes: the nodes of all, which each rule has, and weights."""
+    rules = [found.gauss(level + 1) for level in range(order + 1)]
+    values = np.concatenate([values for values, _ in rules])
+    ascending = np.argsort(values, kind="stable")
+    is_new = np.diff(values[ascending], prepend=-np.inf) > _SAME_NODE * np.ptp(values)
+    label = np.empty(len(values), dtype=np.int64)
+    label[ascending] = np.cumsum(is_new) - 1
+    ends = np.cumsum([level + 1 for level in range(order)])
+    return values[ascending][is_new], np.split(label, ends), [weights for _, weights in rules]
+
+
+def _multi_indices(inputs: int, order: int) -> Iterator[tuple[int, ...]]:
+    """Levels of each input whose sum is the order, or less by fewer than there are inputs."""
+    for total in range(max(order - inputs + 1, 0), order + 1):
+        # Bars between stars: every way to share out the total.
+        for bars in itertools.combinations(range(total + inputs - 1), inputs - 1):
+            ends = (-1, *bars, total + inputs - 1)
+            yield tuple(after - before - 1 for before, after in itertools.pairwise(ends))

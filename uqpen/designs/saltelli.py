@@ -1,0 +1,208 @@
+"""Saltelli's design: blocks of points that share inputs, for Sobol' indices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.designs.design import Design, Rounds
+from uqpen.designs.pick_freeze import Layout, Part
+from uqpen.designs.quasi_monte_carlo import sobol_points
+from uqpen.designs.replicated import uneven
+from uqpen.errors import Problem
+from uqpen.inputs.law import InputLaw, points_dataset
+from uqpen.labels import BLOCK_NUMBER, MATRIX, REPLICATE, STATUS, Sampling, Status
+from uqpen.settings import count, flag
+from uqpen.streams import Stream
+
+__all__ = ["MOST_ROUNDS", "Saltelli"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+
+# After so many rounds of redrawing, what is still inadmissible stays so.
+MOST_ROUNDS = 100
+
+
+@dataclass(frozen=True)
+class Saltelli(Design):
+    """Pick-freeze blocks over scrambled Sobol' points, for Sobol' indices.
+
+    Each block has a point of a matrix A, one of a matrix B, and for each input one of A with that
+    input from B. Points that turn out to be inadmissible are drawn again, in further rounds, given
+    what they share with other points; so the indices are those of the input law given that a draw
+    is admissible. Points whose runs were lost to anything else are not drawn again.
+
+    Parameters
+    ----------
+    base : int
+        How many blocks in all: `replicates` times a power of two. Each takes as many runs as there
+        are random inputs, and two.
+    replicates : int
+        How many sets, each scrambled by itself; their scatter shows the error.
+    second_order : bool
+        Whether there are also points of B with one input from A, for indices of pairs of inputs; a
+        block then takes twice as many runs as there are random inputs, and two.
+
+    References
+    ----------
+    Saltelli, A. (2002). Comput. Phys. Commun. 145, 280-297.
+    Saltelli, A. et al. (2010). Comput. Phys. Commun. 181, 259-270.
+    """
+
+    assumes_independence: ClassVar[bool] = True
+
+    base: int = count(minimum=2)
+    replicates: int = count(minimum=2, default=16)
+    second_order: bool = flag(default=False)
+
+    def disorder(self) -> Iterator[Problem]:
+        return uneven(self.base, self.replicates, powers_of_two=True, setting="base")
+
+    @property
+    def sampling(self) -> Sampling:
+        return Sampling.PICK_FREEZE
+
+    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
+        layout = self._layout(law)
+        A, B = self._drawn(law, stream)
+        blocks, matrices = np.indices((self.base, layout.rows))
+        points = layout.matrices(A, B).reshape(-1, layout.dimension)
+        runs = yield self._points(law, points, blocks.ravel(), matrices.ravel())
+        redraws = _Redraws(layout, A, B, runs[STATUS].values.reshape(blocks.shape))
+        for number in range(1, MOST_ROUNDS + 1):
+            proposed = redraws.proposals(law, Stream(stream.seed, *stream.path, "redraws", number))
+            if not proposed:
+                return
+            points, block, matrix = (
+                np.concatenate(column) for column in zip(*proposed, strict=True)
+            )
+            runs = yield self._points(law, points, block, matrix)
+            redraws.settle(points, block, matrix, runs[STATUS].values)
+
+    def size(self, law: InputLaw) -> int:
+        return self.base * self._layout(law).rows
+
+    def scaled(self, law: InputLaw, runs: int, *, replicated: bool) -> Saltelli | None:
+        # It has two sets at least, and both halves of each must be balanced.
+        replicates = self.replicates if replicated else 2
+        each = runs // self._layout(law).rows // replicates
+        if each < 2:
+            return None
+        return replace(self, base=replicates << (each.bit_length() - 1), replicates=replicates)
+
+    def _layout(self, law: InputLaw) -> Layout:
+        names = tuple(entry.variable.name for entry in law.random)
+        return Layout(names, self.second_order)
+
+    def _drawn(self, law: InputLaw, stream: Stream) -> tuple[FloatArray, FloatArray]:
+        """The matrices A and B: the two halves of points of twice the dimension."""
+        each, dimension = self.base // self.replicates, len(law.random)
+        unit = np.concatenate(
+            [
+                sobol_points(stream.generator("points", replicate), each, 2 * dimension)
+                for replicate in range(self.replicates)
+            ]
+        )
+        return _from_unit(law, unit[:, :dimension]), _from_unit(law, unit[:, dimension:])
+
+    def _points(
+        self, law: InputLaw, points: FloatArray, block: IntArray, matrix: IntArray
+    ) -> xr.Dataset:
+        layout = self._layout(law)
+        coordinates: dict[str, Any] = {
+            REPLICATE: block // (self.base // self.replicates),
+            BLOCK_NUMBER: block,
+            MATRIX: matrix.astype(np.int16),
+        }
+        values = dict(zip(layout.inputs, points.T, strict=True))
+        dataset = points_dataset(law, values, coordinates, runs=len(points))
+        dataset[MATRIX].attrs = layout.flags()
+        dataset[BLOCK_NUMBER].attrs = {"units": "1", "long_name": "number of the run's block"}
+        return dataset
+
+
+def _from_unit(law: InputLaw, unit: FloatArray) -> FloatArray:
+    """Points of the input space, a column for each random input."""
+    return np.column_stack([*law.values(unit).values()])
+
+
+class _Redraws:
+    """Which parts of which blocks are still to be drawn, given what came of those before.
+
+    A part's rows are proposed until one is admissible, each an unconditional draw but for the
+    inputs that it shares; that is what makes the admissible one a draw of the conditional law.
+
+    Parameters
+    ----------
+    layout : Layout
+        What a block consists of.
+    A, B : ndarray, shape (block, input)
+        The points of the first round.
+    status : ndarray, shape (block, matrix)
+        What became of the first round.
+    """
+
+    def __init__(
+        self, layout: Layout, A: FloatArray, B: FloatArray, status: npt.NDArray[np.int8]
+    ) -> None:
+        self._layout = layout
+        self._first = (A, B)
+        # The points that others share inputs with, once they have been drawn again.
+        self._anchors = dict(enumerate(layout.matrices(A, B).swapaxes(0, 1)))
+        self._settled: dict[int, BoolArray] = {}
+        self._proposed: dict[int, BoolArray] = {}
+        self._dropped = np.zeros(len(A), dtype=np.bool_)
+        for number, part in layout.parts.items():
+            # The row of the first round is a proposal only if its anchor's row is there to stay.
+            self._proposed[number] = self._may_be_proposed(part)
+            reached = status[:, part.first]
+            self._settled[number] = self._proposed[number] & (reached != Status.INADMISSIBLE)
+            self._dropped |= self._settled[number] & (reached != Status.OK)
+
+    def _may_be_proposed(self, part: Part) -> BoolArray:
+        if part.anchor is None:
+            return np.ones(self._dropped.shape, dtype=np.bool_)
+        return self._settled[part.anchor].copy()
+
+    def proposals(
+        self, law: InputLaw, stream: Stream
+    ) -> list[tuple[FloatArray, IntArray, IntArray]]:
+        """The next points: with the block of each, and its matrix; empty where all is settled."""
+        found = []
+        for number, part in self._layout.parts.items():
+            is_open = self._may_be_proposed(part) & ~self._settled[number] & ~self._dropped
+            blocks = np.flatnonzero(is_open)
+            if blocks.size:
+                unit = stream.generator(number).random((blocks.size, self._layout.dimension))
+                points = self._sharing(part, blocks, _from_unit(law, unit))
+                found.append((points, blocks, np.full(blocks.shape, number)))
+        return found
+
+    def _sharing(self, part: Part, blocks: IntArray, fresh: FloatArray) -> FloatArray:
+        """Fresh points, with what a part shares and, the first time, the rest from A or B."""
+        if part.anchor is None:
+            return fresh
+        proposed = self._proposed[part.matrix]
+        points = np.where(proposed[blocks, np.newaxis], fresh, self._first[part.rest][blocks])
+        proposed[blocks] = True
+        shared = list(part.shared)
+        points[:, shared] = self._anchors[part.anchor][blocks][:, shared]
+        return points
+
+    def settle(
+        self, points: FloatArray, block: IntArray, matrix: IntArray, status: npt.NDArray[np.int8]
+    ) -> None:
+        """Take what became of the proposals."""
+        for number in np.unique(matrix).tolist():
+            taken = (matrix == number) & (status != Status.INADMISSIBLE)
+            self._settled[number][block[taken]] = True
+            if number in self._anchors:
+                self._anchors[number][block[taken]] = points[taken]
+        self._dropped[block[(status != Status.OK) & (status != Status.INADMISSIBLE)]] = True
