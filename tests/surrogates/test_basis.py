@@ -1,0 +1,153 @@
+"""Polynomials: orthonormal under every law, as many as were asked for, the same in any batch."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from uqpen.inputs.distribution import Distribution
+from uqpen.inputs.distributions import (
+    DISTRIBUTIONS,
+    Beta,
+    Gamma,
+    Gumbel,
+    Lognormal,
+    LogUniform,
+    Normal,
+    Triangular,
+    Uniform,
+    Weibull,
+)
+from uqpen.inputs.empirical import Empirical
+from uqpen.inputs.truncated import Truncated
+from uqpen.lookup import resolve
+from uqpen.surrogates.basis import MOST_TERMS, Basis, multi_indices, nested
+from uqpen.surrogates.germ import germ
+
+DEGREE = 8
+
+LAWS: list[Distribution] = [
+    Normal(4e8, 4e7),
+    Lognormal(7.0, 5.0),
+    Uniform(-2.0, 5.0),
+    LogUniform(0.1, 50.0),
+    Triangular(0.0, 0.3, 2.0),
+    Beta(2.0, 0.5, 1.0, 3.0),
+    Gamma(100.0, 1.0),
+    Weibull(1.5, 2.0),
+    Gumbel(5.0, 1.0),
+    Truncated(Normal(0.1, 0.025), 0.05, 0.13),
+    Truncated(Normal(0.0, 1.0), 3.0, 9.0),
+    Truncated(Lognormal(1.0, 0.5), 0.2, 3.0),
+    Truncated(Triangular(0.0, 0.3, 2.0), 0.1),
+]
+
+
+def averaged(law: Distribution, degree: int) -> npt.NDArray[np.float64]:
+    """Means of all products of a law's polynomials, by panels of other sizes than the code's."""
+    ends = 0.5 * 1.4 ** -np.arange(300.0)
+    ends = np.union1d(ends, [law.below(np.array(0.3)), law.above(np.array(0.3))])
+    ends = ends[(ends > 0) & (ends <= 0.5)]
+    nodes, weights = np.polynomial.legendre.leggauss(31)
+    half = np.diff(ends)[:, None] / 2
+    probability = (ends[:-1, None] + half + half * nodes).ravel()
+    mass = (half * weights).ravel()
+    found = germ("x", law, degree)
+    products = np.zeros((degree + 1, degree + 1))
+    for inverse in (law.quantile, law.exceeded):
+        table = found.polynomials(inverse(probability), degree)
+        products += (table * mass) @ table.T
+    return products
+
+
+def test_every_family_that_a_study_can_name_is_tested() -> None:
+    assert {resolve(reference) for reference in DISTRIBUTIONS.values()} <= set(map(type, LAWS))
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_polynomials_are_orthonormal_under_their_law(law: Distribution) -> None:
+    # Sums of thousands of rounded terms, on both sides.
+    np.testing.assert_allclose(averaged(law, DEGREE), np.eye(DEGREE + 1), atol=1e-11)
+
+
+def test_measured_values_have_polynomials_too() -> None:
+    law = Empirical(tuple(np.random.default_rng(3).normal(2.0, 0.3, 40)))
+    table = germ("x", law, 4).polynomials(law.quantile((np.arange(400_000) + 0.5) / 400_000), 4)
+    np.testing.assert_allclose(table @ table.T / 400_000, np.eye(5), atol=1e-4)
+
+
+def test_the_logarithm_is_the_germ_where_its_law_is_simpler() -> None:
+    for law in (Lognormal(7.0, 5.0), LogUniform(0.1, 50.0), Truncated(LogUniform(0.1, 50.0), 1.0)):
+        assert germ("x", law, 2).is_logarithm
+        assert not germ("x", law, 2, logarithms=False).is_logarithm
+    assert not germ("x", Gamma(2.0, 1.0), 2).is_logarithm
+
+
+def test_polynomials_of_what_has_no_logarithm_are_no_numbers() -> None:
+    assert np.isnan(germ("x", Lognormal(1.0, 1.0), 2).polynomials(np.array([-1.0]), 2)[1:]).all()
+
+
+@pytest.mark.parametrize("truncation", [0.4, 0.5, 0.75, 1.0])
+@pytest.mark.parametrize(("dimension", "order"), [(1, 6), (2, 8), (3, 8), (4, 3)])
+def test_multi_indices_are_all_that_the_norm_allows(
+    truncation: float, dimension: int, order: int
+) -> None:
+    allowed = {
+        degrees
+        for degrees in itertools.product(range(order + 1), repeat=dimension)
+        if sum(k**truncation for k in degrees if k) ** (1 / truncation) <= order * (1 + 1e-9)
+    }
+    found = multi_indices(dimension, order, truncation)
+    assert {tuple(degrees) for degrees in found.tolist()} == allowed
+    assert len(found) == len(allowed)
+    assert not found[0].any()
+    assert (np.diff(found.sum(axis=1)) >= 0).all()
+
+
+def test_too_many_terms_are_none() -> None:
+    assert len(multi_indices(100, 4, 1.0)) == 0
+    assert len(multi_indices(80, 2, 1.0)) < MOST_TERMS
+
+
+def test_nothing_depends_on_the_batch() -> None:
+    rng = np.random.default_rng(5)
+    basis = Basis(
+        (germ("a", Lognormal(2.0, 1.0), 6), germ("b", Gumbel(0.0, 1.0), 6), germ("c", LAWS[0], 6))
+    )
+    indices = multi_indices(3, 6, 1.0)
+    expansion = nested(indices, rng.normal(size=len(indices)))
+    laws = (Lognormal(2.0, 1.0), Gumbel(0.0, 1.0), LAWS[0])
+    inputs = {name: law.quantile(rng.random(20_011)) for name, law in zip("abc", laws, strict=True)}
+    whole = basis.sums(inputs, indices, [expansion])[0]
+    for rows in (slice(3, None), slice(77, 78), slice(4000, 9001), slice(0, None, 7)):
+        some = {name: column[rows] for name, column in inputs.items()}
+        np.testing.assert_array_equal(basis.sums(some, indices, [expansion])[0], whole[rows])
+
+
+def test_sums_are_those_of_the_matrix() -> None:
+    rng = np.random.default_rng(6)
+    basis = Basis((germ("a", Uniform(-1.0, 1.0), 5), germ("b", Normal(0.0, 1.0), 5)))
+    indices = multi_indices(2, 5, 1.0)[rng.permutation(21)]
+    coefficients = rng.normal(size=21)
+    inputs = {"a": rng.uniform(-1, 1, 500), "b": rng.normal(size=500)}
+    found = basis.sums(
+        inputs, indices, [nested(indices, coefficients), nested(indices[:1], coefficients[:1])]
+    )
+    expected = basis.matrix(inputs, indices) @ coefficients
+    np.testing.assert_allclose(found[0], expected, atol=1e-12)
+
+
+def test_the_basis_is_chaospys() -> None:
+    chaospy = pytest.importorskip("chaospy")
+    joint = chaospy.J(chaospy.Uniform(-1, 3), chaospy.Normal(2, 0.5), chaospy.Gamma(4, 0.5))
+    theirs = chaospy.generate_expansion(3, joint, normed=True, graded=True, reverse=True)
+    laws = (Uniform(-1.0, 3.0), Normal(2.0, 0.5), Gamma(2.0, 1.0))
+    basis = Basis(tuple(germ(name, law, 3) for name, law in zip("abc", laws, strict=True)))
+    points = joint.sample(200, rule="halton")
+    ours = basis.matrix(dict(zip("abc", points, strict=True)), multi_indices(3, 3, 1.0))
+    found = np.abs(np.linalg.lstsq(theirs(*points).T, ours, rcond=None)[0])
+    # Each of ours is one of theirs, up to order and sign.
+    np.testing.assert_allclose(np.sort(found, axis=0), np.sort(np.eye(20), axis=0), atol=1e-9)

@@ -1,0 +1,407 @@
+"""Polynomial chaos: exact where it can be, a model like any other, and never a crash."""
+
+from __future__ import annotations
+
+import math
+import pickle
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from uqpen.designs.design import Design
+from uqpen.designs.latin_hypercube import LatinHypercube
+from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.quadrature import Quadrature
+from uqpen.evaluation import Evaluator, evaluate
+from uqpen.inputs.constraints import parse_constraint
+from uqpen.inputs.distribution import Distribution
+from uqpen.inputs.distributions import Gamma, Lognormal, Normal, Uniform
+from uqpen.inputs.law import FixedInput, InputLaw, RandomInput
+from uqpen.labels import STATUS, Status
+from uqpen.model import Arrays, BoolArray, Category, Input, Model, Output, Results
+from uqpen.models.ishigami import Ishigami
+from uqpen.streams import Stream
+from uqpen.surrogates import SURROGATES
+from uqpen.surrogates.chaos_model import ChaosModel
+from uqpen.surrogates.closed_forms import (
+    mean,
+    shapley_effects,
+    sobol_indices,
+    standard_deviation,
+)
+from uqpen.surrogates.polynomial_chaos import PolynomialChaos
+from uqpen.surrogates.storage import from_dataset
+
+ISHIGAMI = (0.31390519114781146, 0.4424111447900409, 0.0)
+ISHIGAMI_TOTAL = (0.5575888552099592, 0.4424111447900409, 0.24368366406214773)
+ISHIGAMI_SHAPLEY = (0.4357470231788853, 0.4424111447900409, 0.12184183203107386)
+
+
+@dataclass(frozen=True)
+class Formula(Model):
+    """A model of formulas, one an output, whose first input must stay below a limit."""
+
+    formulas: Mapping[str, Callable[[Arrays], Any]]
+    inputs: tuple[Input, ...]
+    limit: float = math.inf
+    kinds: tuple[str, ...] = ()
+
+    name = "formula"
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:  # type: ignore[override]
+        kinds = (Category("low", "low"), Category("high", "high"))
+        return tuple(
+            Output(name, "m", categories=kinds if name in self.kinds else ())
+            for name in self.formulas
+        )
+
+    def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
+        first = self.inputs[0].name
+        yield inputs[first] < self.limit, f"{first} < {self.limit:g}"
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        runs = len(inputs[self.inputs[0].name])
+        return Results.all_ok(
+            {
+                name: np.broadcast_to(f(inputs), runs).astype(float)
+                for name, f in self.formulas.items()
+            }
+        )
+
+
+def law_of(*laws: Distribution, **fixed: float) -> InputLaw:
+    random = [
+        RandomInput(Input(f"x{number}", "1"), law, "1") for number, law in enumerate(laws, start=1)
+    ]
+    others = [FixedInput(Input(name, "1"), value, "1") for name, value in fixed.items()]
+    entries = (*random, *others)
+    return InputLaw(entries, tuple(entry.variable for entry in entries))
+
+
+def runs_of(
+    model: Model, law: InputLaw, design: Design, seed: int = 1, keep: tuple[str, ...] = ()
+) -> xr.Dataset:
+    units = {variable.name: variable.unit for variable in law.variables}
+    points = next(design.rounds(law, Stream(seed, "designs", "training")))
+    constraints = [parse_constraint(text, units) for text in keep]
+    return evaluate(Evaluator(model, constraints), points, {})
+
+
+def fitted(
+    formula: Callable[[Arrays], Any],
+    law: InputLaw,
+    design: Design,
+    *,
+    seed: int = 1,
+    keep: tuple[str, ...] = (),
+    **settings: Any,
+) -> ChaosModel:
+    model = Formula({"y": formula}, law.variables)
+    runs = runs_of(model, law, design, seed, keep)
+    surrogate = PolynomialChaos(design="training", **settings)
+    return surrogate.fit("pce", runs, model, law, Stream(seed, "surrogates", "pce"))
+
+
+def rosenbrock(x: Arrays) -> Any:
+    return 100 * (x["x2"] - x["x1"] ** 2) ** 2 + (1 - x["x1"]) ** 2
+
+
+SQUARE = law_of(Uniform(-2.0, 2.0), Uniform(-2.0, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("design", "settings"),
+    [
+        (LatinHypercube(60, 1), {"order": 4}),
+        (LatinHypercube(60, 1), {}),
+        (MonteCarlo(30), {"order": 4, "method": "least-squares"}),
+        (LatinHypercube(60, 1), {"method": "least-squares"}),
+        (Quadrature(4), {"order": 4, "method": "projection"}),
+        (Quadrature(4, "sparse"), {"method": "projection"}),
+        (Quadrature(4), {"order": 4}),
+    ],
+    ids=str,
+)
+def test_rosenbrocks_function_is_exact(design: Design, settings: dict[str, Any]) -> None:
+    found = fitted(rosenbrock, SQUARE, design, **settings).expansions["y"]
+    terms = found.indices, found.coefficients
+    assert found.order == 4
+    assert mean(*terms) == pytest.approx(455 + 2 / 3, rel=1e-12)
+    assert standard_deviation(*terms) == pytest.approx(606.5602418425781, rel=1e-12)
+    exact = 0.49746891382737685, 0.29636448671718796
+    np.testing.assert_allclose(sobol_indices(*terms).first, exact, rtol=0, atol=1e-12)
+
+
+def test_any_polynomial_is_reproduced() -> None:
+    law = law_of(Normal(3.0, 0.5), Lognormal(2.0, 0.3), Gamma(2.0, 0.7))
+    found = fitted(
+        lambda x: 5e3 * (x["x1"] ** 2 * np.log(x["x2"]) - x["x3"] ** 3 + x["x1"] * x["x3"]),
+        law,
+        LatinHypercube(60, 1),
+        order=3,
+    )
+    fresh = next(MonteCarlo(500).rounds(law, Stream(9, "fresh")))
+    inputs = {str(name): fresh[name].values for name in fresh.data_vars}
+    truth = 5e3 * (
+        inputs["x1"] ** 2 * np.log(inputs["x2"]) - inputs["x3"] ** 3 + inputs["x1"] * inputs["x3"]
+    )
+    error = np.abs(found.evaluate(inputs).outputs["y"] - truth)
+    assert error.max() < 1e-12 * np.abs(truth).max()
+
+
+def test_a_product_and_a_sum() -> None:
+    unit = Uniform(0.0, 1.0)
+    law = law_of(unit, unit, unit)
+    found = fitted(lambda x: x["x1"] * x["x2"] + x["x3"], law, LatinHypercube(40, 1))
+    expansion = found.expansions["y"]
+    terms = expansion.indices, expansion.coefficients
+    assert expansion.order == 2
+    assert mean(*terms) == pytest.approx(0.75, abs=1e-13)
+    assert standard_deviation(*terms) ** 2 == pytest.approx(19 / 144, abs=1e-13)
+    indices = sobol_indices(*terms)
+    np.testing.assert_allclose(indices.first, [3 / 19, 3 / 19, 12 / 19], atol=1e-12)
+    np.testing.assert_allclose(indices.total, [4 / 19, 4 / 19, 12 / 19], atol=1e-12)
+    assert indices.second[0, 1] == pytest.approx(1 / 19, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ishigami_from_two_hundred_runs(seed: int) -> None:
+    side = Uniform(-math.pi, math.pi)
+    model, law = Ishigami(), law_of(side, side, side)
+    runs = runs_of(model, law, LatinHypercube(200, 1), seed)
+    found = PolynomialChaos(design="t").fit("pce", runs, model, law, Stream(seed, "s"))
+    terms = found.expansions["y"].indices, found.expansions["y"].coefficients
+    indices = sobol_indices(*terms)
+    # The project's target is 1e-4.
+    np.testing.assert_allclose(indices.first, ISHIGAMI, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(indices.total, ISHIGAMI_TOTAL, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(shapley_effects(*terms), ISHIGAMI_SHAPLEY, rtol=0, atol=1e-7)
+    assert mean(*terms) == pytest.approx(3.5, abs=1e-7)
+    check = found.checked(runs_of(model, law, MonteCarlo(300), 77)).expansions["y"].check
+    assert check.runs == 300
+    assert check.q2 == check.q2_of_output > 1 - 1e-9
+    assert found.expansions["y"].q2 > 1 - 1e-9
+    assert found.expansions["y"].noise.first.max() < 1e-4
+
+
+def test_sobols_g_function_roughly() -> None:
+    a = np.array([0.0, 1.0, 4.5, 9.0])
+
+    def g(x: Arrays) -> Any:
+        columns = [(abs(4 * x[f"x{i + 1}"] - 2) + a[i]) / (1 + a[i]) for i in range(4)]
+        return np.prod(columns, axis=0)
+
+    law = law_of(*[Uniform(0.0, 1.0)] * 4)
+    found = fitted(g, law, LatinHypercube(400, 1), order=8, truncation=0.75).expansions["y"]
+    # The first four of eight inputs: their indices but for a factor next to one.
+    first = sobol_indices(found.indices, found.coefficients).first
+    np.testing.assert_allclose(first, [0.7162, 0.1790, 0.0237, 0.0072], atol=0.02)
+    # The corners of the function take all orders: the error is seen, not hidden.
+    assert 1e-3 < found.cross_validation < 0.2
+
+
+def test_closed_forms_of_many_terms_take_no_time() -> None:
+    law = law_of(*[Uniform(-1.0, 1.0)] * 6)
+    found = fitted(
+        lambda x: sum(x[f"x{i}"] for i in range(1, 7)) ** 4,
+        law,
+        LatinHypercube(500, 1),
+        order=4,
+        method="least-squares",
+    ).expansions["y"]
+    terms = found.indices, found.coefficients
+    assert len(found.coefficients) == 210
+    start = time.perf_counter()
+    mean(*terms), standard_deviation(*terms), sobol_indices(*terms), shapley_effects(*terms)
+    # A thousand times what it takes; multiplying polynomials out takes a minute.
+    assert time.perf_counter() - start < 0.1
+
+
+def test_a_logarithm_is_fitted_where_it_is_asked_for() -> None:
+    law = law_of(Normal(0.0, 1.0), Normal(0.0, 1.0))
+    found = fitted(
+        lambda x: np.exp(1 + x["x1"] + 0.5 * x["x2"] ** 2),
+        law,
+        LatinHypercube(40, 1),
+        transform={"y": "log"},
+    )
+    expansion = found.expansions["y"]
+    assert mean(expansion.indices, expansion.coefficients) == pytest.approx(1.5, abs=1e-12)
+    assert found.objection("y") == "its logarithm was expanded"
+    some = {"x1": np.array([0.3, 300.0]), "x2": np.array([-1.0, 60.0])}
+    results = Evaluator(found)(some)
+    assert results.outputs["y"][0] == pytest.approx(math.exp(1.8), rel=1e-12)
+    # Far outside its runs an expansion may overflow, which is data.
+    assert results.status.tolist() == [Status.OK, Status.NOT_FINITE]
+
+
+def test_it_admits_what_its_model_admits() -> None:
+    law = law_of(Uniform(0.0, 1.0), Uniform(0.0, 1.0), c=2.5)
+    model = Formula({"y": lambda x: x["x1"] * x["c"] + x["x2"]}, law.variables, limit=0.9)
+    runs = runs_of(model, law, LatinHypercube(50, 1))
+    found = PolynomialChaos(design="t", order=2).fit("pce", runs, model, law, Stream(1, "s"))
+    assert found.objection("y").startswith("some draws are inadmissible")
+    assert not found.has_closed_form("y")
+    assert found.counts[Status.INADMISSIBLE] == 5
+    half = np.full(3, 0.5)
+    points = {"x1": np.array([0.5, 0.95, 0.5]), "x2": half, "c": np.array([2.5, 2.5, 2.6])}
+    results = Evaluator(found)(points)
+    assert results.status.tolist() == [Status.OK, Status.INADMISSIBLE, Status.INADMISSIBLE]
+    assert results.reasons == {1: "x1 < 0.9", 2: "c = 2.5, as in the runs it was fitted to"}
+    assert results.outputs["y"][0] == pytest.approx(1.75, rel=1e-12)
+    assert list(found.missing({"x1"})) == ["x2"]
+
+
+def test_what_cannot_be_fitted_says_why() -> None:
+    law = law_of(Uniform(0.0, 1.0), Uniform(0.0, 1.0))
+    formulas: dict[str, Callable[[Arrays], Any]] = {
+        "good": lambda x: x["x1"],
+        "constant": lambda x: 4.0,
+        "negative": lambda x: x["x1"] - 0.5,
+        "kind": lambda x: x["x1"] > 0.5,
+    }
+    model = Formula(formulas, law.variables, kinds=("kind",))
+    surrogate = PolynomialChaos(design="t", transform={"negative": "log"})
+    runs = runs_of(model, law, LatinHypercube(20, 1))
+    found = surrogate.fit("pce", runs, model, law, Stream(1, "s"))
+    assert [output.name for output in found.outputs] == ["good"]
+    assert found.reasons["constant"] == "it does not vary: it is 4 in every run"
+    assert found.reasons["negative"].startswith("it has no logarithm where it is not positive")
+    assert found.reasons["kind"] == "it has kinds, not numbers"
+    assert found.has_closed_form("good")
+    broken = runs.assign(good=runs["good"].where(runs["run"] > 1))
+    again = surrogate.fit("pce", broken, model, law, Stream(1, "s"))
+    assert again.reasons["good"] == "it is not finite in 2 runs that came back"
+    assert again.outputs == ()
+    assert again.to_dataset().attrs["good_not_fitted"] == again.reasons["good"]
+
+
+@pytest.mark.parametrize(
+    ("design", "settings", "reason"),
+    [
+        (MonteCarlo(5), {}, "5 runs came back, and 2 random inputs need at least 6"),
+        (
+            MonteCarlo(15),
+            {"order": 4, "method": "least-squares"},
+            "15 runs came back, and least squares need more of them than order 4 has terms, 15",
+        ),
+        (
+            Quadrature(3),
+            {"order": 4, "method": "projection"},
+            "its rule is too coarse for order 4; the highest that it is exact for is 3",
+        ),
+    ],
+)
+def test_too_few_runs_are_told(design: Design, settings: dict[str, Any], reason: str) -> None:
+    assert fitted(rosenbrock, SQUARE, design, **settings).reasons == {"y": reason}
+
+
+def test_an_order_beyond_memory_is_told() -> None:
+    law = law_of(*[Uniform(0.0, 1.0)] * 30)
+    found = fitted(lambda x: x["x1"], law, MonteCarlo(100), order=9)
+    assert found.reasons["y"].startswith("order 9 has more than 100_000 terms, too many for")
+
+
+def test_a_rule_that_lost_nodes_is_no_rule() -> None:
+    found = fitted(
+        rosenbrock, SQUARE, Quadrature(6), method="projection", keep=("x1 < 1.8",), order=4
+    )
+    expansion = found.expansions["y"]
+    assert expansion.method == "least-squares, as nodes of its rule were lost"
+    assert mean(expansion.indices, expansion.coefficients) == pytest.approx(455 + 2 / 3, rel=1e-11)
+
+
+def test_no_runs_and_other_inputs_are_told() -> None:
+    law = law_of(Uniform(0.0, 1.0), c=1.0)
+    model = Formula({"y": lambda x: x["x1"]}, law.variables)
+    runs = runs_of(model, law, MonteCarlo(20))
+    fit = PolynomialChaos(design="t").fit
+    lost = runs.assign({STATUS: xr.full_like(runs[STATUS], Status.FAILED)})
+    assert fit("p", lost, model, law, Stream(1)).reasons["y"] == "none of its runs came back"
+    varied = runs.assign(c=runs["x1"] * 2)
+    varied["c"].attrs = runs["c"].attrs
+    reason = fit("p", varied, model, law, Stream(1)).reasons["y"]
+    assert reason == "its design varies c, which has no distribution"
+
+
+def test_fit_noise_shrinks_with_runs_and_is_keyed() -> None:
+    def rough(x: Arrays) -> Any:
+        return np.abs(x["x1"]) + x["x2"]
+
+    few, many = (
+        fitted(rough, SQUARE, MonteCarlo(runs), order=2).expansions["y"].noise
+        for runs in (50, 5000)
+    )
+    assert few.refits == many.refits == 50
+    assert 0 < many.mean < few.mean < 1
+    assert (many.first < few.first).all()
+    again = fitted(rough, SQUARE, MonteCarlo(50), order=2).expansions["y"].noise
+    assert (again.mean, again.std) == (few.mean, few.std)
+    rule = fitted(rough, SQUARE, Quadrature(3), order=2).expansions["y"].noise
+    assert rule.refits == 0
+    assert math.isnan(rule.mean)
+
+
+def test_it_comes_back_from_an_archive(tmp_path: Path) -> None:
+    law = law_of(Lognormal(2.0, 0.5), Uniform(0.0, 1.0), c=3.0)
+    formulas: dict[str, Callable[[Arrays], Any]] = {
+        "y": lambda x: np.exp(x["x1"] * x["x2"]),
+        "z": lambda x: x["c"] * x["x1"] + x["x2"] ** 2,
+        "w": lambda x: 1.0,
+    }
+    model = Formula(formulas, law.variables)
+    runs = runs_of(model, law, LatinHypercube(80, 1))
+    surrogate = PolynomialChaos(design="training", transform={"y": "log"})
+    found = surrogate.fit("pce", runs, model, law, Stream(1, "s")).checked(runs)
+    path = tmp_path / "pce.nc"
+    found.to_dataset().to_netcdf(path, engine="netcdf4")
+    with xr.open_dataset(path) as dataset:
+        again = from_dataset(dataset.load(), "pce")
+    inputs = {name: runs[name].values for name in ("x1", "x2")}
+    for name, values in found.evaluate(inputs).outputs.items():
+        np.testing.assert_array_equal(again.evaluate(inputs).outputs[name], values)
+    assert again.reasons == found.reasons
+    assert again.fixed == found.fixed
+    assert again.counts == found.counts
+    for name, expansion in found.expansions.items():
+        other = again.expansions[name]
+        assert (other.order, other.method, other.check) == (
+            expansion.order,
+            expansion.method,
+            expansion.check,
+        )
+        assert other.q2 == expansion.q2
+        assert other.output.unit == "m"
+    assert again.to_dataset().identical(found.to_dataset())
+    assert again.identity()["coefficients_sha256"] == found.identity()["coefficients_sha256"]
+
+
+def test_it_can_be_sent_to_a_worker() -> None:
+    model, law = Ishigami(), law_of(*[Uniform(-1.0, 1.0)] * 3)
+    runs = runs_of(model, law, LatinHypercube(60, 1))
+    found = PolynomialChaos(design="t").fit("pce", runs, model, law, Stream(1, "s"))
+    again = pickle.loads(pickle.dumps(found))
+    inputs = {name: runs[name].values for name in ("x1", "x2", "x3")}
+    np.testing.assert_array_equal(
+        again.evaluate(inputs).outputs["y"], found.evaluate(inputs).outputs["y"]
+    )
+
+
+def test_dependent_inputs_have_no_closed_form() -> None:
+    found = fitted(rosenbrock, SQUARE, LatinHypercube(60, 1), order=4)
+    assert found.objection("y") == ""
+    dependent = replace(found, is_independent=False)
+    assert dependent.objection("y") == "the random inputs depend on each other"
+    again = from_dataset(dependent.to_dataset(), "pce")
+    assert not again.has_closed_form("y")
+
+
+def test_the_family_has_it() -> None:
+    assert list(SURROGATES) == ["polynomial-chaos"]

@@ -1,0 +1,187 @@
+"""Products of univariate polynomials: which of them, their values, and sums of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.inputs.law import InputLaw
+from uqpen.model import Arrays
+from uqpen.surrogates.germ import Germ, germ
+
+__all__ = ["MOST_TERMS", "Basis", "Nested", "multi_indices", "nested"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+# A sum of terms grouped by the degree of their first input, then of the next: at the end of each
+# branch stands a coefficient.
+Nested = float | list[tuple[int, "Nested"]]
+
+# Of more terms than this nothing could be fitted.
+MOST_TERMS = 100_000
+
+# So many runs at a time stay in the processor's cache. Each is computed by itself, so results
+# depend neither on this nor on the batch.
+_ROWS = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """The orthonormal polynomials of independent inputs.
+
+    Parameters
+    ----------
+    germs : tuple of Germ
+        One for each random input, in the law's order.
+    """
+
+    germs: tuple[Germ, ...]
+
+    @classmethod
+    def of(cls, law: InputLaw, degree: int, *, logarithms: bool = True) -> Basis:
+        """The basis of a law's random inputs, each by its own law; see `germ`."""
+        return cls(
+            tuple(
+                germ(entry.variable.name, entry.distribution, degree, logarithms=logarithms)
+                for entry in law.random
+            )
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The inputs."""
+        return tuple(germ.name for germ in self.germs)
+
+    def indices(self, order: int, truncation: float) -> IntArray:
+        """The degrees of every term up to an order that the laws have; see `multi_indices`."""
+        found = multi_indices(len(self.germs), order, truncation)
+        highest = [germ.highest for germ in self.germs]
+        allowed: IntArray = found[(found <= highest).all(axis=1)]
+        return allowed
+
+    def matrix(self, inputs: Arrays, indices: IntArray) -> FloatArray:
+        """Values of terms at points.
+
+        Parameters
+        ----------
+        inputs : mapping of str to ndarray, shape (run,)
+            SI values.
+        indices : ndarray of int, shape (term, input)
+            Their degrees.
+
+        Returns
+        -------
+        ndarray, shape (run, term)
+        """
+        runs = len(inputs[self.names[0]])
+        matrix = np.ones((len(indices), runs))
+        for table, degrees in zip(self._tables(inputs, indices), indices.T, strict=True):
+            rows = np.flatnonzero(degrees)
+            matrix[rows] *= table[degrees[rows]]
+        return matrix.T
+
+    def sums(
+        self, inputs: Arrays, indices: IntArray, expansions: Sequence[Nested]
+    ) -> list[FloatArray]:
+        """Values of expansions at points, bit by bit the same for any batch that they stand in.
+
+        Parameters
+        ----------
+        inputs : mapping of str to ndarray, shape (run,)
+            SI values.
+        indices : ndarray of int, shape (term, input)
+            Degrees of all the expansions' terms.
+        expansions : sequence of Nested
+            What `nested` made of each.
+
+        Returns
+        -------
+        list of ndarray, shape (run,)
+        """
+        runs = len(inputs[self.names[0]])
+        values = [np.empty(runs) for _ in expansions]
+        for start in range(0, runs, _ROWS):
+            rows = slice(start, start + _ROWS)
+            some = {name: inputs[name][rows] for name in self.names}
+            tables = self._tables(some, indices)
+            for whole, expansion in zip(values, expansions, strict=True):
+                whole[rows] = _sum(tables, expansion)
+        return values
+
+    def _tables(self, inputs: Arrays, indices: IntArray) -> list[FloatArray]:
+        degrees = indices.max(axis=0, initial=0)
+        return [
+            germ.polynomials(inputs[germ.name], int(degree))
+            for germ, degree in zip(self.germs, degrees, strict=True)
+        ]
+
+
+def multi_indices(dimension: int, order: int, truncation: float) -> IntArray:
+    """Degrees of the terms with (Σ k^q)^(1/q) at most the order, the constant first.
+
+    Parameters
+    ----------
+    dimension : int
+        How many inputs there are.
+    order : int
+        The highest degree of a term in one input.
+    truncation : float
+        q: 1 for all terms up to a total degree, less for fewer interactions.
+
+    Returns
+    -------
+    ndarray of int, shape (term, input)
+        Empty where there would be more than `MOST_TERMS`.
+    """
+    # Rounding must not shut out a term that lies on the border.
+    limit = order**truncation * (1 + 1e-12)
+    degrees = np.arange(order + 1)
+    powers = degrees.astype(np.float64) ** truncation
+    found, sums = np.zeros((1, 0), dtype=np.int64), np.zeros(1)
+    for _ in range(dimension):
+        longer = (sums[:, None] + powers).ravel()
+        is_within = longer <= limit
+        if is_within.sum() > MOST_TERMS:
+            return np.zeros((0, dimension), dtype=np.int64)
+        before, degree = np.divmod(np.flatnonzero(is_within), len(degrees))
+        found, sums = np.column_stack([found[before], degree]), longer[is_within]
+    by_degree: IntArray = found[np.lexsort((*-found.T[::-1], found.sum(axis=1)))]
+    return by_degree
+
+
+def nested(indices: IntArray, coefficients: FloatArray) -> Nested:
+    """An expansion as sums within sums, which need a third of the multiplications."""
+    order = np.lexsort(indices.T[::-1])
+    terms = list(zip(indices[order].tolist(), coefficients[order].tolist(), strict=True))
+    return _grouped(terms, 0)
+
+
+def _grouped(terms: list[tuple[list[int], float]], position: int) -> Nested:
+    if position == len(terms[0][0]):
+        return terms[0][1]
+    return [
+        (degree, _grouped(list(group), position + 1))
+        for degree, group in groupby(terms, key=lambda term: term[0][position])
+    ]
+
+
+def _sum(tables: Sequence[FloatArray], expansion: Nested) -> Any:
+    """Sums within sums, one operation on whole arrays after the other.
+
+    Not a product of matrices: its last bits depend on how many rows there are.
+    """
+    if isinstance(expansion, float):
+        return expansion
+    total: Any = None
+    for degree, inner in expansion:
+        part = _sum(tables[1:], inner)
+        if degree:
+            part = part * tables[0][degree]
+        total = part if total is None else total + part
+    return total

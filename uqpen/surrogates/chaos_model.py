@@ -1,0 +1,136 @@
+"""A fitted polynomial chaos: a model in place of another."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+
+from uqpen.labels import RUN, STATUS, Status
+from uqpen.model import Arrays, BoolArray, FloatArray, Input, Model, Output, Results
+from uqpen.surrogates.basis import Basis
+from uqpen.surrogates.expansion import Expansion
+from uqpen.surrogates.surrogate import FittedSurrogate
+
+__all__ = ["ChaosModel"]
+
+
+@dataclass(frozen=True, eq=False)
+class ChaosModel(FittedSurrogate):
+    """A model's outputs, expanded in polynomials of its random inputs.
+
+    Parameters
+    ----------
+    name : str
+        What the study calls it.
+    inputs : tuple of Input
+        Those of the model that it stands for.
+    outputs : tuple of Output
+        Those that could be fitted.
+    basis : Basis
+        The polynomials.
+    expansions : mapping of str to Expansion
+        One for each output.
+    reasons : mapping of str to str
+        Why each other output could not be fitted.
+    fixed : mapping of str to float
+        The values that the other inputs had in all training runs; it knows of no others.
+    truncation : float
+        See `uqpen.surrogates.basis.multi_indices`.
+    design : str
+        To whose runs it was fitted.
+    counts : mapping of Status to int
+        How many of those runs ended with each status.
+    is_independent : bool
+        Whether the random inputs are.
+    original : Model, optional
+        What it stands for, which knows what is admissible; an archive does not hold it.
+    """
+
+    name: str
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    basis: Basis
+    expansions: Mapping[str, Expansion]
+    reasons: Mapping[str, str]
+    fixed: Mapping[str, float]
+    truncation: float
+    design: str
+    counts: Mapping[Status, int]
+    is_independent: bool
+    original: Model | None = None
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        """Evaluate the expansions; see `Model.evaluate`."""
+        values = {
+            name: self.expansions[name].output_values(fitted)
+            for name, fitted in self._fitted(inputs).items()
+        }
+        status = np.full(len(inputs[self.basis.names[0]]), Status.OK, dtype=np.int8)
+        return Results(values, status)
+
+    def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
+        """Those of the model it stands for, and that no fixed input has another value."""
+        for name, value in self.fixed.items():
+            if name in inputs:
+                yield inputs[name] == value, f"{name} = {value:g}, as in the runs it was fitted to"
+        if self.original is not None:
+            yield from self.original.conditions(inputs)
+
+    def missing(self, given: Collection[str]) -> Iterator[str]:
+        """Its random inputs that are not given; the others have the values that it knows."""
+        yield from (name for name in self.basis.names if name not in given)
+
+    def identity(self) -> dict[str, str]:
+        """What it stands for, and a hash of its coefficients."""
+        digest = hashlib.sha256()
+        for expansion in self.expansions.values():
+            digest.update(expansion.indices.tobytes() + expansion.coefficients.tobytes())
+        whose = self.original.identity() if self.original else {}
+        of = {f"of_{key}": value for key, value in whose.items()}
+        return {"name": self.name, "coefficients_sha256": digest.hexdigest(), **of}
+
+    def checked(self, runs: xr.Dataset) -> ChaosModel:
+        """The same, with how well it meets another design's runs that came back."""
+        used = np.flatnonzero(runs[STATUS].values == Status.OK)
+        inputs = {
+            name: np.broadcast_to(runs[name].values, runs.sizes[RUN])[used]
+            for name in self.basis.names
+        }
+        fitted = self._fitted(inputs)
+        expansions = {}
+        for name, expansion in self.expansions.items():
+            truth = runs[name].values[used].astype(np.float64)
+            expansions[name] = replace(expansion, check=expansion.checked(fitted[name], truth))
+        return replace(self, expansions=expansions)
+
+    def objection(self, output: str) -> str:
+        """Why moments and indices from the coefficients are not the output's; empty if they are.
+
+        Indices from the coefficients of a logarithm are those of the logarithm.
+        """
+        if not self.is_independent:
+            return "the random inputs depend on each other"
+        if self.counts[Status.INADMISSIBLE]:
+            return "some draws are inadmissible, and the coefficients take no account of that"
+        if self.expansions[output].is_logarithm:
+            return "its logarithm was expanded"
+        return ""
+
+    def to_dataset(self) -> xr.Dataset:
+        """All that evaluation needs, and what is known of the fit; see `storage`."""
+        from uqpen.surrogates.storage import to_dataset
+
+        return to_dataset(self)
+
+    def _fitted(self, inputs: Arrays) -> dict[str, FloatArray]:
+        """The variables that were fitted, at some points."""
+        every = list(self.expansions.values())
+        if not every:
+            return {}
+        indices = np.concatenate([expansion.indices for expansion in every])
+        sums = self.basis.sums(inputs, indices, [expansion.nested for expansion in every])
+        return dict(zip(self.expansions, sums, strict=True))

@@ -1,0 +1,101 @@
+"""Moments and sensitivity of an orthonormal expansion: sums of its squared coefficients.
+
+They are those of the expansion under independent inputs; how near they are to the model's is a
+matter of how well the expansion fits it.
+
+References
+----------
+Sudret, B. (2008). Reliab. Eng. Syst. Saf. 93, 964-979.
+Owen, A. B. (2014). SIAM/ASA J. Uncertain. Quantif. 2, 245-251 (Shapley effects).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["SobolIndices", "mean", "shapley_effects", "sobol_indices", "standard_deviation"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class SobolIndices:
+    """Shares of the variance.
+
+    Parameters
+    ----------
+    first, total : ndarray, shape (input,)
+        What an input does alone; what it does at all.
+    second : ndarray, shape (input, input)
+        What two inputs do together and neither does alone; symmetric, NaN on the diagonal.
+    """
+
+    first: FloatArray
+    total: FloatArray
+    second: FloatArray
+
+
+def mean(indices: IntArray, coefficients: FloatArray) -> float:
+    """The mean: the constant term's coefficient."""
+    return float(coefficients[~indices.any(axis=1)].sum())
+
+
+def standard_deviation(indices: IntArray, coefficients: FloatArray) -> float:
+    """The standard deviation: the root of all other coefficients' squares."""
+    return math.sqrt(float(np.sum(coefficients[indices.any(axis=1)] ** 2)))
+
+
+def sobol_indices(indices: IntArray, coefficients: FloatArray) -> SobolIndices:
+    """First, second and total order indices.
+
+    Parameters
+    ----------
+    indices : ndarray of int, shape (term, input)
+        The terms' degrees.
+    coefficients : ndarray, shape (term,)
+        Of orthonormal terms.
+
+    Returns
+    -------
+    SobolIndices
+        NaN for an expansion without variance.
+    """
+    variances, active = _variances(indices, coefficients)
+    inputs = active.sum(axis=1)
+    alone, pairs = active[inputs == 1], active[inputs == 2].astype(np.float64)
+    second = pairs.T @ (variances[inputs == 2, None] * pairs)
+    np.fill_diagonal(second, np.nan)
+    with np.errstate(invalid="ignore"):
+        return SobolIndices(
+            first=variances[inputs == 1] @ alone / variances.sum(),
+            total=variances @ active / variances.sum(),
+            second=second / variances.sum(),
+        )
+
+
+def shapley_effects(indices: IntArray, coefficients: FloatArray) -> FloatArray:
+    """Shapley effects: each term's variance in equal parts to the inputs in it.
+
+    Returns
+    -------
+    ndarray, shape (input,)
+        Their sum is 1; NaN for an expansion without variance.
+    """
+    variances, active = _variances(indices, coefficients)
+    with np.errstate(invalid="ignore"):
+        effects: FloatArray = variances / active.sum(axis=1) @ active / variances.sum()
+    return effects
+
+
+def _variances(
+    indices: IntArray, coefficients: FloatArray
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Each term's variance, without the constant's, and the inputs in it."""
+    active = indices > 0
+    terms = active.any(axis=1)
+    return coefficients[terms] ** 2, active[terms]

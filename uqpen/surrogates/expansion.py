@@ -1,0 +1,123 @@
+"""The expansion of one output: its terms, and how well they fit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.model import Output
+from uqpen.surrogates.basis import Nested, nested
+from uqpen.surrogates.fit_noise import FitNoise
+
+__all__ = ["Check", "Expansion"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Check:
+    """How well an expansion meets runs that it was not fitted to.
+
+    Parameters
+    ----------
+    runs : int
+        How many came back.
+    q2 : float
+        One less the mean square error over the variance, of the variable that was fitted.
+    q2_of_output : float
+        The same of the output itself; NaN where the expansion is not finite at a run.
+    """
+
+    runs: int = 0
+    q2: float = math.nan
+    q2_of_output: float = math.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """One output as a sum of orthonormal terms.
+
+    Parameters
+    ----------
+    output : Output
+        Of which model output.
+    indices : ndarray of int, shape (term, input)
+        The degrees of each term; the constant is one of them.
+    coefficients : ndarray, shape (term,)
+        In the output's SI unit, or of its logarithm.
+    is_logarithm : bool
+        Whether it is the output's natural logarithm that is expanded.
+    order : int
+        The highest order of the terms that it was chosen from.
+    method : str
+        How the coefficients were found, in words.
+    leave_one_out : float
+        Mean square of each training run's error when it is left out and the terms stay, as a share
+        of the variance; NaN where there is none.
+    cross_validation : float
+        The same at runs that took no part in choosing the terms either.
+    smallest, largest : float
+        The range of the output in the training runs.
+    noise : FitNoise
+        The scatter of figures from refitting.
+    check : Check
+        What runs of another design say.
+    """
+
+    output: Output
+    indices: IntArray
+    coefficients: FloatArray
+    is_logarithm: bool
+    order: int
+    method: str
+    leave_one_out: float
+    cross_validation: float
+    smallest: float
+    largest: float
+    noise: FitNoise
+    check: Check = Check()
+
+    @property
+    def q2(self) -> float:
+        """The share of the variance that is predicted at runs left out, by cross-validation."""
+        return 1 - self.cross_validation
+
+    @cached_property
+    def nested(self) -> Nested:
+        """The same as sums within sums, for evaluation."""
+        return nested(self.indices, self.coefficients)
+
+    def output_values(self, fitted: FloatArray) -> FloatArray:
+        """The output from the variable that was fitted; infinite where it overflows."""
+        with np.errstate(over="ignore"):
+            return np.exp(fitted) if self.is_logarithm else fitted
+
+    def checked(self, fitted: FloatArray, truth: FloatArray) -> Check:
+        """How well the expansion meets an output's true values at some runs.
+
+        Parameters
+        ----------
+        fitted : ndarray, shape (run,)
+            The variable that was fitted, by the expansion.
+        truth : ndarray, shape (run,)
+            The output, by the model.
+        """
+        of_output = _q2(self.output_values(fitted), truth)
+        if not self.is_logarithm:
+            return Check(len(truth), of_output, of_output)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return Check(len(truth), _q2(fitted, np.log(truth)), of_output)
+
+
+def _q2(found: FloatArray, truth: FloatArray) -> float:
+    """One less the mean square error over the variance; NaN of values that are not finite."""
+    if len(truth) < 2:
+        return math.nan
+    with np.errstate(all="ignore"):
+        q2 = 1 - float(np.mean((found - truth) ** 2) / np.var(truth, ddof=1))
+    return q2 if math.isfinite(q2) else math.nan

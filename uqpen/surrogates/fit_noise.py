@@ -1,0 +1,97 @@
+"""The scatter of an expansion's figures when it is fitted again to other runs of the same kind.
+
+It tells how much the figures owe to which runs were drawn. It is no interval: what the basis
+cannot express, and what lies in a tail that no run has met, it does not see. Intervals made of it
+held the standard deviation of a heavy-tailed output in 14 of 100 studies where 95 was said.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import linalg
+
+from uqpen.surrogates.closed_forms import mean, sobol_indices, standard_deviation
+
+__all__ = ["FitNoise", "fit_noise"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+# Refits are fewer where they are large: so many at most and at least, within so many operations.
+_REFITS = 50
+_FEWEST_REFITS = 10
+_OPERATIONS = 1e9
+
+
+@dataclass(frozen=True, eq=False)
+class FitNoise:
+    """Standard deviations of an expansion's figures over refits.
+
+    Parameters
+    ----------
+    refits : int
+        How many; 0 where there is nothing to resample, and then the rest is NaN.
+    mean, std : float
+        Of the mean and of the standard deviation of the variable that was fitted.
+    first : ndarray, shape (input,)
+        Of the first-order indices.
+    """
+
+    refits: int
+    mean: float
+    std: float
+    first: FloatArray
+
+    @classmethod
+    def none(cls, inputs: int) -> FitNoise:
+        """No refits: the runs were no sample, or too few."""
+        return cls(0, math.nan, math.nan, np.full(inputs, np.nan))
+
+
+def fit_noise(
+    matrix: FloatArray, indices: IntArray, values: FloatArray, rng: np.random.Generator
+) -> FitNoise:
+    """Refit an expansion's terms to runs drawn from its own, with replacement.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (run, term)
+        The terms at the training runs.
+    indices : ndarray of int, shape (term, input)
+        Their degrees.
+    values : ndarray, shape (run,)
+        The variable that was fitted.
+    rng : Generator
+        For the resampling.
+    """
+    runs, terms = matrix.shape
+    refits = int(np.clip(_OPERATIONS / (runs * terms**2), _FEWEST_REFITS, _REFITS))
+    centre, spread = values.mean(), values.std()
+    standard = (values - centre) / spread
+    # Refits start from the fit: what they change follows from its residuals alone.
+    q, r = np.linalg.qr(matrix)
+    coefficients = linalg.solve_triangular(r, q.T @ standard)
+    residual = standard - q @ (q.T @ standard)
+    figures = []
+    for _ in range(refits):
+        times = np.bincount(rng.integers(runs, size=runs), minlength=runs)
+        if np.count_nonzero(times) <= terms:
+            continue  # too few different runs for so many terms
+        try:
+            factor = linalg.cho_factor(q.T @ (times[:, None] * q))
+        except linalg.LinAlgError:
+            continue  # they do not tell the terms apart
+        change = linalg.cho_solve(factor, q.T @ (times * residual))
+        found = coefficients + linalg.solve_triangular(r, change)
+        moments = mean(indices, found), standard_deviation(indices, found)
+        figures.append([*moments, *sobol_indices(indices, found).first])
+    if len(figures) < _FEWEST_REFITS:
+        return FitNoise.none(indices.shape[1])
+    scatter = np.std(figures, axis=0, ddof=1)
+    return FitNoise(
+        len(figures), float(scatter[0] * spread), float(scatter[1] * spread), scatter[2:]
+    )

@@ -1,0 +1,179 @@
+"""Polynomial chaos: a model's outputs as sums of polynomials orthonormal under its input law."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.inputs.law import InputLaw
+from uqpen.labels import Status
+from uqpen.model import Model, Output
+from uqpen.settings import choice, choices, count, name, number
+from uqpen.streams import Stream
+from uqpen.surrogates.basis import Basis
+from uqpen.surrogates.chaos_model import ChaosModel
+from uqpen.surrogates.expansion import Expansion
+from uqpen.surrogates.fit_noise import FitNoise, fit_noise
+from uqpen.surrogates.order import HIGHEST_ORDER, Points, Terms, by_projection, by_regression
+from uqpen.surrogates.surrogate import Surrogate
+from uqpen.surrogates.training import Training
+
+__all__ = ["PolynomialChaos"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# Polynomials of higher orders than this are noise between any two runs.
+_HIGHEST_ORDER_GIVEN = 50
+
+_LOST_NODES = "least-squares, as nodes of its rule were lost"
+
+
+@dataclass(frozen=True)
+class PolynomialChaos(Surrogate):
+    """A sum of products of polynomials, each orthonormal under the law of its input.
+
+    Parameters
+    ----------
+    design : str
+        The design whose runs it is fitted to.
+    order : int, optional
+        The highest order of its terms; without it, the one that best predicts runs left out.
+    truncation : float
+        Terms of degrees k have (Σ k^q)^(1/q) at most the order. 1 takes all up to a total degree,
+        less leaves out interactions of high degree.
+    method : str
+        ``"sparse"`` keeps the terms that lower the leave-one-out error; ``"least-squares"`` all of
+        them; ``"projection"`` integrates over the nodes of a quadrature.
+    transform : mapping of str to str
+        Outputs that are fitted as their logarithm (``"log"``).
+    check : str, optional
+        A design whose runs show how good it is.
+
+    References
+    ----------
+    Xiu, D. & Karniadakis, G. E. (2002). SIAM J. Sci. Comput. 24, 619-644.
+    Blatman, G. & Sudret, B. (2011). J. Comput. Phys. 230, 2345-2367.
+    """
+
+    design: str = name()
+    order: int | None = count(maximum=_HIGHEST_ORDER_GIVEN, default=None)
+    truncation: float = number(above=0, at_most=1, default=1.0)
+    method: str = choice("sparse", "least-squares", "projection", default="sparse")
+    transform: Mapping[str, str] = choices("log")
+    check: str | None = name(default=None)
+
+    @property
+    def needs_rule(self) -> bool:
+        """Whether its design must be an integration rule."""
+        return self.method == "projection"
+
+    def fit(
+        self, name: str, runs: xr.Dataset, model: Model, law: InputLaw, stream: Stream
+    ) -> ChaosModel:
+        """Fit every output that has numbers; see `Surrogate.fit`."""
+        # Imported where it is used: whoever only evaluates a surrogate needs none of it.
+        from threadpoolctl import threadpool_limits
+
+        # A sum's last bits depend on how many threads share it; and on a busy machine the threads
+        # of the linear algebra wait for each other fifty times as long as they work.
+        with threadpool_limits(limits=1, user_api="blas"):
+            return self._fitted(name, runs, model, law, stream)
+
+    def _fitted(
+        self, name: str, runs: xr.Dataset, model: Model, law: InputLaw, stream: Stream
+    ) -> ChaosModel:
+        """The model, whatever the threads."""
+        training = Training.of(runs, model, law)
+        # A rule's nodes are exact for polynomials of the inputs, not of their logarithms.
+        basis = Basis.of(law, self.order or HIGHEST_ORDER, logarithms=not self.needs_rule)
+        expansions: dict[str, Expansion] = {}
+        reasons: dict[str, str] = {}
+        for output in model.outputs:
+            found = self._expansion(output, training, basis, stream)
+            if isinstance(found, Expansion):
+                expansions[output.name] = found
+            else:
+                reasons[output.name] = found
+        return ChaosModel(
+            name=name,
+            inputs=model.inputs,
+            outputs=tuple(expansion.output for expansion in expansions.values()),
+            basis=basis,
+            expansions=expansions,
+            reasons=reasons,
+            fixed=training.fixed,
+            truncation=self.truncation,
+            design=self.design,
+            counts={status: training.counts[status] for status in Status},
+            is_independent=law.is_independent,
+            original=model,
+        )
+
+    def _expansion(
+        self, output: Output, training: Training, basis: Basis, stream: Stream
+    ) -> Expansion | str:
+        """The expansion of one output, or why there is none."""
+        is_logarithm = self.transform.get(output.name) == "log"
+        if output.categories:
+            return "it has kinds, not numbers"
+        problem = training.obstacle or _problem(training.outputs[output.name], is_logarithm)
+        if problem:
+            return problem
+        values = training.outputs[output.name]
+        fitted = np.log(values) if is_logarithm else values
+        points = Points(basis, training.inputs, self.truncation)
+        # Of size one, so that neither units nor a large mean cost any figures.
+        centre, spread = float(fitted.mean()), float(fitted.std())
+        rng = stream.generator("folds", output.name)
+        method, terms = self._terms(points, (fitted - centre) / spread, training, rng)
+        if isinstance(terms, str):
+            return terms
+        is_constant = ~terms.indices.any(axis=1)
+        noise = FitNoise.none(len(basis.germs))
+        if not training.is_rule:
+            matrix, rng = points.matrix(terms.indices), stream.generator("refits", output.name)
+            noise = fit_noise(matrix, terms.indices, fitted, rng)
+        return Expansion(
+            output=output,
+            indices=terms.indices,
+            coefficients=terms.coefficients * spread + np.where(is_constant, centre, 0.0),
+            is_logarithm=is_logarithm,
+            order=terms.order,
+            method=method,
+            leave_one_out=terms.leave_one_out,
+            cross_validation=terms.cross_validation,
+            smallest=float(values.min()),
+            largest=float(values.max()),
+            noise=noise,
+        )
+
+    def _terms(
+        self,
+        points: Points,
+        values: FloatArray,
+        training: Training,
+        rng: np.random.Generator,
+    ) -> tuple[str, Terms | str]:
+        """How the terms were found, and they, or why there are none."""
+        if not self.needs_rule:
+            return self.method, by_regression(points, values, self.method, self.order, rng)
+        if training.weights is None:
+            # What is left of a rule is no rule: its weights would integrate the lost nodes as 0.
+            lost = by_regression(points, values, "least-squares", self.order, rng)
+            return _LOST_NODES if training.is_rule else "least-squares", lost
+        return self.method, by_projection(points, training.weights, values, self.order)
+
+
+def _problem(values: FloatArray, is_logarithm: bool) -> str:
+    """Why an output cannot be fitted, whatever the terms; empty if it can."""
+    if not np.isfinite(values).all():
+        return f"it is not finite in {int((~np.isfinite(values)).sum())} runs that came back"
+    if (values == values[0]).all():
+        return f"it does not vary: it is {values[0]:g} in every run"
+    if is_logarithm and not (values > 0).all():
+        return f"it has no logarithm where it is not positive: its least value is {values.min():g}"
+    return ""

@@ -1,0 +1,35 @@
+"""Coefficients from an integration rule: each is the integral of the output times its term."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["is_exact", "projected"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# Nodes and weights come from a library with about this accuracy.
+_TOLERANCE = 1e-8
+
+
+def is_exact(matrix: FloatArray, weights: FloatArray) -> bool:
+    """Whether a rule finds the terms orthonormal, as they are.
+
+    Where it does not, a coefficient takes up what belongs to other terms.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (node, term)
+        The terms at the nodes.
+    weights : ndarray, shape (node,)
+        Of the rule; some may be negative.
+    """
+    products = matrix.T @ (weights[:, None] * matrix)
+    return bool(np.abs(products - np.eye(matrix.shape[1])).max() < _TOLERANCE)
+
+
+def projected(matrix: FloatArray, weights: FloatArray, values: FloatArray) -> FloatArray:
+    """The coefficients, Σ w ψ f."""
+    coefficients: FloatArray = matrix.T @ (weights * values)
+    return coefficients

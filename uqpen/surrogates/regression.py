@@ -1,0 +1,184 @@
+"""Coefficients from runs: least squares on all terms, or on those that a sparse fit chooses.
+
+A sparse fit takes the terms one by one, always the one most correlated with what is left, and
+keeps as many as have the least leave-one-out error (orthogonal matching pursuit). That error needs
+no refitting: it follows from the residuals and the leverages of one fit. But it is of terms that
+the run left out has helped to choose, and so too small; cross-validation chooses them anew.
+
+References
+----------
+Blatman, G. & Sudret, B. (2011). J. Comput. Phys. 230, 2345-2367.
+Chapelle, O., Vapnik, V. & Bengio, Y. (2002). Mach. Learn. 48, 9-23 (the correction for few runs).
+Tropp, J. & Gilbert, A. (2007). IEEE Trans. Inf. Theory 53, 4655-4666.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import linalg
+
+__all__ = ["FOLDS", "Fit", "cross_validation", "least_squares", "sparse"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+# A sparse fit takes at most so many terms, and at most this share of the runs.
+_MOST_TERMS = 400
+_MOST_OF_THE_RUNS = 0.5
+# It ends when so many terms in a row have not lowered the error, or when nothing is left to fit.
+_PATIENCE = 20
+_NOTHING_LEFT = 1e-14
+
+# Into so many parts runs are divided for cross-validation.
+FOLDS = 5
+
+# A column that adds less than this share of itself to those before depends on them.
+_DEPENDENT = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Coefficients of terms, and what tells how good they are.
+
+    Parameters
+    ----------
+    terms : ndarray of int, shape (term,)
+        Which columns of the matrix have a coefficient, ascending.
+    coefficients : ndarray, shape (term,)
+        Theirs.
+    leave_one_out : float
+        Mean square of each run's error when it is left out, as a share of the variance.
+    corrected : float
+        The same, raised by what few runs make too good of many terms: what fits on the same runs
+        are compared by. Infinite where that cannot be told.
+    """
+
+    terms: IntArray
+    coefficients: FloatArray
+    leave_one_out: float
+    corrected: float
+
+
+def least_squares(matrix: FloatArray, values: FloatArray) -> Fit | None:
+    """Ordinary least squares on all columns; None where they depend on each other.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (run, term)
+        With more rows than columns.
+    values : ndarray, shape (run,)
+        What is fitted; not constant.
+    """
+    runs, terms = matrix.shape
+    if runs <= terms:
+        return None
+    q, r = np.linalg.qr(matrix)
+    size = np.abs(np.diagonal(r))
+    if not size.min() > _DEPENDENT * size.max():
+        return None
+    coefficients = linalg.solve_triangular(r, q.T @ values)
+    error = _leave_one_out(values - q @ (q.T @ values), (q**2).sum(axis=1), values)
+    inverse = linalg.solve_triangular(r, np.eye(terms))
+    corrected = error * _correction(runs, terms, float((inverse**2).sum()))
+    return Fit(np.arange(terms), coefficients, error, corrected)
+
+
+def sparse(matrix: FloatArray, values: FloatArray) -> Fit | None:
+    """Least squares on as few columns as have the least leave-one-out error.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (run, term)
+        All candidates, the constant first; there may be more of them than runs.
+    values : ndarray, shape (run,)
+        What is fitted; not constant.
+    """
+    chosen, corrected = _pursuit(matrix, values)
+    terms = np.sort(np.array(chosen, dtype=np.int64))
+    fit = least_squares(matrix[:, terms], values)
+    return fit and Fit(terms, fit.coefficients, fit.leave_one_out, corrected)
+
+
+def cross_validation(matrix: FloatArray, values: FloatArray, folds: IntArray) -> float:
+    """Mean square error of a sparse fit at runs that neither its terms nor it have seen.
+
+    Parameters
+    ----------
+    matrix, values
+        As for `sparse`.
+    folds : ndarray of int, shape (run,)
+        The part that each run belongs to, from 0 to `FOLDS` - 1.
+
+    Returns
+    -------
+    float
+        As a share of the variance.
+    """
+    squares = 0.0
+    for fold in range(FOLDS):
+        out = folds == fold
+        fit = sparse(matrix[~out], values[~out])
+        if fit is None:
+            return np.inf
+        error = values[out] - matrix[np.ix_(out, fit.terms)] @ fit.coefficients
+        squares += float(np.sum(error**2))
+    return squares / len(values) / float(np.var(values, ddof=1))
+
+
+def _pursuit(matrix: FloatArray, values: FloatArray) -> tuple[list[int], float]:
+    """The columns of the best of all fits on the way, and its corrected error."""
+    runs, candidates = matrix.shape
+    most = min(candidates, max(int(_MOST_OF_THE_RUNS * runs), 1), _MOST_TERMS)
+    norms = np.sqrt((matrix**2).sum(axis=0))
+    is_free = norms > 0
+    q, inverse = np.empty((runs, most), order="F"), np.zeros((most, most))
+    residual, leverage = values.copy(), np.zeros(runs)
+    chosen: list[int] = []
+    best, best_error = 1, np.inf
+    for count in range(most):
+        gains = np.abs(residual @ matrix) / np.where(is_free, norms, np.inf)
+        column = int(gains.argmax()) if count else 0
+        is_free[column] = False
+        projection, direction = _orthogonalised(q[:, :count], matrix[:, column])
+        length = float(np.linalg.norm(direction))
+        if not length > _DEPENDENT * norms[column]:
+            break
+        q[:, count] = direction / length
+        # The inverse of R grows by a column; its squares are the trace that the correction needs.
+        inverse[:count, count] = -inverse[:count, :count] @ projection / length
+        inverse[count, count] = 1 / length
+        residual = residual - q[:, count] * (q[:, count] @ residual)
+        leverage += q[:, count] ** 2
+        chosen.append(column)
+        error = _leave_one_out(residual, leverage, values)
+        error *= _correction(runs, count + 1, float((inverse**2).sum()))
+        if error < best_error:
+            best, best_error = count + 1, error
+        is_done = np.linalg.norm(residual) <= _NOTHING_LEFT * np.linalg.norm(values)
+        if is_done or count + 1 - best > _PATIENCE:
+            break
+    return chosen[:best], best_error
+
+
+def _orthogonalised(q: FloatArray, column: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What a column has in common with orthonormal ones, and what is left of it."""
+    first = q.T @ column
+    rest = column - q @ first
+    # Twice is enough (Kahan): rounding leaves a little in common after the first time.
+    second = q.T @ rest
+    return first + second, rest - q @ second
+
+
+def _leave_one_out(residual: FloatArray, leverage: FloatArray, values: FloatArray) -> float:
+    """Mean square of e / (1 - h), as a share of the variance."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = float(np.mean((residual / (1 - leverage)) ** 2) / np.var(values, ddof=1))
+    return error if np.isfinite(error) else np.inf
+
+
+def _correction(runs: int, terms: int, trace: float) -> float:
+    """Chapelle's factor n / (n - P) · (1 + tr C⁻¹ / n), with C the mean of ψψᵀ."""
+    return runs / (runs - terms) * (1 + trace) if runs > terms else np.inf
