@@ -268,6 +268,7 @@ def test_quantiles_of_lumps_of_probability_are_covered(
             used=everything,
             missing=everything[:0],
             points=np.empty((runs, 0)),
+            inputs=(),
             replicates=everything // (runs // 10),
             sampling=sampling,
         )

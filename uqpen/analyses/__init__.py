@@ -24,6 +24,22 @@ ANALYSES = {
     "exceedance": ["uqpen.analyses.probabilities:exceedance"],
     "cdfs": ["uqpen.analyses.cdfs:cdf"],
     "shares": ["uqpen.analyses.probabilities:shares"],
+    "sensitivity": [
+        "uqpen.analyses.given_data:first_order",
+        "uqpen.analyses.correlations:correlations",
+        "uqpen.analyses.delta:delta",
+    ],
 }
 
-ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType({})
+ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType(
+    {
+        Sampling.PICK_FREEZE: {
+            "sensitivity": ["uqpen.analyses.sobol_indices:sobol_indices"],
+        },
+        Sampling.RULE: {"moments": ["uqpen.analyses.integration:rule_moments"]},
+        Sampling.TRAJECTORIES: {
+            "sensitivity": ["uqpen.analyses.elementary_effects:elementary_effects"],
+        },
+        Sampling.STEPS: {"sensitivity": ["uqpen.analyses.responses:responses"]},
+    }
+)

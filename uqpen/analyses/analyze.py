@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import xarray as xr
@@ -20,7 +20,9 @@ __all__ = ["analyze"]
 Answers = Iterator[tuple[str, xr.DataArray]]
 
 
-def analyze(runs: xr.Dataset, questions: Sequence[Question]) -> dict[str, xr.Dataset]:
+def analyze(
+    runs: xr.Dataset, questions: Sequence[Question], *, only: Collection[str] | None = None
+) -> dict[str, xr.Dataset]:
     """All that the runs of a design can tell.
 
     Parameters
@@ -29,6 +31,8 @@ def analyze(runs: xr.Dataset, questions: Sequence[Question]) -> dict[str, xr.Dat
         With ``status(run)``, and attributes that say how the points were drawn.
     questions : sequence of Question
         One for each output.
+    only : collection of str, optional
+        The groups that are wanted, where not all are.
 
     Returns
     -------
@@ -44,15 +48,25 @@ def analyze(runs: xr.Dataset, questions: Sequence[Question]) -> dict[str, xr.Dat
             question.output.name: Sample.of(drawn, question.output.name) for question in questions
         }
         groups = _answered(
-            ANALYSES, questions, lambda question: samples[question.output.name], _accounts(drawn)
+            _wanted(ANALYSES, only),
+            questions,
+            lambda question: samples[question.output.name],
+            _accounts(drawn),
         )
-        groups[STATUSES] = xr.Dataset(dict(statuses(drawn)), attrs=_accounts(drawn))
-    made_for = ANALYSES_OF_DESIGNS.get(sampling, {})
+        if only is None or STATUSES in only:
+            groups[STATUSES] = xr.Dataset(dict(statuses(drawn)), attrs=_accounts(drawn))
+    made_for = _wanted(ANALYSES_OF_DESIGNS.get(sampling, {}), only)
     for group, answers in _answered(made_for, questions, lambda _: runs, _accounts(runs)).items():
         # What a design is made to tell, it tells better than its sample does.
         groups[group] = answers.merge(groups.get(group, xr.Dataset()), compat="override")
         groups[group].attrs = answers.attrs
     return groups
+
+
+def _wanted(
+    analyses: Mapping[str, Sequence[str]], only: Collection[str] | None
+) -> Mapping[str, Sequence[str]]:
+    return analyses if only is None else {k: v for k, v in analyses.items() if k in only}
 
 
 def _answered(

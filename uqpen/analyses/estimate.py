@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -84,24 +84,52 @@ class Estimate:
         asked beside it must not change what is said of a figure. Where several variables share the
         dimension, `name`, the variable's own, tells their coordinates apart.
         """
-        array = xr.DataArray(
-            np.array([estimate.bounds for estimate in estimates]),
-            {BOUND: list(BOUNDS)},
-            (dimension, BOUND),
-            attrs={"units": units, "long_name": long_name, INTERVAL_LEVEL: LEVEL},
-        )
-        told = {
-            INTERVAL: [estimate.method for estimate in estimates],
-            INTERVAL_LABEL: [estimate.label for estimate in estimates],
-            NOTE: [estimate.note for estimate in estimates],
+        called = name or dimension
+        return _arranged(estimates, {dimension: len(estimates)}, called, units, long_name)
+
+    @staticmethod
+    def table(
+        rows: Sequence[Sequence[Estimate]],
+        dimensions: tuple[str, str],
+        *,
+        units: str,
+        long_name: str,
+        name: str,
+    ) -> xr.DataArray:
+        """Estimates along two dimensions and ``bound``; like `stack` otherwise."""
+        shape = dict(zip(dimensions, (len(rows), len(rows[0])), strict=True))
+        estimates = [estimate for row in rows for estimate in row]
+        return _arranged(estimates, shape, name, units, long_name)
+
+
+def _arranged(
+    estimates: Sequence[Estimate],
+    shape: Mapping[str, int],
+    called: str,
+    units: str,
+    long_name: str,
+) -> xr.DataArray:
+    """Estimates along dimensions, with what each says of its own interval beside it."""
+    dimensions, sizes = tuple(shape), tuple(shape.values())
+    bounds = np.array([estimate.bounds for estimate in estimates])
+    array = xr.DataArray(
+        bounds.reshape(*sizes, len(BOUNDS)),
+        {BOUND: list(BOUNDS)},
+        (*dimensions, BOUND),
+        attrs={"units": units, "long_name": long_name, INTERVAL_LEVEL: LEVEL},
+    )
+    told = {
+        INTERVAL: [estimate.method for estimate in estimates],
+        INTERVAL_LABEL: [estimate.label for estimate in estimates],
+        NOTE: [estimate.note for estimate in estimates],
+    }
+    return array.assign_coords(
+        {
+            f"{called}_{what}": (
+                dimensions,
+                np.array(texts, dtype=object).reshape(sizes),
+                {"long_name": what.replace("_", " ")},
+            )
+            for what, texts in told.items()
         }
-        return array.assign_coords(
-            {
-                f"{name or dimension}_{what}": (
-                    dimension,
-                    np.array(texts, dtype=object),
-                    {"long_name": what.replace("_", " ")},
-                )
-                for what, texts in told.items()
-            }
-        )
+    )

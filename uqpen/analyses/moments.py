@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -15,22 +13,13 @@ from uqpen.analyses.estimate import LEVEL, Estimate
 from uqpen.analyses.quantiles import is_regular, quantile
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Plan, Sample
+from uqpen.analyses.shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, Shape
 from uqpen.intervals import student_quantile
 
 __all__ = ["moments"]
 
-FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-# Where the standard deviation's interval stopped covering in simulations: a tail so heavy that
-# only a few runs decide the variance. With few runs a heavy tail need not show in them: below the
-# first number it did not as a rule, up to the second now and then.
-_HEAVY_KURTOSIS = 6.0
-_FEWEST_EFFECTIVE_RUNS = 1000.0
-_FEWEST_RUNS_FOR_TAILS = 200
-_ENOUGH_RUNS_FOR_TAILS = 1000
-# A law with a heavier tail may give a sample below the former limit; seldom one below this.
-_DOUBTFUL_KURTOSIS = 4.5
 # Means over replicates covered less than said on heavy tails below this many runs.
 _FEWEST_RUNS_FOR_HEAVY_MEANS = 5000
 # With fewer effective runs than this the law may well have no variance, or not even a mean.
@@ -39,7 +28,7 @@ _FEWEST_RUNS_FOR_A_MEAN = 20
 # About one standard deviation either side of the median, for a normal law.
 _LOW, _HIGH = 0.16, 0.84
 
-_NO_TAIL_SEEN = f"fewer than {_FEWEST_RUNS_FOR_TAILS} runs do not show a heavy tail"
+_NO_TAIL_SEEN = f"fewer than {FEWEST_RUNS_FOR_TAILS} runs do not show a heavy tail"
 _DIAGNOSIS = "a diagnosis of the tail, not an estimate"
 _CONSTANT = "the output does not vary"
 _REPLICATES_AGREE = "the strata leave no scatter, so nothing tells the error"
@@ -62,7 +51,7 @@ def moments(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataAr
     if question.output.categories:
         return
     name, title = question.output.name, question.output.title
-    shape = _Shape(sample)
+    shape = Shape(sample)
     for statistic, estimate, long_name in (
         ("mean", _mean(sample, shape), "mean"),
         ("std", _std(sample, shape), "standard deviation"),
@@ -82,71 +71,7 @@ def moments(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataAr
         yield f"{name}_{statistic}", estimate.to_array(units="1", long_name=long_name)
 
 
-@dataclass(frozen=True)
-class _Shape:
-    """A sample's deviations from its mean, and how much of them hangs on how few runs."""
-
-    sample: Sample
-
-    @cached_property
-    def mean(self) -> float:
-        values = self.sample.values
-        if not self.sample.size or self.sample.is_constant:
-            return float(values[0]) if self.sample.size else math.nan
-        # The sum of values over their largest cannot overflow.
-        largest = float(np.abs(values).max())
-        return float((values / largest).mean()) * largest
-
-    @cached_property
-    def scale(self) -> float:
-        """The largest deviation: powers of what is divided by it neither overflow nor vanish."""
-        if not self.sample.size:
-            return math.nan
-        return float(np.abs(self.sample.values - self.mean).max())
-
-    @cached_property
-    def deviations(self) -> FloatArray:
-        """Deviations from the mean over `scale`."""
-        if not self.scale > 0:
-            return np.zeros(self.sample.size)
-        scaled: FloatArray = (self.sample.values - self.mean) / self.scale
-        return scaled
-
-    def _moment(self, power: int) -> float:
-        return float((self.deviations**power).mean()) if self.scale > 0 else math.nan
-
-    @property
-    def skewness(self) -> float:
-        return float(self._moment(3) / self._moment(2) ** 1.5)
-
-    @property
-    def kurtosis(self) -> float:
-        return self._moment(4) / self._moment(2) ** 2
-
-    @property
-    def effective_runs(self) -> float:
-        return self.sample.size / self.kurtosis
-
-    @property
-    def is_heavy(self) -> bool:
-        is_few = self.effective_runs < _FEWEST_EFFECTIVE_RUNS
-        return self.kurtosis > _HEAVY_KURTOSIS and is_few
-
-    @property
-    def is_doubtful(self) -> bool:
-        """Whether a heavier tail may be there that these runs do not show."""
-        if self.sample.size < _ENOUGH_RUNS_FOR_TAILS:
-            return True
-        is_few = self.effective_runs < _FEWEST_EFFECTIVE_RUNS
-        return self.kurtosis > _DOUBTFUL_KURTOSIS and is_few
-
-    @property
-    def tail(self) -> str:
-        """The tail in figures."""
-        return f"kurtosis {self.kurtosis:.3g}, {self.effective_runs:.0f} effective runs"
-
-
-def _mean(sample: Sample, shape: _Shape) -> Estimate:
+def _mean(sample: Sample, shape: Shape) -> Estimate:
     if reason := sample.reason_for_none:
         return Estimate.without_bounds(shape.mean, reason)
     error, freedom = sample.standard_error(shape.deviations)
@@ -165,14 +90,14 @@ def _mean(sample: Sample, shape: _Shape) -> Estimate:
         return estimate.noting(
             f"heavy tail ({shape.tail}): below 5 000 runs it may cover less often than it says"
         )
-    if sample.size >= _FEWEST_RUNS_FOR_TAILS and shape.effective_runs < _FEWEST_RUNS_FOR_A_MEAN:
+    if sample.size >= FEWEST_RUNS_FOR_TAILS and shape.effective_runs < _FEWEST_RUNS_FOR_A_MEAN:
         return estimate.noting(f"it hangs on so few runs ({shape.tail}) that it may not exist")
-    if sample.size < _FEWEST_RUNS_FOR_TAILS and not sample.is_constant:
+    if sample.size < FEWEST_RUNS_FOR_TAILS and not sample.is_constant:
         return estimate.noting(f"{_NO_TAIL_SEEN}; with one it covers less often than it says")
     return estimate
 
 
-def _std(sample: Sample, shape: _Shape) -> Estimate:
+def _std(sample: Sample, shape: Shape) -> Estimate:
     if sample.size < 2 or sample.is_constant:
         value = 0.0 if sample.size > 1 else math.nan
         return Estimate.without_bounds(value, sample.reason_for_none or _CONSTANT)
@@ -182,7 +107,7 @@ def _std(sample: Sample, shape: _Shape) -> Estimate:
     # less than that of independent draws; for those it makes the divisor one run less.
     error, freedom = sample.standard_error(shape.deviations)
     std = math.hypot(float(shape.deviations.std()), error)
-    if sample.size < _FEWEST_RUNS_FOR_TAILS:
+    if sample.size < FEWEST_RUNS_FOR_TAILS:
         return Estimate.without_bounds(std * shape.scale, _NO_TAIL_SEEN)
     if shape.is_heavy:
         reason = f"heavy tail ({shape.tail}): no interval covers; see half the 16–84 % range"
@@ -197,9 +122,7 @@ def _std(sample: Sample, shape: _Shape) -> Estimate:
     method = f"delta method on the logarithm, {sample.plan}"
     estimate = Estimate(value, value / factor, value * factor, method, label)
     if shape.is_doubtful:
-        return estimate.noting(
-            "if the tail is heavier than these runs show, it covers less often than it says"
-        )
+        return estimate.noting(DOUBTFUL_TAIL)
     return estimate
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,13 @@ from uqpen.analyses.sample import Plan, Sample
 from uqpen.intervals import clopper_pearson, student_quantile
 from uqpen.labels import STATUS_TEXT, Status
 
-__all__ = ["exceedance", "shares", "statuses"]
+__all__ = [
+    "category_coordinates",
+    "exceedance",
+    "shares",
+    "statuses",
+    "threshold_coordinates",
+]
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -41,18 +48,19 @@ def exceedance(sample: Sample, question: Question) -> Iterator[tuple[str, xr.Dat
         units="1",
         long_name=f"probability that {question.output.title} exceeds a value",
     )
+    yield name, array.assign_coords(threshold_coordinates(question))
+
+
+def threshold_coordinates(question: Question) -> dict[str, Any]:
+    """The coordinates along ``<output>_threshold``: the values asked, as written and in SI."""
+    dimension = f"{question.output.name}_threshold"
     written = np.array([threshold.text for threshold in question.exceeds], dtype=object)
     values = np.array([threshold.value for threshold in question.exceeds])
     described = {"units": question.output.unit, "long_name": "value exceeded"}
-    yield (
-        name,
-        array.assign_coords(
-            {
-                dimension: (dimension, written, {"long_name": "value exceeded, as written"}),
-                f"{dimension}_value": (dimension, values, described),
-            }
-        ),
-    )
+    return {
+        dimension: (dimension, written, {"long_name": "value exceeded, as written"}),
+        f"{dimension}_value": (dimension, values, described),
+    }
 
 
 def shares(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataArray]]:
@@ -76,17 +84,18 @@ def shares(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataArr
         units="1",
         long_name=f"share of {question.output.title}",
     )
-    flags = np.array([category.flag for category in categories], dtype=object)
-    labels = np.array([category.label for category in categories], dtype=object)
-    yield (
-        name,
-        array.assign_coords(
-            {
-                dimension: (dimension, flags, {"long_name": "kind"}),
-                f"{dimension}_label": (dimension, labels, {"long_name": "kind, to be read"}),
-            }
-        ),
-    )
+    yield name, array.assign_coords(category_coordinates(question))
+
+
+def category_coordinates(question: Question) -> dict[str, Any]:
+    """The coordinates along ``<output>_category``: the kinds, as flags and to be read."""
+    dimension = f"{question.output.name}_category"
+    flags = np.array([category.flag for category in question.output.categories], dtype=object)
+    labels = np.array([category.label for category in question.output.categories], dtype=object)
+    return {
+        dimension: (dimension, flags, {"long_name": "kind"}),
+        f"{dimension}_label": (dimension, labels, {"long_name": "kind, to be read"}),
+    }
 
 
 def statuses(runs: xr.Dataset) -> Iterator[tuple[str, xr.DataArray]]:

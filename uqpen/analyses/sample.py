@@ -13,7 +13,9 @@ import xarray as xr
 
 from uqpen.intervals import additive_residual_error, ratio_error
 from uqpen.labels import (
+    DEPENDENCE,
     MATRIX,
+    OPTIMIZED_BY,
     REPLICATE,
     ROLE,
     ROUND,
@@ -88,6 +90,10 @@ class Sample:
         The replicate of each point, from 0.
     sampling : Sampling
         How the design drew its points.
+    dependence : str
+        How the inputs depend on each other; empty where they do not.
+    optimized_by : str
+        The criterion by which the points of a replicate were moved apart; empty for none.
     """
 
     values: FloatArray
@@ -97,6 +103,8 @@ class Sample:
     inputs: tuple[str, ...]
     replicates: IntArray
     sampling: Sampling
+    dependence: str = ""
+    optimized_by: str = ""
 
     @classmethod
     def of(cls, runs: xr.Dataset, name: str) -> Sample:
@@ -131,6 +139,8 @@ class Sample:
             inputs=tuple(random),
             replicates=replicates,
             sampling=Sampling(runs.attrs[SAMPLING]),
+            dependence=str(runs.attrs.get(DEPENDENCE, "")),
+            optimized_by=str(runs.attrs.get(OPTIMIZED_BY, "")),
         )
 
     def with_missing(self) -> Sample:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import xarray as xr
 
-__all__ = ["told"]
+from uqpen.labels import INTERVAL, INTERVAL_LABEL, NOTE
+
+__all__ = ["own", "told"]
 
 
 def told(array: xr.DataArray, what: str) -> str:
@@ -25,3 +27,15 @@ def told(array: xr.DataArray, what: str) -> str:
         if str(name).endswith(f"_{what}"):
             return str(coordinate.values)
     return str(array.attrs.get(what, ""))
+
+
+def own(dataset: xr.Dataset, name: str) -> xr.DataArray:
+    """A variable without what stands beside it of others along the same dimension."""
+    others = {
+        f"{other}_{what}"
+        for other in dataset.data_vars
+        if other != name
+        for what in (INTERVAL, INTERVAL_LABEL, NOTE)
+    }
+    array = dataset[name]
+    return array.drop_vars([key for key in array.coords if key in others])

@@ -1,0 +1,197 @@
+"""Correlations of an output with the inputs: of values and of ranks, simple and partial."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.analyses.estimate import LEVEL, Estimate
+from uqpen.analyses.given_inputs import INCLUDES_CORRELATION, input_coordinate, mean_ranks
+from uqpen.analyses.question import Question
+from uqpen.analyses.sample import Sample
+from uqpen.analyses.shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, Shape
+from uqpen.intervals import student_quantile
+from uqpen.labels import INPUT
+
+__all__ = ["correlations"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_FEWEST_RUNS = 30
+# Correlations nearer to one than this are one but for rounding.
+_ROUNDING = 1e-12
+
+
+def correlations(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataArray]]:
+    """Correlations of an output with each random input.
+
+    Yields
+    ------
+    name : str
+        ``<output>_pearson``, ``_spearman``; ``_partial`` and ``_partial_rank``: of what is left of
+        both when the other inputs have explained what they can by straight lines.
+    estimate : DataArray
+        Along ``input`` and ``bound``.
+    """
+    if question.output.categories or not sample.inputs:
+        return
+    name, title = question.output.name, question.output.title
+    values = _Columns(sample, is_ranked=False)
+    ranks = _Columns(sample, is_ranked=True)
+    for suffix, columns, is_partial, adjective in (
+        ("pearson", values, False, "Pearson correlations"),
+        ("spearman", ranks, False, "Spearman rank correlations"),
+        ("partial", values, True, "partial correlations"),
+        ("partial_rank", ranks, True, "partial rank correlations"),
+    ):
+        long_name = f"{adjective} of {title} with the inputs"
+        if sample.dependence and not is_partial:
+            long_name = f"{long_name}, {INCLUDES_CORRELATION}"
+        array = Estimate.stack(
+            [columns.correlation(i, is_partial=is_partial) for i in range(len(sample.inputs))],
+            INPUT,
+            units="1",
+            long_name=long_name,
+            name=f"{name}_{suffix}",
+        )
+        yield f"{name}_{suffix}", array.assign_coords(input_coordinate(sample))
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """The inputs and the output of a sample, or their ranks, and how they correlate."""
+
+    sample: Sample
+    is_ranked: bool
+
+    @cached_property
+    def shape(self) -> Shape:
+        return Shape(self.sample)
+
+    @cached_property
+    def levels(self) -> list[IntArray]:
+        """For each column, the output last, which of its values, ascending, each run has."""
+        columns = [*self.sample.points[self.sample.used].T, self.sample.values]
+        return [np.unique(column, return_inverse=True)[1] for column in columns]
+
+    @cached_property
+    def standardized(self) -> FloatArray:
+        """The columns, of mean 0 and variance 1; 0 where one does not vary."""
+        if self.is_ranked:
+            columns = [mean_ranks(level) for level in self.levels]
+        else:
+            columns = [*self.sample.points[self.sample.used].T, self.shape.deviations]
+        return np.column_stack([_standardized(column) for column in columns])
+
+    def correlation(self, i: int, *, is_partial: bool) -> Estimate:
+        """The correlation of the output with input `i`."""
+        if self.sample.size < _FEWEST_RUNS:
+            return Estimate.without_bounds(math.nan, f"{self.sample.size} runs are too few")
+        if self.sample.is_constant:
+            return Estimate.without_bounds(math.nan, "the output does not vary")
+        if not self.standardized[:, i].any():
+            return Estimate.without_bounds(math.nan, "the input does not vary")
+        weights = self._partial_weights(i) if is_partial else self._simple_weights(i)
+        if weights is None:
+            reason = "the inputs and the output follow from each other by straight lines"
+            return Estimate.without_bounds(math.nan, reason)
+        one, other = (_standardized(self.standardized @ weight) for weight in weights)
+        value = float(one @ other) / self.sample.size
+        if reason := self.sample.reason_for_none or self._reason_for_no_bounds:
+            return Estimate.without_bounds(value, reason)
+        return self._bounded(value, self._influence(one, other, weights))
+
+    def _simple_weights(self, i: int) -> tuple[FloatArray, FloatArray]:
+        unit = np.eye(self.standardized.shape[1])
+        return unit[i], unit[-1]
+
+    def _partial_weights(self, i: int) -> tuple[FloatArray, FloatArray] | None:
+        """How the residuals of input and output over the other inputs are made of the columns."""
+        varies = self.standardized.any(axis=0)
+        kept = np.flatnonzero(varies)
+        columns = self.standardized[:, kept]
+        matrix = columns.T @ columns / self.sample.size
+        if np.linalg.cond(matrix) > 1 / _ROUNDING:
+            return None
+        mine, last = int(np.flatnonzero(kept == i)[0]), len(kept) - 1
+        rest = [k for k in range(last) if k != mine]
+        weights = np.zeros((2, self.standardized.shape[1]))
+        for row, target in enumerate((mine, last)):
+            weights[row, kept[target]] = 1
+            if rest:
+                slope = np.linalg.solve(matrix[np.ix_(rest, rest)], matrix[rest, target])
+                weights[row, kept[rest]] = -slope
+        return weights[0], weights[1]
+
+    def _influence(
+        self, one: FloatArray, other: FloatArray, weights: tuple[FloatArray, FloatArray]
+    ) -> FloatArray:
+        """Each run's influence on the correlation of two combinations of the columns."""
+        value = float(one @ other) / self.sample.size
+        influence: FloatArray = one * other - value / 2 * (one**2 + other**2)
+        if not self.is_ranked:
+            return influence
+        # A run moves the ranks of all others too.
+        scales = [float((self.standardized @ weight).std()) for weight in weights]
+        for target, weight, scale in (
+            (other - value * one, weights[0], scales[0]),
+            (one - value * other, weights[1], scales[1]),
+        ):
+            for k in np.flatnonzero(weight):
+                influence += weight[k] / scale * self._moved(int(k), target)
+        return influence
+
+    def _moved(self, k: int, target: FloatArray) -> FloatArray:
+        """What each run adds to a column's mean product with `target` by moving others' ranks."""
+        level = self.levels[k]
+        at = np.bincount(level, target)
+        above = np.cumsum(at[::-1])[::-1] - at
+        # Half of what is equal lies above.
+        moved: FloatArray = (above + at / 2)[level] / mean_ranks(level).std()
+        return moved
+
+    def _bounded(self, value: float, influence: FloatArray) -> Estimate:
+        """A correlation with its bounds, by the delta method on Fisher's transform."""
+        error, freedom = self.sample.standard_error(influence)
+        if 1 - abs(value) < _ROUNDING or not error > _ROUNDING:
+            return Estimate.without_bounds(value, "the runs leave no scatter that tells the error")
+        half = student_quantile(freedom, LEVEL) * error / (1 - value**2)
+        centre = math.atanh(value)
+        estimate = Estimate(
+            value,
+            math.tanh(centre - half),
+            math.tanh(centre + half),
+            f"delta method on Fisher's transform, {self.sample.plan}",
+            "nominal",
+        )
+        # Ranks have no tail that could be hidden.
+        is_doubtful = self.shape.is_doubtful and not self.is_ranked
+        return estimate.noting(DOUBTFUL_TAIL) if is_doubtful else estimate
+
+    @property
+    def _reason_for_no_bounds(self) -> str:
+        if self.is_ranked:
+            return ""
+        if self.sample.size < FEWEST_RUNS_FOR_TAILS:
+            few = f"fewer than {FEWEST_RUNS_FOR_TAILS} runs do not show a heavy tail"
+            return f"{few}; see the correlations of ranks"
+        if self.shape.is_heavy:
+            heavy = f"heavy tail ({self.shape.tail}): no interval covers"
+            return f"{heavy}; see the correlations of ranks"
+        return ""
+
+
+def _standardized(values: FloatArray) -> FloatArray:
+    centred = values - values.mean()
+    largest = np.abs(centred).max(initial=0.0)
+    if not np.ptp(values) > 0:
+        return np.zeros(len(values))
+    scaled: FloatArray = centred / largest
+    return scaled / float(np.sqrt((scaled**2).mean()))

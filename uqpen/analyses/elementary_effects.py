@@ -1,0 +1,133 @@
+"""Elementary effects: what moving one input does, over random places of the input space."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.analyses.estimate import LEVEL, Estimate
+from uqpen.analyses.moved import moved_inputs
+from uqpen.analyses.question import Question
+from uqpen.intervals import student_quantile
+from uqpen.labels import (
+    BLOCK_NUMBER,
+    INPUT,
+    MOVED_BY,
+    MOVED_INPUT,
+    POSITION,
+    STATUS,
+    Status,
+)
+
+__all__ = ["effects_of", "elementary_effects", "mean_effect"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# With fewer, intervals covered from 89 % to 100 % in simulations; from here on, 93 % to 98 %.
+_FEWEST_EFFECTS = 10
+_FEW = "{} effects are so few that it may cover less often than it says"
+# Where fewer effects than this differ from all the others, 84 % were seen.
+_FEWEST_APART = 5
+_RARE = "only {} of {} effects differ from the others; it may cover less often than it says"
+
+_NO_INTERVAL = "no interval was found that covers"
+_NO_SCATTER = "the effects do not scatter, so nothing tells their error"
+
+
+def elementary_effects(runs: xr.Dataset, question: Question) -> Iterator[tuple[str, xr.DataArray]]:
+    """Mean, mean size and scatter of each input's elementary effects.
+
+    An effect is the change of the output over the change of the input's probability: a unit of it
+    is from the one end of the input's law to the other. Effects are of pairs of runs, so that a
+    lost run takes away no more than the two steps that touch it.
+
+    Yields
+    ------
+    name : str
+        ``<output>_mu``: the mean; ``_mu_star``: the mean of the absolute effects; ``_sigma``: the
+        standard deviation.
+    estimate : DataArray
+        Along ``input`` and ``bound``.
+
+    References
+    ----------
+    Campolongo, F., Cariboni, J. & Saltelli, A. (2007). Environ. Model. Softw. 22, 1509-1518.
+    """
+    if question.output.categories:
+        return
+    name, title = question.output.name, question.output.title
+    effects = effects_of(runs, name)
+    figures: tuple[tuple[str, Callable[[FloatArray], Estimate], str], ...] = (
+        ("mu", mean_effect, "mean elementary effect"),
+        ("mu_star", lambda found: mean_effect(np.abs(found)), "mean absolute elementary effect"),
+        ("sigma", _sigma, "standard deviation of the elementary effects"),
+    )
+    for figure, estimator, long_name in figures:
+        array = Estimate.stack(
+            [_counted(estimator(found[np.isfinite(found)]), found) for found in effects.values()],
+            INPUT,
+            units=question.output.unit,
+            long_name=f"{long_name} on {title}, for the whole of an input's probability",
+            name=f"{name}_{figure}",
+        )
+        yield f"{name}_{figure}", array.assign_coords({INPUT: list(effects)})
+
+
+def effects_of(runs: xr.Dataset, name: str) -> dict[str, FloatArray]:
+    """Every input's effects, NaN where a run of the two was lost."""
+    order = np.lexsort((runs[POSITION].values, runs[BLOCK_NUMBER].values))
+    values = np.where(runs[STATUS].values == Status.OK, runs[name].values, np.nan)[order]
+    moved = runs[MOVED_INPUT].values[order]
+    by = runs[MOVED_BY].values[order]
+    # The first run of a trajectory comes after a run of another.
+    steps = np.flatnonzero(moved >= 0)
+    effects = (values[steps] - values[steps - 1]) / by[steps]
+    return {entry: effects[moved[steps] == number] for entry, number in moved_inputs(runs).items()}
+
+
+def mean_effect(effects: FloatArray) -> Estimate:
+    """The mean of an input's effects, or of their sizes, which are independent of each other.
+
+    Parameters
+    ----------
+    effects : ndarray, shape (trajectory,)
+        One of each trajectory.
+    """
+    if not effects.size:
+        return Estimate.without_bounds(math.nan, "no step came back whole")
+    mean = float(effects.mean())
+    if effects.size == 1:
+        return Estimate.without_bounds(mean, "a single effect has no scatter")
+    largest = float(np.abs(effects).max())
+    # What differs by less than this is the same but for rounding.
+    _, counts = np.unique(np.round(effects / (largest or 1.0), 12), return_counts=True)
+    apart = effects.size - int(counts.max())
+    if not apart:
+        return Estimate.without_bounds(mean, _NO_SCATTER)
+    half = student_quantile(effects.size - 1, LEVEL) * float(effects.std(ddof=1))
+    half /= math.sqrt(effects.size)
+    estimate = Estimate(mean, mean - half, mean + half, "Student t over trajectories", "nominal")
+    if effects.size < _FEWEST_EFFECTS:
+        return estimate.noting(_FEW.format(effects.size))
+    if apart < _FEWEST_APART:
+        return estimate.noting(_RARE.format(apart, effects.size))
+    return estimate
+
+
+def _sigma(effects: FloatArray) -> Estimate:
+    if effects.size < 2:
+        return Estimate.without_bounds(math.nan, "it takes two effects at least")
+    return Estimate.without_bounds(float(effects.std(ddof=1)), _NO_INTERVAL)
+
+
+def _counted(estimate: Estimate, effects: FloatArray) -> Estimate:
+    """The estimate with a note of how many effects were lost."""
+    lost = int(np.isnan(effects).sum())
+    if not lost:
+        return estimate
+    counted = f"{lost} of {effects.size} effects touch a lost run"
+    return estimate.noting(f"{estimate.note}; {counted}" if estimate.note else counted)

@@ -1,0 +1,225 @@
+"""First-order indices from any sample of the input law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.analyses.estimate import LEVEL, Estimate
+from uqpen.analyses.given_inputs import INCLUDES_CORRELATION, input_coordinate
+from uqpen.analyses.nearby import Bins, Scatter
+from uqpen.analyses.probabilities import category_coordinates, threshold_coordinates
+from uqpen.analyses.quantiles import is_regular
+from uqpen.analyses.question import Question
+from uqpen.analyses.sample import Plan, Sample
+from uqpen.analyses.shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, Shape
+from uqpen.intervals import student_quantile
+from uqpen.labels import INPUT
+
+__all__ = ["first_order"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+# Three bins: with fewer a mean that bends cannot be told from noise.
+_FEWEST_RUNS = 48
+# Below, what a jump of the output hides in a bin is little beside the error.
+_LARGE = 0.5
+# An error below this, in standard deviations of the output, is that of rounding.
+_ROUNDING = 1e-12
+
+
+def first_order(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataArray]]:
+    """First-order indices: the share of an output's variance that an input explains by itself.
+
+    Yields
+    ------
+    name : str
+        ``<output>_first_order``; ``_log_first_order``, of the logarithm, where all values are
+        positive; ``_exceedance_first_order``, of exceeding a value, where that is asked. Of an
+        output with kinds, ``_category_first_order``.
+    estimate : DataArray
+        Along ``input`` and ``bound``; before them, ``<output>_threshold`` or ``<output>_category``.
+    """
+    if not sample.inputs:
+        return
+    name, title = question.output.name, question.output.title
+    neighbours = _Neighbours(sample)
+    if kinds := question.output.categories:
+        events = [sample.values == kind for kind in range(len(kinds))]
+        coordinates = category_coordinates(question)
+        yield neighbours.of_events(events, coordinates, f"{name}_category", f"the kind of {title}")
+        return
+    yield neighbours.of_variable(sample.values, name, title)
+    if sample.size and sample.ordered[0] > 0:
+        logarithm = np.log(sample.values)
+        yield neighbours.of_variable(logarithm, f"{name}_log", f"the logarithm of {title}")
+    if question.exceeds:
+        events = [sample.values > threshold.value for threshold in question.exceeds]
+        coordinates = threshold_coordinates(question)
+        what = f"whether {title} exceeds a value"
+        yield neighbours.of_events(events, coordinates, f"{name}_exceedance", what)
+
+
+@dataclass(frozen=True)
+class _Neighbours:
+    """The runs of a sample, put together by each of their inputs.
+
+    Parameters
+    ----------
+    sample : Sample
+        The runs.
+    """
+
+    sample: Sample
+
+    @cached_property
+    def bins(self) -> list[Bins]:
+        """The bins of each input."""
+        return [Bins.of(self.sample, column) for column in range(len(self.sample.inputs))]
+
+    @cached_property
+    def halved_bins(self) -> list[Bins]:
+        """The same, cut in two."""
+        inputs = range(len(self.sample.inputs))
+        return [Bins.of(self.sample, column, halved=True) for column in inputs]
+
+    def of_variable(self, values: FloatArray, stem: str, title: str) -> tuple[str, xr.DataArray]:
+        """Indices of a variable over the runs, along ``input``."""
+        array = Estimate.stack(
+            self._indices(_Variable(replace(self.sample, values=values))),
+            INPUT,
+            units="1",
+            long_name=self._long_name(title),
+            name=f"{stem}_first_order",
+        )
+        return f"{stem}_first_order", array.assign_coords(input_coordinate(self.sample))
+
+    def of_events(
+        self, events: Sequence[BoolArray], coordinates: Mapping[str, Any], stem: str, title: str
+    ) -> tuple[str, xr.DataArray]:
+        """Indices of what happened in which runs, a row for each event."""
+        along = next(iter(coordinates))
+        samples = [replace(self.sample, values=event.astype(np.float64)) for event in events]
+        array = Estimate.table(
+            [self._indices(_Variable(sample, is_event=True)) for sample in samples],
+            (along, INPUT),
+            units="1",
+            long_name=self._long_name(title),
+            name=f"{stem}_first_order",
+        )
+        return f"{stem}_first_order", array.assign_coords(
+            {**coordinates, **input_coordinate(self.sample)}
+        )
+
+    def _long_name(self, title: str) -> str:
+        long_name = f"first-order Sobol' indices of {title}"
+        return f"{long_name}, {INCLUDES_CORRELATION}" if self.sample.dependence else long_name
+
+    def _indices(self, variable: _Variable) -> list[Estimate]:
+        return [self._index(variable, column) for column in range(len(self.sample.inputs))]
+
+    def _index(self, variable: _Variable, column: int) -> Estimate:
+        """The share of a variable's variance that goes when an input is known."""
+        if self.sample.size < _FEWEST_RUNS:
+            return Estimate.without_bounds(math.nan, f"{self.sample.size} runs are too few")
+        if variable.sample.is_constant:
+            return Estimate.without_bounds(math.nan, variable.reason_for_constancy)
+        if not np.ptp(self.sample.points[self.sample.used, column]) > 0:
+            return Estimate.without_bounds(math.nan, "the input does not vary")
+        estimate = variable.index(self.bins[column])
+        if estimate.label == "none" or estimate.value < _LARGE:
+            return estimate
+        # Where an output jumps, the bin that holds the jump hides part of what the input explains.
+        hidden = variable.explained(self.halved_bins[column]) - estimate.value
+        return replace(estimate, upper=min(estimate.upper + 2 * max(hidden, 0.0), 1.0))
+
+
+@dataclass(frozen=True)
+class _Variable:
+    """A variable over runs, and how much of its variance an input explains."""
+
+    sample: Sample
+    is_event: bool = False
+
+    @cached_property
+    def shape(self) -> Shape:
+        return Shape(self.sample)
+
+    @cached_property
+    def standardized(self) -> FloatArray:
+        """Deviations from the mean, of variance 1."""
+        standardized: FloatArray = self.shape.deviations / self.shape.deviations.std()
+        return standardized
+
+    @cached_property
+    def variance(self) -> float:
+        """The law's variance: about its own mean, which the sample's misses by its error."""
+        error, freedom = self.sample.standard_error(self.standardized)
+        return 1 + error**2 if freedom else 1 + 1 / self.sample.size
+
+    @property
+    def reason_for_constancy(self) -> str:
+        return "it is the same in all runs" if self.is_event else "the output does not vary"
+
+    def explained(self, bins: Bins) -> float:
+        """The share of the variance that the lines of an input's bins explain."""
+        return 1 - Scatter(bins, self.standardized).variance / self.variance
+
+    def index(self, bins: Bins) -> Estimate:
+        """The same, with its bounds."""
+        value = self.explained(bins)
+        if reason := self.sample.reason_for_none or self._reason_for_no_bounds:
+            return Estimate.without_bounds(value, reason)
+        left = Scatter(bins, self.standardized)
+        influence = left.variance / self.variance * self.standardized**2 - left.influence
+        error, freedom = self.sample.standard_error(influence / self.variance)
+        return self._bounded(value, error, freedom, left.pair_noise / self.variance)
+
+    def _bounded(self, value: float, error: float, freedom: float, noise: float) -> Estimate:
+        """An index with its bounds.
+
+        Leaving out runs, or replicates, counts the noise of pairs of runs twice.
+        """
+        excess = error**2 - noise**2
+        variance = max(error**2 if self._warning else excess, noise**2)
+        if not variance > _ROUNDING**2:
+            return Estimate.without_bounds(value, "the runs leave no scatter that tells the error")
+        half = student_quantile(freedom, LEVEL) * math.sqrt(variance)
+        is_wider = bool(self._warning) or self.sample.plan is Plan.REPLICATED
+        estimate = Estimate(
+            value,
+            value - half,
+            min(value + half, 1.0),
+            f"delta method, {self.sample.plan}",
+            "conservative" if is_wider else "nominal",
+        )
+        if self._warning:
+            return estimate.noting(f"{self._warning}: it may cover less often than it says")
+        return estimate.noting(DOUBTFUL_TAIL) if self._is_doubtful else estimate
+
+    @property
+    def _is_doubtful(self) -> bool:
+        # An event has no tail that could be hidden.
+        return self.shape.is_doubtful and not self.is_event
+
+    @property
+    def _warning(self) -> str:
+        if self.sample.size < FEWEST_RUNS_FOR_TAILS:
+            return f"only {self.sample.size} runs"
+        return f"heavy tail ({self.shape.tail})" if self.shape.is_heavy else ""
+
+    @property
+    def _reason_for_no_bounds(self) -> str:
+        if self.sample.plan is Plan.SINGLE and self.sample.optimized_by:
+            return "neighbours in an input avoid each other in the others: replicates would tell"
+        if self.is_event and not is_regular(self.sample, self.sample.values.sum()):
+            return "fewer than ten runs lie on one side"
+        return ""
