@@ -18,6 +18,8 @@ from uqpen.cli.main import COMMANDS
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.errors import UqpenError
+from uqpen.inputs.copulas import COPULAS
+from uqpen.inputs.dependence import Dependence
 from uqpen.inputs.distribution import Distribution
 from uqpen.inputs.distributions import DISTRIBUTIONS
 from uqpen.lookup import resolve
@@ -80,8 +82,8 @@ def test_every_module_says_what_it_is_for(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("family", "kind"),
-    [(DESIGNS, Design), (DISTRIBUTIONS, Distribution), (MODELS, Model)],
-    ids=["designs", "distributions", "models"],
+    [(DESIGNS, Design), (DISTRIBUTIONS, Distribution), (COPULAS, Dependence), (MODELS, Model)],
+    ids=["designs", "distributions", "copulas", "models"],
 )
 def test_members_of_a_family_are_final_and_frozen(family: dict[str, str], kind: type) -> None:
     for name, reference in family.items():

@@ -16,7 +16,8 @@ import uqpen
 from uqpen.summary.digits import held, percent, sensible
 from uqpen.summary.json import as_json
 from uqpen.summary.losses import has_lost_all, losses
-from uqpen.summary.tables import OutputTable, output_tables
+from uqpen.summary.table import OutputTable
+from uqpen.summary.tables import output_tables
 
 
 @pytest.mark.parametrize(
@@ -99,12 +100,22 @@ def cell(table: OutputTable, row: str, column: str) -> str:
 def test_there_is_a_table_for_each_output_in_the_units_of_the_study(
     tables: dict[str, OutputTable],
 ) -> None:
-    assert list(tables) == [
+    of_statistics = [title for title in tables if ":" not in title]
+    assert of_statistics == [
         "penetration_depth [cm]",
         "projectile_residue [m]",
         "erosion_end_depth [m]",
         "termination",
     ]
+
+
+def test_first_order_indices_of_a_plain_sample_are_shown_where_nothing_tells_them_better(
+    tables: dict[str, OutputTable],
+) -> None:
+    table = tables["penetration_depth: shares of its variance"]
+    # Of two samples of one size, the first.
+    assert table.columns == ["first order\nfew"]
+    assert [label for label, _ in table.rows][-1] == "crater_radius"
 
 
 def test_figures_are_shown_in_the_units_of_the_study(
@@ -134,7 +145,7 @@ def test_a_percentage_scales_the_output_and_not_its_probabilities(tmp_path: Path
         kind = "monte-carlo"
         runs = 400
     """
-    (table,) = output_tables(uqpen.run(uqpen.parse_study(study, folder=tmp_path)))
+    table = next(output_tables(uqpen.run(uqpen.parse_study(study, folder=tmp_path))))
     assert table.title == "y [%]"
     assert 49 < float(cell(table, "mean", "a").split()[0]) < 51
     assert 5 < float(cell(table, "sd", "a").split()[0]) < 7

@@ -2,21 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import xarray as xr
 
 from uqpen.analyses.analyze import analyze
+from uqpen.analyses.differences import differences
+from uqpen.analyses.of_surrogate import told_by_surrogate
+from uqpen.analyses.published import published
+from uqpen.analyses.surrogate_draws import SurrogateDraws
 from uqpen.archive.provenance import CONVENTIONS, SCHEMA, provenance
 from uqpen.archive.read import SCHEMA_ATTRIBUTE
+from uqpen.comparison import Source, side_by_side
 from uqpen.designs.design import Design
 from uqpen.errors import TrajectoryError
-from uqpen.evaluation import Evaluator, Map, evaluate, join
-from uqpen.labels import RUNS, SAMPLING, TRAJECTORY
+from uqpen.evaluation import Evaluator, Map, evaluate, join, worst
+from uqpen.labels import (
+    COMPARISON,
+    DIFFERENCES,
+    MODELS,
+    RUN,
+    RUNS,
+    RUNS_SPENT,
+    SAMPLING,
+    SURROGATES,
+    TRAJECTORY,
+)
+from uqpen.model import Model
 from uqpen.streams import Stream
-from uqpen.study.study import Study
+from uqpen.study.study import Study, Variant
+from uqpen.trust import Witness, judged
 
-__all__ = ["Progress", "run"]
+__all__ = ["Progress", "root_attributes", "run"]
+
+Groups = Iterator[tuple[str, xr.Dataset]]
+# The runs of each design, by its name.
+Runs = dict[str, xr.Dataset]
 
 
 class Progress:
@@ -26,10 +47,13 @@ class Progress:
         """The model is being made ready; the first time, that may mean compiling it."""
 
     def design(self, name: str, runs: int) -> None:
-        """A design begins, with this many runs at most."""
+        """A design begins, with about this many runs."""
 
     def advance(self, runs: int) -> None:
         """So many runs more are done."""
+
+    def analysing(self) -> None:
+        """All runs are done; what they tell is being worked out."""
 
 
 def run(study: Study, *, map: Map = map, progress: Progress | None = None) -> xr.DataTree:
@@ -47,50 +71,138 @@ def run(study: Study, *, map: Map = map, progress: Progress | None = None) -> xr
     Returns
     -------
     DataTree
-        The archive's content: ``/runs/<design>``, ``/moments/<design>`` and so on.
+        The archive's content: ``/runs/<design>``, ``/moments/<design>`` and so on; of a study with
+        several models, all that under ``/models/<name>``.
     """
     progress = progress or Progress()
-    progress.preparing(study.model.name)
-    study.model.prepare()
-    groups = {"/": xr.Dataset(attrs=_root_attributes(study))}
-    for name, design in study.designs.items():
-        progress.design(name, design.size(study.law))
-        runs = join(list(_rounds(study, name, design, map, progress)))
-        groups[f"/{RUNS}/{name}"] = runs.assign_attrs({SAMPLING: str(design.sampling)})
-    for name in study.designs:
-        for analysis, statistics in analyze(groups[f"/{RUNS}/{name}"], study.questions).items():
-            groups[f"/{analysis}/{name}"] = statistics
-    course = _trajectory(study)
-    if course is not None:
-        groups[f"/{TRAJECTORY}"] = course
+    for variant in study.models.values():
+        progress.preparing(variant.model.name)
+        variant.model.prepare()
+    runs = _runs(study, map, progress)
+    progress.analysing()
+    groups = {"/": xr.Dataset(attrs=root_attributes(study))}
+    for name, variant in study.models.items():
+        root = f"/{MODELS}/{name}" if study.has_several_models else ""
+        for path, dataset in _told(study, variant, runs[name]):
+            groups[f"{root}{path}"] = dataset
+    groups |= dict(_paired(study, runs))
     return xr.DataTree.from_dict(groups)
+
+
+def _runs(study: Study, map: Map, progress: Progress) -> dict[str, Runs]:
+    """The runs of every design, by model, on common points."""
+    made: dict[str, Runs] = {name: {} for name in study.models}
+    for name, design in study.designs.items():
+        progress.design(name, design.size(study.law) * len(study.models))
+        rounds = list(_rounds(study, name, design, map, progress))
+        for model in study.models:
+            runs = join([each[model] for each in rounds])
+            made[model][name] = runs.assign_attrs({SAMPLING: str(design.sampling)})
+    return made
 
 
 def _rounds(
     study: Study, name: str, design: Design, map: Map, progress: Progress
-) -> Iterator[xr.Dataset]:
-    """The runs of a design, round by round; each round may depend on the one before."""
-    evaluator = Evaluator(study.model, study.constraints)
-    display_units = {entry.variable.name: entry.display_unit for entry in study.law.inputs}
-    display_units |= {question.output.name: question.display_unit for question in study.questions}
+) -> Iterator[Mapping[str, xr.Dataset]]:
+    """The runs of a design by model, round by round; each round may depend on the one before."""
+    evaluators = {
+        model: Evaluator(variant.model, study.constraints)
+        for model, variant in study.models.items()
+    }
     rounds = design.rounds(study.law, Stream(study.seed, "designs", name))
     points = next(rounds)
     while True:
-        runs = evaluate(evaluator, points, display_units, map=map, advance=progress.advance)
+        runs = {
+            model: evaluate(
+                evaluator,
+                points.assign(study.models[model].given),
+                _display_units(study),
+                map=map,
+                advance=progress.advance,
+            )
+            for model, evaluator in evaluators.items()
+        }
         yield runs
         try:
-            points = rounds.send(runs)
+            points = rounds.send(worst(list(runs.values())))
         except StopIteration:
             return
 
 
-def _trajectory(study: Study) -> xr.Dataset | None:
+def _told(study: Study, variant: Variant, runs: Runs) -> Groups:
+    """All that is told of one model: its runs, what they tell, its course."""
+    questions = study.questions_to(variant.model)
+    for design, made in runs.items():
+        yield f"/{RUNS}/{design}", made
+    sources = {
+        design: Source("design", made.sizes[RUN], analyze(made, questions))
+        for design, made in runs.items()
+    }
+    for name in study.surrogates:
+        fitted, source = _surrogate(study, variant, name, runs, sources)
+        yield f"/{SURROGATES}/{name}", fitted
+        sources[name] = source
+    for name, source in sources.items():
+        for analysis, statistics in source.groups.items():
+            yield f"/{analysis}/{name}", statistics
+    yield f"/{COMPARISON}", side_by_side(sources)
+    for name, publication in study.published.items():
+        for group, figures in published(publication).items():
+            yield f"/{group}/{name}", figures
+    course = _trajectory(study, variant)
+    if course is not None:
+        yield f"/{TRAJECTORY}", course
+    if study.has_several_models:
+        yield "/", xr.Dataset(attrs=_identity(variant.model))
+
+
+def _surrogate(
+    study: Study, variant: Variant, name: str, runs: Runs, sources: Mapping[str, Source]
+) -> tuple[xr.Dataset, Source]:
+    """A surrogate fitted to its design, and what it tells as far as other designs vouch for it."""
+    surrogate = study.surrogates[name]
+    stream = Stream(study.seed, "surrogates", name)
+    training = runs[surrogate.design]
+    fitted = surrogate.fit(name, training, variant.model, study.law, stream)
+    witnesses = study.witnesses(surrogate)
+    checked = fitted.checked(runs[witnesses[0]]) if witnesses else fitted
+    draws = SurrogateDraws(checked, study.law, study.constraints, variant.given, stream)
+    told = told_by_surrogate(draws, study.questions_to(variant.model))
+    groups = judged(
+        told.groups,
+        [Witness(witness, sources[witness].groups) for witness in witnesses],
+        told.reaches,
+    )
+    spent = sum(sources[design].runs for design in [surrogate.design, *witnesses[:1]])
+    made_of = {RUNS_SPENT: spent, "check": witnesses[0] if witnesses else "none"}
+    return checked.to_dataset().assign_attrs(made_of), Source("surrogate", spent, groups)
+
+
+def _paired(study: Study, runs: Mapping[str, Runs]) -> Groups:
+    """What each model's outputs differ by from the first's, on common points."""
+    first, *others = study.models
+    for other in others:
+        questions = study.questions_to(study.models[other].model)
+        for design in study.designs:
+            pair = runs[first][design], runs[other][design]
+            for analysis, statistics in differences(*pair, questions).items():
+                attributes = {"minus": first}
+                path = f"/{DIFFERENCES}/{other}/{analysis}/{design}"
+                yield path, statistics.assign_attrs(attributes)
+
+
+def _trajectory(study: Study, variant: Variant) -> xr.Dataset | None:
     """The model's course at the nominal inputs, where it has one and all are given."""
-    nominal = study.law.nominal()
-    if next(study.model.missing(nominal), None) is not None:
+    known = {variable.name for variable in variant.model.inputs}
+    nominal = {
+        name: value
+        for name, value in {**study.law.nominal(), **variant.given}.items()
+        if name in known
+    }
+    if next(variant.model.missing(nominal), None) is not None:
         return None
     try:
-        course = study.model.trajectory(nominal)
+        course = variant.model.trajectory(nominal)
     except TrajectoryError as error:
         # The one run at the nominal inputs failed, which is data as any run's failure is.
         course = xr.Dataset(attrs={"reason": str(error)})
@@ -99,9 +211,14 @@ def _trajectory(study: Study) -> xr.Dataset | None:
     return course.assign_attrs({f"nominal_{name}": value for name, value in nominal.items()})
 
 
-def _root_attributes(study: Study) -> dict[str, str | int]:
+def _display_units(study: Study) -> dict[str, str]:
+    """The unit to show each input and output in."""
+    units = {entry.variable.name: entry.display_unit for entry in study.law.inputs}
+    return units | {question.output.name: question.display_unit for question in study.questions}
+
+
+def root_attributes(study: Study) -> dict[str, str | int]:
     """What decides the numbers, at the root of the archive."""
-    identity = study.model.identity()
     return {
         "title": study.title,
         "Conventions": CONVENTIONS,
@@ -111,6 +228,11 @@ def _root_attributes(study: Study) -> dict[str, str | int]:
         "study_sha256": study.sha256,
         # As text: a seed may be larger than any integer of NetCDF's.
         "seed": str(study.seed),
-        **{f"model_{key}": value for key, value in identity.items()},
+        **({} if study.has_several_models else _identity(study.model)),
         **provenance(),
     }
+
+
+def _identity(model: Model) -> dict[str, str]:
+    """What tells a model from another, as attributes of its group."""
+    return {f"model_{key}": value for key, value in model.identity().items()}

@@ -237,7 +237,7 @@ class TestForeignFiles:
 
 
 def test_a_group_that_is_not_there_is_empty(tree: xr.DataTree) -> None:
-    assert not group(tree, "sensitivity", "monte_carlo")
+    assert not group(tree, "comparison", "monte_carlo")
     assert names_in(tree, "surrogates") == []
 
 

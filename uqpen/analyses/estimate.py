@@ -112,24 +112,22 @@ def _arranged(
     """Estimates along dimensions, with what each says of its own interval beside it."""
     dimensions, sizes = tuple(shape), tuple(shape.values())
     bounds = np.array([estimate.bounds for estimate in estimates])
-    array = xr.DataArray(
-        bounds.reshape(*sizes, len(BOUNDS)),
-        {BOUND: list(BOUNDS)},
-        (*dimensions, BOUND),
-        attrs={"units": units, "long_name": long_name, INTERVAL_LEVEL: LEVEL},
-    )
     told = {
         INTERVAL: [estimate.method for estimate in estimates],
         INTERVAL_LABEL: [estimate.label for estimate in estimates],
         NOTE: [estimate.note for estimate in estimates],
     }
-    return array.assign_coords(
-        {
-            f"{called}_{what}": (
-                dimensions,
-                np.array(texts, dtype=object).reshape(sizes),
-                {"long_name": what.replace("_", " ")},
-            )
-            for what, texts in told.items()
-        }
+    beside = {
+        f"{called}_{what}": (
+            dimensions,
+            np.array(texts, dtype=object).reshape(sizes),
+            {"long_name": what.replace("_", " ")},
+        )
+        for what, texts in told.items()
+    }
+    return xr.DataArray(
+        bounds.reshape(*sizes, len(BOUNDS)),
+        {BOUND: list(BOUNDS), **beside},
+        (*dimensions, BOUND),
+        attrs={"units": units, "long_name": long_name, INTERVAL_LEVEL: LEVEL},
     )

@@ -124,7 +124,13 @@ class _Neighbours:
         return f"{long_name}, {INCLUDES_CORRELATION}" if self.sample.dependence else long_name
 
     def _indices(self, variable: _Variable) -> list[Estimate]:
-        return [self._index(variable, column) for column in range(len(self.sample.inputs))]
+        found = [self._index(variable, column) for column in range(len(self.sample.inputs))]
+        if not self.sample.dependence:
+            return found
+        return [
+            estimate.noting("; ".join(filter(None, [estimate.note, INCLUDES_CORRELATION])))
+            for estimate in found
+        ]
 
     def _index(self, variable: _Variable, column: int) -> Estimate:
         """The share of a variable's variance that goes when an input is known."""

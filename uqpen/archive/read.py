@@ -10,8 +10,9 @@ import xarray as xr
 from uqpen.archive.provenance import SCHEMA
 from uqpen.archive.skeleton import faults
 from uqpen.errors import ArchiveError
+from uqpen.labels import MODELS
 
-__all__ = ["SCHEMA_ATTRIBUTE", "group", "is_archive", "names_in", "open_archive"]
+__all__ = ["SCHEMA_ATTRIBUTE", "group", "is_archive", "models_in", "names_in", "open_archive"]
 
 SCHEMA_ATTRIBUTE = "uqpen_schema"
 
@@ -46,6 +47,13 @@ def open_archive(path: str | Path) -> xr.DataTree:
     if fault := next(faults(whole), None):
         raise ArchiveError(f"{path}: is damaged: {fault}")
     return whole
+
+
+def models_in(tree: xr.DataTree) -> dict[str, xr.DataTree]:
+    """What is told of each model, by its name; the archive itself, unnamed, of a single model."""
+    if MODELS not in tree.children:
+        return {"": tree}
+    return {str(name): model for name, model in tree.children[MODELS].children.items()}
 
 
 def names_in(tree: xr.DataTree, name: str) -> list[str]:

@@ -7,13 +7,17 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.head_to_head_skeleton import faults_of_contest
 from uqpen.archive.told import told
 from uqpen.labels import (
     BOUND,
     BOUNDS,
     CDFS,
+    HEAD_TO_HEAD,
     INTERVAL_LABEL,
+    KIND,
     LOST,
+    MODELS,
     MOMENTS,
     QUANTILES,
     REASON,
@@ -33,7 +37,7 @@ __all__ = ["faults"]
 
 _SAMPLES = [str(sampling) for sampling in Sampling if sampling.is_sample]
 
-_ROOT = ("title", "study_text", "study_sha256", "seed", "model_name")
+_ROOT = ("title", "study_text", "study_sha256", "seed")
 
 
 def faults(tree: xr.DataTree) -> Iterator[str]:
@@ -47,14 +51,35 @@ def faults(tree: xr.DataTree) -> Iterator[str]:
             yield f'no text "{name}" at its root'
     if not str(tree.attrs.get("seed", "")).isdecimal():
         yield "a seed that is no number"
+    kind = tree.attrs.get(KIND)
+    if kind is None:
+        yield from _faults_of_study(tree)
+    elif kind == HEAD_TO_HEAD:
+        yield from faults_of_contest(tree)
+    else:
+        yield f'of kind "{kind}", which this uqpen does not know'
+    yield from _faults_of_estimates(tree)
+
+
+def _faults_of_study(tree: xr.DataTree) -> Iterator[str]:
+    models = tree.children[MODELS].children if MODELS in tree.children else {"": tree}
+    if not models:
+        yield "no models"
+    for name, model in models.items():
+        root = f"/{MODELS}/{name}" if name else ""
+        yield from (f"{root}{fault}" for fault in _faults_of_model(model))
+
+
+def _faults_of_model(tree: xr.DataTree) -> Iterator[str]:
+    if not isinstance(tree.attrs.get("model_name"), str):
+        yield ": no name of the model"
     designs = tree.children[RUNS].children if RUNS in tree.children else {}
     if not designs:
-        yield "no runs"
+        yield ": no runs"
     for name, runs in designs.items():
         yield from (f"/{RUNS}/{name}: {fault}" for fault in _faults_of_runs(runs.dataset))
         if str(runs.attrs.get(SAMPLING)) in _SAMPLES:
             yield from _missing_statistics(tree, str(name), runs.dataset)
-    yield from _faults_of_estimates(tree)
 
 
 def _faults_of_estimates(tree: xr.DataTree) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,15 +25,24 @@ def check(file: Path) -> None:
     study = load_study(file)
     console = output()
     console.print(printable(study.title), style="bold", markup=False)
-    console.print(f"model {study.model.name}, seed {study.seed}\n", markup=False)
+    console.print(f"{_models(study)}, seed {study.seed}\n", markup=False)
     console.print(plain_table(["input", "value or law"], _inputs(study)))
     console.print()
+    for remark in _remarks(study):
+        console.print(f"{printable(remark)}\n", markup=False)
     console.print(plain_table(["output", "asked"], _outputs(study)))
     console.print()
     for constraint in study.constraints:
         console.print(f"only where {constraint.text}\n", markup=False)
     console.print(plain_table(["design", "runs"], _designs(study)))
     console.print(f"\n{study.runs} runs in all; the study is right", markup=False)
+
+
+def _models(study: Study) -> str:
+    if not study.has_several_models:
+        return f"model {study.model.name}"
+    named = (f"{name} ({variant.model.name})" for name, variant in study.models.items())
+    return f"models {', '.join(named)}"
 
 
 def _inputs(study: Study) -> list[tuple[str, str]]:
@@ -48,6 +58,15 @@ def _inputs(study: Study) -> list[tuple[str, str]]:
             text = entry.description
         rows.append((entry.variable.name, text))
     return rows
+
+
+def _remarks(study: Study) -> Iterator[str]:
+    """What there is to know of the random inputs beside each one's law."""
+    if study.law.dependence is not None:
+        yield str(study.law.dependence)
+    for entry in study.law.random:
+        if "fit_warning" in entry.fit:
+            yield f"warning: {entry.variable.name}: {entry.fit['fit_warning']}"
 
 
 def _outputs(study: Study) -> list[tuple[str, str]]:

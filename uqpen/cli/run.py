@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
@@ -26,33 +26,26 @@ __all__ = ["run"]
 )
 def run(model: str, given: tuple[str, ...]) -> None:
     """Run MODEL once: a built-in model, or a study file, whose inputs are then at their medians."""
-    import numpy as np
-
     from uqpen.cli.screen import output, plain_table
-    from uqpen.errors import ModelError
-    from uqpen.evaluation import Evaluator
-    from uqpen.labels import STATUS_TEXT, Status
 
-    built, inputs, constraints = _model(model)
-    inputs |= _given(built, given)
-    missing = [f'--set {name}="… {built.input(name).unit}"' for name in built.missing(inputs)]
-    if missing:
-        raise ModelError(f"{built.name} also needs\n  " + "\n  ".join(missing))
-    built.prepare()
-    columns = {name: np.array([value]) for name, value in inputs.items()}
-    results = Evaluator(built, constraints)(columns)
-    status = Status(int(results.status[0]))
-    if status is not Status.OK:
-        raise ModelError(f"the run is {STATUS_TEXT[status]}: {results.reasons[0]}")
-    rows = [
-        (variable.name, *_shown(float(results.outputs[variable.name][0]), variable))
-        for variable in built.outputs
-    ]
-    output().print(plain_table(["output", "value", "unit"], rows))
+    trials = _trials(model)
+    several = len(trials) > 1
+    for label, trial in trials.items():
+        if several:
+            output().print(f"\n{label}", markup=False)
+        output().print(plain_table(["output", "value", "unit"], _rows(trial, given)))
 
 
-def _model(name: str) -> tuple[Model, dict[str, float], Sequence[Constraint]]:
+class _Trial(NamedTuple):
     """A model, the inputs that are known already, and the constraints on them."""
+
+    model: Model
+    inputs: dict[str, float]
+    constraints: Sequence[Constraint] = ()
+
+
+def _trials(name: str) -> dict[str, _Trial]:
+    """What to run, by the name of the model in its study."""
     from uqpen.lookup import resolve_name
     from uqpen.models import MODELS
 
@@ -60,10 +53,39 @@ def _model(name: str) -> tuple[Model, dict[str, float], Sequence[Constraint]]:
         from uqpen.study.load import load_study
 
         study = load_study(Path(name))
-        return study.model, study.law.nominal(), study.constraints
+        nominal = study.law.nominal()
+        return {
+            label: _Trial(variant.model, {**nominal, **variant.given}, study.constraints)
+            for label, variant in study.models.items()
+        }
     model: Model = resolve_name(MODELS, name, "model")()
     defaults = {v.name: v.default for v in model.inputs if v.default is not None}
-    return model, defaults, ()
+    return {"": _Trial(model, defaults)}
+
+
+def _rows(trial: _Trial, given: tuple[str, ...]) -> list[tuple[str, str, str]]:
+    """The outputs of one run."""
+    import numpy as np
+
+    from uqpen.errors import ModelError
+    from uqpen.evaluation import Evaluator
+    from uqpen.labels import STATUS_TEXT, Status
+
+    model, inputs, constraints = trial
+    inputs = inputs | _given(model, given)
+    missing = [f'--set {name}="… {model.input(name).unit}"' for name in model.missing(inputs)]
+    if missing:
+        raise ModelError(f"{model.name} also needs\n  " + "\n  ".join(missing))
+    model.prepare()
+    columns = {name: np.array([value]) for name, value in inputs.items()}
+    results = Evaluator(model, constraints)(columns)
+    status = Status(int(results.status[0]))
+    if status is not Status.OK:
+        raise ModelError(f"the run is {STATUS_TEXT[status]}: {results.reasons[0]}")
+    return [
+        (variable.name, *_shown(float(results.outputs[variable.name][0]), variable))
+        for variable in model.outputs
+    ]
 
 
 def _given(model: Model, pairs: Iterable[str]) -> dict[str, float]:

@@ -16,15 +16,16 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 from rich.text import Text
 
-from uqpen.archive.read import names_in
+from uqpen.archive.read import models_in, names_in
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import printable
 from uqpen.labels import RUNS, STATUS_TEXT
 from uqpen.summary.losses import losses
-from uqpen.summary.tables import OutputTable, output_tables
+from uqpen.summary.table import OutputTable
+from uqpen.summary.tables import output_tables
 from uqpen.workflow import Progress
 
-__all__ = ["output", "plain_table", "progress", "show_tables"]
+__all__ = ["output", "plain_table", "progress", "show_table", "show_tables"]
 
 _GAP = 3
 
@@ -50,25 +51,35 @@ def show_tables(tree: xr.DataTree) -> None:
     console = output()
     console.print(Text(printable(str(tree.attrs["title"])), style="bold"))
     for table in output_tables(tree):
-        console.print()
-        console.print(Text(printable(table.title), style="bold"))
-        for part, width in _parts(table, console.width):
-            console.print(part, width=max(width, console.width), crop=False)
-        for number, note in enumerate(table.notes, start=1):
-            hanging = Table.grid(padding=(0, 1, 0, 0))
-            hanging.add_row(Text(f" {number}", style="dim"), Text(printable(note), style="dim"))
-            console.print(hanging)
+        show_table(console, table)
     _show_losses(console, tree)
     console.print()
 
 
+def show_table(console: Console, table: OutputTable) -> None:
+    """A table under its title, in as many parts as the screen needs, with its notes below."""
+    console.print()
+    console.print(Text(printable(table.title), style="bold"))
+    for part, width in _parts(table, console.width):
+        console.print(part, width=max(width, console.width), crop=False)
+    for number, note in enumerate(table.notes, start=1):
+        hanging = Table.grid(padding=(0, 1, 0, 0))
+        hanging.add_row(Text(f" {number}", style="dim"), Text(printable(note), style="dim"))
+        console.print(hanging)
+
+
 def _show_losses(console: Console, tree: xr.DataTree) -> None:
-    found = [loss for design in names_in(tree, RUNS) for loss in losses(tree, design)]
+    found = [
+        (f"{name}: " * bool(name), loss)
+        for name, model in models_in(tree).items()
+        for design in names_in(model, RUNS)
+        for loss in losses(model, design)
+    ]
     if not found:
         return
     rows = [
-        (loss.design, f"{loss.runs} {STATUS_TEXT[loss.status]}", loss.reason)
-        for loss in found[:_MOST_REASONS]
+        (head + loss.design, f"{loss.runs} {STATUS_TEXT[loss.status]}", loss.reason)
+        for head, loss in found[:_MOST_REASONS]
     ]
     console.print()
     console.print(plain_table(["design", "lost", "reason"], rows))
@@ -90,7 +101,7 @@ def _parts(table: OutputTable, width: int) -> Iterator[tuple[Table, int]]:
     """The table's columns, as many at a time as fit, each with the width that it takes."""
     longest = max(len(label) for label, _ in table.rows)
     widths = [
-        max(len(name), *(len(cells[column]) for _, cells in table.rows)) + _GAP
+        max(*map(len, name.split("\n")), *(len(cells[column]) for _, cells in table.rows)) + _GAP
         for column, name in enumerate(table.columns)
     ]
     start = 0
@@ -140,6 +151,10 @@ class _Bar(Progress):
     def advance(self, runs: int) -> None:
         self._bar.advance(self._task, runs)
 
+    def analysing(self) -> None:
+        self._bar.remove_task(self._task)
+        self._task = self._bar.add_task("analysing", total=None)
+
 
 class _Lines(Progress):
     """A line when a design ends."""
@@ -156,6 +171,9 @@ class _Lines(Progress):
 
     def advance(self, runs: int) -> None:
         self._done += runs
+
+    def analysing(self) -> None:
+        self.finish()
 
     def finish(self) -> None:
         """Say how long the last design took."""

@@ -15,6 +15,13 @@ from uqpen.study.section import Section
 
 __all__ = ["check_designs", "read_designs"]
 
+# What has a meaning where the inputs depend on each other.
+_VALID = (
+    "take a sample (monte-carlo, latin-hypercube, sobol-sequence, halton): any sample tells "
+    "first-order indices, which then include what an input shares with others, and delta; "
+    "Shapley effects, which divide what is shared, follow from a surrogate"
+)
+
 
 def read_designs(table: Section, folder: Path) -> dict[str, Design]:
     """The designs of a study; what could not be understood is noted and left out."""
@@ -55,6 +62,14 @@ def check_designs(table: Section, designs: dict[str, Design], law: InputLaw) -> 
         if not law.random:
             expected = 'a random input, such as "(2.5 ± 0.1) m" or { uniform = { … } }'
             table.wrong(name, "a design over inputs that are all fixed", expected)
+            continue
+        if design.assumes_independence and not law.is_independent:
+            kind = as_written(table.content[name]["kind"])
+            found = f"{kind} with inputs that depend on each other ([dependence])"
+            table.wrong((name, "kind"), found, f"{design.independence_reason}; {_VALID}")
+            continue
+        for problem in design.misfit(law):
+            table.wrong((name, *problem.path), problem.found, problem.expected)
     return set.intersection(*given) if given else set()
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,8 @@ from uqpen.inputs.truncated import Truncated
 from uqpen.lookup import choices, resolve
 from uqpen.model import Input, Model
 from uqpen.quantities import parse_quantity, parse_spread
+from uqpen.streams import Stream
+from uqpen.study.measurements_section import MEASURED, Origin, read_measured
 from uqpen.study.section import Section
 from uqpen.units import DIMENSIONLESS
 
@@ -24,8 +28,21 @@ __all__ = ["read_constraints", "read_inputs"]
 Entry = FixedInput | RandomInput
 
 
-def read_inputs(table: Section, model: Model) -> InputLaw:
-    """The law of a model's inputs; what could not be understood is noted and left out."""
+def read_inputs(table: Section, model: Model, folder: Path, stream: Stream) -> InputLaw:
+    """The law of a model's inputs; what could not be understood is noted and left out.
+
+    Parameters
+    ----------
+    table : Section
+        ``[inputs]``.
+    model : Model
+        Whose inputs they are.
+    folder : Path
+        Where files of measurements lie.
+    stream : Stream
+        For the tests of fits to them.
+    """
+    origins = _Origins(folder, stream)
     known = {variable.name: variable for variable in model.inputs}
     found: dict[str, Entry] = {}
     for name in table:
@@ -34,7 +51,7 @@ def read_inputs(table: Section, model: Model) -> InputLaw:
             expected = f"an input of {model.name}; {choices(name, known)}"
             table.wrong(name, "an unknown input", expected)
             continue
-        entry = _entry(table, known[name], value)
+        entry = _entry(table, known[name], value, origins)
         if entry is not None:
             found[name] = entry
     for variable in model.inputs:
@@ -69,10 +86,10 @@ def read_constraints(
     return tuple(found)
 
 
-def _entry(table: Section, variable: Input, value: Any) -> Entry | None:
+def _entry(table: Section, variable: Input, value: Any, origins: _Origins) -> Entry | None:
     if isinstance(value, dict):
         section = Section(table.document, table.problems, (*table.path, variable.name), value)
-        return _distribution(section, variable)
+        return _distribution(section, variable, origins)
     try:
         spread = parse_spread(value, variable.unit) if isinstance(value, str) else None
         if spread is None:
@@ -101,39 +118,58 @@ def _fixed(table: Section, variable: Input, written: Any, value: float, unit: st
     return FixedInput(variable, value, unit)
 
 
-def _distribution(table: Section, variable: Input) -> Entry | None:
+def _distribution(table: Section, variable: Input, origins: _Origins) -> Entry | None:
     """A random input from ``{ family = { … }, lower = …, upper = … }``."""
     families = [key for key in table if key not in ("lower", "upper")]
     if len(families) != 1:
         found = "no distribution" if not families else " and ".join(families)
         for key in families:
             table.take(key)
-        table.wrong((), found, f"one distribution of {', '.join(DISTRIBUTIONS)}")
+        table.wrong((), found, f"one distribution of {', '.join([*DISTRIBUTIONS, MEASURED])}")
         return None
     (family,) = families
-    if family not in DISTRIBUTIONS:
-        table.wrong(family, "an unknown distribution", choices(family, DISTRIBUTIONS))
+    if family not in (*DISTRIBUTIONS, MEASURED):
+        expected = choices(family, [*DISTRIBUTIONS, MEASURED])
+        table.wrong(family, "an unknown distribution", expected)
         return None
     section = table.table(family)
     if section is None:
         return None
-    parent: Distribution | None = section.settings(
-        resolve(DISTRIBUTIONS[family]), like=variable.unit
-    )
-    section.close()
+    origin = origins.read(section, family, variable)
     limits = {key: table.quantity(key, variable.unit) for key in ("lower", "upper") if key in table}
-    if parent is None or None in limits.values():
+    if origin is None or None in limits.values():
         return None
     try:
-        law = Truncated(parent, **limits) if limits else parent  # type: ignore[arg-type]
+        law = Truncated(origin.law, **limits) if limits else origin.law  # type: ignore[arg-type]
     except SettingsError as error:
         table.refused(error)
         return None
     if not _is_usable(table, family, law):
         return None
-    return RandomInput(
-        variable, law, _unit_of(section.content, variable), _described(table.content)
-    )
+    limited = {key: table.content[key] for key in table if key != family}
+    description = "; ".join([origin.description, *_limits(limited)])
+    return RandomInput(variable, law, origin.unit, description, origin.fit)
+
+
+@dataclass(frozen=True)
+class _Origins:
+    """Where laws come from: a family's parameters, or measurements in a folder."""
+
+    folder: Path
+    stream: Stream
+
+    def read(self, table: Section, family: str, variable: Input) -> Origin | None:
+        if family == MEASURED:
+            stream = Stream(self.stream.seed, *self.stream.path, variable.name)
+            return read_measured(table, variable, self.folder, stream)
+        law: Distribution | None = table.settings(
+            resolve(DISTRIBUTIONS[family]), like=variable.unit
+        )
+        table.close()
+        if law is None:
+            return None
+        parameters = ", ".join(f"{name} {value}" for name, value in table.content.items())
+        return Origin(law, _unit_of(table.content, variable), f"{family}: {parameters}")
 
 
 def _is_usable(table: Section, key: str, law: Distribution) -> bool:
@@ -155,13 +191,7 @@ def _unit_of(parameters: Mapping[str, Any], variable: Input) -> str:
     return variable.shown_unit
 
 
-def _described(content: Mapping[str, Any]) -> str:
-    """A distribution in one line, in its author's own words."""
-    parts = []
-    for key, value in content.items():
-        if isinstance(value, dict):
-            inner = ", ".join(f"{name} {entry}" for name, entry in value.items())
-            parts.append(f"{key}: {inner}")
-        else:
-            parts.append(f"truncated {'above' if key == 'lower' else 'below'} {value}")
-    return "; ".join(parts)
+def _limits(content: Mapping[str, Any]) -> list[str]:
+    """Where a distribution is truncated, in its author's own words."""
+    sides = {"lower": "above", "upper": "below"}
+    return [f"truncated {sides[key]} {value}" for key, value in content.items()]

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from uqpen.errors import Problem, as_written
 from uqpen.inputs.law import InputLaw
-from uqpen.model import Model, inadmissible
+from uqpen.model import inadmissible
+from uqpen.streams import Stream
+from uqpen.study.dependence_section import read_dependence
 from uqpen.study.designs_section import check_designs, read_designs
 from uqpen.study.document import Document, parse_document, read_document
 from uqpen.study.inputs_section import read_constraints, read_inputs
-from uqpen.study.model_section import read_model
+from uqpen.study.models_section import check_variants, read_models
 from uqpen.study.outputs_section import read_questions
+from uqpen.study.published_section import read_published
 from uqpen.study.section import Section
-from uqpen.study.study import Study
+from uqpen.study.study import Study, Variant
+from uqpen.study.surrogates_section import check_surrogates, read_surrogates
 from uqpen.units import describe
 
 __all__ = ["load_study", "parse_study"]
@@ -58,36 +63,72 @@ def parse_study(text: str, *, name: str = "study", folder: str | Path = ".") -> 
     return _study(parse_document(text, f"{name}.toml"), name, Path(folder).absolute())
 
 
+# The tables of a study beside its models, with what is expected of those that it must have.
+_TABLES = {
+    "inputs": "an [inputs] table",
+    "designs": "at least one [designs.<name>]",
+    "dependence": "",
+    "constraints": "",
+    "outputs": "",
+    "surrogates": "",
+    "published": "",
+}
+
+
 def _study(document: Document, name: str, folder: Path) -> Study:
     problems: list[Problem] = []
     root = Section(document, problems, (), document.content)
     title = root.text("title", "a title in quotes", default=name)
     seed = _seed(root)
-    model_table = root.table("model", "a [model] table")
-    inputs_table = root.table("inputs", "an [inputs] table")
-    designs_table = root.table("designs", "at least one [designs.<name>]")
-    outputs_table, constraints_table = root.table("outputs"), root.table("constraints")
+    models = read_models(root, folder)
+    tables = {key: root.table(key, expected) for key, expected in _TABLES.items()}
     root.close()
-    model = read_model(model_table, folder) if model_table else None
+    inputs, designs_table = tables["inputs"], tables["designs"]
     designs = read_designs(designs_table, folder) if designs_table else {}
-    if model is None or inputs_table is None or designs_table is None:
+    surrogates = read_surrogates(tables["surrogates"], list(designs_table or ()))
+    if not models or inputs is None or designs_table is None:
         # Without a model nobody knows what its inputs and outputs should be.
         raise document.error(problems)
+    model = next(iter(models.values())).model
     noted = len(problems)
-    law = read_inputs(inputs_table, model)
-    inputs_are_right = len(problems) == noted
-    constraints = read_constraints(constraints_table, model, inputs_table.content)
-    questions = read_questions(outputs_table, model)
-    # An input that could not be understood would only cause mistakes that are none.
-    noted = len(problems)
-    given_by_tables = check_designs(designs_table, designs, law) if inputs_are_right else set()
+    law = read_inputs(inputs, model, folder, Stream(seed or 0, "inputs"))
+    constraints = read_constraints(tables["constraints"], model, inputs.content)
+    questions = read_questions(tables["outputs"], model)
+    published = read_published(tables["published"], model, {*designs, *surrogates})
     if len(problems) == noted:
-        _check_completeness(inputs_table, model, given_by_tables)
-    if not problems:
-        _check_nominal(inputs_table, model, law)
+        # Inputs that could not be understood would only cause mistakes that are none.
+        law = read_dependence(tables["dependence"], law)
+        given_by_tables = check_designs(designs_table, designs, law)
+        check_surrogates(tables["surrogates"], surrogates, designs, model, law)
+        check_variants(root, models, {entry.variable.name for entry in law.random})
+        _check_models(inputs, models, law, given_by_tables)
     if problems or title is None or seed is None:
         raise document.error(problems)
-    return Study(name, title, seed, model, law, constraints, questions, designs, document.text)
+    return Study(
+        name=name,
+        title=title,
+        seed=seed,
+        models=models,
+        law=law,
+        constraints=constraints,
+        questions=questions,
+        designs=designs,
+        text=document.text,
+        surrogates=surrogates,
+        published=published,
+    )
+
+
+def _check_models(
+    table: Section, models: Mapping[str, Variant], law: InputLaw, given_by_tables: set[str]
+) -> None:
+    """Note what a model lacks, or does not admit at the nominal inputs."""
+    noted = len(table.problems)
+    for variant in models.values():
+        _check_completeness(table, variant, given_by_tables)
+    if len(table.problems) == noted:
+        for variant in models.values():
+            _check_nominal(table, variant, law)
 
 
 def _seed(root: Section) -> int | None:
@@ -102,18 +143,19 @@ def _seed(root: Section) -> int | None:
     return seed
 
 
-def _check_completeness(table: Section, model: Model, given_by_tables: set[str]) -> None:
+def _check_completeness(table: Section, variant: Variant, given_by_tables: set[str]) -> None:
     """Note inputs that nothing gives: neither the study nor a column of every table."""
-    for name in model.missing(given_by_tables.union(table)):
+    model = variant.model
+    for name in model.missing(given_by_tables.union(table, variant.given)):
         variable = model.input(name)
         alternatives = next((group for group in model.alternatives if name in group), ())
         instead = f' (or "{alternatives[1]}")' if len(alternatives) > 1 else ""
         table.missing(name, describe(variable.unit) + instead)
 
 
-def _check_nominal(table: Section, model: Model, law: InputLaw) -> None:
+def _check_nominal(table: Section, variant: Variant, law: InputLaw) -> None:
     """Note a condition of the model's that its nominal inputs violate."""
-    nominal = law.nominal()
+    model, nominal = variant.model, {**law.nominal(), **variant.given}
     if next(model.missing(nominal), None) is not None:
         return  # a table gives some of the inputs, and its points are data
     inputs = {name: np.array([value]) for name, value in nominal.items()}

@@ -59,7 +59,9 @@ class Section:
     def wrong(self, keys: str | tuple[str | int, ...], found: str, expected: str) -> None:
         """Note a mistake at a key of this table, or further in, or (no keys) in the table."""
         keys = (keys,) if isinstance(keys, str) else keys
-        self.problems.append(Problem((*self.path, *keys), found, expected))
+        problem = Problem((*self.path, *keys), found, expected)
+        if problem not in self.problems:  # several models may miss the same
+            self.problems.append(problem)
 
     def missing(self, key: str, expected: str) -> None:
         """Note that a key should be there."""
@@ -148,7 +150,7 @@ class Section:
             value = self.take(field.name)
             if value is not None:
                 given[field.name] = self._setting(field.name, value, setting, like, folder)
-            elif field.default is dataclasses.MISSING:
+            elif _is_required(field):
                 self.missing(field.name, describe(like) if _has_unit(setting) else setting.expected)
         if len(self.problems) > noted:
             return None
@@ -189,6 +191,10 @@ class Section:
             return float(value) if abs(value) < 1e300 else math.inf
         if not _is_of_kind(setting, value):
             self.wrong(key, as_written(value), setting.expected)
+        elif setting.kind == "choices":
+            for name, chosen in value.items():
+                if not setting.accepts({name: chosen}):
+                    self.wrong((key, name), as_written(chosen), setting.expected)
         return value
 
 
@@ -196,7 +202,18 @@ def _has_unit(setting: Setting) -> bool:
     return setting.kind in ("quantity", "difference")
 
 
+def _is_required(field: dataclasses.Field[Any]) -> bool:
+    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+
+
 def _is_of_kind(setting: Setting, value: Any) -> bool:
-    types = {"count": int, "number": float, "flag": bool, "choice": str}
+    types = {
+        "count": int,
+        "number": float,
+        "flag": bool,
+        "choice": str,
+        "choices": dict,
+        "name": str,
+    }
     is_flag = isinstance(value, bool)
     return isinstance(value, types[setting.kind]) and is_flag == (setting.kind == "flag")

@@ -4,15 +4,36 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
+from uqpen.analyses.published import Published
 from uqpen.analyses.question import Question
 from uqpen.designs.design import Design
 from uqpen.inputs.constraints import Constraint
 from uqpen.inputs.law import InputLaw
 from uqpen.model import Model
+from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["Study"]
+__all__ = ["ONLY_MODEL", "Study", "Variant"]
+
+# What the model of a study with a single ``[model]`` is called.
+ONLY_MODEL = ""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A model as a study uses it.
+
+    Parameters
+    ----------
+    model : Model
+        What is run.
+    given : mapping of str to float
+        Inputs that it takes in place of the study's own, in SI units.
+    """
+
+    model: Model
+    given: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -27,29 +48,65 @@ class Study:
         What a person reads.
     seed : int
         Where every random number comes from.
-    model : Model
-        What is run.
+    models : mapping of str to Variant
+        What is run, by name, all at the same points; `ONLY_MODEL` names a single one. The inputs
+        and outputs of the first are the study's.
     law : InputLaw
         The inputs.
     constraints : tuple of Constraint
         Where the law ends.
     questions : tuple of Question
-        One for each of the model's outputs, in its order.
+        One for each of the first model's outputs, in its order.
     designs : mapping of str to Design
         The runs to make, by name.
     text : str
         The study file, verbatim.
+    surrogates : mapping of str to Surrogate
+        The cheap models to fit, by name.
+    published : mapping of str to Published
+        Figures from elsewhere to stand beside its own.
     """
 
     name: str
     title: str
     seed: int
-    model: Model
+    models: Mapping[str, Variant]
     law: InputLaw
     constraints: tuple[Constraint, ...]
     questions: tuple[Question, ...]
     designs: Mapping[str, Design]
     text: str
+    surrogates: Mapping[str, Surrogate] = field(default_factory=dict)
+    published: Mapping[str, Published] = field(default_factory=dict)
+
+    @property
+    def model(self) -> Model:
+        """The first model, which is the only one as a rule."""
+        return next(iter(self.models.values())).model
+
+    @property
+    def has_several_models(self) -> bool:
+        """Whether its models have names, and so groups of their own."""
+        return ONLY_MODEL not in self.models
+
+    def questions_to(self, model: Model) -> tuple[Question, ...]:
+        """The questions that a model has the outputs for."""
+        outputs = {output.name: output for output in model.outputs}
+        return tuple(
+            replace(question, output=outputs[question.output.name])
+            for question in self.questions
+            if question.output.name in outputs
+        )
+
+    def witnesses(self, surrogate: Surrogate) -> list[str]:
+        """The designs whose runs a surrogate is held against, the one that checks it first.
+
+        That is the one it names; else the first sample of the law that it was not fitted to.
+        """
+        others = [name for name in self.designs if name != surrogate.design]
+        samples = [name for name in others if self.designs[name].sampling.is_sample]
+        first = [surrogate.check] if surrogate.check else samples[:1]
+        return first + [name for name in samples if name not in first]
 
     @property
     def sha256(self) -> str:
@@ -58,5 +115,6 @@ class Study:
 
     @property
     def runs(self) -> int:
-        """How many runs its designs make in all."""
-        return sum(design.size(self.law) for design in self.designs.values())
+        """How many runs its designs make in all, with all models."""
+        each = sum(design.size(self.law) for design in self.designs.values())
+        return each * len(self.models)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import group, names_in
+from uqpen.archive.read import group, models_in, names_in
 from uqpen.evaluation import status_counts
 from uqpen.labels import LOST, REASON, RUN, RUNS, STATUS, Status
 
@@ -55,5 +55,9 @@ def losses(tree: xr.DataTree, design: str) -> Iterator[Loss]:
 
 def has_lost_all(tree: xr.DataTree) -> bool:
     """Whether some design has no run that came back."""
-    designs = (group(tree, RUNS, design) for design in names_in(tree, RUNS))
+    designs = (
+        group(model, RUNS, design)
+        for model in models_in(tree).values()
+        for design in names_in(model, RUNS)
+    )
     return any(not status_counts(runs)[Status.OK] for runs in designs)

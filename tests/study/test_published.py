@@ -1,0 +1,70 @@
+"""Published figures: read with their units, kept apart from our own, never given an interval."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import uqpen
+from uqpen.errors import StudyError
+from uqpen.study.study import Study
+from uqpen.summary.tables import output_tables
+
+MakeStudy = Callable[..., Study]
+
+DESIGNS = """
+[designs.blocks]
+kind = "saltelli"
+base = 256
+"""
+PUBLISHED = """
+[published.report]
+source = "a report"
+[published.report.y]
+mean = 1.5
+std = 0.25
+response = { a = 0.4 }
+largest_contribution = "b"
+"""
+
+
+def study(study_of: MakeStudy, published: str = PUBLISHED) -> Study:
+    return study_of("a + b", DESIGNS + published, a=(0, 1), b=(0, 1))
+
+
+def test_they_stand_in_the_groups_of_our_own(study_of: MakeStudy) -> None:
+    tree = uqpen.run(study(study_of))
+    mean = tree["moments/report"]["y_mean"]
+    assert mean.values[0] == 1.5
+    assert np.isnan(mean.values[1:]).all()
+    assert mean.attrs["note"] == "published in a report"
+    assert tree["sensitivity/report"]["y_response"].sel(input="a").values[0] == 0.4
+    assert tree["sensitivity/report"].attrs["y_largest_contribution"] == "b"
+
+
+def test_they_are_shown_beside_them(study_of: MakeStudy) -> None:
+    tables = {table.title: table for table in output_tables(uqpen.run(study(study_of)))}
+    assert tables["y"].columns == ["blocks", "report"]
+    shares = tables["y: shares of its variance"]
+    assert shares.columns[-1] == "the largest to\nreport"
+    assert [cells[-1] for _, cells in shares.rows] == ["–", "this"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "found"),
+    [
+        ("mean = 1.5", 'mean = "1.5 m"', "published.report.y.mean", "1.5 m"),
+        ("[published.report.y]", "[published.report.z]", "published.report.z", "unknown output"),
+        ("{ a = 0.4 }", "{ c = 0.4 }", "published.report.y.response.c", "unknown input"),
+        ('"b"', '"c"', "published.report.y.largest_contribution", '"c"'),
+        ("report", "blocks", "published.blocks", '"blocks"'),
+        ('source = "a report"', "", "published.report.source", "nothing"),
+    ],
+)
+def test_mistakes_are_met(study_of: MakeStudy, old: str, new: str, key: str, found: Any) -> None:
+    with pytest.raises(StudyError) as caught:
+        study(study_of, PUBLISHED.replace(old, new))
+    assert any(p.key == key and found in p.found for p in caught.value.problems), caught.value

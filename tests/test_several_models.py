@@ -1,0 +1,156 @@
+"""Several models in one study: the same points, a tree for each, and paired differences."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.archive.read import open_archive
+from uqpen.archive.write import write
+from uqpen.errors import StudyError
+from uqpen.summary.json import as_json
+from uqpen.summary.tables import output_tables
+
+MODELS = """
+import numpy as np
+
+def square(x, shift):
+    return {"y": x**2 + shift, "z": x}
+
+def picky(x, shift):
+    return {"y": np.where(x > 0.9, np.nan, x**2 + 2 * x + shift)}
+"""
+
+STUDY = """
+seed = 3
+[models.first]
+python = "models.py:square"
+vectorized = true
+inputs = { x = "1", shift = "1" }
+outputs = { y = "m", z = "1" }
+[models.shifted]
+python = "models.py:square"
+vectorized = true
+with = { shift = 1.5 }
+inputs = { x = "1", shift = "1" }
+outputs = { y = "m", z = "1" }
+[models.picky]
+python = "models.py:picky"
+vectorized = true
+inputs = { x = "1", shift = "1" }
+outputs = { y = "m" }
+[inputs]
+x = { uniform = { lower = 0, upper = 1 } }
+shift = 0
+[outputs.y]
+exceeds = ["0.5 m"]
+[designs.mc]
+kind = "monte-carlo"
+runs = 1000
+[designs.lhs]
+kind = "latin-hypercube"
+runs = 1000
+"""
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
+    folder = tmp_path_factory.mktemp("models")
+    (folder / "models.py").write_text(MODELS)
+    return uqpen.run(uqpen.parse_study(STUDY, folder=folder))
+
+
+def test_all_models_run_at_the_same_points(tree: xr.DataTree) -> None:
+    points = [tree[f"models/{name}/runs/mc"]["x"].values for name in ("first", "shifted", "picky")]
+    assert (points[0] == points[1]).all()
+    assert (points[0] == points[2]).all()
+
+
+def test_a_model_takes_what_it_is_given_in_place_of_the_studys(tree: xr.DataTree) -> None:
+    assert float(tree["models/first/runs/mc"]["shift"]) == 0.0
+    assert float(tree["models/shifted/runs/mc"]["shift"]) == 1.5
+
+
+@pytest.mark.parametrize("design", ["mc", "lhs"])
+def test_a_difference_that_does_not_depend_on_the_draw_has_no_error(
+    tree: xr.DataTree, design: str
+) -> None:
+    mean = tree[f"differences/shifted/moments/{design}"]["y_mean"]
+    # Differences of squares of up to 1 are exact to rounding.
+    assert mean.values == pytest.approx([1.5] * 3, abs=1e-12)
+
+
+@pytest.mark.parametrize("design", ["mc", "lhs"])
+def test_differences_are_of_the_runs_that_came_back_from_both(
+    tree: xr.DataTree, design: str
+) -> None:
+    moments = tree[f"differences/picky/moments/{design}"]
+    lost = int((tree[f"models/first/runs/{design}"]["x"] > 0.9).sum())
+    assert moments.attrs["runs_used"] == 1000 - lost
+    assert moments.attrs["minus"] == "first"
+    estimate, lower, upper = moments["y_mean"].values
+    assert lower < 0.9 < upper  # the mean of 2 x, given that x is at most 0.9
+    assert estimate == pytest.approx(0.9, abs=0.06)
+
+
+def test_an_output_that_only_one_model_has_has_no_difference(tree: xr.DataTree) -> None:
+    assert "z_mean" not in tree["differences/picky/moments/mc"]
+    assert "z_mean" in tree["differences/shifted/moments/mc"]
+
+
+def test_a_difference_is_better_known_than_either(tree: xr.DataTree) -> None:
+    def width(path: str) -> float:
+        mean = tree[path]["y_mean"].values
+        return float(mean[2] - mean[1])
+
+    assert width("differences/picky/moments/mc") < 2.2 * width("models/first/moments/mc")
+    assert width("differences/shifted/moments/mc") < 1e-9 * width("models/first/moments/mc")
+
+
+def test_the_archive_of_several_models_reads_back(tree: xr.DataTree, tmp_path: Path) -> None:
+    write(tree, tmp_path / "models.nc")
+    read = open_archive(tmp_path / "models.nc")
+    told = as_json(read)
+    assert list(told["models"]) == ["first", "shifted", "picky"]
+    assert told["models"]["first"]["designs"]["mc"]["runs"] == 1000
+    mean = told["differences"]["shifted"]["mc"]["outputs"]["y"]["mean"]
+    assert mean["estimate"] == pytest.approx(1.5)
+    titles = [table.title for table in output_tables(read)]
+    assert titles[0] == "first: y [m]"
+    assert "picky minus first: y [m]" in titles
+
+
+def test_an_adaptive_study_is_told_the_gravest_status(tree: xr.DataTree) -> None:
+    from uqpen.evaluation import worst
+
+    first, picky = (tree[f"models/{name}/runs/mc"].to_dataset() for name in ("first", "picky"))
+    status = worst([first, picky])["status"].values
+    assert (status == picky["status"].values).all()
+    assert np.count_nonzero(status) > 0
+
+
+SHIFT = "with = { shift = 1.5 }"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "found"),
+    [
+        (SHIFT, "with = { shfit = 1.5 }", "models.shifted.with.shfit", "unknown"),
+        (SHIFT, "with = { x = 1.5 }", "models.shifted.with.x", "at random"),
+        (SHIFT, 'with = { shift = "1 m" }', "models.shifted.with.shift", "1 m"),
+        ("[models.picky]", '[models."p y"]', "models.p y", '"p y"'),
+        ('outputs = { y = "m" }', 'outputs = { y = "s" }', "models.picky", 'an output "y" [s]'),
+        ("[models.first]", '[model]\nuse = "ishigami"\n[models.first]', "models", "[model] and"),
+    ],
+)
+def test_mistakes_are_met_at_their_place(
+    tmp_path: Path, old: str, new: str, key: str, found: str
+) -> None:
+    (tmp_path / "models.py").write_text(MODELS)
+    with pytest.raises(StudyError) as caught:
+        uqpen.parse_study(STUDY.replace(old, new, 1), folder=tmp_path)
+    assert any(p.key == key and found in p.found for p in caught.value.problems), caught.value

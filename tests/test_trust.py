@@ -1,0 +1,170 @@
+"""The trust gate: every verdict on a surrogate's figures, and that none is ever passed by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.analyses.estimate import Estimate
+from uqpen.analyses.of_surrogate import Reach
+from uqpen.archive.told import told
+from uqpen.study.study import Study
+from uqpen.trust import Witness, judged
+
+MakeStudy = Callable[..., Study]
+
+WIDE = Reach(-100.0, 100.0, 0.0)
+
+
+def mean(value: float, lower: float, upper: float) -> xr.Dataset:
+    estimate = Estimate(value, lower, upper, "by hand", "nominal")
+    return xr.Dataset({"y_mean": estimate.to_array(units="1", long_name="mean")})
+
+
+def verdict(figure: float, *witnesses: xr.Dataset, reach: Reach = WIDE) -> tuple[str, str]:
+    known = [Witness(f"runs_{i}", {"moments": each}) for i, each in enumerate(witnesses)]
+    found = judged({"moments": mean(figure, 0.0, 9.0)}, known, {"y": reach})
+    array = found["moments"]["y_mean"]
+    assert np.isnan(array.values[1:]).all()
+    assert array.values[0] == figure or np.isnan(figure)
+    return told(array, "interval_label"), told(array, "note")
+
+
+def test_a_figure_inside_the_runs_interval_is_checked() -> None:
+    assert verdict(1.0, mean(1.1, 0.9, 1.3)) == (
+        "checked",
+        "inside the interval that runs_0 gives it",
+    )
+
+
+def test_a_figure_outside_is_refused() -> None:
+    assert verdict(1.4, mean(1.1, 0.9, 1.3)) == (
+        "refused",
+        "outside the interval that runs_0 gives it",
+    )
+
+
+def test_the_first_runs_with_an_interval_decide() -> None:
+    silent = mean(1.0, float("nan"), float("nan"))
+    assert verdict(1.4, silent, mean(1.1, 0.9, 1.3))[0] == "refused"
+    assert verdict(1.0, mean(1.1, 0.9, 1.3), mean(3.0, 2.9, 3.1))[0] == "checked"
+
+
+def test_what_no_runs_tell_is_unchecked() -> None:
+    assert verdict(1.0) == ("unchecked", "no independent runs to hold it against")
+    silent = mean(1.0, float("nan"), float("nan"))
+    assert verdict(1.0, silent) == ("unchecked", "no independent runs have an interval for it")
+
+
+def test_what_is_not_a_number_stays_without_a_verdict() -> None:
+    assert verdict(float("nan"), mean(1.1, 0.9, 1.3))[0] == "none"
+
+
+@pytest.mark.parametrize(("beyond", "label"), [(0.01, "unchecked"), (0.2, "refused")])
+def test_a_spread_that_no_runs_vouch_for_must_not_hang_on_an_extrapolated_tail(
+    beyond: float, label: str
+) -> None:
+    vouched = Estimate(2.0, 1.0, 3.0, "by hand", "nominal")
+    silent = Estimate.without_bounds(2.0, "heavy tail")
+    reach = {"y": Reach(0.0, 9.0, beyond)}
+    for estimate, expected in ((vouched, "checked"), (silent, label)):
+        group = xr.Dataset({"y_std": estimate.to_array(units="1", long_name="sd")})
+        found = judged({"moments": group}, [Witness("runs", {"moments": group})], reach)
+        assert told(found["moments"]["y_std"], "interval_label") == expected
+
+
+def quantiles(values: Mapping[float, float], half: float) -> xr.Dataset:
+    estimates = [Estimate(v, v - half, v + half, "by hand", "discrete") for v in values.values()]
+    array = Estimate.stack(estimates, "y_probability", units="1", long_name="quantiles")
+    return xr.Dataset({"y": array.assign_coords(y_probability=list(values))})
+
+
+def test_each_of_several_figures_is_judged_by_itself() -> None:
+    surrogate = quantiles({0.05: 1.0, 0.5: 2.0, 0.99: 12.0}, 0.1)
+    runs = quantiles({0.05: 1.05, 0.5: 2.5, 0.99: 12.0}, 0.1)
+    found = judged(
+        {"quantiles": surrogate}, [Witness("runs", {"quantiles": runs})], {"y": Reach(0, 10, 0)}
+    )
+    array = found["quantiles"]["y"]
+    labels = array["y_probability_interval_label"].values.tolist()
+    assert labels == ["checked", "refused", "refused"]
+    assert "beyond all outputs" in str(array["y_probability_note"].values[2])
+
+
+def test_variables_that_share_a_dimension_keep_their_own_verdicts() -> None:
+    def indices(first: float, total: float) -> xr.Dataset:
+        found = {}
+        for name, value in (("y_first_order", first), ("y_total_order", total)):
+            estimates = [Estimate(value, value - 0.1, value + 0.1, "by hand", "nominal")]
+            array = Estimate.stack(estimates, "input", units="1", long_name=name, name=name)
+            found[name] = array.assign_coords(input=["x"])
+        return xr.Dataset(found)
+
+    witness = Witness("runs", {"sensitivity": indices(0.5, 0.6)})
+    found = judged({"sensitivity": indices(0.55, 0.9)}, [witness], {"y": WIDE})["sensitivity"]
+    assert found["y_first_order_interval_label"].values.tolist() == ["checked"]
+    assert found["y_total_order_interval_label"].values.tolist() == ["refused"]
+
+
+DESIGNS = """
+[designs.training]
+kind = "latin-hypercube"
+runs = {training}
+[designs.runs]
+kind = "monte-carlo"
+runs = 2000
+[surrogates.pce]
+kind = "polynomial-chaos"
+design = "training"
+"""
+
+
+def test_a_good_surrogate_is_checked_throughout(study_of: MakeStudy) -> None:
+    text = "[outputs.y]\nexceeds = [1.2]\n" + DESIGNS.format(training=100)
+    tree = uqpen.run(study_of("a * b + c", text, a=(0, 1), b=(0, 1), c=(0, 1)))
+    moments = tree["moments/pce"]
+    assert float(moments["y_mean"][0]) == pytest.approx(0.75, abs=1e-12)
+    assert float(moments["y_std"][0]) == pytest.approx((19 / 144) ** 0.5, abs=1e-12)
+    assert moments["y_mean"].attrs["estimator"] == "from the coefficients"
+    labels = [moments[f"y_{name}"].attrs["interval_label"] for name in ("mean", "std")]
+    assert labels == ["checked", "checked"]
+    sensitivity = tree["sensitivity/pce"]
+    assert sensitivity["y_first_order"][:, 0].values == pytest.approx([3 / 19, 3 / 19, 12 / 19])
+    assert sensitivity["y_total_order"][:, 0].values == pytest.approx([4 / 19, 4 / 19, 12 / 19])
+    assert set(tree["exceedance/pce"]["y_threshold_interval_label"].values) == {"checked"}
+    assert tree["cdfs/pce"]["y_band"].attrs["interval_label"] == "checked"
+    assert int(tree["surrogates/pce"].attrs["runs_spent"]) == 2100
+
+
+def test_a_bad_surrogate_is_refused_and_never_given_bounds(study_of: MakeStudy) -> None:
+    # A step has no polynomial: forty runs fit one that misses the lumps on either side.
+    text = DESIGNS.format(training=40)
+    tree = uqpen.run(study_of("np.where(a + b > 1.6, 10.0, 0.0)", text, a=(0, 1), b=(0, 1)))
+    labels = tree["quantiles/pce"]["y_probability_interval_label"].values.tolist()
+    assert "refused" in labels
+    assert tree["cdfs/pce"]["y_band"].attrs["interval_label"] == "refused"
+    for group in ("moments", "quantiles", "cdfs", "sensitivity"):
+        for array in tree[f"{group}/pce"].data_vars.values():
+            if "bound" in array.dims:
+                assert np.isnan(array.sel(bound=["lower", "upper"])).all()
+
+
+def test_a_surrogate_over_admissible_draws_is_sampled_and_says_so(study_of: MakeStudy) -> None:
+    text = '[constraints]\nkeep = ["a > b"]\n' + DESIGNS.format(training=200)
+    tree = uqpen.run(study_of("a + b", text, a=(0, 1), b=(0, 1)))
+    mean_of_triangle = tree["moments/pce"]["y_mean"]
+    assert float(mean_of_triangle[0]) == pytest.approx(1.0, abs=1e-3)
+    assert mean_of_triangle.attrs["estimator"].startswith("by sampling the surrogate at 32")
+    assert "given admissible draws" in tree["sensitivity/pce"].attrs["estimand"]
+    first = tree["sensitivity/pce"]["y_first_order"][:, 0].values
+    assert first == pytest.approx([0.75, 0.75], abs=0.01)
+
+
+def test_a_surrogate_that_cannot_be_fitted_says_why(study_of: MakeStudy) -> None:
+    tree = uqpen.run(study_of("0 * a + 2.0", DESIGNS.format(training=50), a=(0, 1)))
+    assert "does not vary" in tree["surrogates/pce"].attrs["y_not_fitted"]
+    assert "pce" not in tree["moments"].children

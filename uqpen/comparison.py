@@ -1,0 +1,171 @@
+"""All sources of a figure side by side: its estimate and interval from each, and the runs spent."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.analyses.estimate import LEVEL
+from uqpen.labels import (
+    BOUND,
+    BOUNDS,
+    EXCEEDANCE,
+    INTERVAL,
+    INTERVAL_LABEL,
+    INTERVAL_LEVEL,
+    MOMENTS,
+    NOTE,
+    QUANTILES,
+    RUNS_SPENT,
+    SENSITIVITY,
+    SHARES,
+    SOURCE,
+)
+
+__all__ = ["Source", "side_by_side"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# The groups that are compared, and what is put behind an output's name where a group has a
+# variable of just that name.
+_COMPARED = {
+    MOMENTS: "",
+    QUANTILES: "_quantile",
+    EXCEEDANCE: "_exceedance",
+    SHARES: "_share",
+    SENSITIVITY: "",
+}
+_TOLD = (INTERVAL, INTERVAL_LABEL, NOTE)
+
+
+@dataclass(frozen=True)
+class Source:
+    """A design or a surrogate with what it tells.
+
+    Parameters
+    ----------
+    kind : str
+        ``"design"`` or ``"surrogate"``.
+    runs : int
+        How many runs of the model it took, for a surrogate those that check it too.
+    groups : mapping of str to Dataset
+        What it tells, group by group.
+    """
+
+    kind: str
+    runs: int
+    groups: Mapping[str, xr.Dataset]
+
+
+class _Figure(NamedTuple):
+    """A variable of one source, taken apart."""
+
+    dimensions: tuple[str, ...]
+    values: FloatArray
+    told: Mapping[str, npt.NDArray[np.object_]]
+    coordinates: Mapping[str, xr.Variable]
+    attributes: Mapping[str, str]
+
+    @property
+    def entries(self) -> list[tuple[str, list[object]]]:
+        """What its figures are called, dimension by dimension."""
+        return [(name, self.coordinates[name].values.tolist()) for name in self.dimensions]
+
+
+def side_by_side(sources: Mapping[str, Source]) -> xr.Dataset:
+    """Every figure along ``source``.
+
+    Parameters
+    ----------
+    sources : mapping of str to Source
+        By name.
+
+    Returns
+    -------
+    Dataset
+        A variable for each figure, along ``source``, what dimension the figure has of its own, and
+        ``bound``; NaN for a source that does not tell it. How each interval was made stands in
+        coordinates called after the variable.
+    """
+    told = {name: dict(_figures(source)) for name, source in sources.items()}
+    names = dict.fromkeys(name for known in told.values() for name in known)
+    variables: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {}
+    for name in names:
+        _join(name, [known.get(name) for known in told.values()], variables, coordinates)
+    kinds = np.array([source.kind for source in sources.values()], dtype=object)
+    runs = np.array([source.runs for source in sources.values()], dtype=np.int64)
+    spent = {"units": "1", "long_name": "runs of the model that the source took"}
+    return xr.Dataset(
+        variables,
+        {
+            **coordinates,
+            BOUND: list(BOUNDS),
+            SOURCE: (SOURCE, np.array(list(sources), dtype=object), {"long_name": "source"}),
+            f"{SOURCE}_kind": (SOURCE, kinds, {"long_name": "what the source is"}),
+            RUNS_SPENT: (SOURCE, runs, spent),
+        },
+    )
+
+
+def _figures(source: Source) -> Iterator[tuple[str, _Figure]]:
+    """What a source tells, by the name that it has in the comparison."""
+    for group, ending in _COMPARED.items():
+        dataset = source.groups.get(group, xr.Dataset())
+        for name in map(str, dataset.data_vars):
+            if BOUND in dataset.variables[name].dims:
+                yield f"{name}{ending}", _figure(dataset, name)
+
+
+def _figure(dataset: xr.Dataset, name: str) -> _Figure:
+    array = dataset.variables[name]
+    dimensions = tuple(map(str, array.dims[:-1]))
+    beside = {
+        str(key): dataset.variables[key]
+        for key in dataset.coords
+        if dataset.variables[key].dims and set(dataset.variables[key].dims) <= set(dimensions)
+    }
+    told = {}
+    for what in _TOLD:
+        # Called after the variable where several share a dimension, else after the dimension.
+        keys = [
+            key for key in (f"{name}_{what}", *(f"{d}_{what}" for d in dimensions)) if key in beside
+        ]
+        texts = beside[keys[0]].values if keys else str(array.attrs.get(what, ""))
+        told[what] = np.full(array.shape[:-1], texts, dtype=object)
+    endings = tuple(f"_{what}" for what in _TOLD)
+    kept = {key: variable for key, variable in beside.items() if not key.endswith(endings)}
+    attributes = {key: array.attrs[key] for key in ("units", "long_name") if key in array.attrs}
+    return _Figure(dimensions, array.values, told, kept, attributes)
+
+
+def _join(
+    name: str,
+    figures: Sequence[_Figure | None],
+    variables: dict[str, Any],
+    coordinates: dict[str, Any],
+) -> None:
+    """Put one figure of all sources among the variables, and what belongs to it beside them."""
+    like = next(figure for figure in figures if figure is not None)
+    values = np.full((len(figures), *like.values.shape), np.nan)
+    told = {what: np.full(values.shape[:-1], "none", dtype=object) for what in _TOLD}
+    told[NOTE][:] = "this source does not tell it"
+    for position, figure in enumerate(figures):
+        # The same entries as a rule, as the questions are the same.
+        if figure is not None and figure.entries == like.entries:
+            values[position] = figure.values
+            for what in _TOLD:
+                told[what][position] = (
+                    figure.told[what] if like.dimensions else figure.told[what][()]
+                )
+    dimensions = (SOURCE, *like.dimensions)
+    attributes = {**like.attributes, INTERVAL_LEVEL: LEVEL}
+    variables[name] = ((*dimensions, BOUND), values, attributes)
+    coordinates.update(like.coordinates)
+    for what, texts in told.items():
+        coordinates[f"{name}_{what}"] = (dimensions, texts, {"long_name": what.replace("_", " ")})

@@ -1,0 +1,115 @@
+"""``[surrogates.<name>]``: cheap models to fit to the runs of a design."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from uqpen.designs.design import Design
+from uqpen.errors import as_written
+from uqpen.inputs.law import InputLaw
+from uqpen.labels import NAME, Sampling
+from uqpen.lookup import choices, resolve
+from uqpen.model import Model
+from uqpen.study.section import Section
+from uqpen.surrogates import SURROGATES
+from uqpen.surrogates.surrogate import Surrogate
+
+__all__ = ["check_surrogates", "read_surrogates"]
+
+
+def read_surrogates(table: Section | None, designs: Collection[str]) -> dict[str, Surrogate]:
+    """The surrogates of a study; what could not be understood is noted and left out.
+
+    Parameters
+    ----------
+    table : Section, optional
+        ``[surrogates]``.
+    designs : collection of str
+        The names of all designs in the file, whose namespace the surrogates share.
+    """
+    found: dict[str, Surrogate] = {}
+    for name in table or ():
+        assert table is not None
+        section = table.table(name)
+        if section is None:
+            continue
+        if not NAME.match(name):
+            section.wrong((), as_written(name), "a name of letters, digits and _")
+        elif name in designs:
+            section.wrong((), f'"{name}", which is a design', "a name that no design has")
+        elif (surrogate := _surrogate(section, designs)) is not None:
+            found[name] = surrogate
+    return found
+
+
+def check_surrogates(
+    table: Section | None,
+    surrogates: Mapping[str, Surrogate],
+    designs: Mapping[str, Design],
+    model: Model,
+    law: InputLaw,
+) -> None:
+    """Note surrogates that do not fit the designs, the outputs or the inputs."""
+    for name, surrogate in surrogates.items():
+        assert table is not None
+        _check_design(table, name, surrogate, designs)
+        _check_transform(table, name, surrogate, model)
+        if not law.random:
+            table.wrong(name, "a surrogate over inputs that are all fixed", "a random input")
+
+
+def _surrogate(section: Section, designs: Collection[str]) -> Surrogate | None:
+    kind = section.text("kind", f"one of {', '.join(SURROGATES)}")
+    if kind is None:
+        return None
+    if kind not in SURROGATES:
+        section.wrong("kind", as_written(kind), f"a kind of surrogate; {choices(kind, SURROGATES)}")
+        return None
+    surrogate: Surrogate | None = section.settings(resolve(SURROGATES[kind]))
+    section.close()
+    if surrogate is None:
+        return None
+    for key in ("design", "check"):
+        name = getattr(surrogate, key)
+        if name is not None and name not in designs:
+            expected = f"the name of a design; {choices(name, designs)}"
+            section.wrong(key, as_written(name), expected)
+    if surrogate.check == surrogate.design:
+        section.wrong("check", "the design that it is fitted to", "a design of other runs")
+    return surrogate
+
+
+def _check_design(
+    table: Section, name: str, surrogate: Surrogate, designs: Mapping[str, Design]
+) -> None:
+    """Note a design whose points are of no use, as far as it was understood itself."""
+    trained, checked = designs.get(surrogate.design), designs.get(surrogate.check or "")
+    if trained is not None:
+        found = f'"{surrogate.design}", which makes {_points(trained)}'
+        is_rule = trained.sampling is Sampling.RULE
+        if surrogate.needs_rule and not is_rule:
+            table.wrong((name, "design"), found, "a design of kind quadrature, for a projection")
+        elif not (is_rule or trained.sampling.is_sample):
+            table.wrong((name, "design"), found, "a design that samples, or a quadrature")
+    if checked is not None and not checked.sampling.is_sample:
+        found = f'"{surrogate.check}", which makes {_points(checked)}'
+        table.wrong((name, "check"), found, "a design that samples")
+
+
+def _points(design: Design) -> str:
+    """What a design makes, in words."""
+    words = {
+        Sampling.RULE: "the nodes of an integration rule",
+        Sampling.TRAJECTORIES: "trajectories",
+        Sampling.STEPS: "steps from the nominal point",
+    }
+    return words.get(design.sampling, "a sample")
+
+
+def _check_transform(table: Section, name: str, surrogate: Surrogate, model: Model) -> None:
+    """Note transformations of what is no output, or has no numbers."""
+    numeric = [output.name for output in model.outputs if not output.categories]
+    for output in surrogate.transform:
+        if output not in numeric:
+            expected = f"an output of {model.name} that has numbers; {choices(output, numeric)}"
+            table.wrong((name, "transform", output), "no such output", expected)

@@ -1,0 +1,103 @@
+"""What an archive of methods head to head holds, one entry of a statistic at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import xarray as xr
+
+from uqpen.archive.read import group, names_in
+from uqpen.labels import ENTRIES, ESTIMATES, EXCEEDANCE, REFERENCE, VERDICTS
+from uqpen.summary.digits import percent, sensible
+from uqpen.units import DIMENSIONLESS, scale
+
+__all__ = ["Entry", "entries"]
+
+# Where a statistic of the reference stands among those of a study.
+_IN_MOMENTS = ("mean", "std")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One entry of a statistic: its variables, without the dimension of the entries.
+
+    Parameters
+    ----------
+    tree : DataTree
+        An archive of methods head to head.
+    output, statistic : str
+        Of what.
+    position : int or None
+        Which of the entries; None of a statistic that has one only.
+    """
+
+    tree: xr.DataTree
+    output: str
+    statistic: str
+    position: int | None
+
+    def of(self, kind: str, suffix: str = "") -> xr.DataArray:
+        """Its variable in a group."""
+        array = group(self.tree, kind, self.output)[f"{self.statistic}{suffix}"]
+        return array if self.position is None else array[{ENTRIES[self.statistic]: self.position}]
+
+    @property
+    def called(self) -> str | float:
+        """What tells it from others of its statistic."""
+        if self.position is None:
+            return ""
+        held = group(self.tree, ESTIMATES, self.output)
+        return (
+            held[ENTRIES[self.statistic]].values[self.position].item()
+            if (self.statistic == "quantile")
+            else str(held[ENTRIES[self.statistic]].values[self.position])
+        )
+
+    @property
+    def label(self) -> str:
+        """The statistic as a table of a study calls it."""
+        if self.statistic == "quantile":
+            p = float(self.called)
+            return "median" if p == 0.5 else f"{percent(p)} quantile"
+        if self.statistic == EXCEEDANCE:
+            return f"P(> {self.called})"
+        return {"std": "sd"}.get(self.statistic, self.statistic)
+
+    @property
+    def contests(self) -> list[tuple[str, float]]:
+        """Of the single sets at each budget, who is level and the lower bound of the lead."""
+        levels, leads = self.of(VERDICTS, "_level"), self.of(VERDICTS, "_lead")
+        return list(zip(levels.values[0].tolist(), leads.values[0, :, 1].tolist(), strict=True))
+
+    @property
+    def truth(self) -> xr.DataArray:
+        """The reference's estimate, as its analysis made it."""
+        if self.statistic in _IN_MOMENTS:
+            return group(self.tree, REFERENCE, "moments")[f"{self.output}_{self.statistic}"]
+        where = EXCEEDANCE if self.statistic == EXCEEDANCE else "quantiles"
+        return group(self.tree, REFERENCE, where)[self.output][self.position]
+
+    @property
+    def shown_truth(self) -> str:
+        """The reference's estimate in the unit that the study shows."""
+        unit = str(self.of(ESTIMATES).attrs["display_units"])
+        measure = scale(unit)
+        convert = measure.difference_from_si if self.statistic == "std" else measure.from_si
+        text = sensible(*(float(value) for value in convert(self.truth.values)))
+        return text if unit == DIMENSIONLESS else f"{text} {unit}"
+
+
+def _entries_of(tree: xr.DataTree, output: str, statistic: str) -> Iterator[Entry]:
+    if statistic not in ENTRIES:
+        yield Entry(tree, output, statistic, None)
+        return
+    count = group(tree, ESTIMATES, output).sizes[ENTRIES[statistic]]
+    yield from (Entry(tree, output, statistic, position) for position in range(count))
+
+
+def entries(tree: xr.DataTree) -> Iterator[Entry]:
+    """All entries of all statistics, output by output."""
+    for output in names_in(tree, ESTIMATES):
+        for statistic in group(tree, ESTIMATES, output).data_vars:
+            yield from _entries_of(tree, output, str(statistic))

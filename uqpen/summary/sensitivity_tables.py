@@ -1,0 +1,132 @@
+"""Tables of the inputs' part in an output: indices, effects, responses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.archive.read import group, names_in
+from uqpen.labels import INPUT, LARGEST_CONTRIBUTION, RUNS, SAMPLING, SENSITIVITY, Sampling
+from uqpen.summary.table import NOTHING, OutputTable, unchanged
+
+__all__ = ["sensitivity_tables"]
+
+
+class _Measure(NamedTuple):
+    """A measure of sensitivity: how its variable's name ends, what a person reads, its factor."""
+
+    suffix: str
+    label: str
+    factor: float = 1.0
+
+
+_INDICES = (
+    _Measure("first_order", "first order"),
+    _Measure("total_order", "total order"),
+    _Measure("shapley", "Shapley effect"),
+)
+_RESPONSES = (
+    _Measure("response", "response [%]", 100.0),
+    _Measure("contribution", "× uncertainty [%]", 100.0),
+)
+_EFFECTS = (
+    _Measure("mu_star", "mean |effect|"),
+    _Measure("mu", "mean effect"),
+    _Measure("sigma", "sd of effects"),
+)
+
+_TABLES = (
+    ("shares of its variance", _INDICES),
+    ("responses to its inputs", _RESPONSES),
+    ("elementary effects", _EFFECTS),
+)
+
+
+def sensitivity_tables(tree: xr.DataTree, output: str) -> Iterator[OutputTable]:
+    """A table for each kind of measure that the archive has of an output.
+
+    First order indices from plain samples are shown where nothing tells them better; the archive
+    holds them all.
+
+    Parameters
+    ----------
+    tree : DataTree
+        What is told of one model.
+    output : str
+        Its name.
+    """
+    for title, measures in _TABLES:
+        columns = list(_columns(tree, output, measures))
+        if measures is _INDICES:
+            columns = _best(tree, columns)
+        if columns:
+            table = _table(f"{output}: {title}", columns)
+            if measures is _INDICES:
+                _add_claims(table, tree, output)
+            yield table
+
+
+class _Column(NamedTuple):
+    source: str
+    measure: _Measure
+    array: xr.DataArray
+
+
+def _columns(tree: xr.DataTree, output: str, measures: Sequence[_Measure]) -> Iterator[_Column]:
+    for measure in measures:
+        for source in names_in(tree, SENSITIVITY):
+            answers = group(tree, SENSITIVITY, source)
+            if (name := f"{output}_{measure.suffix}") in answers:
+                yield _Column(source, measure, answers[name])
+
+
+def _best(tree: xr.DataTree, columns: Sequence[_Column]) -> list[_Column]:
+    """The columns without those of plain samples, unless there are no others."""
+    made_for = [column for column in columns if not _is_plain(tree, column.source)]
+    if made_for or not columns:
+        return made_for
+    largest = max(columns, key=lambda column: group(tree, SENSITIVITY, column.source).attrs["runs"])
+    return [column for column in columns if column.source == largest.source]
+
+
+def _is_plain(tree: xr.DataTree, source: str) -> bool:
+    runs = group(tree, RUNS, source)
+    if not runs:
+        return False
+    sampling = Sampling(runs.attrs[SAMPLING])
+    return sampling.is_sample and sampling is not Sampling.PICK_FREEZE
+
+
+def _table(title: str, columns: Sequence[_Column]) -> OutputTable:
+    headers = [f"{column.measure.label}\n{column.source}" for column in columns]
+    table = OutputTable(title, headers)
+    inputs = dict.fromkeys(str(name) for column in columns for name in column.array[INPUT].values)
+    for name in inputs:
+        table.rows.append((name, [_cell(table, column, name) for column in columns]))
+    return table
+
+
+def _add_claims(table: OutputTable, tree: xr.DataTree, output: str) -> None:
+    """A column for each publication that names the largest contribution."""
+    for source in names_in(tree, SENSITIVITY):
+        claim = group(tree, SENSITIVITY, source).attrs.get(f"{output}_{LARGEST_CONTRIBUTION}")
+        if claim is not None:
+            table.columns.append(f"the largest to\n{source}")
+            for name, cells in table.rows:
+                cells.append("this" if name == claim else NOTHING)
+
+
+def _cell(table: OutputTable, column: _Column, name: str) -> str:
+    known = column.array[INPUT].values.tolist()
+    if name not in known:
+        return NOTHING
+    figure = column.array[known.index(name)]
+
+    def shown(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        return values * column.measure.factor
+
+    return table.cell(figure, shown if column.measure.factor != 1 else unchanged)

@@ -1,0 +1,137 @@
+"""The rows of a table of statistics: runs, losses, moments, quantiles, probabilities."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import xarray as xr
+
+from uqpen.archive.read import group
+from uqpen.evaluation import status_counts
+from uqpen.labels import (
+    CONDITIONAL,
+    EXCEEDANCE,
+    HOLDS,
+    MISSING,
+    MOMENTS,
+    QUANTILES,
+    RUN,
+    RUNS,
+    RUNS_SPENT,
+    SHARES,
+    STATUS_TEXT,
+    STATUSES,
+    SURROGATES,
+    Status,
+)
+from uqpen.summary.digits import grouped, held, percent
+from uqpen.summary.table import NOTHING, Conversion, OutputTable, remark, unchanged
+from uqpen.units import Scale
+
+__all__ = ["StatisticsRows", "add_shares", "add_statuses", "lost", "runs_spent"]
+
+
+@dataclass(frozen=True)
+class StatisticsRows:
+    """Adds the rows of one output that is a number."""
+
+    table: OutputTable
+    tree: xr.DataTree
+    name: str
+    measure: Scale
+    is_difference: bool = False
+
+    def add(self) -> None:
+        """All rows that the archive has an answer for."""
+        as_difference = self.measure.difference_from_si
+        as_value = as_difference if self.is_difference else self.measure.from_si
+        self._moment("mean", "mean", as_value)
+        self._moment("std", "sd", as_difference)
+        stds = self._arrays(MOMENTS, f"{self.name}_std")
+        if any(std is not None and math.isnan(std.values[1]) and std.values[0] > 0 for std in stds):
+            self._moment("half_spread", "half 16–84 % range", as_difference)
+        self._moment("skewness", "skewness", unchanged)
+        for p, arrays in self._along(QUANTILES, "probability"):
+            label = "median" if p == 0.5 else f"{percent(p)} quantile"
+            self._row(label, arrays, as_value)
+        for text, arrays in self._along(EXCEEDANCE, "threshold"):
+            self._row(f"P(> {text})", arrays, unchanged)
+        for p, arrays in self._along(HOLDS, "hold"):
+            cells = [self._held(array) for array in arrays]
+            self.table.rows.append((f"not exceeded, {percent(p)}", cells))
+
+    def _arrays(self, kind: str, variable: str) -> list[xr.DataArray | None]:
+        """A statistic of every source; None where it has none."""
+        found = (group(self.tree, kind, source) for source in self.table.columns)
+        return [dataset.get(variable) for dataset in found]
+
+    def _along(self, kind: str, coordinate: str) -> Iterator[tuple[Any, list[xr.DataArray | None]]]:
+        """The entries of a statistic: what each is called, and the estimate of every source."""
+        arrays = self._arrays(kind, self.name)
+        told_by = next((array for array in arrays if array is not None), None)
+        if told_by is not None:
+            for position, called in enumerate(told_by[f"{self.name}_{coordinate}"].values):
+                yield called, [None if array is None else array[position] for array in arrays]
+
+    def _moment(self, statistic: str, label: str, convert: Conversion) -> None:
+        self._row(label, self._arrays(MOMENTS, f"{self.name}_{statistic}"), convert)
+
+    def _row(self, label: str, arrays: list[xr.DataArray | None], convert: Conversion) -> None:
+        cells = [self.table.cell(array, convert) for array in arrays]
+        if any(cell != NOTHING for cell in cells):
+            self.table.rows.append((label, cells))
+
+    def _held(self, array: xr.DataArray | None) -> str:
+        if array is None:
+            return NOTHING
+        estimate, _, upper = self.measure.from_si(array.values)
+        mark = self.table.mark(remark(array))
+        if upper > estimate:
+            mark += self.table.mark("at most: one-sided tolerance bound, 95 % confidence")
+        return held(estimate, upper) + mark
+
+
+def runs_spent(tree: xr.DataTree, source: str) -> str:
+    """How many runs a source took: a design its own, a surrogate those it was made of."""
+    told_by = group(tree, SURROGATES, source)
+    if RUNS_SPENT in told_by.attrs:
+        return grouped(int(told_by.attrs[RUNS_SPENT]))
+    runs = group(tree, RUNS, source)
+    return grouped(runs.sizes[RUN]) if runs else NOTHING
+
+
+def lost(tree: xr.DataTree, source: str, table: OutputTable) -> str:
+    """What became of a design's lost runs, with what that means for its statistics."""
+    runs = group(tree, RUNS, source)
+    if not runs:
+        return NOTHING
+    counts = [f"{n} {STATUS_TEXT[s]}" for s, n in status_counts(runs).items() if n and s]
+    accounts = group(tree, STATUSES, source).attrs
+    notes = []
+    if CONDITIONAL in accounts:
+        notes.append(f"statistics are conditional on {accounts[CONDITIONAL]}")
+    if MISSING in accounts:
+        notes.append(f"statistics are of the runs that came back; {accounts[MISSING]} did not")
+    return (", ".join(counts) or "0") + "".join(map(table.mark, notes))
+
+
+def add_statuses(table: OutputTable, tree: xr.DataTree) -> None:
+    """A row for each way in which runs were lost: how likely it is."""
+    runs = [group(tree, RUNS, source) for source in table.columns]
+    counts = [status_counts(each) for each in runs if each]
+    for status in Status:
+        if status is not Status.OK and any(count[status] for count in counts):
+            told_by = [group(tree, STATUSES, source) for source in table.columns]
+            cells = [table.cell(each.get(status.meaning), unchanged) for each in told_by]
+            table.rows.append((f"P({STATUS_TEXT[status]})", cells))
+
+
+def add_shares(table: OutputTable, tree: xr.DataTree, name: str) -> None:
+    """A row for each kind of an output that has kinds."""
+    arrays = [group(tree, SHARES, source)[name] for source in table.columns]
+    for position, label in enumerate(arrays[0][f"{name}_category_label"].values):
+        cells = [table.cell(array[position], unchanged) for array in arrays]
+        table.rows.append((f"share {label}", cells))

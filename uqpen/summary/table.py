@@ -1,0 +1,78 @@
+"""A table for a person: what stands in its cells, and the notes below it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import xarray as xr
+
+from uqpen.archive.told import told
+from uqpen.labels import INTERVAL_LABEL, NOTE, REFUSED, ROLE, UNCHECKED
+from uqpen.summary.digits import SUPERSCRIPTS, sensible
+
+__all__ = ["NOTHING", "Conversion", "OutputTable", "output_names", "remark", "unchanged"]
+
+Conversion = Callable[[Any], Any]
+
+# What stands in a cell where a source has no answer.
+NOTHING = "–"
+
+
+@dataclass
+class OutputTable:
+    """What is told of one output, a column for each source.
+
+    Parameters
+    ----------
+    title : str
+        What the output is, with the unit of the figures.
+    columns : list of str
+        Sources: designs and surrogates.
+    rows : list
+        A label, and a cell for each column.
+    notes : list of str
+        What the superscript numbers in cells refer to, in order.
+    """
+
+    title: str
+    columns: list[str]
+    rows: list[tuple[str, list[str]]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def mark(self, note: str) -> str:
+        """The superscript of a note, noted if it is new; nothing for no note."""
+        if not note:
+            return ""
+        if note not in self.notes:
+            self.notes.append(note)
+        return " " + str(self.notes.index(note) + 1).translate(SUPERSCRIPTS)
+
+    def cell(self, array: xr.DataArray | None, convert: Conversion) -> str:
+        """An estimate in the digits that it has, with the mark of what must be known of it."""
+        if array is None:
+            return NOTHING
+        text = sensible(*(float(value) for value in convert(array.values)))
+        label = told(array, INTERVAL_LABEL)
+        if label in (REFUSED, UNCHECKED):
+            text = f"{text} {label}"
+        return text + self.mark(remark(array))
+
+
+def unchanged(values: Any) -> Any:
+    """What has no unit is shown as it is, whatever unit its output is shown in."""
+    return values
+
+
+def remark(array: xr.DataArray) -> str:
+    """What a reader must know of an estimate; empty for nothing."""
+    note = told(array, NOTE)
+    if not note and told(array, INTERVAL_LABEL) == "conservative":
+        return "conservative: the interval may be wider than it need be"
+    return note
+
+
+def output_names(runs: xr.Dataset) -> list[str]:
+    """The outputs among the variables of a runs dataset."""
+    return [str(name) for name, v in runs.data_vars.items() if v.attrs.get(ROLE) == "output"]
