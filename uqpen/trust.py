@@ -29,6 +29,7 @@ from uqpen.labels import (
     QUANTILES,
     RANK,
     REFUSED,
+    SENSITIVITY,
     UNCHECKED,
 )
 
@@ -113,9 +114,15 @@ class _Gate:
         return _marked(name, array, {at: self._verdict(name, array[at]) for at in places})
 
     def _verdict(self, name: str, figure: xr.DataArray) -> _Verdict:
-        value = float(figure.values[0])
+        value, said = float(figure.values[0]), told(figure, NOTE)
         if math.isnan(value):
-            return _Verdict("none", told(figure, NOTE))
+            return _Verdict("none", said)
+        verdict = self._verdict_on(name, figure, value)
+        if self.group != SENSITIVITY or not said:
+            return verdict  # what is said of moments and quantiles is of their intervals
+        return verdict._replace(note=f"{verdict.note}; {said}")
+
+    def _verdict_on(self, name: str, figure: xr.DataArray, value: float) -> _Verdict:
         if self._is_beyond(name, figure, value):
             return _Verdict(REFUSED, "beyond all outputs that the surrogate was fitted to")
         for witness in self.witnesses:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.analyses.estimate import Estimate
+from uqpen.analyses.given_inputs import INCLUDES_CORRELATION
 from uqpen.analyses.probabilities import threshold_coordinates
 from uqpen.analyses.question import Question
 from uqpen.analyses.shared_draws import MOST_INPUTS_FOR_ALL_SETS
@@ -123,7 +124,9 @@ class _Indices:
         if values is None:
             reason = self._reason_for_none(ending)
             return [Estimate.without_bounds(math.nan, reason) for _ in self.draws.law.random]
-        return [Estimate.without_bounds(value, "") for value in values]
+        is_correlated = ending == "first_order" and not self.draws.law.is_independent
+        note = INCLUDES_CORRELATION if is_correlated else ""
+        return [Estimate.without_bounds(value, note) for value in values]
 
     def _reason_for_none(self, ending: str) -> str:
         inputs = len(self.draws.law.random)

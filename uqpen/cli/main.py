@@ -20,6 +20,7 @@ COMMANDS = {
     "study": "uqpen.cli.study:study",
     "check": "uqpen.cli.check:check",
     "show": "uqpen.cli.show:show",
+    "compare": "uqpen.cli.compare:compare",
     "models": "uqpen.cli.models:models",
     "run": "uqpen.cli.run:run",
 }

@@ -1,0 +1,188 @@
+"""``uqpen compare`` as its user meets it, and its archive."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import netCDF4
+import pytest
+import xarray as xr
+
+from uqpen.archive.read import group, open_archive
+from uqpen.cli.main import main
+
+STUDY = """\
+title = "Small [bold]study[/bold]"
+seed = 1
+[model]
+use = "ishigami"
+[inputs]
+x1 = { uniform = { lower = -3, upper = 3 } }
+x2 = { uniform = { lower = -3, upper = 3 } }
+x3 = 1
+[outputs.y]
+exceeds = [5]
+[designs.monte_carlo]
+kind = "monte-carlo"
+runs = 100
+[designs.latin_hypercube]
+kind = "latin-hypercube"
+runs = 100
+"""
+SHORT = ("--budget", "16,32", "--repeats", "10", "--reference", "512")
+
+
+class Outcome(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Outcome]
+
+
+@pytest.fixture
+def uqpen(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> Command:
+    """The command line in a folder of its own, on a screen of 80 columns."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+    (tmp_path / "small.toml").write_text(STUDY, encoding="utf-8")
+
+    def call(*arguments: str) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["uqpen", *arguments])
+        code = 0
+        try:
+            main()
+        except SystemExit as left:
+            code = int(left.code or 0)
+        return Outcome(code, *capsys.readouterr())
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An archive made by a process of its own."""
+    folder = tmp_path_factory.mktemp("compared")
+    (folder / "small.toml").write_text(STUDY, encoding="utf-8")
+    command = [sys.executable, "-m", "uqpen", "compare", "small.toml", *SHORT]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+    return folder / "archives" / "small_compare.nc"
+
+
+class TestCompare:
+    def test_it_writes_an_archive_and_shows_it(self, uqpen: Command, archive: Path) -> None:
+        done = uqpen("compare", "small.toml", *SHORT)
+        assert done.code == 0
+        for word in ("Small [bold]study[/bold]", "slope", "replicated", "y, P(> 5)", "at 16"):
+            assert word in done.out
+        assert "archive: archives/small_compare.nc" in done.out
+        assert max(map(len, done.out.splitlines())) <= 80
+        assert uqpen("show", "archives/small_compare.nc").out in done.out
+        # Another process wrote the same bytes.
+        assert Path("archives/small_compare.nc").read_bytes() == archive.read_bytes()
+
+    def test_it_tells_what_is_to_come(self, uqpen: Command) -> None:
+        # Two budgets for three methods, ten times.
+        told = uqpen("compare", "small.toml", *SHORT).err
+        assert "1\u202f952 runs, of which the reference's 512" in told
+        assert "repeat 1 of 10: about" in told
+        assert "repeat 10 of 10: done" in told
+
+    @pytest.mark.parametrize(
+        ("options", "complaint"),
+        [
+            (("--budget", "16,x"), '--budget: found "16,x"; expected whole numbers with commas'),
+            (("--budget", "0"), "budget: found 0; expected whole numbers of runs from 8"),
+            (("--repeats", "2"), "repeats: found 2; expected a whole number, at least 10"),
+            (("-o", "small.toml"), "is not an archive"),
+        ],
+    )
+    def test_a_mistake_leaves_with_2_before_any_run(
+        self, uqpen: Command, options: tuple[str, ...], complaint: str
+    ) -> None:
+        done = uqpen("compare", "small.toml", *options)
+        assert (done.code, done.out) == (2, "")
+        assert complaint in done.err
+        assert "Traceback" not in done.err
+        assert "runs, of which" not in done.err
+
+    def test_several_models_are_refused(self, uqpen: Command) -> None:
+        models = '[models.one]\nuse = "ishigami"\n[models.two]\nuse = "ishigami"'
+        text = STUDY.replace('[model]\nuse = "ishigami"', models)
+        Path("two.toml").write_text(text, encoding="utf-8")
+        done = uqpen("compare", "two.toml")
+        assert done.code == 2
+        assert "models: found 2 models, one, two; expected a single [model]" in done.err
+
+
+class TestShow:
+    def test_json_is_for_scripts(self, uqpen: Command, archive: Path) -> None:
+        found = json.loads(uqpen("show", str(archive), "--json").out)
+        assert found["kind"] == "head-to-head"
+        assert found["methods"]["latin_hypercube replicated"]["replicates"]["16"] == 8
+        mean = found["outputs"]["y"]["mean"]
+        error = mean["errors"]["monte_carlo"]["32"]
+        assert error["lower"] < error["estimate"] < error["upper"]
+        assert mean["verdicts"]["single"]["32"]["winner"] in found["methods"]
+        assert "5" in found["outputs"]["y"]["exceedance"]
+        assert found["outputs"]["y"]["quantiles"]["0.95"]["reference"]["interval"]
+
+    @pytest.mark.parametrize(
+        ("damage", "complaint"),
+        [
+            (lambda d: d["errors"].renameGroup("y", "z"), "/errors/y: no mean"),
+            (lambda d: d["methods"].renameVariable("runs", "walks"), "/methods: no runs along"),
+            (lambda d: d["verdicts/y"].renameVariable("mean_lead", "led"), "no mean_lead along"),
+            (lambda d: d["errors/y"]["mean"].delncattr("interval_label"), "how its interval"),
+            (lambda d: d.renameGroup("estimates", "guesses"), "no estimates"),
+            (lambda d: d["reference"].renameGroup("moments", "lost"), "/reference: no moments"),
+            (lambda d: d.setncattr("uqpen_kind", "other"), 'of kind "other", which this uqpen'),
+        ],
+    )
+    def test_a_damaged_archive_leaves_with_2_and_says_where(
+        self,
+        uqpen: Command,
+        archive: Path,
+        damage: Callable[[netCDF4.Dataset], None],
+        complaint: str,
+    ) -> None:
+        Path("damaged.nc").write_bytes(archive.read_bytes())
+        with netCDF4.Dataset("damaged.nc", "a") as dataset:
+            damage(dataset)
+        done = uqpen("show", "damaged.nc")
+        assert done.code == 2
+        assert "is damaged: " in done.err
+        assert complaint in done.err
+
+
+def test_every_group_follows_the_conventions(archive: Path, tmp_path: Path) -> None:
+    tree = open_archive(archive)
+    files = []
+    for node in tree.subtree:
+        dataset = group(tree, *node.path.strip("/").split("/")) if node.parent else xr.Dataset()
+        if dataset.variables:
+            root = {name: tree.attrs[name] for name in ("Conventions", "title")}
+            files.append(tmp_path / f"{node.path.strip('/').replace('/', '-')}.nc")
+            none = {str(name): {"_FillValue": None} for name in dataset.variables}
+            dataset.assign_attrs(root).to_netcdf(files[-1], encoding=none)
+    output = tmp_path / "report.json"
+    checker = str(Path(sys.executable).with_name("compliance-checker"))
+    command = [checker, "--test", "cf:1.11", "--format", "json_new", "--output", str(output)]
+    subprocess.run([*command, *map(str, files)], check=False, capture_output=True)
+    found = json.loads(output.read_text())
+    assert len(found) == len(files) == 8
+    errors = {
+        Path(name).stem: check["msgs"]
+        for name, checks in found.items()
+        for check in checks["cf:1.11"]["high_priorities"]
+        if check["msgs"]
+    }
+    assert errors == {}

@@ -1,0 +1,216 @@
+"""An archive of methods head to head as tables, with its verdicts in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import xarray as xr
+
+from uqpen.archive.read import group
+from uqpen.labels import (
+    BUDGET,
+    ERRORS,
+    METHODS,
+    REFERENCE,
+    REPLICATED,
+    SINGLE,
+    SLOPES,
+    VERDICTS,
+)
+from uqpen.summary.digits import grouped
+from uqpen.summary.head_to_head_entries import Entry, entries
+from uqpen.summary.table import NOTHING, OutputTable
+
+__all__ = [
+    "LEGEND",
+    "Contest",
+    "contests",
+    "has_reference",
+    "methods_table",
+    "standings_table",
+]
+
+_WINS, _IS_LEVEL, _IS_DOUBTFUL = "*", "=", "?"
+
+LEGEND = (
+    "Figures are root mean squares of errors in % of the reference (of the standard deviation, "
+    f"where that is about 0). {_WINS} leads all other single sets by more than the noise, "
+    f"{_IS_LEVEL} is level with the best, {_IS_DOUBTFUL} is ahead for reasons that leave a doubt; "
+    "a factor's 95 % interval is in brackets."
+)
+
+
+@dataclass(frozen=True)
+class Contest:
+    """What is told of one entry of a statistic.
+
+    Parameters
+    ----------
+    table : OutputTable
+        A row for each method, a column for each budget, the slope last.
+    sentences : tuple of str
+        The verdicts.
+    """
+
+    table: OutputTable
+    sentences: tuple[str, ...]
+
+
+def methods_table(tree: xr.DataTree) -> OutputTable:
+    """What each method does with each budget."""
+    methods = group(tree, METHODS)
+    repeats, reference = (int(methods.attrs[name]) for name in ("repeats", "reference_runs"))
+    title = f"runs made of each budget, {repeats} times; reference: {grouped(reference)} runs"
+    table = OutputTable(title, [grouped(int(budget)) for budget in methods[BUDGET].values])
+    for position, label in enumerate(_labels(tree)):
+        shapes = zip(
+            methods["runs"].values[position].tolist(),
+            methods["replicates"].values[position].tolist(),
+            strict=True,
+        )
+        table.rows.append((label, [_shape(*shape) for shape in shapes]))
+    return table
+
+
+def has_reference(tree: xr.DataTree) -> bool:
+    """Whether a run of the reference came back."""
+    return bool(group(tree, REFERENCE, "moments").attrs["runs_used"])
+
+
+def contests(tree: xr.DataTree) -> Iterator[Contest]:
+    """A table with verdicts for each entry of each statistic of each output."""
+    yield from map(_contest, entries(tree))
+
+
+def standings_table(tree: xr.DataTree) -> OutputTable:
+    """How often each method leads, and how often it is level with the best."""
+    found = [entry.contests for entry in entries(tree)]
+    methods = group(tree, METHODS)
+    budgets = methods[BUDGET].values
+    title = f"of {len(found)} statistics: led by more than the noise + level with the best"
+    table = OutputTable(title, [grouped(int(budget)) for budget in budgets])
+    for source, variants in zip(methods["source"].values, methods["contests"].values, strict=True):
+        if SINGLE not in str(variants).split():
+            continue
+        marks = [[_mark(str(source), *contest) for contest in contests] for contests in found]
+        columns = [[row[column] for row in marks] for column in range(len(budgets))]
+        cells = [f"{marked.count(_WINS)} + {marked.count(_IS_LEVEL)}" for marked in columns]
+        table.rows.append((str(source), cells))
+    return table
+
+
+def _contest(entry: Entry) -> Contest:
+    errors, slopes = entry.of(ERRORS), entry.of(SLOPES)
+    budgets = errors[BUDGET].values.tolist()
+    title = f"{entry.output}, {entry.label}: {entry.shown_truth}"
+    table = OutputTable(title, [*map(grouped, budgets), "slope"])
+    methods = group(entry.tree, METHODS)
+    for position, label in enumerate(_labels(entry.tree)):
+        name = str(methods["source"].values[position])
+        is_single = SINGLE in str(methods["contests"].values[position]).split()
+        cells = [
+            _percentage(float(error)) + (_mark(name, *contest) if is_single else " ")
+            for error, contest in zip(errors.values[position, :, 0], entry.contests, strict=True)
+        ]
+        table.rows.append((label, [*cells, _slope(slopes.values[position].tolist())]))
+    return Contest(table, tuple(_sentences(entry, budgets)))
+
+
+def _sentences(entry: Entry, budgets: list[int]) -> Iterator[str]:
+    """The verdicts among single sets, what to know of them, and those among replicated ones."""
+    levels, texts, notes = (
+        entry.of(VERDICTS, f"_{what}").values.tolist() for what in ("level", "verdict", "note")
+    )
+    yield from _of_single_sets(levels[0], texts[0], budgets)
+    for note, where in _gathered([(note,) if note else () for note in notes[0]], budgets):
+        if note:
+            yield f"at {_listed(where)} runs, {note[0]}"
+    told = [
+        f"{_joined(level)} {'are level' if len(level) > 1 else 'is ahead'} at {_listed(where)}"
+        for level, where in _gathered(levels[1], budgets)
+        if level
+    ]
+    has_replicates = entry.tree.children[METHODS]["contests"].isin([REPLICATED]).any()
+    if told and has_replicates:
+        yield f"{REPLICATED}: {'; '.join(told)} runs"
+
+
+def _of_single_sets(levels: list[str], texts: list[str], budgets: list[int]) -> Iterator[str]:
+    """A sentence for each budget that has a winner, and one for all with the same ones level."""
+    ties = [(names, where) for names, where in _gathered(levels, budgets) if len(names) > 1]
+    tied = {budget for _, where in ties for budget in where}
+    sentences = [
+        (where[0], f"at {_listed(where)} runs {_joined(names)} are level") for names, where in ties
+    ]
+    sentences += [
+        (budget, text) for budget, text in zip(budgets, texts, strict=True) if budget not in tied
+    ]
+    yield from (text for _, text in sorted(sentences))
+
+
+def _gathered(keys: list[Any], budgets: list[int]) -> list[tuple[tuple[str, ...], list[int]]]:
+    """Budgets with the same verdict together, in the order of the first of each."""
+    found: dict[frozenset[str], tuple[tuple[str, ...], list[int]]] = {}
+    for key, budget in zip(keys, budgets, strict=True):
+        names = tuple(key.split()) if isinstance(key, str) else key
+        found.setdefault(frozenset(names), (names, []))[1].append(budget)
+    return list(found.values())
+
+
+def _labels(tree: xr.DataTree) -> list[str]:
+    """The first column: a replicated design stands below its single set, where there is one."""
+    methods = group(tree, METHODS)
+    found: list[str] = []
+    for source, variants in zip(
+        methods["source"].values.tolist(), methods["contests"].values.tolist(), strict=True
+    ):
+        if SINGLE in variants.split():
+            found.append(source)
+        else:
+            is_below = bool(found) and found[-1] == source
+            found.append(f"  {REPLICATED}" if is_below else f"{source} {REPLICATED}")
+    return found
+
+
+def _shape(runs: int, replicates: int) -> str:
+    if not runs:
+        return NOTHING
+    return grouped(runs) if replicates == 1 else f"{replicates} × {grouped(runs // replicates)}"
+
+
+def _percentage(error: float) -> str:
+    """A relative error in per cent, in two digits."""
+    value = 100 * error
+    if math.isnan(value):
+        return NOTHING
+    return f"{value:.0f}" if value >= 9.95 else f"{value:#.2g}"
+
+
+def _mark(name: str, level: str, lowest: float) -> str:
+    """What is put behind an error; `lowest` is the lower bound of the lead."""
+    names = level.split()
+    if name not in names:
+        return " "
+    if len(names) > 1:
+        return _IS_LEVEL
+    return _IS_DOUBTFUL if math.isnan(lowest) else _WINS
+
+
+def _slope(bounds: list[float]) -> str:
+    estimate, lower, upper = bounds
+    if math.isnan(estimate):
+        return NOTHING
+    half = (upper - lower) / 2
+    return f"{estimate:.2f}" if math.isnan(half) else f"{estimate:.2f} ± {half:.2f}"
+
+
+def _listed(budgets: list[int]) -> str:
+    return ", ".join(map(grouped, budgets))
+
+
+def _joined(names: tuple[str, ...]) -> str:
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last
