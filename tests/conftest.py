@@ -47,4 +47,4 @@ def study_of(tmp_path: Path) -> Callable[..., Study]:
 def _law(law: Any) -> str:
     if isinstance(law, tuple):
         return f"{{ uniform = {{ lower = {law[0]!r}, upper = {law[1]!r} }} }}"
-    return f'"{law}"'
+    return law if law.startswith("{") else f'"{law}"'

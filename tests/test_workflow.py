@@ -26,7 +26,7 @@ def figure(tree: xr.DataTree, group: str, design: str, name: str, **at: Any) -> 
     return {str(bound): float(array.sel(bound=bound)) for bound in ("estimate", "lower", "upper")}
 
 
-DESIGNS = ["monte_carlo", "latin_hypercube"]
+DESIGNS = ["monte_carlo", "latin_hypercube"]  # of one size
 
 
 @pytest.mark.parametrize("design", DESIGNS)
@@ -105,6 +105,54 @@ class TestConcrete:
         for truth, p in ((0.352828, 0.05), (0.466088, 0.5), (0.710722, 0.95), (0.95292, 0.99)):
             at = np.searchsorted(values, truth)
             assert band[at, 1] <= p <= band[at, 2]
+
+
+# Of the law given admissible draws, from an independent code.
+INDICES = {
+    "first_order": {
+        "target_density": 0.0013,
+        "target_yield_limit": 0.122,
+        "plasticity_radius": 0.645,
+        "crater_radius": 0.160,
+    },
+    "total_order": {
+        "target_density": 0.0022,
+        "target_yield_limit": 0.129,
+        "plasticity_radius": 0.715,
+        "crater_radius": 0.227,
+    },
+}
+
+
+@pytest.mark.parametrize("order", INDICES)
+def test_the_plastic_zone_decides_most_of_the_depths_variance(
+    concrete: xr.DataTree, order: str
+) -> None:
+    indices = concrete["sensitivity/sobol_indices"][f"penetration_depth_{order}"]
+    for name, exact in INDICES[order].items():
+        _, lower, upper = indices.sel(input=name).values
+        assert lower < exact < upper, name
+    largest = int(indices.sel(bound="estimate").values.argmax())
+    assert indices["input"].values[largest] == "plasticity_radius"
+    assert "given admissible draws" in indices.attrs["estimand"]
+
+
+def test_the_depth_responds_as_the_report_says(concrete: xr.DataTree) -> None:
+    response = concrete["sensitivity/responses"]["penetration_depth_response"].sel(bound="estimate")
+    for name, per_cent in (
+        ("target_density", -42.0),
+        ("target_yield_limit", -95.9),
+        ("plasticity_radius", -52.7),
+        ("crater_radius", 59.4),
+    ):
+        assert 100 * float(response.sel(input=name)) == pytest.approx(per_cent, abs=1.0)
+
+
+def test_the_surrogate_of_the_depth_is_trusted_where_it_is_right(concrete: xr.DataTree) -> None:
+    moments = concrete["moments/polynomial_chaos"]
+    assert moments["penetration_depth_mean"].attrs["interval_label"] == "checked"
+    assert float(moments["penetration_depth_mean"][0]) == pytest.approx(0.492739, rel=0.005)
+    assert moments["penetration_depth_std"].attrs["interval_label"] == "refused"
 
 
 def test_the_course_at_the_nominal_inputs_is_kept(concrete: xr.DataTree) -> None:
