@@ -13,11 +13,21 @@ if TYPE_CHECKING:
     from uqpen.archive.read import open_archive
     from uqpen.archive.write import write
     from uqpen.errors import UqpenError
+    from uqpen.head_to_head.contest import compare
     from uqpen.study.load import load_study, parse_study
     from uqpen.study.study import Study
     from uqpen.workflow import run
 
-__all__ = ["Study", "UqpenError", "load_study", "open_archive", "parse_study", "run", "write"]
+__all__ = [
+    "Study",
+    "UqpenError",
+    "compare",
+    "load_study",
+    "open_archive",
+    "parse_study",
+    "run",
+    "write",
+]
 
 __version__ = "0.1.0"
 
@@ -25,6 +35,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "Study": "uqpen.study.study",
     "UqpenError": "uqpen.errors",
+    "compare": "uqpen.head_to_head.contest",
     "load_study": "uqpen.study.load",
     "open_archive": "uqpen.archive.read",
     "parse_study": "uqpen.study.load",
