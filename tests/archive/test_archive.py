@@ -147,11 +147,11 @@ class TestInterruption:
         write(tree, path)
         before = path.read_bytes()
 
-        def full_disk(self: xr.DataTree, where: Path, **options: object) -> None:
-            Path(where).write_bytes(b"half of it")
+        def full_disk(tree: xr.DataTree, where: Path) -> None:
+            where.write_bytes(b"half of it")
             raise RuntimeError("NetCDF: HDF error")
 
-        monkeypatch.setattr(xr.DataTree, "to_netcdf", full_disk)
+        monkeypatch.setattr("uqpen.archive.write.put", full_disk)
         with pytest.raises(ArchiveError, match="is the disk full"):
             write(tree, path)
         assert path.read_bytes() == before

@@ -5,10 +5,10 @@ from __future__ import annotations
 import glob
 import os
 from pathlib import Path
-from typing import Any
 
 import xarray as xr
 
+from uqpen.archive.netcdf import put
 from uqpen.archive.read import is_archive
 from uqpen.errors import ArchiveError
 
@@ -50,7 +50,7 @@ def write(tree: xr.DataTree, path: Path) -> None:
     """
     part = _part(path)
     try:
-        tree.to_netcdf(part, engine="netcdf4", format="NETCDF4", encoding=_encoding(tree))
+        put(tree, part)
         with part.open("rb+") as stream:
             os.fsync(stream.fileno())
         part.replace(path)
@@ -84,13 +84,3 @@ def _is_running(process: int) -> bool:
     except OSError:  # it runs, and is somebody else's
         return True
     return True
-
-
-def _encoding(tree: xr.DataTree) -> dict[str, dict[str, Any]]:
-    """No fill value anywhere: xarray adds one to coordinates, where CF forbids it."""
-    return {
-        node.path: {
-            str(name): {"_FillValue": None} for name in node.to_dataset(inherit=False).variables
-        }
-        for node in tree.subtree
-    }
