@@ -34,7 +34,10 @@ def check(file: Path) -> None:
     console.print()
     for constraint in study.constraints:
         console.print(f"only where {constraint.text}\n", markup=False)
-    console.print(plain_table(["design", "runs"], _designs(study)))
+    console.print(plain_table(["design", "kind", "runs"], _designs(study)))
+    if study.surrogates:
+        console.print()
+        console.print(plain_table(["surrogate", "fitted to", "checked by"], _surrogates(study)))
     console.print(f"\n{study.runs} runs in all; the study is right", markup=False)
 
 
@@ -82,5 +85,23 @@ def _outputs(study: Study) -> list[tuple[str, str]]:
     return rows
 
 
-def _designs(study: Study) -> list[tuple[str, str]]:
-    return [(name, str(design.size(study.law))) for name, design in study.designs.items()]
+def _designs(study: Study) -> list[tuple[str, str, str]]:
+    from uqpen.designs import DESIGNS
+
+    kinds = {reference: kind for kind, reference in DESIGNS.items()}
+    return [
+        (
+            name,
+            kinds[f"{type(design).__module__}:{type(design).__name__}"],
+            str(design.size(study.law)),
+        )
+        for name, design in study.designs.items()
+    ]
+
+
+def _surrogates(study: Study) -> list[tuple[str, str, str]]:
+    """Each surrogate with its design, and the design that vouches for it first."""
+    return [
+        (name, surrogate.design, next(iter(study.witnesses(surrogate)), "nothing"))
+        for name, surrogate in study.surrogates.items()
+    ]
