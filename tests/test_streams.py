@@ -19,6 +19,14 @@ def test_the_same_names_give_the_same_numbers() -> None:
 
 
 @given(one=PATHS, other=PATHS)
+def test_a_stream_below_another_is_that_of_both_names(
+    one: list[str | int], other: list[str | int]
+) -> None:
+    below = Stream(1, *one).child(*other).generator().random()
+    assert below == Stream(1, *one, *other).generator().random()
+
+
+@given(one=PATHS, other=PATHS)
 def test_other_names_give_other_numbers(one: list[str | int], other: list[str | int]) -> None:
     same = Stream(1, *one).generator().random() == Stream(1, *other).generator().random()
     assert same == (one == other)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import uqpen
+from uqpen.study.study import Study
 from uqpen.summary.digits import held, percent, sensible
 from uqpen.summary.json import as_json
 from uqpen.summary.losses import has_lost_all, losses
@@ -221,3 +223,40 @@ def test_json_holds_every_figure_in_si_units(tree: xr.DataTree) -> None:
     assert "mean" not in few["outputs"]["termination"]
     assert few["conditional_on"] == "admissible inputs"
     assert depth["mean"]["interval_label"] == "nominal"
+
+
+def test_json_holds_every_measure_that_lies_along_the_inputs(
+    study_of: Callable[..., Study],
+) -> None:
+    text = """
+        [designs.lhs]
+        kind = "latin-hypercube"
+        runs = 100
+        [surrogates.chaos]
+        kind = "polynomial-chaos"
+        design = "lhs"
+        transform = { y = "log" }
+        """
+    tree = uqpen.run(study_of("np.exp(a + b)", text, a=(0, 1), b=(0, 1)))
+    found = as_json(tree)
+    for kind, source in (("designs", "lhs"), ("surrogates", "chaos")):
+        held = tree[f"sensitivity/{source}"].to_dataset()
+        names = {str(name).removeprefix("y_") for name in held.data_vars}
+        assert set(found[kind][source]["outputs"]["y"]["sensitivity"]["a"]) == names
+    assert {"shapley", "log_shapley"} <= names
+
+
+def test_a_fixed_input_may_be_called_a_coefficient(study_of: Callable[..., Study]) -> None:
+    text = """
+        [designs.lhs]
+        kind = "latin-hypercube"
+        runs = 100
+        [surrogates.chaos]
+        kind = "polynomial-chaos"
+        design = "lhs"
+        """
+    study = study_of("drag_coefficient * x", text, x=(1, 2), drag_coefficient="3")
+    tree = uqpen.run(study)
+    (fit,) = [table for table in output_tables(tree) if table.title.startswith("chaos: fit")]
+    assert [label for label, _ in fit.rows] == ["y"]
+    assert list(as_json(tree)["surrogates"]["chaos"]["outputs"]) == ["y"]

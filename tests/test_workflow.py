@@ -350,6 +350,14 @@ def test_a_mean_that_hangs_on_a_handful_of_runs_says_so(tmp_path: Path) -> None:
     assert "may not exist" in mean.attrs["note"]
 
 
+@pytest.mark.parametrize(("runs", "is_doubted"), [(500, True), (1000, False)])
+def test_few_replicates_do_not_show_a_tail_that_their_mean_suffers_from(
+    tmp_path: Path, runs: int, is_doubted: bool
+) -> None:
+    mean = python(tmp_path, "x", runs=runs)["moments/lhs"]["y_mean"]
+    assert ("heavier than" in mean.attrs.get("note", "")) == is_doubted
+
+
 def test_points_of_unknown_origin_give_no_interval_and_say_why(tmp_path: Path) -> None:
     (tmp_path / "points.csv").write_text("x1,x2\n" + "\n".join(f"{i / 50},1" for i in range(100)))
     study = """

@@ -11,12 +11,11 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.analyses.estimate import LEVEL
+from uqpen.archive.told import TOLD, stem, told_along
 from uqpen.labels import (
     BOUND,
     BOUNDS,
     EXCEEDANCE,
-    INTERVAL,
-    INTERVAL_LABEL,
     INTERVAL_LEVEL,
     MOMENTS,
     NOTE,
@@ -40,7 +39,6 @@ _COMPARED = {
     SHARES: "_share",
     SENSITIVITY: "",
 }
-_TOLD = (INTERVAL, INTERVAL_LABEL, NOTE)
 
 
 @dataclass(frozen=True)
@@ -130,15 +128,12 @@ def _figure(dataset: xr.Dataset, name: str) -> _Figure:
         for key in dataset.coords
         if dataset.variables[key].dims and set(dataset.variables[key].dims) <= set(dimensions)
     }
+    called = stem(name, dimensions, beside)
     told = {}
-    for what in _TOLD:
-        # Called after the variable where several share a dimension, else after the dimension.
-        keys = [
-            key for key in (f"{name}_{what}", *(f"{d}_{what}" for d in dimensions)) if key in beside
-        ]
-        texts = beside[keys[0]].values if keys else str(array.attrs.get(what, ""))
+    for what in TOLD:
+        texts = beside[f"{called}_{what}"].values if called else str(array.attrs.get(what, ""))
         told[what] = np.full(array.shape[:-1], texts, dtype=object)
-    endings = tuple(f"_{what}" for what in _TOLD)
+    endings = tuple(f"_{what}" for what in TOLD)
     kept = {key: variable for key, variable in beside.items() if not key.endswith(endings)}
     attributes = {key: array.attrs[key] for key in ("units", "long_name") if key in array.attrs}
     return _Figure(dimensions, array.values, told, kept, attributes)
@@ -153,19 +148,19 @@ def _join(
     """Put one figure of all sources among the variables, and what belongs to it beside them."""
     like = next(figure for figure in figures if figure is not None)
     values = np.full((len(figures), *like.values.shape), np.nan)
-    told = {what: np.full(values.shape[:-1], "none", dtype=object) for what in _TOLD}
+    told = {what: np.full(values.shape[:-1], "none", dtype=object) for what in TOLD}
     told[NOTE][:] = "this source does not tell it"
     for position, figure in enumerate(figures):
         # The same entries as a rule, as the questions are the same.
         if figure is not None and figure.entries == like.entries:
             values[position] = figure.values
-            for what in _TOLD:
+            for what in TOLD:
                 told[what][position] = (
                     figure.told[what] if like.dimensions else figure.told[what][()]
                 )
     dimensions = (SOURCE, *like.dimensions)
     attributes = {**like.attributes, INTERVAL_LEVEL: LEVEL}
     variables[name] = ((*dimensions, BOUND), values, attributes)
+    shape = dict(zip(dimensions, values.shape[:-1], strict=True))
     coordinates.update(like.coordinates)
-    for what, texts in told.items():
-        coordinates[f"{name}_{what}"] = (dimensions, texts, {"long_name": what.replace("_", " ")})
+    coordinates.update(told_along(name, shape, told))

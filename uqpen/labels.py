@@ -11,7 +11,6 @@ from enum import IntEnum, StrEnum
 from types import MappingProxyType
 
 __all__ = [
-    "ASSOCIATIONS",
     "BLOCK_NUMBER",
     "BOUND",
     "BOUNDS",
@@ -22,7 +21,6 @@ __all__ = [
     "CONDITIONAL",
     "DEPENDENCE",
     "DIFFERENCES",
-    "EFFECTS",
     "ENTRIES",
     "ERRORS",
     "ESTIMATES",
@@ -30,7 +28,6 @@ __all__ = [
     "EXCEEDANCE",
     "HEAD_TO_HEAD",
     "HOLDS",
-    "INDICES",
     "INPUT",
     "INTERVAL",
     "INTERVAL_LABEL",
@@ -50,7 +47,6 @@ __all__ = [
     "NAME",
     "NOTE",
     "OPTIMIZED_BY",
-    "OTHER_INPUT",
     "PAIR",
     "POSITION",
     "QUADRATURE_WEIGHT",
@@ -64,7 +60,6 @@ __all__ = [
     "REPLICATE",
     "REPLICATED",
     "RESERVED",
-    "RESPONSES",
     "ROLE",
     "ROUND",
     "RUN",
@@ -107,7 +102,6 @@ MOVED_BY = "moved_by"
 MOVED_UNCERTAINTY = "moved_uncertainty"
 QUADRATURE_WEIGHT = "quadrature_weight"
 INPUT = "input"
-OTHER_INPUT = "other_input"
 SOURCE = "source"
 PAIR = "pair"
 STATUS = "status"
@@ -118,24 +112,20 @@ RANK = "rank"
 # The moments of an output, as the names of its variables end.
 STATISTICS = ("mean", "std", "half_spread", "skewness", "kurtosis", "effective_runs")
 
-# Sobol' indices of an output, likewise.
-INDICES = (
-    "first_order",
-    "total_order",
+# Sobol' indices and Shapley effects of an output, likewise.
+_SHARES_OF_VARIANCE = ("first_order", "total_order", "shapley")
+_INDICES = (
+    *_SHARES_OF_VARIANCE,
     "second_order",
-    *(
-        f"{of}_{order}_order"
-        for of in ("log", "exceedance", "category")
-        for order in ("first", "total")
-    ),
+    *(f"{of}_{share}" for of in ("log", "exceedance", "category") for share in _SHARES_OF_VARIANCE),
 )
 
 # How an output goes along with each input over a sample, likewise.
-ASSOCIATIONS = ("pearson", "spearman", "partial", "partial_rank", "delta")
+_ASSOCIATIONS = ("pearson", "spearman", "partial", "partial_rank", "delta")
 
 # What is told of each input's elementary effects, and of its steps from the nominal point.
-EFFECTS = ("mu", "mu_star", "sigma")
-RESPONSES = ("response", "contribution")
+_EFFECTS = ("mu", "mu_star", "sigma")
+_RESPONSES = ("response", "contribution")
 
 # What an estimate says of its own interval: attributes of a single one, coordinates along several.
 INTERVAL = "interval"
@@ -148,14 +138,30 @@ CHECKED = "checked"
 REFUSED = "refused"
 UNCHECKED = "unchecked"
 
+RUNS = "runs"
+MOMENTS = "moments"
+QUANTILES = "quantiles"
+HOLDS = "holds"
+EXCEEDANCE = "exceedance"
+CDFS = "cdfs"
+SHARES = "shares"
+STATUSES = "statuses"
+SENSITIVITY = "sensitivity"
+SURROGATES = "surrogates"
+COMPARISON = "comparison"
+TRAJECTORY = "trajectory"
+
 # What the names of an output's statistics and of their coordinates end in.
 SUFFIXES = frozenset(
     {
         *STATISTICS,
         "band",
+        # The indices of an output's logarithm must not be taken for those of another output.
+        "log",
+        EXCEEDANCE,
         *(
             f"{dimension}{coordinate}"
-            for dimension in ("probability", "threshold", "hold", "category", *INDICES)
+            for dimension in ("probability", "threshold", "hold", "category", *_INDICES)
             for coordinate in (
                 "",
                 f"_{INTERVAL}",
@@ -168,7 +174,7 @@ SUFFIXES = frozenset(
         ),
         *(
             f"{figure}{coordinate}"
-            for figure in (*EFFECTS, *RESPONSES, *ASSOCIATIONS)
+            for figure in (*_EFFECTS, *_RESPONSES, *_ASSOCIATIONS)
             for coordinate in ("", f"_{INTERVAL}", f"_{INTERVAL_LABEL}", f"_{NOTE}")
         ),
     }
@@ -187,19 +193,6 @@ DEPENDENCE = "dependence"
 OPTIMIZED_BY = "points_optimized_by"
 # Moved inputs whose nominal value is 0, so that no step is relative to it.
 RELATIVE_TO_SPREAD = "relative_to_half_spread"
-
-RUNS = "runs"
-MOMENTS = "moments"
-QUANTILES = "quantiles"
-HOLDS = "holds"
-EXCEEDANCE = "exceedance"
-CDFS = "cdfs"
-SHARES = "shares"
-STATUSES = "statuses"
-SENSITIVITY = "sensitivity"
-SURROGATES = "surrogates"
-COMPARISON = "comparison"
-TRAJECTORY = "trajectory"
 
 # What kind of archive it is, at its root; those of studies do not say.
 KIND = "uqpen_kind"

@@ -41,6 +41,10 @@ class Stream:
         self.seed = seed
         self.path = path
 
+    def child(self, *path: str | int) -> Stream:
+        """The stream at `path` below this one, for whoever makes generators of his own there."""
+        return Stream(self.seed, *self.path, *path)
+
     def generator(self, *path: str | int) -> np.random.Generator:
         """A generator for the stream at `path`, always the same one for the same names."""
         # JSON keeps ("a", 1) apart from ("a1",); SHA-256 spreads alike names over the seeds.

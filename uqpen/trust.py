@@ -17,7 +17,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.analyses.of_surrogate import Reach
-from uqpen.archive.told import own, told
+from uqpen.archive.told import own, stem, told, told_along
 from uqpen.labels import (
     BOUND,
     CDFS,
@@ -213,31 +213,16 @@ def _marked(
     """An array without bounds and with a verdict on each of its figures, or one on all."""
     marked = array.copy()
     marked[{BOUND: slice(1, None)}] = np.nan
-    keys = [str(key) for key in array.coords if str(key).endswith(f"_{INTERVAL_LABEL}")]
-    if () in verdicts or not keys:
+    shape = {str(key): size for key, size in array.sizes.items() if key != BOUND}
+    called = stem(name, list(shape), array.coords)
+    if () in verdicts or not called:
         (verdict,) = verdicts.values()
         marked.attrs.pop(INTERVAL_LEVEL, None)
         marked.attrs |= {INTERVAL: "none", INTERVAL_LABEL: verdict.label, NOTE: verdict.note}
         return marked
-    stem = _stem(name, keys)
-    dimensions, shape = array.dims[:-1], array.shape[:-1]
     texts = {
         INTERVAL: ["none"] * len(verdicts),
         INTERVAL_LABEL: [verdict.label for verdict in verdicts.values()],
         NOTE: [verdict.note for verdict in verdicts.values()],
     }
-    replaced = {
-        f"{stem}_{what}": (
-            dimensions,
-            np.array(entries, dtype=object).reshape(shape),
-            {"long_name": what.replace("_", " ")},
-        )
-        for what, entries in texts.items()
-    }
-    return marked.assign_coords(replaced)
-
-
-def _stem(name: str, keys: Sequence[str]) -> str:
-    """What the coordinates are called after that tell of this variable's figures."""
-    stems = [key.removesuffix(f"_{INTERVAL_LABEL}") for key in keys]
-    return name if name in stems else stems[0]
+    return marked.assign_coords(told_along(called, shape, texts))

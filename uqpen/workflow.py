@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import xarray as xr
 
@@ -14,7 +14,7 @@ from uqpen.analyses.surrogate_draws import SurrogateDraws
 from uqpen.archive.provenance import CONVENTIONS, SCHEMA, provenance
 from uqpen.archive.read import SCHEMA_ATTRIBUTE
 from uqpen.comparison import Source, side_by_side
-from uqpen.designs.design import Design
+from uqpen.designs.design import Design, Rounds
 from uqpen.errors import TrajectoryError
 from uqpen.evaluation import Evaluator, Map, evaluate, join, worst
 from uqpen.labels import (
@@ -33,10 +33,10 @@ from uqpen.streams import Stream
 from uqpen.study.study import Study, Variant
 from uqpen.trust import Witness, judged
 
-__all__ = ["Progress", "root_attributes", "run"]
+__all__ = ["Progress", "root_attributes", "run", "runs_of_design"]
 
 Groups = Iterator[tuple[str, xr.Dataset]]
-# The runs of each design, by its name.
+# The runs of each design by its name, or of each model by its.
 Runs = dict[str, xr.Dataset]
 
 
@@ -94,22 +94,47 @@ def _runs(study: Study, map: Map, progress: Progress) -> dict[str, Runs]:
     made: dict[str, Runs] = {name: {} for name in study.models}
     for name, design in study.designs.items():
         progress.design(name, design.size(study.law) * len(study.models))
-        rounds = list(_rounds(study, name, design, map, progress))
+        stream = Stream(study.seed, "designs", name)
+        runs = runs_of_design(study, design, stream, map=map, advance=progress.advance)
         for model in study.models:
-            runs = join([each[model] for each in rounds])
-            made[model][name] = runs.assign_attrs({SAMPLING: str(design.sampling)})
+            made[model][name] = runs[model]
     return made
 
 
+def runs_of_design(
+    study: Study, design: Design, stream: Stream, *, map: Map, advance: Callable[[int], None]
+) -> Runs:
+    """The runs of one design by model, on common points.
+
+    Parameters
+    ----------
+    study : Study
+        Whose models and inputs they are.
+    design : Design
+        The study's own, or another in its place.
+    stream : Stream
+        Where the design's random numbers come from.
+    map : callable
+        Like the built-in: where batches of runs are made.
+    advance : callable
+        Told how many runs more are done.
+    """
+    rounds = list(_rounds(study, design.rounds(study.law, stream), map, advance))
+    sampling = {SAMPLING: str(design.sampling)}
+    return {
+        model: join([runs[model] for runs in rounds]).assign_attrs(sampling)
+        for model in study.models
+    }
+
+
 def _rounds(
-    study: Study, name: str, design: Design, map: Map, progress: Progress
-) -> Iterator[Mapping[str, xr.Dataset]]:
+    study: Study, rounds: Rounds, map: Map, advance: Callable[[int], None]
+) -> Iterator[Runs]:
     """The runs of a design by model, round by round; each round may depend on the one before."""
     evaluators = {
         model: Evaluator(variant.model, study.constraints)
         for model, variant in study.models.items()
     }
-    rounds = design.rounds(study.law, Stream(study.seed, "designs", name))
     points = next(rounds)
     while True:
         runs = {
@@ -118,7 +143,7 @@ def _rounds(
                 points.assign(study.models[model].given),
                 _display_units(study),
                 map=map,
-                advance=progress.advance,
+                advance=advance,
             )
             for model, evaluator in evaluators.items()
         }

@@ -236,6 +236,13 @@ def test_few_runs_and_heavy_tails_are_warned_of() -> None:
     assert all("heavy tail" in note for note in told(heavy, "note"))
 
 
+@pytest.mark.parametrize(("runs", "is_doubted"), [(1000, True), (5000, False)])
+def test_a_logarithm_hides_a_tail_where_it_hangs_on_few_runs(runs: int, is_doubted: bool) -> None:
+    sample = of(lambda x: np.asarray(np.exp(additive(x))), drawn(MonteCarlo(runs=runs), 0))
+    notes = indices(sample, kind="log_").coords["y_log_first_order_note"].values
+    assert all(("heavier than" in note) == is_doubted for note in notes)
+
+
 def test_logarithms_and_events_have_indices_of_their_own() -> None:
     sample = of(lambda x: np.asarray(np.exp(additive(x))), drawn(DESIGNS["sobol"], 5))
     question = Question(OUTPUT, "m", exceeds=(Threshold("1 m", 1.0), Threshold("1 Mm", 1e6)))

@@ -44,9 +44,7 @@ def analyze(
     groups: dict[str, xr.Dataset] = {}
     if sampling.is_sample:
         drawn = sample_of_law(runs)
-        samples = {
-            question.output.name: Sample.of(drawn, question.output.name) for question in questions
-        }
+        samples = Sample.of_each(drawn, [question.output.name for question in questions])
         groups = _answered(
             _wanted(ANALYSES, only),
             questions,

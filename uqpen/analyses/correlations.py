@@ -12,7 +12,12 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.analyses.estimate import LEVEL, Estimate
-from uqpen.analyses.given_inputs import INCLUDES_CORRELATION, input_coordinate, mean_ranks
+from uqpen.analyses.given_inputs import (
+    INCLUDES_CORRELATION,
+    input_coordinate,
+    mean_ranks,
+    reason_for_no_measure,
+)
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Sample
 from uqpen.analyses.shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, Shape
@@ -90,14 +95,22 @@ class _Columns:
             columns = [*self.sample.points[self.sample.used].T, self.shape.deviations]
         return np.column_stack([_standardized(column) for column in columns])
 
+    @cached_property
+    def _varying(self) -> IntArray:
+        """Which columns vary."""
+        return np.flatnonzero(self.standardized.any(axis=0))
+
+    @cached_property
+    def _products(self) -> FloatArray:
+        """Mean products of the columns that vary: how they correlate."""
+        columns = self.standardized[:, self._varying]
+        products: FloatArray = columns.T @ columns / self.sample.size
+        return products
+
     def correlation(self, i: int, *, is_partial: bool) -> Estimate:
         """The correlation of the output with input `i`."""
-        if self.sample.size < _FEWEST_RUNS:
-            return Estimate.without_bounds(math.nan, f"{self.sample.size} runs are too few")
-        if self.sample.is_constant:
-            return Estimate.without_bounds(math.nan, "the output does not vary")
-        if not self.standardized[:, i].any():
-            return Estimate.without_bounds(math.nan, "the input does not vary")
+        if reason := reason_for_no_measure(self.sample, i, _FEWEST_RUNS):
+            return Estimate.without_bounds(math.nan, reason)
         weights = self._partial_weights(i) if is_partial else self._simple_weights(i)
         if weights is None:
             reason = "the inputs and the output follow from each other by straight lines"
@@ -114,10 +127,7 @@ class _Columns:
 
     def _partial_weights(self, i: int) -> tuple[FloatArray, FloatArray] | None:
         """How the residuals of input and output over the other inputs are made of the columns."""
-        varies = self.standardized.any(axis=0)
-        kept = np.flatnonzero(varies)
-        columns = self.standardized[:, kept]
-        matrix = columns.T @ columns / self.sample.size
+        kept, matrix = self._varying, self._products
         if np.linalg.cond(matrix) > 1 / _ROUNDING:
             return None
         mine, last = int(np.flatnonzero(kept == i)[0]), len(kept) - 1

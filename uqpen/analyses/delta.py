@@ -11,7 +11,12 @@ import xarray as xr
 from scipy import special
 
 from uqpen.analyses.estimate import Estimate
-from uqpen.analyses.given_inputs import INCLUDES_CORRELATION, input_coordinate, mean_ranks
+from uqpen.analyses.given_inputs import (
+    INCLUDES_CORRELATION,
+    input_coordinate,
+    mean_ranks,
+    reason_for_no_measure,
+)
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Sample
 from uqpen.labels import INPUT
@@ -65,14 +70,9 @@ def delta(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataArra
 
 
 def _estimate(sample: Sample, cells: IntArray, column: int) -> Estimate:
-    if sample.size < _FEWEST_RUNS:
-        return Estimate.without_bounds(math.nan, f"{sample.size} runs are too few")
-    if sample.is_constant:
-        return Estimate.without_bounds(math.nan, "the output does not vary")
-    values = sample.points[sample.used, column]
-    if not np.ptp(values) > 0:
-        return Estimate.without_bounds(math.nan, "the input does not vary")
-    counts = _counts(values, cells)
+    if reason := reason_for_no_measure(sample, column, _FEWEST_RUNS):
+        return Estimate.without_bounds(math.nan, reason)
+    counts = _counts(sample.points[sample.used, column], cells)
     # What noise adds to the distances, resampling adds once more.
     resampled = np.mean([_distance(drawn) for drawn in _resampled(counts)])
     value = float(np.clip(2 * _distance(counts) - resampled, 0.0, 1.0))

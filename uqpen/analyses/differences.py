@@ -52,4 +52,4 @@ def differences(
         name = question.output.name
         difference = np.where(came_back, other[name].values - first[name].values, np.nan)
         runs[name] = other[name].copy(data=difference)
-    return {group: told for group, told in analyze(runs, asked).items() if group in _TOLD}
+    return analyze(runs, asked, only=_TOLD)

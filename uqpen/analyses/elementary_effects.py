@@ -10,8 +10,8 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.analyses.estimate import LEVEL, Estimate
-from uqpen.analyses.moved import moved_inputs
 from uqpen.analyses.question import Question
+from uqpen.designs.moves import moved_inputs
 from uqpen.intervals import student_quantile
 from uqpen.labels import (
     BLOCK_NUMBER,

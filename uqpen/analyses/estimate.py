@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.told import told_along
 from uqpen.labels import BOUND, BOUNDS, INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE
 
 __all__ = ["LEVEL", "Estimate"]
@@ -110,24 +111,15 @@ def _arranged(
     long_name: str,
 ) -> xr.DataArray:
     """Estimates along dimensions, with what each says of its own interval beside it."""
-    dimensions, sizes = tuple(shape), tuple(shape.values())
     bounds = np.array([estimate.bounds for estimate in estimates])
-    told = {
+    texts = {
         INTERVAL: [estimate.method for estimate in estimates],
         INTERVAL_LABEL: [estimate.label for estimate in estimates],
         NOTE: [estimate.note for estimate in estimates],
     }
-    beside = {
-        f"{called}_{what}": (
-            dimensions,
-            np.array(texts, dtype=object).reshape(sizes),
-            {"long_name": what.replace("_", " ")},
-        )
-        for what, texts in told.items()
-    }
     return xr.DataArray(
-        bounds.reshape(*sizes, len(BOUNDS)),
-        {BOUND: list(BOUNDS), **beside},
-        (*dimensions, BOUND),
+        bounds.reshape(*shape.values(), len(BOUNDS)),
+        {BOUND: list(BOUNDS), **told_along(called, shape, texts)},
+        (*shape, BOUND),
         attrs={"units": units, "long_name": long_name, INTERVAL_LEVEL: LEVEL},
     )

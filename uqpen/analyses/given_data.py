@@ -91,10 +91,16 @@ class _Neighbours:
         inputs = range(len(self.sample.inputs))
         return [Bins.of(self.sample, column, halved=True) for column in inputs]
 
+    @cached_property
+    def shape(self) -> Shape:
+        """The shape of the output's own tail."""
+        return Shape(self.sample)
+
     def of_variable(self, values: FloatArray, stem: str, title: str) -> tuple[str, xr.DataArray]:
         """Indices of a variable over the runs, along ``input``."""
+        has_doubtful_source = self.shape.is_doubtful
         array = Estimate.stack(
-            self._indices(_Variable(replace(self.sample, values=values))),
+            self._indices(_Variable(replace(self.sample, values=values), has_doubtful_source)),
             INPUT,
             units="1",
             long_name=self._long_name(title),
@@ -150,9 +156,20 @@ class _Neighbours:
 
 @dataclass(frozen=True)
 class _Variable:
-    """A variable over runs, and how much of its variance an input explains."""
+    """A variable over runs, and how much of its variance an input explains.
+
+    Parameters
+    ----------
+    sample : Sample
+        Its values.
+    has_doubtful_source : bool
+        Whether the output that it is made of may have a heavy tail.
+    is_event : bool
+        Whether it says, by 0 and 1, what happened in which run.
+    """
 
     sample: Sample
+    has_doubtful_source: bool = False
     is_event: bool = False
 
     @cached_property
@@ -213,8 +230,13 @@ class _Variable:
 
     @property
     def _is_doubtful(self) -> bool:
-        # An event has no tail that could be hidden.
-        return self.shape.is_doubtful and not self.is_event
+        if self.is_event:
+            # It has no tail that could be hidden.
+            return False
+        # A logarithm shows less of a tail than the output does. Where 1 000 runs of the concrete
+        # study showed none in it, the largest index was covered in 78 %.
+        may_hide = self.has_doubtful_source and self.shape.hangs_on_few
+        return self.shape.is_doubtful or may_hide
 
     @property
     def _warning(self) -> str:

@@ -1,7 +1,8 @@
-"""What measures of sensitivity say of the inputs that they are of."""
+"""What measures of sensitivity say of the inputs that they are of, and when they are none."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,13 @@ import numpy.typing as npt
 from uqpen.analyses.sample import Sample
 from uqpen.labels import INPUT
 
-__all__ = ["INCLUDES_CORRELATION", "input_coordinate", "mean_ranks"]
+__all__ = [
+    "INCLUDES_CORRELATION",
+    "along_inputs",
+    "input_coordinate",
+    "mean_ranks",
+    "reason_for_no_measure",
+]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -20,9 +27,34 @@ INCLUDES_CORRELATION = "includes correlation"
 
 
 def input_coordinate(sample: Sample) -> dict[str, Any]:
+    """The coordinate along ``input`` of what is told of a sample's inputs."""
+    return along_inputs(sample.inputs)
+
+
+def along_inputs(names: Sequence[str]) -> dict[str, Any]:
     """The coordinate along ``input``: the names of the random inputs."""
-    names = np.array(sample.inputs, dtype=object)
-    return {INPUT: (INPUT, names, {"long_name": "random input"})}
+    return {INPUT: (INPUT, np.array(names, dtype=object), {"long_name": "random input"})}
+
+
+def reason_for_no_measure(sample: Sample, column: int, fewest: int) -> str:
+    """Why nothing can be said of an input's part in an output; empty where it can.
+
+    Parameters
+    ----------
+    sample : Sample
+        Of the output.
+    column : int
+        The input, by its number in `Sample.inputs`.
+    fewest : int
+        The runs that the measure needs.
+    """
+    if sample.size < fewest:
+        return f"{sample.size} runs are too few"
+    if sample.is_constant:
+        return "the output does not vary"
+    if not np.ptp(sample.points[sample.used, column]) > 0:
+        return "the input does not vary"
+    return ""
 
 
 def mean_ranks(level: IntArray) -> FloatArray:

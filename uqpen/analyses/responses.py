@@ -10,8 +10,8 @@ import numpy as np
 import xarray as xr
 
 from uqpen.analyses.estimate import Estimate
-from uqpen.analyses.moved import moved_inputs
 from uqpen.analyses.question import Question
+from uqpen.designs.moves import moved_inputs
 from uqpen.labels import (
     INPUT,
     MOVED_BY,

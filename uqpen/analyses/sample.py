@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
@@ -11,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 from uqpen.intervals import additive_residual_error, ratio_error
 from uqpen.labels import (
     DEPENDENCE,
@@ -43,9 +45,6 @@ class Plan(StrEnum):
 
 _NO_DRAWS = "the points are no draws from the law"
 
-# The two matrices of a pick-freeze design whose rows are points by themselves.
-_DRAWN_MATRICES = (0, 1)
-
 
 def sample_of_law(runs: xr.Dataset) -> xr.Dataset:
     """Those runs of a design whose points are a sample of the input law.
@@ -60,7 +59,7 @@ def sample_of_law(runs: xr.Dataset) -> xr.Dataset:
     """
     if Sampling(runs.attrs[SAMPLING]) is not Sampling.PICK_FREEZE:
         return runs
-    drawn = np.isin(runs[MATRIX].values, _DRAWN_MATRICES)
+    drawn = np.isin(runs[MATRIX].values, (MATRIX_A, MATRIX_B))
     if ROUND in runs.coords:
         drawn &= runs[ROUND].values == 0
     return runs.isel({RUN: drawn})
@@ -109,9 +108,17 @@ class Sample:
     @classmethod
     def of(cls, runs: xr.Dataset, name: str) -> Sample:
         """The sample of a variable in a runs dataset."""
-        status = runs[STATUS].values
-        used = np.flatnonzero(status == Status.OK)
-        return cls._taken(runs, runs[name].values[used].astype(np.float64), used)
+        return cls.of_each(runs, [name])[name]
+
+    @classmethod
+    def of_each(cls, runs: xr.Dataset, names: Iterable[str]) -> dict[str, Sample]:
+        """The samples of several variables, by name; they share one copy of the points."""
+        used = np.flatnonzero(runs[STATUS].values == Status.OK)
+        whole = cls._taken(runs, np.full(used.shape, np.nan), used)
+        return {
+            name: replace(whole, values=runs[name].values[used].astype(np.float64))
+            for name in names
+        }
 
     @classmethod
     def of_status(cls, runs: xr.Dataset) -> Sample:

@@ -85,18 +85,21 @@ class Shape:
         return self.sample.size / self.kurtosis
 
     @property
+    def hangs_on_few(self) -> bool:
+        """Whether these are so few that a heavy tail would do harm."""
+        return self.effective_runs < _FEWEST_EFFECTIVE_RUNS
+
+    @property
     def is_heavy(self) -> bool:
         """Whether so few runs decide the variance that no interval of it covers."""
-        is_few = self.effective_runs < _FEWEST_EFFECTIVE_RUNS
-        return self.kurtosis > _HEAVY_KURTOSIS and is_few
+        return self.kurtosis > _HEAVY_KURTOSIS and self.hangs_on_few
 
     @property
     def is_doubtful(self) -> bool:
         """Whether a heavier tail may be there that these runs do not show."""
         if self.sample.size < _ENOUGH_RUNS_FOR_TAILS:
             return True
-        is_few = self.effective_runs < _FEWEST_EFFECTIVE_RUNS
-        return self.kurtosis > _DOUBTFUL_KURTOSIS and is_few
+        return self.kurtosis > _DOUBTFUL_KURTOSIS and self.hangs_on_few
 
     @property
     def tail(self) -> str:

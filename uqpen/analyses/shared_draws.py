@@ -26,7 +26,7 @@ from uqpen.inputs.law import InputLaw
 from uqpen.labels import Status
 from uqpen.streams import Stream
 
-__all__ = ["SharedDraws", "VarianceShares", "shared_draws"]
+__all__ = ["MOST_INPUTS_FOR_ALL_SETS", "SharedDraws", "VarianceShares", "shared_draws"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -111,8 +111,10 @@ class SharedDraws:
             centre, variance = first[usable].mean(), first[usable].var()
             unrelated = function(self.second[0][output])
             explained = {0: 0.0, (1 << self.dimension) - 1: 1.0}
-            for subset in self.second.keys() - {0}:
-                second = function(self.second[subset][output])
+            for subset, outputs in self.second.items():
+                if not subset:
+                    continue
+                second = function(outputs[output])
                 # Each is exact on average; the one errs little where little is explained, the
                 # other where little is left.
                 share = float(np.nanmean((first - centre) * (second - unrelated)) / variance)

@@ -52,8 +52,7 @@ class SurrogateDraws:
     @cached_property
     def runs(self) -> xr.Dataset:
         """A sample of the law, run through the surrogate."""
-        stream = Stream(self.stream.seed, *self.stream.path, "sample")
-        points = next(_SAMPLE.rounds(self.law, stream)).assign(self.given)
+        points = next(_SAMPLE.rounds(self.law, self.stream.child("sample"))).assign(self.given)
         runs = evaluate(self._evaluator, points, {})
         return runs.assign_attrs({SAMPLING: str(_SAMPLE.sampling)})
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.analyses.estimate import Estimate
-from uqpen.analyses.given_inputs import INCLUDES_CORRELATION
+from uqpen.analyses.given_inputs import INCLUDES_CORRELATION, along_inputs
 from uqpen.analyses.probabilities import threshold_coordinates
 from uqpen.analyses.question import Question
 from uqpen.analyses.shared_draws import MOST_INPUTS_FOR_ALL_SETS
@@ -138,8 +138,7 @@ class _Indices:
 
     @property
     def _inputs(self) -> dict[str, Any]:
-        names = [entry.variable.name for entry in self.draws.law.random]
-        return {INPUT: (INPUT, np.array(names, dtype=object), {"long_name": "random input"})}
+        return along_inputs([entry.variable.name for entry in self.draws.law.random])
 
 
 def _exceeding(value: float) -> Callable[[FloatArray], FloatArray]:

@@ -1,4 +1,4 @@
-"""What a design that moves inputs says of its runs: which input was moved, and how far."""
+"""What a design that moves inputs says of its runs, and how that is read again."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ import xarray as xr
 
 from uqpen.labels import MOVED_BY, MOVED_INPUT, RUN
 
-__all__ = ["with_moves"]
+__all__ = ["moved_inputs", "with_moves"]
+
+# What stands for no input in the runs that move none; names of inputs begin with a letter.
+_NONE = "_none"
 
 
 def with_moves(
@@ -39,8 +42,7 @@ def with_moves(
     flags = {
         "long_name": "input that is moved in the run",
         "flag_values": np.arange(-1, len(inputs), dtype=np.int16),
-        # No input is called so: names begin with a letter.
-        "flag_meanings": " ".join(["_none", *inputs]),
+        "flag_meanings": " ".join([_NONE, *inputs]),
     }
     described = {"units": "1", "long_name": f"how far it is moved, {measured}"}
     return points.assign_coords(
@@ -49,3 +51,19 @@ def with_moves(
             MOVED_BY: (RUN, by, described),
         }
     )
+
+
+def moved_inputs(runs: xr.Dataset) -> dict[str, int]:
+    """The inputs that vary over some runs, each with its number among those that were moved.
+
+    Of several models, one may not take an input, or have a value of its own for it.
+
+    Parameters
+    ----------
+    runs : Dataset
+        Of a design that says what it moved.
+    """
+    _, *names = str(runs[MOVED_INPUT].attrs["flag_meanings"]).split()
+    return {
+        name: number for number, name in enumerate(names) if name in runs and RUN in runs[name].dims
+    }

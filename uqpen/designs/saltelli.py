@@ -77,7 +77,7 @@ class Saltelli(Design):
         runs = yield self._points(law, points, blocks.ravel(), matrices.ravel())
         redraws = _Redraws(layout, A, B, runs[STATUS].values.reshape(blocks.shape))
         for number in range(1, MOST_ROUNDS + 1):
-            proposed = redraws.proposals(law, Stream(stream.seed, *stream.path, "redraws", number))
+            proposed = redraws.proposals(law, stream.child("redraws", number))
             if not proposed:
                 return
             points, block, matrix = (

@@ -19,7 +19,6 @@ from uqpen.intervals import student_quantile
 __all__ = ["JACKKNIFE", "Accuracy", "Lead", "accuracy", "lead", "slope"]
 
 FloatArray = npt.NDArray[np.float64]
-
 BoolArray = npt.NDArray[np.bool_]
 
 JACKKNIFE = "Student t on the logarithm, jackknife over repeats"

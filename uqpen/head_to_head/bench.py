@@ -13,12 +13,13 @@ from uqpen.analyses.of_surrogate import told_by_surrogate
 from uqpen.analyses.surrogate_draws import SurrogateDraws
 from uqpen.designs.design import Design
 from uqpen.designs.monte_carlo import MonteCarlo
-from uqpen.evaluation import Evaluator, Map, evaluate, join
+from uqpen.evaluation import Evaluator, Map, evaluate
 from uqpen.head_to_head.statistics import GROUPS
-from uqpen.labels import BOUND, BOUNDS, SAMPLING
+from uqpen.labels import BOUND, BOUNDS
 from uqpen.streams import Stream
 from uqpen.study.study import ONLY_MODEL, Study
 from uqpen.surrogates.surrogate import FittedSurrogate
+from uqpen.workflow import runs_of_design
 
 __all__ = ["Bench"]
 
@@ -46,17 +47,8 @@ class Bench:
 
     def runs(self, design: Design, stream: Stream) -> xr.Dataset:
         """The runs of a design, all rounds of them."""
-        evaluator = Evaluator(self.study.model, self.study.constraints)
-        rounds = design.rounds(self.study.law, stream)
-        points = next(rounds)
-        made = []
-        while True:
-            runs = evaluate(evaluator, points, {}, map=self.map, advance=self.advance)
-            made.append(runs)
-            try:
-                points = rounds.send(runs)
-            except StopIteration:
-                return join(made).assign_attrs({SAMPLING: str(design.sampling)})
+        made = runs_of_design(self.study, design, stream, map=self.map, advance=self.advance)
+        return made[ONLY_MODEL]
 
     def answers(self, runs: xr.Dataset) -> dict[str, xr.Dataset]:
         """What runs tell of the statistics that are compared, by group."""

@@ -61,8 +61,9 @@ def compare(
     Returns
     -------
     DataTree
-        ``/methods``, and for each output ``/estimates/<output>``, ``/reference/<output>``,
-        ``/errors/<output>``, ``/slopes/<output>`` and ``/verdicts/<output>``.
+        ``/methods``, the reference's answers in ``/reference/<group>``, and for each output
+        ``/estimates/<output>``, ``/errors/<output>``, ``/slopes/<output>`` and
+        ``/verdicts/<output>``.
 
     Raises
     ------
@@ -98,8 +99,7 @@ def _repeat(bench: Bench, record: Record, repeat: int) -> None:
     for position, method in enumerate(record.methods):
         for number, budget in enumerate(record.terms.budgets):
             if method.spent(budget).runs:
-                path = ("head_to_head", method.name, budget, repeat)
-                stream = Stream(bench.study.seed, *path)
+                stream = Stream(bench.study.seed, "head_to_head", method.name, budget, repeat)
                 answers = method.answers(bench, budget, stream)
                 record.enter(position, number, repeat, answers)
 

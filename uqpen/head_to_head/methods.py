@@ -161,7 +161,7 @@ class SurrogateMethod(Method):
         """What the surrogate tells that is fitted to the scaled training."""
         scaled = self._scaled(budget)
         assert scaled is not None
-        runs = bench.runs(scaled, Stream(stream.seed, *stream.path, "training"))
+        runs = bench.runs(scaled, stream.child("training"))
         fitted = self.surrogate.fit(self.source, runs, bench.study.model, self.law, stream)
         return bench.answers_of_surrogate(fitted, stream)
 

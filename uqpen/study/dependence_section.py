@@ -12,9 +12,9 @@ from uqpen.inputs.copulas import COPULAS
 from uqpen.inputs.dependence import Dependence
 from uqpen.inputs.elliptical_copulas import MEASURES, Elliptical, of_scores
 from uqpen.inputs.law import InputLaw
-from uqpen.lookup import choices, resolve
+from uqpen.lookup import choices
 from uqpen.settings import declared
-from uqpen.study.section import Section
+from uqpen.study.section import Section, member
 
 __all__ = ["read_dependence"]
 
@@ -26,14 +26,9 @@ def read_dependence(table: Section | None, law: InputLaw) -> InputLaw:
     """The law with its inputs' dependence; without, where a mistake was noted."""
     if table is None:
         return law
-    expected = f"one of {', '.join(COPULAS)}"
-    name = table.text("copula", expected)
-    if name is None:
+    copula = member(table, "copula", COPULAS, "a copula")
+    if copula is None:
         return law
-    if name not in COPULAS:
-        table.wrong("copula", as_written(name), f"a copula; {choices(name, COPULAS)}")
-        return law
-    copula = resolve(COPULAS[name])
     noted = len(table.problems)
     is_elliptical = issubclass(copula, Elliptical)
     parameters = _elliptical(table, law, copula) if is_elliptical else _inputs(table, law)

@@ -9,9 +9,7 @@ from uqpen.designs.design import Design
 from uqpen.designs.table import Table
 from uqpen.errors import TableError, as_written
 from uqpen.inputs.law import InputLaw
-from uqpen.labels import NAME
-from uqpen.lookup import choices, resolve
-from uqpen.study.section import Section
+from uqpen.study.section import Section, member, named
 
 __all__ = ["check_designs", "read_designs"]
 
@@ -26,13 +24,7 @@ _VALID = (
 def read_designs(table: Section, folder: Path) -> dict[str, Design]:
     """The designs of a study; what could not be understood is noted and left out."""
     found: dict[str, Design] = {}
-    for name in table:
-        section = table.table(name)
-        if section is None:
-            continue
-        if not NAME.match(name):
-            section.wrong((), as_written(name), "a name of letters, digits and _")
-            continue
+    for name, section in named(table):
         design = _design(section, folder)
         if design is not None:
             found[name] = design
@@ -74,12 +66,9 @@ def check_designs(table: Section, designs: dict[str, Design], law: InputLaw) -> 
 
 
 def _design(table: Section, folder: Path) -> Design | None:
-    kind = table.text("kind", f"one of {', '.join(DESIGNS)}")
+    kind = member(table, "kind", DESIGNS, "a kind of design")
     if kind is None:
         return None
-    if kind not in DESIGNS:
-        table.wrong("kind", as_written(kind), f"a kind of design; {choices(kind, DESIGNS)}")
-        return None
-    design: Design | None = table.settings(resolve(DESIGNS[kind]), folder=folder)
+    design: Design | None = table.settings(kind, folder=folder)
     table.close()
     return design

@@ -160,8 +160,7 @@ class _Origins:
 
     def read(self, table: Section, family: str, variable: Input) -> Origin | None:
         if family == MEASURED:
-            stream = Stream(self.stream.seed, *self.stream.path, variable.name)
-            return read_measured(table, variable, self.folder, stream)
+            return read_measured(table, variable, self.folder, self.stream.child(variable.name))
         law: Distribution | None = table.settings(
             resolve(DISTRIBUTIONS[family]), like=variable.unit
         )

@@ -93,7 +93,7 @@ def _variables(table: Section, key: str, called_in: dict[str, str]) -> list[tupl
             section.wrong(name, as_written(name), expected)
         elif name in called_in:
             section.wrong(name, "an output with the name of an input", "names that differ")
-        elif (clash := _clash(name, section)) is not None:
+        elif key == "outputs" and (clash := _clash(name, section)) is not None:
             section.wrong(name, as_written(name), f'a name other than what "{clash}" brings along')
         elif not isinstance(unit, str):
             section.wrong(name, as_written(unit), 'a unit such as "cm", or "1" where there is none')

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from uqpen.errors import as_written
-from uqpen.labels import NAME
 from uqpen.lookup import choices
 from uqpen.model import Model, Variable
 from uqpen.study.model_section import read_model
-from uqpen.study.section import Section
+from uqpen.study.section import Section, named
 from uqpen.study.study import ONLY_MODEL, Variant
 from uqpen.units import are_alike
 
@@ -52,13 +51,7 @@ def _several(table: Section, folder: Path) -> dict[str, Variant]:
     first: Model | None = None
     if not table.content:
         table.wrong((), "an empty table", "a [models.<name>]")
-    for name in table:
-        section = table.table(name)
-        if section is None:
-            continue
-        if not NAME.match(name):
-            section.wrong((), as_written(name), "a name of letters, digits and _")
-            continue
+    for name, section in named(table):
         replaced = section.table("with")
         model = read_model(section, folder)
         if model is None:

@@ -6,10 +6,10 @@ from collections.abc import Collection
 
 from uqpen.analyses.published import Published, PublishedFigures
 from uqpen.errors import as_written
-from uqpen.labels import LARGEST_CONTRIBUTION, NAME
+from uqpen.labels import LARGEST_CONTRIBUTION
 from uqpen.lookup import choices
 from uqpen.model import Model, Output
-from uqpen.study.section import Section
+from uqpen.study.section import Section, named
 
 __all__ = ["read_published"]
 
@@ -29,14 +29,9 @@ def read_published(
         Names of designs and surrogates.
     """
     found: dict[str, Published] = {}
-    for name in table or ():
-        assert table is not None
-        section = table.table(name)
-        if section is None:
-            continue
-        if not NAME.match(name) or name in taken:
-            expected = "a name of letters, digits and _ that no design or surrogate has"
-            section.wrong((), as_written(name), expected)
+    for name, section in named(table):
+        if name in taken:
+            section.wrong((), as_written(name), "a name that no design or surrogate has")
             continue
         source = section.text("source", "where the figures stand")
         figures = [

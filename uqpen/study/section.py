@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from uqpen.errors import Problem, QuantityError, SettingsError, as_written
-from uqpen.lookup import choices
+from uqpen.labels import NAME
+from uqpen.lookup import choices, resolve
 from uqpen.quantities import parse_quantity
 from uqpen.settings import Setting, declared
 from uqpen.study.document import Document
 from uqpen.units import describe
 
-__all__ = ["Section"]
+__all__ = ["Section", "member", "named"]
 
 T = TypeVar("T")
 
@@ -196,6 +197,47 @@ class Section:
                 if not setting.accepts({name: chosen}):
                     self.wrong((key, name), as_written(chosen), setting.expected)
         return value
+
+
+def named(table: Section | None) -> Iterator[tuple[str, Section]]:
+    """The tables in a table by their names; what cannot be the name of a group is noted."""
+    for name in table or ():
+        assert table is not None
+        section = table.table(name)
+        if section is None:
+            continue
+        if NAME.match(name):
+            yield name, section
+        else:
+            section.wrong((), as_written(name), "a name of letters, digits and _")
+
+
+def member(table: Section, key: str, family: Mapping[str, str], what: str) -> Any:
+    """The class that a key of a table names.
+
+    Parameters
+    ----------
+    table : Section
+        Where the key stands.
+    key : str
+        The key.
+    family : mapping of str to str
+        Names and their references.
+    what : str
+        What the family holds, with its article, for a message.
+
+    Returns
+    -------
+    type or None
+        None where a mistake was noted.
+    """
+    name = table.text(key, f"one of {', '.join(family)}")
+    if name is None:
+        return None
+    if name not in family:
+        table.wrong(key, as_written(name), f"{what}; {choices(name, family)}")
+        return None
+    return resolve(family[name])
 
 
 def _has_unit(setting: Setting) -> bool:

@@ -7,10 +7,10 @@ from collections.abc import Collection, Mapping
 from uqpen.designs.design import Design
 from uqpen.errors import as_written
 from uqpen.inputs.law import InputLaw
-from uqpen.labels import NAME, Sampling
-from uqpen.lookup import choices, resolve
+from uqpen.labels import Sampling
+from uqpen.lookup import choices
 from uqpen.model import Model
-from uqpen.study.section import Section
+from uqpen.study.section import Section, member, named
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
 
@@ -28,14 +28,8 @@ def read_surrogates(table: Section | None, designs: Collection[str]) -> dict[str
         The names of all designs in the file, whose namespace the surrogates share.
     """
     found: dict[str, Surrogate] = {}
-    for name in table or ():
-        assert table is not None
-        section = table.table(name)
-        if section is None:
-            continue
-        if not NAME.match(name):
-            section.wrong((), as_written(name), "a name of letters, digits and _")
-        elif name in designs:
+    for name, section in named(table):
+        if name in designs:
             section.wrong((), f'"{name}", which is a design', "a name that no design has")
         elif (surrogate := _surrogate(section, designs)) is not None:
             found[name] = surrogate
@@ -59,13 +53,10 @@ def check_surrogates(
 
 
 def _surrogate(section: Section, designs: Collection[str]) -> Surrogate | None:
-    kind = section.text("kind", f"one of {', '.join(SURROGATES)}")
+    kind = member(section, "kind", SURROGATES, "a kind of surrogate")
     if kind is None:
         return None
-    if kind not in SURROGATES:
-        section.wrong("kind", as_written(kind), f"a kind of surrogate; {choices(kind, SURROGATES)}")
-        return None
-    surrogate: Surrogate | None = section.settings(resolve(SURROGATES[kind]))
+    surrogate: Surrogate | None = section.settings(kind)
     section.close()
     if surrogate is None:
         return None

@@ -14,6 +14,7 @@ from uqpen.labels import (
     BUDGET,
     ERRORS,
     METHODS,
+    MOMENTS,
     REFERENCE,
     REPLICATED,
     SINGLE,
@@ -77,7 +78,7 @@ def methods_table(tree: xr.DataTree) -> OutputTable:
 
 def has_reference(tree: xr.DataTree) -> bool:
     """Whether a run of the reference came back."""
-    return bool(group(tree, REFERENCE, "moments").attrs["runs_used"])
+    return bool(group(tree, REFERENCE, MOMENTS).attrs["runs_used"])
 
 
 def contests(tree: xr.DataTree) -> Iterator[Contest]:

@@ -8,8 +8,17 @@ from dataclasses import dataclass
 import xarray as xr
 
 from uqpen.archive.read import group, names_in
-from uqpen.labels import ENTRIES, ESTIMATES, EXCEEDANCE, REFERENCE, VERDICTS
-from uqpen.summary.digits import percent, sensible
+from uqpen.labels import (
+    ENTRIES,
+    ESTIMATES,
+    EXCEEDANCE,
+    MOMENTS,
+    QUANTILES,
+    REFERENCE,
+    VERDICTS,
+)
+from uqpen.summary.digits import sensible
+from uqpen.summary.table import exceedance_label, quantile_label
 from uqpen.units import DIMENSIONLESS, scale
 
 __all__ = ["Entry", "entries"]
@@ -47,21 +56,17 @@ class Entry:
         """What tells it from others of its statistic."""
         if self.position is None:
             return ""
-        held = group(self.tree, ESTIMATES, self.output)
-        return (
-            held[ENTRIES[self.statistic]].values[self.position].item()
-            if (self.statistic == "quantile")
-            else str(held[ENTRIES[self.statistic]].values[self.position])
-        )
+        called = group(self.tree, ESTIMATES, self.output)[ENTRIES[self.statistic]]
+        entry: str | float = called.values.tolist()[self.position]
+        return entry
 
     @property
     def label(self) -> str:
         """The statistic as a table of a study calls it."""
         if self.statistic == "quantile":
-            p = float(self.called)
-            return "median" if p == 0.5 else f"{percent(p)} quantile"
+            return quantile_label(float(self.called))
         if self.statistic == EXCEEDANCE:
-            return f"P(> {self.called})"
+            return exceedance_label(str(self.called))
         return {"std": "sd"}.get(self.statistic, self.statistic)
 
     @property
@@ -74,8 +79,8 @@ class Entry:
     def truth(self) -> xr.DataArray:
         """The reference's estimate, as its analysis made it."""
         if self.statistic in _IN_MOMENTS:
-            return group(self.tree, REFERENCE, "moments")[f"{self.output}_{self.statistic}"]
-        where = EXCEEDANCE if self.statistic == EXCEEDANCE else "quantiles"
+            return group(self.tree, REFERENCE, MOMENTS)[f"{self.output}_{self.statistic}"]
+        where = EXCEEDANCE if self.statistic == EXCEEDANCE else QUANTILES
         return group(self.tree, REFERENCE, where)[self.output][self.position]
 
     @property

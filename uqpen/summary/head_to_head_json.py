@@ -7,10 +7,10 @@ from typing import Any
 
 import xarray as xr
 
-from uqpen.archive.read import SCHEMA_ATTRIBUTE, group
+from uqpen.archive.read import group
 from uqpen.labels import BUDGET, ERRORS, ESTIMATES, KIND, METHOD, METHODS, SLOPES, VARIANT, VERDICTS
 from uqpen.summary.head_to_head_entries import Entry, entries
-from uqpen.summary.json import figure
+from uqpen.summary.json import figure, identity
 
 __all__ = ["as_json"]
 
@@ -33,11 +33,8 @@ def as_json(tree: xr.DataTree) -> dict[str, Any]:
     """
     methods = group(tree, METHODS)
     return {
-        "title": tree.attrs["title"],
+        **identity(tree),
         "kind": tree.attrs[KIND],
-        "study_sha256": tree.attrs["study_sha256"],
-        "seed": int(tree.attrs["seed"]),
-        "schema": int(tree.attrs[SCHEMA_ATTRIBUTE]),
         "repeats": int(methods.attrs["repeats"]),
         "reference_runs": int(methods.attrs["reference_runs"]),
         "methods": {

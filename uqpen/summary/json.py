@@ -38,8 +38,7 @@ from uqpen.summary.losses import losses
 from uqpen.summary.table import output_names
 from uqpen.units import DIMENSIONLESS
 
-__all__ = ["as_json", "figure"]
-
+__all__ = ["as_json", "figure", "identity"]
 
 # Key in JSON, group, and the coordinate that its entries are called by.
 _FAMILIES = (
@@ -66,12 +65,7 @@ def as_json(tree: xr.DataTree) -> dict[str, Any]:
         where there is none, with how its interval was made. Of several models, all that under
         ``models.<name>``, and what they differ by under ``differences.<name>``.
     """
-    head = {
-        "title": tree.attrs["title"],
-        "study_sha256": tree.attrs["study_sha256"],
-        "seed": int(tree.attrs["seed"]),
-        "schema": int(tree.attrs[SCHEMA_ATTRIBUTE]),
-    }
+    head = identity(tree)
     if MODELS not in tree.children:
         return {**head, **_model(tree)}
     models = models_in(tree)
@@ -83,6 +77,16 @@ def as_json(tree: xr.DataTree) -> dict[str, Any]:
         **head,
         "models": {name: _model(model) for name, model in models.items()},
         "differences": differences,
+    }
+
+
+def identity(tree: xr.DataTree) -> dict[str, Any]:
+    """What tells an archive from others, of whatever kind."""
+    return {
+        "title": tree.attrs["title"],
+        "study_sha256": tree.attrs["study_sha256"],
+        "seed": int(tree.attrs["seed"]),
+        "schema": int(tree.attrs[SCHEMA_ATTRIBUTE]),
     }
 
 
@@ -123,7 +127,7 @@ def _surrogate(tree: xr.DataTree, name: str) -> dict[str, Any]:
         "outputs": {
             output: {**_output(tree, name, array), "fit": _fit(made[f"{output}_coefficient"])}
             for output, array in _outputs(runs)
-            if f"{output}_coefficient" in made
+            if output in made.attrs["outputs"].split()
         },
     }
 

@@ -28,7 +28,15 @@ from uqpen.labels import (
     Status,
 )
 from uqpen.summary.digits import grouped, held, percent
-from uqpen.summary.table import NOTHING, Conversion, OutputTable, remark, unchanged
+from uqpen.summary.table import (
+    NOTHING,
+    Conversion,
+    OutputTable,
+    exceedance_label,
+    quantile_label,
+    remark,
+    unchanged,
+)
 from uqpen.units import Scale
 
 __all__ = ["StatisticsRows", "add_shares", "add_statuses", "lost", "runs_spent"]
@@ -55,10 +63,9 @@ class StatisticsRows:
             self._moment("half_spread", "half 16–84 % range", as_difference)
         self._moment("skewness", "skewness", unchanged)
         for p, arrays in self._along(QUANTILES, "probability"):
-            label = "median" if p == 0.5 else f"{percent(p)} quantile"
-            self._row(label, arrays, as_value)
+            self._row(quantile_label(p), arrays, as_value)
         for text, arrays in self._along(EXCEEDANCE, "threshold"):
-            self._row(f"P(> {text})", arrays, unchanged)
+            self._row(exceedance_label(text), arrays, unchanged)
         for p, arrays in self._along(HOLDS, "hold"):
             cells = [self._held(array) for array in arrays]
             self.table.rows.append((f"not exceeded, {percent(p)}", cells))

@@ -10,9 +10,18 @@ import xarray as xr
 
 from uqpen.archive.told import told
 from uqpen.labels import INTERVAL_LABEL, NOTE, REFUSED, ROLE, UNCHECKED
-from uqpen.summary.digits import SUPERSCRIPTS, sensible
+from uqpen.summary.digits import SUPERSCRIPTS, percent, sensible
 
-__all__ = ["NOTHING", "Conversion", "OutputTable", "output_names", "remark", "unchanged"]
+__all__ = [
+    "NOTHING",
+    "Conversion",
+    "OutputTable",
+    "exceedance_label",
+    "output_names",
+    "quantile_label",
+    "remark",
+    "unchanged",
+]
 
 Conversion = Callable[[Any], Any]
 
@@ -63,6 +72,16 @@ class OutputTable:
 def unchanged(values: Any) -> Any:
     """What has no unit is shown as it is, whatever unit its output is shown in."""
     return values
+
+
+def quantile_label(probability: float) -> str:
+    """What a quantile is called in a table."""
+    return "median" if probability == 0.5 else f"{percent(probability)} quantile"
+
+
+def exceedance_label(threshold: str) -> str:
+    """What the probability of exceeding a value is called, from the value as it was written."""
+    return f"P(> {threshold})"
 
 
 def remark(array: xr.DataArray) -> str:

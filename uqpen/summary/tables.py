@@ -24,7 +24,7 @@ from uqpen.units import DIMENSIONLESS, scale
 
 __all__ = ["output_tables"]
 
-_COEFFICIENT, _NOT_FITTED = "_coefficient", "_not_fitted"
+_NOT_FITTED = "_not_fitted"
 
 
 def output_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
@@ -58,8 +58,8 @@ def _statistics_table(
     sources = _sources(tree, kind, name)
     if not sources:
         return None
-    unit = str(described.get("display_units", DIMENSIONLESS))
-    table = OutputTable(name if unit == DIMENSIONLESS else f"{name} [{unit}]", sources)
+    unit = _shown_unit(described)
+    table = OutputTable(_with_unit(name, unit), sources)
     table.rows.append(("runs", [runs_spent(tree, source) for source in sources]))
     table.rows.append(("lost", [lost(tree, source, table) for source in sources]))
     add_statuses(table, tree)
@@ -79,12 +79,19 @@ def _difference_tables(tree: xr.DataTree, other: str) -> Iterator[OutputTable]:
         sources = _sources(pairs, MOMENTS, name)
         if not sources:
             continue
-        unit = str(described[name].attrs.get("display_units", DIMENSIONLESS))
+        unit = _shown_unit(described[name].attrs)
         first = group(pairs, MOMENTS, sources[0]).attrs["minus"]
-        shown = "" if unit == DIMENSIONLESS else f" [{unit}]"
-        table = OutputTable(f"{other} minus {first}: {name}{shown}", sources)
+        table = OutputTable(_with_unit(f"{other} minus {first}: {name}", unit), sources)
         StatisticsRows(table, pairs, name, scale(unit), is_difference=True).add()
         yield table
+
+
+def _shown_unit(described: Mapping[str, Any]) -> str:
+    return str(described.get("display_units", DIMENSIONLESS))
+
+
+def _with_unit(title: str, unit: str) -> str:
+    return title if unit == DIMENSIONLESS else f"{title} [{unit}]"
 
 
 # What is told of a surrogate's fit to an output: attribute, and what a person reads.
@@ -100,10 +107,9 @@ def _fit_table(name: str, made: xr.Dataset) -> OutputTable:
     """How well a surrogate fits each output, or why it could not be fitted."""
     title = f"{name}: fit to {made.attrs['runs_used']} runs, check by {made.attrs['check']}"
     table = OutputTable(title, [label for _, label in _OF_FIT])
-    for variable, array in made.data_vars.items():
-        if str(variable).endswith(_COEFFICIENT):
-            cells = [_of_fit(array.attrs[attribute]) for attribute, _ in _OF_FIT]
-            table.rows.append((str(variable).removesuffix(_COEFFICIENT), cells))
+    for output in made.attrs["outputs"].split():
+        told_by = made[f"{output}_coefficient"].attrs
+        table.rows.append((output, [_of_fit(told_by[attribute]) for attribute, _ in _OF_FIT]))
     for attribute, reason in made.attrs.items():
         if attribute.endswith(_NOT_FITTED):
             cells = [f"not fitted{table.mark(reason)}", *[NOTHING] * (len(_OF_FIT) - 1)]
