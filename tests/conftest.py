@@ -47,4 +47,6 @@ def study_of(tmp_path: Path) -> Callable[..., Study]:
 def _law(law: Any) -> str:
     if isinstance(law, tuple):
         return f"{{ uniform = {{ lower = {law[0]!r}, upper = {law[1]!r} }} }}"
+    if isinstance(law, float):
+        return repr(law)
     return law if law.startswith("{") else f'"{law}"'

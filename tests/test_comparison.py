@@ -70,3 +70,23 @@ def test_it_reads_back_from_an_archive(tree: xr.DataTree, tmp_path: Path) -> Non
     write(tree, tmp_path / "all.nc")
     read = open_archive(tmp_path / "all.nc")["comparison"].to_dataset()
     xr.testing.assert_equal(read["y_quantile"], tree["comparison"].to_dataset()["y_quantile"])
+
+
+def test_a_source_that_tells_of_more_inputs_stands_beside_one_that_tells_of_fewer(
+    study_of: MakeStudy,
+) -> None:
+    text = """
+    [designs.mc]
+    kind = "monte-carlo"
+    runs = 200
+    [designs.steps]
+    kind = "one-at-a-time"
+    fixed = true
+    """
+    tree = uqpen.run(study_of("a + b * c", text, a=(1, 2), b=(1, 2), c=3.0))
+    comparison = tree["comparison"].to_dataset()
+    assert comparison["input"].values.tolist() == ["a", "b", "c"]
+    responses = comparison["y_response"].sel(source="steps", bound="estimate")
+    assert np.isfinite(responses).all()
+    first = comparison["y_first_order"].sel(source="mc", bound="estimate")
+    assert np.isfinite(first).values.tolist() == [True, True, False]

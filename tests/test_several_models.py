@@ -154,3 +154,51 @@ def test_mistakes_are_met_at_their_place(
     with pytest.raises(StudyError) as caught:
         uqpen.parse_study(STUDY.replace(old, new, 1), folder=tmp_path)
     assert any(p.key == key and found in p.found for p in caught.value.problems), caught.value
+
+
+LACKING = """
+seed = 3
+[models.both]
+python = "models.py:both"
+vectorized = true
+inputs = { a = "1", b = "1" }
+outputs = { y = "1" }
+[models.one]
+python = "models.py:one"
+vectorized = true
+inputs = { a = "1" }
+outputs = { y = "1" }
+[inputs]
+a = { uniform = { lower = 0, upper = 1 } }
+b = { uniform = { lower = 0, upper = 1 } }
+[designs.blocks]
+kind = "saltelli"
+base = 256
+[designs.steps]
+kind = "one-at-a-time"
+[designs.spread]
+kind = "latin-hypercube"
+runs = 200
+[surrogates.pce]
+kind = "polynomial-chaos"
+design = "spread"
+"""
+
+
+def test_an_input_that_a_model_does_not_take_has_no_part_in_it(tmp_path: Path) -> None:
+    source = "def both(a, b): return {'y': a + b}\ndef one(a): return {'y': a**2}\n"
+    (tmp_path / "models.py").write_text(source)
+    tree = uqpen.run(uqpen.parse_study(LACKING, folder=tmp_path))
+    exact = tree["models/one/sensitivity/pce"]["y_first_order"].sel(bound="estimate")
+    assert exact["input"].values.tolist() == ["a", "b"]
+    assert exact.values == pytest.approx([1, 0], abs=1e-12)
+    _, lower, upper = tree["models/one/sensitivity/spread"]["y_first_order"].sel(input="b").values
+    assert lower < 0 < upper
+    blocks = tree["models/one/sensitivity/blocks"]
+    assert float(blocks["y_first_order"].sel(input="a", bound="estimate")) == pytest.approx(
+        1, abs=0.1
+    )
+    assert float(blocks["y_total_order"].sel(input="b", bound="estimate")) == 0.0
+    assert str(blocks["y_total_order_note"].sel(input="b").values)
+    write(tree, tmp_path / "lacking.nc")
+    assert list(as_json(open_archive(tmp_path / "lacking.nc"))["models"]) == ["both", "one"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +28,8 @@ def mean(value: float, lower: float, upper: float) -> xr.Dataset:
 
 def verdict(figure: float, *witnesses: xr.Dataset, reach: Reach = WIDE) -> tuple[str, str]:
     known = [Witness(f"runs_{i}", {"moments": each}) for i, each in enumerate(witnesses)]
-    found = judged({"moments": mean(figure, 0.0, 9.0)}, known, {"y": reach})
+    unsampled = mean(figure, float("nan"), float("nan"))
+    found = judged({"moments": unsampled}, known, {"y": reach})
     array = found["moments"]["y_mean"]
     assert np.isnan(array.values[1:]).all()
     assert array.values[0] == figure or np.isnan(figure)
@@ -84,7 +86,7 @@ def quantiles(values: Mapping[float, float], half: float) -> xr.Dataset:
 
 
 def test_each_of_several_figures_is_judged_by_itself() -> None:
-    surrogate = quantiles({0.05: 1.0, 0.5: 2.0, 0.99: 12.0}, 0.1)
+    surrogate = quantiles({0.05: 1.0, 0.5: 2.0, 0.99: 12.0}, 0.01)
     runs = quantiles({0.05: 1.05, 0.5: 2.5, 0.99: 12.0}, 0.1)
     found = judged(
         {"quantiles": surrogate}, [Witness("runs", {"quantiles": runs})], {"y": Reach(0, 10, 0)}
@@ -168,3 +170,39 @@ def test_a_surrogate_that_cannot_be_fitted_says_why(study_of: MakeStudy) -> None
     tree = uqpen.run(study_of("0 * a + 2.0", DESIGNS.format(training=50), a=(0, 1)))
     assert "does not vary" in tree["surrogates/pce"].attrs["y_not_fitted"]
     assert "pce" not in tree["moments"].children
+
+
+@pytest.mark.parametrize(
+    ("header", "independent", "check"),
+    [
+        ("a,b", "true", "points"),
+        ("a,b", "false", "none"),  # of points of unknown origin nothing follows
+        ("a,b,c", "true", "none"),  # nor of those that vary an input that the study fixes
+    ],
+)
+def test_only_a_sample_of_the_studys_own_law_vouches_for_a_surrogate_unasked(
+    study_of: MakeStudy, tmp_path: Path, header: str, independent: str, check: str
+) -> None:
+    rows = np.random.default_rng(1).random((300, header.count(",") + 1)).tolist()
+    lines = [header, *(",".join(map(repr, row)) for row in rows)]
+    (tmp_path / "points.csv").write_text("\n".join(lines))
+    text = f"""
+    [designs.points]
+    kind = "table"
+    file = "points.csv"
+    independent = {independent}
+    [designs.training]
+    kind = "latin-hypercube"
+    runs = 100
+    [surrogates.pce]
+    kind = "polynomial-chaos"
+    design = "training"
+    """
+    tree = uqpen.run(study_of("a + b + c", text, a=(0, 1), b=(0, 1), c=0.5))
+    assert tree["surrogates/pce"].attrs["check"] == check
+
+
+def test_what_sampling_leaves_open_is_not_held_against_a_surrogate() -> None:
+    sampled = mean(1.4, 1.2, 1.6)
+    found = judged({"moments": sampled}, [Witness("runs", {"moments": mean(1.1, 0.9, 1.3)})], {})
+    assert told(found["moments"]["y_mean"], "interval_label") == "checked"

@@ -69,11 +69,6 @@ class _Figure(NamedTuple):
     coordinates: Mapping[str, xr.Variable]
     attributes: Mapping[str, str]
 
-    @property
-    def entries(self) -> list[tuple[str, list[object]]]:
-        """What its figures are called, dimension by dimension."""
-        return [(name, self.coordinates[name].values.tolist()) for name in self.dimensions]
-
 
 def side_by_side(sources: Mapping[str, Source]) -> xr.Dataset:
     """Every figure along ``source``.
@@ -92,10 +87,12 @@ def side_by_side(sources: Mapping[str, Source]) -> xr.Dataset:
     """
     told = {name: dict(_figures(source)) for name, source in sources.items()}
     names = dict.fromkeys(name for known in told.values() for name in known)
+    axes = _axes([figure for known in told.values() for figure in known.values()])
     variables: dict[str, Any] = {}
-    coordinates: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {name: axis.values for name, axis in axes.items()}
     for name in names:
-        _join(name, [known.get(name) for known in told.values()], variables, coordinates)
+        figures = [known.get(name) for known in told.values()]
+        _join(name, figures, axes, variables, coordinates)
     kinds = np.array([source.kind for source in sources.values()], dtype=object)
     runs = np.array([source.runs for source in sources.values()], dtype=np.int64)
     spent = {"units": "1", "long_name": "runs of the model that the source took"}
@@ -139,28 +136,56 @@ def _figure(dataset: xr.Dataset, name: str) -> _Figure:
     return _Figure(dimensions, array.values, told, kept, attributes)
 
 
+class _Axis(NamedTuple):
+    """All entries of a dimension, whichever source has them, and where each stands."""
+
+    values: xr.Variable
+    positions: Mapping[object, int]
+
+
+def _axes(figures: Sequence[_Figure]) -> dict[str, _Axis]:
+    """The dimensions of all figures: a source may tell of more inputs than another."""
+    known: dict[str, list[xr.Variable]] = {}
+    for figure in figures:
+        for name in figure.dimensions:
+            known.setdefault(name, []).append(figure.coordinates[name])
+    axes = {}
+    for name, variables in known.items():
+        entries = dict.fromkeys(entry for each in variables for entry in each.values.tolist())
+        values = np.array(list(entries), dtype=variables[0].dtype)
+        whole = xr.Variable(name, values, variables[0].attrs)
+        axes[name] = _Axis(whole, {entry: i for i, entry in enumerate(entries)})
+    return axes
+
+
 def _join(
     name: str,
     figures: Sequence[_Figure | None],
+    axes: Mapping[str, _Axis],
     variables: dict[str, Any],
     coordinates: dict[str, Any],
 ) -> None:
     """Put one figure of all sources among the variables, and what belongs to it beside them."""
     like = next(figure for figure in figures if figure is not None)
-    values = np.full((len(figures), *like.values.shape), np.nan)
-    told = {what: np.full(values.shape[:-1], "none", dtype=object) for what in TOLD}
+    dimensions = (SOURCE, *like.dimensions)
+    shape = (len(figures), *(len(axes[each].positions) for each in like.dimensions))
+    values = np.full((*shape, len(BOUNDS)), np.nan)
+    told = {what: np.full(shape, "none", dtype=object) for what in TOLD}
     told[NOTE][:] = "this source does not tell it"
     for position, figure in enumerate(figures):
-        # The same entries as a rule, as the questions are the same.
-        if figure is not None and figure.entries == like.entries:
-            values[position] = figure.values
-            for what in TOLD:
-                told[what][position] = (
-                    figure.told[what] if like.dimensions else figure.told[what][()]
-                )
-    dimensions = (SOURCE, *like.dimensions)
-    attributes = {**like.attributes, INTERVAL_LEVEL: LEVEL}
-    variables[name] = ((*dimensions, BOUND), values, attributes)
-    shape = dict(zip(dimensions, values.shape[:-1], strict=True))
-    coordinates.update(like.coordinates)
-    coordinates.update(told_along(name, shape, told))
+        if figure is None:
+            continue
+        places = [
+            [axes[each].positions[entry] for entry in figure.coordinates[each].values.tolist()]
+            for each in figure.dimensions
+        ]
+        at = np.ix_([position], *places)
+        values[at] = figure.values[np.newaxis]
+        for what in TOLD:
+            told[what][at] = figure.told[what][np.newaxis]
+        # What stands beside a dimension is known where all of its entries are.
+        if [len(each) for each in places] == list(shape[1:]):
+            beside = figure.coordinates.items()
+            coordinates |= {key: each for key, each in beside if key not in axes}
+    variables[name] = ((*dimensions, BOUND), values, {**like.attributes, INTERVAL_LEVEL: LEVEL})
+    coordinates.update(told_along(name, dict(zip(dimensions, shape, strict=True)), told))

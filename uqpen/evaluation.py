@@ -126,9 +126,7 @@ def evaluate(
     for results in map(evaluator, batches):
         collected.append(results)
         advance(len(results.status))
-    taken = {variable.name for variable in evaluator.model.inputs}
-    runs = points.drop_vars([name for name in names if name not in taken])
-    runs = runs.assign(_variables(evaluator.model.outputs, collected))
+    runs = points.assign(_variables(evaluator.model.outputs, collected))
     _describe(runs, evaluator.model, display_units)
     return runs
 

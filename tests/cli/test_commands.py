@@ -256,6 +256,20 @@ class TestRun:
         slow = uqpen("run", path, "--set", "impact_velocity=1.2 km/s").out
         assert slow != uqpen("run", path).out
 
+    def test_what_makes_a_model_of_several_what_it_is_is_not_set(
+        self, uqpen: Command, tmp_path: Path
+    ) -> None:
+        text = (STUDIES / "concrete.toml").read_text(encoding="utf-8")
+        models = (
+            '[models.sharp]\nuse = "walker-anderson"\n'
+            '[models.smoothed]\nuse = "walker-anderson"\nwith = { smoothing = 1.0 }'
+        )
+        study = tmp_path / "two.toml"
+        study.write_text(text.replace('[model]\nuse = "walker-anderson"', models))
+        done = uqpen("run", str(study), "--set", "smoothing=0.5")
+        depths = [line.split()[1] for line in done.out.splitlines() if "penetration" in line]
+        assert list(map(float, depths)) == pytest.approx([0.4664426, 0.4755823], abs=1e-6)
+
     @pytest.mark.parametrize(
         ("more", "complaint"),
         [

@@ -349,7 +349,7 @@ class TestMeasured:
         entry = random_input(text, folder)
         assert isinstance(entry.distribution, Truncated)
         assert (entry.distribution.lower, entry.distribution.upper) == (0.3, 0.9)
-        assert entry.description.endswith("; truncated above 30 %; truncated below 0.9")
+        assert entry.description.endswith("; at least 30 %; at most 0.9")
 
     def test_the_archive_keeps_how_well_it_fits(self, folder: Path) -> None:
         text = changed('"strength [%]"', '"strength [%]", family = "uniform"', MEASURED)

@@ -148,7 +148,7 @@ def _half_spread(sample: Sample) -> Estimate:
     """
     asked = np.array([_LOW, _HIGH])
     ends = quantile(sample, asked)
-    value = float(ends[1] / 2 - ends[0] / 2)
+    value = float(ends[1] / 2 - ends[0] / 2) if sample.size > 1 else math.nan
     reason = sample.reason_for_none
     if not reason and not is_regular(sample, sample.size * _LOW):
         reason = f"{sample.size} runs are too few"

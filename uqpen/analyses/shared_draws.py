@@ -30,10 +30,12 @@ __all__ = ["MOST_INPUTS_FOR_ALL_SETS", "SharedDraws", "VarianceShares", "shared_
 
 FloatArray = npt.NDArray[np.float64]
 
-# Pairs for each set of inputs: so many, fewer where there are many sets.
-_MOST_PAIRS = 2**14
-_FEWEST_PAIRS = 2**11
+# Pairs for each set of inputs: so many, fewer where there are many sets; in replicates, whose
+# scatter tells the error.
+_MOST_PAIRS = 2**16
+_FEWEST_PAIRS = 2**12
 _EVALUATIONS = 2**20
+_REPLICATES = 16
 # With more inputs than this, only sets of one input and of all but one are drawn.
 MOST_INPUTS_FOR_ALL_SETS = 10
 
@@ -51,10 +53,19 @@ class VarianceShares:
         How many inputs there are.
     explained : mapping of int to float
         Var E[Y | X_J] / Var Y, by the set J as the bits of a number.
+    replicates : tuple of VarianceShares
+        The same from each part of the pairs; empty for a part.
     """
 
     dimension: int
     explained: Mapping[int, float]
+    replicates: tuple[VarianceShares, ...] = ()
+
+    def errors(self, measure: str) -> list[float]:
+        """Standard errors of one of the measures below, by the scatter of the replicates."""
+        found = np.array([getattr(replicate, measure) for replicate in self.replicates])
+        errors: list[float] = (found.std(axis=0, ddof=1) / math.sqrt(len(found))).tolist()
+        return errors
 
     @property
     def first_order(self) -> list[float]:
@@ -110,17 +121,29 @@ class SharedDraws:
                 return None
             centre, variance = first[usable].mean(), first[usable].var()
             unrelated = function(self.second[0][output])
-            explained = {0: 0.0, (1 << self.dimension) - 1: 1.0}
-            for subset, outputs in self.second.items():
-                if not subset:
-                    continue
-                second = function(outputs[output])
+            parts: dict[int, FloatArray] = {0: np.zeros(_REPLICATES)}
+            for subset in sorted(self.second.keys() - {0}):
+                second = function(self.second[subset][output])
                 # Each is exact on average; the one errs little where little is explained, the
                 # other where little is left.
-                share = float(np.nanmean((first - centre) * (second - unrelated)) / variance)
-                rest = float(np.nanmean((first - second) ** 2) / (2 * variance))
-                explained[subset] = share if share < rest else 1 - rest
-        return VarianceShares(self.dimension, explained)
+                share = _by_replicate((first - centre) * (second - unrelated)) / variance
+                rest = _by_replicate((first - second) ** 2) / (2 * variance)
+                parts[subset] = share if share.mean() < rest.mean() else 1 - rest
+            parts[(1 << self.dimension) - 1] = np.ones(_REPLICATES)
+        each = [
+            VarianceShares(
+                self.dimension, {subset: float(part[i]) for subset, part in parts.items()}
+            )
+            for i in range(_REPLICATES)
+        ]
+        explained = {subset: float(part.mean()) for subset, part in parts.items()}
+        return VarianceShares(self.dimension, explained, tuple(each))
+
+
+def _by_replicate(values: FloatArray) -> FloatArray:
+    """Means over the pairs of each replicate, without those that were left out."""
+    means: FloatArray = np.nanmean(values.reshape(_REPLICATES, -1), axis=1)
+    return means
 
 
 def shared_draws(
@@ -144,7 +167,12 @@ def shared_draws(
     subsets = list(_subsets(dimension))
     pairs = min(max(_EVALUATIONS // (len(subsets) + 1), _FEWEST_PAIRS), _MOST_PAIRS)
     pairs = 1 << pairs.bit_length() - 1
-    unit = sobol_points(stream.generator("pairs"), pairs, 2 * dimension)
+    unit = np.concatenate(
+        [
+            sobol_points(stream.generator("pairs", i), pairs // _REPLICATES, 2 * dimension)
+            for i in range(_REPLICATES)
+        ]
+    )
     points, first = draws.admissible(unit[:, :dimension], {}, "first")
     second = {}
     for subset in subsets:

@@ -23,8 +23,10 @@ from uqpen.surrogates.closed_forms import shapley_effects, sobol_indices
 __all__ = ["surrogate_indices"]
 
 FloatArray = npt.NDArray[np.float64]
+# An index and the standard error that sampling the surrogate leaves it; NaN where it is exact.
+Index = tuple[float, float]
 # First-order, total-order indices and Shapley effects, each along the inputs; None for none.
-Indices = list[list[float] | None]
+Indices = list[list[Index] | None]
 
 # How their names end, in that order.
 _ORDERS = {
@@ -96,15 +98,22 @@ class _Indices:
         expansion = self.draws.model.expansions[self.question.output.name]
         terms = expansion.indices, expansion.coefficients
         indices = sobol_indices(*terms)
-        return [indices.first.tolist(), indices.total.tolist(), shapley_effects(*terms).tolist()]
+        exact = indices.first, indices.total, shapley_effects(*terms)
+        return [[(float(value), math.nan) for value in values] for values in exact]
 
     def _sampled(self, function: Callable[[FloatArray], FloatArray]) -> Indices:
         shares = self.draws.pairs.shares(self.question.output.name, function)
         if shares is None:
             return [None, None, None]
-        # With dependent inputs, what the others leave is no part of the variance.
-        total = shares.total_order if self.draws.law.is_independent else None
-        return [shares.first_order, total, shares.shapley]
+        found: Indices = []
+        for measure in _ORDERS:
+            values = getattr(shares, measure)
+            # With dependent inputs, what the others leave is no part of the variance.
+            if values is None or (measure == "total_order" and not self.draws.law.is_independent):
+                found.append(None)
+            else:
+                found.append(list(zip(values, shares.errors(measure), strict=True)))
+        return found
 
     def _stacked(
         self, stem: str, title: str, indices: Indices, estimator: str
@@ -120,13 +129,13 @@ class _Indices:
             )
             yield variable, array.assign_coords(self._inputs).assign_attrs({ESTIMATOR: estimator})
 
-    def _estimates(self, values: list[float] | None, ending: str) -> list[Estimate]:
+    def _estimates(self, values: list[Index] | None, ending: str) -> list[Estimate]:
         if values is None:
             reason = self._reason_for_none(ending)
             return [Estimate.without_bounds(math.nan, reason) for _ in self.draws.law.random]
         is_correlated = ending == "first_order" and not self.draws.law.is_independent
         note = INCLUDES_CORRELATION if is_correlated else ""
-        return [Estimate.without_bounds(value, note) for value in values]
+        return [_with_noise(*value, note) for value in values]
 
     def _reason_for_none(self, ending: str) -> str:
         inputs = len(self.draws.law.random)
@@ -139,6 +148,14 @@ class _Indices:
     @property
     def _inputs(self) -> dict[str, Any]:
         return along_inputs([entry.variable.name for entry in self.draws.law.random])
+
+
+def _with_noise(value: float, error: float, note: str) -> Estimate:
+    """An index with what sampling leaves it; how far the surrogate is off is another matter."""
+    if math.isnan(error):
+        return Estimate.without_bounds(value, note)
+    half = 2 * error
+    return Estimate(value, value - half, value + half, "sampling of the surrogate", "nominal", note)
 
 
 def _exceeding(value: float) -> Callable[[FloatArray], FloatArray]:

@@ -67,15 +67,16 @@ def _faults_of_study(tree: xr.DataTree) -> Iterator[str]:
         yield "no models"
     for name, model in models.items():
         root = f"/{MODELS}/{name}" if name else ""
-        yield from (f"{root}{fault}" for fault in _faults_of_model(model))
+        for fault in _faults_of_model(model):
+            yield f"{root}{fault}" if fault.startswith("/") or not root else f"{root}: {fault}"
 
 
 def _faults_of_model(tree: xr.DataTree) -> Iterator[str]:
     if not isinstance(tree.attrs.get("model_name"), str):
-        yield ": no name of the model"
+        yield "no name of the model"
     designs = tree.children[RUNS].children if RUNS in tree.children else {}
     if not designs:
-        yield ": no runs"
+        yield "no runs"
     for name, runs in designs.items():
         yield from (f"/{RUNS}/{name}: {fault}" for fault in _faults_of_runs(runs.dataset))
         if str(runs.attrs.get(SAMPLING)) in _SAMPLES:

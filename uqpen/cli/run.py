@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import click
@@ -37,11 +38,12 @@ def run(model: str, given: tuple[str, ...]) -> None:
 
 
 class _Trial(NamedTuple):
-    """A model, the inputs that are known already, and the constraints on them."""
+    """A model, what is known of its inputs, and the inputs that are its own."""
 
     model: Model
     inputs: dict[str, float]
     constraints: Sequence[Constraint] = ()
+    own: Mapping[str, float] = MappingProxyType({})
 
 
 def _trials(name: str) -> dict[str, _Trial]:
@@ -55,7 +57,7 @@ def _trials(name: str) -> dict[str, _Trial]:
         study = load_study(Path(name))
         nominal = study.law.nominal()
         return {
-            label: _Trial(variant.model, {**nominal, **variant.given}, study.constraints)
+            label: _Trial(variant.model, nominal, study.constraints, variant.given)
             for label, variant in study.models.items()
         }
     model: Model = resolve_name(MODELS, name, "model")()
@@ -71,8 +73,9 @@ def _rows(trial: _Trial, given: tuple[str, ...]) -> list[tuple[str, str, str]]:
     from uqpen.evaluation import Evaluator
     from uqpen.labels import STATUS_TEXT, Status
 
-    model, inputs, constraints = trial
-    inputs = inputs | _given(model, given)
+    model, inputs, constraints, own = trial
+    # What a model takes in place of the study's inputs is what makes it that model.
+    inputs = {**inputs, **_given(model, given), **own}
     missing = [f'--set {name}="… {model.input(name).unit}"' for name in model.missing(inputs)]
     if missing:
         raise ModelError(f"{model.name} also needs\n  " + "\n  ".join(missing))

@@ -84,7 +84,8 @@ def _show_losses(console: Console, tree: xr.DataTree) -> None:
     console.print()
     console.print(plain_table(["design", "lost", "reason"], rows))
     if len(found) > len(rows):
-        console.print(Text(f"and {len(found) - len(rows)} more reasons", style="dim"))
+        left = len(found) - len(rows)
+        console.print(Text(f"and {left} more reason{'s' * (left > 1)}", style="dim"))
 
 
 def plain_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:

@@ -66,6 +66,10 @@ class Design(ABC):
         """What is wrong between its settings and the inputs of a study."""
         yield from ()
 
+    def follows(self, law: InputLaw) -> bool:
+        """Whether its points, or some of them, are a sample of the very law of a study."""
+        return self.sampling.is_sample
+
     @abstractmethod
     def size(self, law: InputLaw) -> int:
         """How many runs it makes, or will at most."""

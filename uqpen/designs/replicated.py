@@ -67,8 +67,9 @@ def uneven(
     upper = 2 * lower if powers_of_two else lower + 1
     nearest = [str(size * replicates) for size in (lower, upper) if size >= 2]
     shape = " times a power of two" if powers_of_two else ""
-    expected = f"a multiple of replicates ({replicates}){shape}, such as {' or '.join(nearest)}"
-    yield Problem((setting,), str(runs), f"{expected}, or other replicates")
+    expected = f"a multiple of replicates ({replicates}){shape}, at least two points in each"
+    expected += f", such as {' or '.join(nearest)}, or other replicates"
+    yield Problem((setting,), str(runs), expected)
 
 
 def divided(runs: int, replicates: int, *, replicated: bool) -> tuple[int, int] | None:

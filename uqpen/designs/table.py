@@ -48,6 +48,10 @@ class Table(Design):
         columns = self.columns(law)
         yield points_dataset(law, columns, {}, runs=len(next(iter(columns.values()))))
 
+    def follows(self, law: InputLaw) -> bool:
+        random = {entry.variable.name for entry in law.random}
+        return self.independent and set(self.columns(law)) <= random
+
     def size(self, law: InputLaw) -> int:
         return len(next(iter(self.columns(law).values())))
 

@@ -12,7 +12,7 @@ import xarray as xr
 
 from uqpen.inputs.dependence import Dependence
 from uqpen.inputs.distribution import OPEN, Distribution
-from uqpen.labels import DEPENDENCE, RUN
+from uqpen.labels import DEPENDENCE, ROLE, RUN
 from uqpen.model import Input
 
 __all__ = ["FixedInput", "InputLaw", "RandomInput", "points_dataset"]
@@ -189,9 +189,18 @@ def points_dataset(
             variables[variable.name] = ((), fixed[variable.name])
     indexes = {name: (RUN, column) for name, column in coordinates.items()}
     points = xr.Dataset(variables, {RUN: np.arange(runs), **indexes})
+    # Of several models one may not take an input, which is described all the same.
+    for variable in law.variables:
+        if variable.name in points:
+            points[variable.name].attrs = {
+                "long_name": variable.title,
+                ROLE: "input",
+                "units": variable.unit,
+                "display_units": variable.shown_unit,
+            }
     for entry in law.random:
         if entry.variable.name in points:
-            points[entry.variable.name].attrs = dict(entry.fit)
+            points[entry.variable.name].attrs.update(entry.fit)
     if law.dependence is not None:
         points.attrs[DEPENDENCE] = str(law.dependence)
     return points

@@ -192,5 +192,5 @@ def _unit_of(parameters: Mapping[str, Any], variable: Input) -> str:
 
 def _limits(content: Mapping[str, Any]) -> list[str]:
     """Where a distribution is truncated, in its author's own words."""
-    sides = {"lower": "above", "upper": "below"}
-    return [f"truncated {sides[key]} {value}" for key, value in content.items()]
+    sides = {"lower": "at least", "upper": "at most"}
+    return [f"{sides[key]} {value}" for key, value in content.items()]

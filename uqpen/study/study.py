@@ -104,7 +104,7 @@ class Study:
         That is the one it names; else the first sample of the law that it was not fitted to.
         """
         others = [name for name in self.designs if name != surrogate.design]
-        samples = [name for name in others if self.designs[name].sampling.is_sample]
+        samples = [name for name in others if self.designs[name].follows(self.law)]
         first = [surrogate.check] if surrogate.check else samples[:1]
         return first + [name for name in samples if name not in first]
 

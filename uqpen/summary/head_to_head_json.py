@@ -9,8 +9,9 @@ import xarray as xr
 
 from uqpen.archive.read import group
 from uqpen.labels import BUDGET, ERRORS, ESTIMATES, KIND, METHOD, METHODS, SLOPES, VARIANT, VERDICTS
+from uqpen.summary.figure import figure
 from uqpen.summary.head_to_head_entries import Entry, entries
-from uqpen.summary.json import figure, identity
+from uqpen.summary.json import identity
 
 __all__ = ["as_json"]
 

@@ -8,21 +8,16 @@ from typing import Any
 import xarray as xr
 
 from uqpen.archive.read import SCHEMA_ATTRIBUTE, group, models_in, names_in
-from uqpen.archive.told import told
 from uqpen.evaluation import status_counts
 from uqpen.labels import (
-    BOUND,
     CONDITIONAL,
     DIFFERENCES,
     EXCEEDANCE,
     HOLDS,
-    INPUT,
-    INTERVAL,
-    INTERVAL_LABEL,
+    LARGEST_CONTRIBUTION,
     MISSING,
     MODELS,
     MOMENTS,
-    NOTE,
     QUANTILES,
     RUN,
     RUNS,
@@ -31,10 +26,11 @@ from uqpen.labels import (
     SHARES,
     STATISTICS,
     STATUSES,
-    SUFFIXES,
     SURROGATES,
 )
+from uqpen.summary.figure import figure
 from uqpen.summary.losses import losses
+from uqpen.summary.sensitivity_json import sensitivity
 from uqpen.summary.table import output_names
 from uqpen.units import DIMENSIONLESS
 
@@ -95,6 +91,34 @@ def _model(tree: xr.DataTree) -> dict[str, Any]:
     return {
         "designs": {name: _design(tree, name) for name in names_in(tree, RUNS)},
         "surrogates": {name: _surrogate(tree, name) for name in names_in(tree, SURROGATES)},
+        "published": {name: _published(tree, name) for name in _publications(tree)},
+    }
+
+
+def _publications(tree: xr.DataTree) -> list[str]:
+    """The sources that are neither designs nor surrogates."""
+    ours = {*names_in(tree, RUNS), *names_in(tree, SURROGATES)}
+    told_by = dict.fromkeys(
+        name for kind in (MOMENTS, SENSITIVITY) for name in names_in(tree, kind)
+    )
+    return [name for name in told_by if name not in ours]
+
+
+def _published(tree: xr.DataTree, name: str) -> dict[str, Any]:
+    """The figures of a publication."""
+    runs = group(tree, RUNS, names_in(tree, RUNS)[0])
+    attributes = group(tree, MOMENTS, name).attrs | group(tree, SENSITIVITY, name).attrs
+    return {
+        "source": str(attributes.get("source", "")),
+        "outputs": {
+            output: _output(tree, name, array)
+            | {
+                key: str(attributes[f"{output}_{key}"])
+                for key in (LARGEST_CONTRIBUTION,)
+                if f"{output}_{key}" in attributes
+            }
+            for output, array in _outputs(runs)
+        },
     }
 
 
@@ -180,46 +204,4 @@ def _output(tree: xr.DataTree, source: str, array: xr.DataArray) -> dict[str, An
                 needed = answers[f"{name}_hold_runs_needed"].values
                 for label, runs_needed in zip(labels, needed, strict=True):
                     found[key][str(label)]["runs_needed"] = int(runs_needed)
-    answers = group(tree, SENSITIVITY, source)
-    if sensitivity := _sensitivity(answers, name):
-        found["sensitivity"] = sensitivity
-    if of_exceedance := _sensitivity_of_exceedance(answers, name):
-        found["sensitivity_of_exceedance"] = of_exceedance
-    return found
-
-
-def _sensitivity(answers: xr.Dataset, output: str) -> dict[str, dict[str, Any]]:
-    """Each input's part in an output, by input and measure."""
-    found: dict[str, dict[str, Any]] = {}
-    for variable, array in answers.data_vars.items():
-        measure = str(variable).removeprefix(f"{output}_")
-        if measure == variable or measure not in SUFFIXES or array.dims != (INPUT, BOUND):
-            continue
-        for position, name in enumerate(array[INPUT].values):
-            found.setdefault(str(name), {})[measure] = figure(array[position])
-    return found
-
-
-def _sensitivity_of_exceedance(answers: xr.Dataset, output: str) -> dict[str, dict[str, Any]]:
-    """Each input's part in an output's exceeding a value, by threshold, input and measure."""
-    found: dict[str, dict[str, Any]] = {}
-    stem, thresholds = f"{output}_exceedance_", f"{output}_threshold"
-    for variable, array in answers.data_vars.items():
-        if not str(variable).startswith(stem) or array.dims != (thresholds, INPUT, BOUND):
-            continue
-        measure = str(variable).removeprefix(stem)
-        for row, threshold in enumerate(array[thresholds].values):
-            of_threshold = found.setdefault(str(threshold), {})
-            for column, name in enumerate(array[INPUT].values):
-                of_threshold.setdefault(str(name), {})[measure] = figure(array[row, column])
-    return found
-
-
-def figure(array: xr.DataArray) -> dict[str, Any]:
-    """An estimate, its bounds, and how they were made."""
-    bounds = zip(array[BOUND].values.tolist(), array.values.tolist(), strict=True)
-    figure: dict[str, Any] = {str(k): v if math.isfinite(v) else None for k, v in bounds}
-    figure |= {what: told(array, what) for what in (INTERVAL, INTERVAL_LABEL)}
-    if note := told(array, NOTE):
-        figure[NOTE] = note
-    return figure
+    return found | sensitivity(group(tree, SENSITIVITY, source), name)

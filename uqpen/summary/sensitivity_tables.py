@@ -10,8 +10,9 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import group, names_in
-from uqpen.labels import INPUT, LARGEST_CONTRIBUTION, RUNS, SAMPLING, SENSITIVITY, Sampling
+from uqpen.labels import INPUT, LARGEST_CONTRIBUTION, PAIR, RUNS, SAMPLING, SENSITIVITY, Sampling
 from uqpen.summary.table import NOTHING, OutputTable, unchanged
+from uqpen.units import DIMENSIONLESS, Scale, scale
 
 __all__ = ["sensitivity_tables"]
 
@@ -22,6 +23,7 @@ class _Measure(NamedTuple):
     suffix: str
     label: str
     factor: float = 1.0
+    has_unit: bool = False
 
 
 _INDICES = (
@@ -34,9 +36,9 @@ _RESPONSES = (
     _Measure("contribution", "× uncertainty [%]", 100.0),
 )
 _EFFECTS = (
-    _Measure("mu_star", "mean |effect|"),
-    _Measure("mu", "mean effect"),
-    _Measure("sigma", "sd of effects"),
+    _Measure("mu_star", "mean |effect|", has_unit=True),
+    _Measure("mu", "mean effect", has_unit=True),
+    _Measure("sigma", "sd of effects", has_unit=True),
 )
 
 _TABLES = (
@@ -46,7 +48,7 @@ _TABLES = (
 )
 
 
-def sensitivity_tables(tree: xr.DataTree, output: str) -> Iterator[OutputTable]:
+def sensitivity_tables(tree: xr.DataTree, output: str, unit: str) -> Iterator[OutputTable]:
     """A table for each kind of measure that the archive has of an output.
 
     First order indices from plain samples are shown where nothing tells them better; the archive
@@ -58,16 +60,31 @@ def sensitivity_tables(tree: xr.DataTree, output: str) -> Iterator[OutputTable]:
         What is told of one model.
     output : str
         Its name.
+    unit : str
+        The unit to show it in.
     """
     for title, measures in _TABLES:
         columns = list(_columns(tree, output, measures))
         if measures is _INDICES:
             columns = _best(tree, columns)
         if columns:
-            table = _table(f"{output}: {title}", columns)
+            measured = f" [{unit}]" if measures is _EFFECTS and unit != DIMENSIONLESS else ""
+            table = _table(f"{output}: {title}{measured}", columns, scale(unit))
             if measures is _INDICES:
                 _add_claims(table, tree, output)
             yield table
+    for source in names_in(tree, SENSITIVITY):
+        answers = group(tree, SENSITIVITY, source)
+        if (name := f"{output}_second_order") in answers:
+            yield _pairs_table(output, source, answers[name])
+
+
+def _pairs_table(output: str, source: str, indices: xr.DataArray) -> OutputTable:
+    """What pairs of inputs do together and neither does alone."""
+    table = OutputTable(f"{output}: shares of its variance, by pairs", [f"second order\n{source}"])
+    for position, pair in enumerate(indices[PAIR].values):
+        table.rows.append((str(pair), [table.cell(indices[position], unchanged)]))
+    return table
 
 
 class _Column(NamedTuple):
@@ -101,12 +118,12 @@ def _is_plain(tree: xr.DataTree, source: str) -> bool:
     return sampling.is_sample and sampling is not Sampling.PICK_FREEZE
 
 
-def _table(title: str, columns: Sequence[_Column]) -> OutputTable:
+def _table(title: str, columns: Sequence[_Column], measure: Scale) -> OutputTable:
     headers = [f"{column.measure.label}\n{column.source}" for column in columns]
     table = OutputTable(title, headers)
     inputs = dict.fromkeys(str(name) for column in columns for name in column.array[INPUT].values)
     for name in inputs:
-        table.rows.append((name, [_cell(table, column, name) for column in columns]))
+        table.rows.append((name, [_cell(table, column, name, measure) for column in columns]))
     return table
 
 
@@ -120,13 +137,15 @@ def _add_claims(table: OutputTable, tree: xr.DataTree, output: str) -> None:
                 cells.append("this" if name == claim else NOTHING)
 
 
-def _cell(table: OutputTable, column: _Column, name: str) -> str:
+def _cell(table: OutputTable, column: _Column, name: str, measure: Scale) -> str:
     known = column.array[INPUT].values.tolist()
     if name not in known:
         return NOTHING
-    figure = column.array[known.index(name)]
+    figure, factor = column.array[known.index(name)], column.measure.factor
+    if column.measure.has_unit:
+        return table.cell(figure, measure.difference_from_si)
 
     def shown(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        return values * column.measure.factor
+        return values * factor
 
-    return table.cell(figure, shown if column.measure.factor != 1 else unchanged)
+    return table.cell(figure, shown if factor != 1 else unchanged)

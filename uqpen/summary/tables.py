@@ -41,7 +41,8 @@ def output_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
         for output in output_names(first):
             if table := _statistics_table(model, output, first[output].attrs):
                 yield replace(table, title=head + table.title)
-            for table in sensitivity_tables(model, output):
+            unit = str(first[output].attrs.get("display_units", DIMENSIONLESS))
+            for table in sensitivity_tables(model, output, unit):
                 yield replace(table, title=head + table.title)
         for surrogate in names_in(model, SURROGATES):
             table = _fit_table(surrogate, group(model, SURROGATES, surrogate))

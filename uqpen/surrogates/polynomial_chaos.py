@@ -11,7 +11,7 @@ import xarray as xr
 
 from uqpen.inputs.law import InputLaw
 from uqpen.labels import Status
-from uqpen.model import Model, Output
+from uqpen.model import Input, Model, Output
 from uqpen.settings import choice, choices, count, name, number
 from uqpen.streams import Stream
 from uqpen.surrogates.basis import Basis
@@ -100,7 +100,7 @@ class PolynomialChaos(Surrogate):
                 reasons[output.name] = found
         return ChaosModel(
             name=name,
-            inputs=model.inputs,
+            inputs=_inputs(model, law),
             outputs=tuple(expansion.output for expansion in expansions.values()),
             basis=basis,
             expansions=expansions,
@@ -166,6 +166,13 @@ class PolynomialChaos(Surrogate):
             lost = by_regression(points, values, "least-squares", self.order, rng)
             return _LOST_NODES if training.is_rule else "least-squares", lost
         return self.method, by_projection(points, training.weights, values, self.order)
+
+
+def _inputs(model: Model, law: InputLaw) -> tuple[Input, ...]:
+    """The model's inputs, and random ones that only other models of the study take."""
+    taken = {variable.name for variable in model.inputs}
+    others = (entry.variable for entry in law.random if entry.variable.name not in taken)
+    return (*model.inputs, *others)
 
 
 def _problem(values: FloatArray, is_logarithm: bool) -> str:

@@ -25,6 +25,8 @@ __all__ = ["from_dataset", "to_dataset"]
 _KIND = "polynomial-chaos"
 _RECURRENCE = "recurrence"
 _REASON = "_not_fitted"
+# Before the name of a fixed input, which might be that of an output's coefficients.
+_FIXED = "fixed_"
 
 # Attributes can hold neither true nor false.
 _LINEAR, _LOGARITHM, _NO_TRANSFORM = "linear", "logarithm", "none"
@@ -37,7 +39,7 @@ def to_dataset(model: ChaosModel) -> xr.Dataset:
     for germ in model.basis.germs:
         variables[f"{germ.name}_{_RECURRENCE}"] = _of_germ(germ, given[germ.name])
     for name, value in model.fixed.items():
-        variables[name] = ((), value, _described(given[name]) | {ROLE: "input"})
+        variables[f"{_FIXED}{name}"] = ((), value, _described(given[name]) | {ROLE: "input"})
     for name, expansion in model.expansions.items():
         variables |= _of_expansion(name, expansion)
     dataset = xr.Dataset(variables, {INPUT: _input_names(model)}, _accounts(model))
@@ -61,12 +63,12 @@ def from_dataset(dataset: xr.Dataset, name: str, original: Model | None = None) 
     names = [str(entry) for entry in dataset[INPUT].values]
     germs = tuple(_germ(entry, dataset[f"{entry}_{_RECURRENCE}"]) for entry in names)
     fixed = {
-        str(entry): float(variable.values)
+        str(entry).removeprefix(_FIXED): float(variable.values)
         for entry, variable in dataset.data_vars.items()
         if variable.attrs.get(ROLE) == "input"
     }
     inputs = [Input(*_description(entry, dataset[f"{entry}_{_RECURRENCE}"])) for entry in names]
-    inputs += [Input(*_description(entry, dataset[entry])) for entry in fixed]
+    inputs += [Input(*_description(entry, dataset[f"{_FIXED}{entry}"])) for entry in fixed]
     expansions = {
         output: _expansion(output, dataset)
         for output in (str(entry) for entry in dataset.attrs["outputs"].split())
