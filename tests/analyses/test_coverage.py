@@ -155,6 +155,7 @@ PROBLEMS = {
         cdf=lambda y: np.clip(y, 0, 1),
         quantile=lambda p: p,
         exceeded=(0.5013, 0.1009, 0.0317),
+        first_order=(1.0,),
     ),
     # With half of the points lost, what was additive over all of them no longer is.
     "half lost": Problem(
