@@ -12,6 +12,7 @@ from uqpen.analyses.estimate import LEVEL
 from uqpen.analyses.quantiles import is_regular, quantile
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Plan, Sample
+from uqpen.analyses.standard_errors import rounding_error
 from uqpen.intervals import clopper_pearson, dkw_half_width, student_quantile
 from uqpen.labels import (
     BOUND,
@@ -107,7 +108,7 @@ def _errors(sample: Sample, counts: IntArray) -> FloatArray:
     excess = counts - np.outer(sizes, counts.sum(axis=0) / sample.size)
     replicates = len(sizes)
     variance = (excess**2).sum(axis=0) * replicates / (replicates - 1) / sample.size**2
-    errors: FloatArray = np.maximum(np.sqrt(variance), sample.rounding_error)
+    errors: FloatArray = np.maximum(np.sqrt(variance), rounding_error(sample))
     return errors
 
 

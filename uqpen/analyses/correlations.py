@@ -21,6 +21,7 @@ from uqpen.analyses.given_inputs import (
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Sample
 from uqpen.analyses.shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, Shape
+from uqpen.analyses.standard_errors import standard_error
 from uqpen.intervals import student_quantile
 from uqpen.labels import INPUT
 
@@ -169,7 +170,7 @@ class _Columns:
 
     def _bounded(self, value: float, influence: FloatArray) -> Estimate:
         """A correlation with its bounds, by the delta method on Fisher's transform."""
-        error, freedom = self.sample.standard_error(influence)
+        error, freedom = standard_error(self.sample, influence)
         if 1 - abs(value) < _ROUNDING or not error > _ROUNDING:
             return Estimate.without_bounds(value, "the runs leave no scatter that tells the error")
         half = student_quantile(freedom, LEVEL) * error / (1 - value**2)

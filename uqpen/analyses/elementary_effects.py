@@ -34,6 +34,9 @@ _FEW = "{} effects are so few that it may cover less often than it says"
 _FEWEST_APART = 5
 _RARE = "only {} of {} effects differ from the others; it may cover less often than it says"
 
+# Differences of outputs are exact to this, relative to the largest.
+_ROUNDING = 1e-12
+
 _NO_INTERVAL = "no interval was found that covers"
 _NO_SCATTER = "the effects do not scatter, so nothing tells their error"
 
@@ -121,7 +124,10 @@ def mean_effect(effects: FloatArray) -> Estimate:
 def _sigma(effects: FloatArray) -> Estimate:
     if effects.size < 2:
         return Estimate.without_bounds(math.nan, "it takes two effects at least")
-    return Estimate.without_bounds(float(effects.std(ddof=1)), _NO_INTERVAL)
+    std = float(effects.std(ddof=1))
+    # Of an effect that is the same everywhere, rounding leaves a trace.
+    is_rounding = std <= _ROUNDING * float(np.abs(effects).max())
+    return Estimate.without_bounds(0.0 if is_rounding else std, _NO_INTERVAL)
 
 
 def _counted(estimate: Estimate, effects: FloatArray) -> Estimate:

@@ -20,6 +20,7 @@ from uqpen.analyses.quantiles import is_regular
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Plan, Sample
 from uqpen.analyses.shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, Shape
+from uqpen.analyses.standard_errors import standard_error
 from uqpen.intervals import student_quantile
 from uqpen.labels import INPUT
 
@@ -190,7 +191,7 @@ class _Variable:
     @cached_property
     def variance(self) -> float:
         """The law's variance: about its own mean, which the sample's misses by its error."""
-        error, freedom = self.sample.standard_error(self.standardized)
+        error, freedom = standard_error(self.sample, self.standardized)
         return 1 + error**2 if freedom else 1 + 1 / self.sample.size
 
     @property
@@ -208,7 +209,7 @@ class _Variable:
             return Estimate.without_bounds(value, reason)
         left = Scatter(bins, self.standardized)
         influence = left.variance / self.variance * self.standardized**2 - left.influence
-        error, freedom = self.sample.standard_error(influence / self.variance)
+        error, freedom = standard_error(self.sample, influence / self.variance)
         return self._bounded(value, error, freedom, left.pair_noise / self.variance)
 
     def _bounded(self, value: float, error: float, freedom: float, noise: float) -> Estimate:

@@ -14,6 +14,7 @@ from uqpen.analyses.quantiles import is_regular, quantile
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Plan, Sample
 from uqpen.analyses.shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, Shape
+from uqpen.analyses.standard_errors import cdf_error, standard_error
 from uqpen.intervals import student_quantile
 
 __all__ = ["moments"]
@@ -74,7 +75,7 @@ def moments(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataAr
 def _mean(sample: Sample, shape: Shape) -> Estimate:
     if reason := sample.reason_for_none:
         return Estimate.without_bounds(shape.mean, reason)
-    error, freedom = sample.standard_error(shape.deviations)
+    error, freedom = standard_error(sample, shape.deviations)
     if _is_silent(sample, error):
         return Estimate.without_bounds(shape.mean, _REPLICATES_AGREE)
     half = student_quantile(freedom, LEVEL) * error * shape.scale
@@ -113,7 +114,7 @@ def _std(sample: Sample, shape: Shape) -> Estimate:
         return Estimate.without_bounds(float(shape.deviations.std(ddof=1)) * shape.scale, reason)
     # What the sample's mean takes from the squares is its own variance, which over strata is
     # less than that of independent draws; for those it makes the divisor one run less.
-    error, freedom = sample.standard_error(shape.deviations)
+    error, freedom = standard_error(sample, shape.deviations)
     std = math.hypot(float(shape.deviations.std()), error)
     if sample.size < FEWEST_RUNS_FOR_TAILS:
         return Estimate.without_bounds(std * shape.scale, _NO_TAIL_SEEN)
@@ -121,7 +122,7 @@ def _std(sample: Sample, shape: Shape) -> Estimate:
         reason = f"heavy tail ({shape.tail}): no interval covers; see half the 16–84 % range"
         return Estimate.without_bounds(std * shape.scale, reason)
     # The delta method on log(std), whose law is closer to normal than that of std itself.
-    error, freedom = sample.standard_error(shape.deviations**2)
+    error, freedom = standard_error(sample, shape.deviations**2)
     if _is_silent(sample, error):
         return Estimate.without_bounds(std * shape.scale, _REPLICATES_AGREE)
     factor = math.exp(student_quantile(freedom, LEVEL) * error / (2 * std**2))
@@ -154,7 +155,7 @@ def _half_spread(sample: Sample) -> Estimate:
         reason = f"{sample.size} runs are too few"
     if reason:
         return Estimate.without_bounds(value, reason)
-    errors, freedoms, _ = zip(*(sample.cdf_error(float(end)) for end in ends), strict=True)
+    errors, freedoms, _ = zip(*(cdf_error(sample, float(end)) for end in ends), strict=True)
     correlation = _correlation(sample, sample.values <= ends[0], sample.values <= ends[1])
     step = student_quantile(freedoms[0], LEVEL) * np.array(errors)
     down = (ends - quantile(sample, np.clip(asked - step, 0.0, 1.0))) / 2
@@ -171,10 +172,13 @@ def _half_spread(sample: Sample) -> Estimate:
 def _correlation(sample: Sample, one: BoolArray, other: BoolArray) -> float:
     """Correlation of the errors of two shares, as far as their scatter tells it."""
     first_events, second_events = one.astype(np.float64), other.astype(np.float64)
-    first, second = sample.standard_error(first_events)[0], sample.standard_error(second_events)[0]
+    first, second = (
+        standard_error(sample, first_events)[0],
+        standard_error(sample, second_events)[0],
+    )
     if not first * second > 0:
         return 0.0
-    between, _ = sample.standard_error(second_events - first_events)
+    between, _ = standard_error(sample, second_events - first_events)
     correlation = (first**2 + second**2 - between**2) / (2 * first * second)
     return min(max(correlation, -1.0), 1.0)
 

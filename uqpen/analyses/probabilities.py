@@ -13,6 +13,7 @@ from uqpen.analyses.estimate import LEVEL, Estimate
 from uqpen.analyses.quantiles import is_regular
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Plan, Sample
+from uqpen.analyses.standard_errors import share_error
 from uqpen.intervals import clopper_pearson, student_quantile
 from uqpen.labels import STATUS_TEXT, Status
 
@@ -130,7 +131,7 @@ def _share(sample: Sample, events: BoolArray) -> Estimate:
     if reason := sample.reason_for_none:
         return Estimate.without_bounds(value, reason)
     if sample.plan is not Plan.INDEPENDENT and is_regular(sample, count):
-        error, freedom, is_rounded = sample.share_error(events)
+        error, freedom, is_rounded = share_error(sample, events)
         half = student_quantile(freedom, LEVEL) * error
         ends = max(value - half, 0.0), min(value + half, 1.0)
         if sample.plan is Plan.SINGLE:

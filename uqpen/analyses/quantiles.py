@@ -12,6 +12,7 @@ import xarray as xr
 from uqpen.analyses.estimate import LEVEL, Estimate
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Plan, Sample
+from uqpen.analyses.standard_errors import cdf_error
 from uqpen.intervals import order_statistic_ranks, runs_needed, student_quantile, upper_rank
 
 __all__ = ["holds", "is_regular", "quantile", "quantiles"]
@@ -166,7 +167,7 @@ def _woodruff_step(sample: Sample, p: float, value: float, level: float) -> tupl
 
     Woodruff, R. S. (1952). J. Am. Stat. Assoc. 47, 635-646; with the scatter over replicates.
     """
-    error, freedom, is_rounded = sample.cdf_error(value)
+    error, freedom, is_rounded = cdf_error(sample, value)
     return student_quantile(freedom, level) * error, is_rounded
 
 

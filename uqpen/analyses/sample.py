@@ -1,8 +1,7 @@
-"""One variable over runs, as a sample, and the standard error that their design allows."""
+"""One variable over runs, as a sample of the input law."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -13,7 +12,6 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
-from uqpen.intervals import additive_residual_error, ratio_error
 from uqpen.labels import (
     DEPENDENCE,
     MATRIX,
@@ -199,7 +197,8 @@ class Sample:
         if self.plan is Plan.UNKNOWN:
             return "the table does not say that its points are independent (independent = true)"
         if self.size == 0:
-            return "no run came back"
+            blocks = self.sampling is Sampling.PICK_FREEZE
+            return "no run of the matrices A and B came back" if blocks else "no run came back"
         if self.size == 1:
             return "a single run has no scatter"
         if self.plan is Plan.REPLICATED and self.replicate_count < 2:
@@ -210,70 +209,3 @@ class Sample:
     def freedom(self) -> int:
         """Degrees of freedom of a standard error over independent draws or replicates."""
         return (self.replicate_count if self.plan is Plan.REPLICATED else self.size) - 1
-
-    def standard_error(self, influence: FloatArray) -> tuple[float, float]:
-        """Standard error of a mean over the sample, and its degrees of freedom.
-
-        Parameters
-        ----------
-        influence : ndarray, shape (run,)
-            Values whose mean is estimated, or each run's influence on an estimate.
-
-        Returns
-        -------
-        error, freedom : float
-            NaN and 0 where the design allows none.
-        """
-        if self.reason_for_none:
-            return math.nan, 0
-        if self.plan is Plan.REPLICATED:
-            return ratio_error(influence, self.replicate, self.replicate_count)
-        if self.plan is Plan.SINGLE:
-            return self._single_error(influence)
-        return float(influence.std(ddof=1)) / math.sqrt(self.size), self.freedom
-
-    def _single_error(self, influence: FloatArray) -> tuple[float, float]:
-        # With lost runs the mean is a ratio of sums over all points, to which a lost run adds
-        # nothing.
-        deviation = np.zeros(len(self.points))
-        deviation[self.used] = influence - influence.mean()
-        error, freedom = additive_residual_error(deviation, self.points)
-        return error * len(self.points) / self.size, freedom
-
-    @property
-    def rounding_error(self) -> float:
-        """Standard error that a share may have because runs are counted whole, at most.
-
-        Over strata a replicate's count is one of two whole numbers, so it scatters by half a run
-        at most; where the replicates happen to agree, their scatter tells nothing of it.
-        """
-        if self.plan is Plan.INDEPENDENT:
-            return 0.5 / self.size
-        return 0.5 * math.sqrt(self.replicate_count) / self.size
-
-    def share_error(self, events: npt.NDArray[np.bool_]) -> tuple[float, float, bool]:
-        """Standard error of a share, and its degrees of freedom.
-
-        Parameters
-        ----------
-        events : ndarray of bool, shape (run,)
-            In which runs it happened.
-
-        Returns
-        -------
-        error, freedom : float
-        is_rounded : bool
-            Whether it is the error of counting whole runs, which is more than that of the scatter.
-        """
-        error, freedom = self.standard_error(events.astype(np.float64))
-        is_rounded = error <= self.rounding_error
-        return max(error, self.rounding_error), freedom, is_rounded
-
-    def cdf_error(self, value: float) -> tuple[float, float, bool]:
-        """Like `share_error`, of lying below a value; where the law has a lump of probability.
-
-        The distribution function jumps there, and a quantile may be off to either side: the larger
-        of the errors below the jump and above it counts.
-        """
-        at_or_below = self.share_error(self.values <= value)
-        return max(at_or_below, self.share_error(self.values < value))
