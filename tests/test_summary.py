@@ -120,6 +120,20 @@ def test_first_order_indices_of_a_plain_sample_are_shown_where_nothing_tells_the
     assert [label for label, _ in table.rows][-1] == "crater_radius"
 
 
+def test_all_that_is_told_of_the_inputs_part_is_shown_when_it_is_asked_for(
+    tree: xr.DataTree,
+) -> None:
+    shown = {table.title: table for table in output_tables(tree, everything=True)}
+    shares = shown["penetration_depth: shares of its variance"]
+    assert shares.columns == ["first order\nfew", "first order\nspread"]
+    association = shown["penetration_depth: association with its inputs"]
+    assert "Spearman\nfew" in association.columns
+    assert "delta\nspread" in association.columns
+    exceeding = shown["penetration_depth: shares of the variance of exceeding 60 cm"]
+    assert exceeding.columns == ["first order\nfew", "first order\nspread"]
+    assert "penetration_depth: shares of its logarithm's variance" in shown
+
+
 def test_figures_are_shown_in_the_units_of_the_study(
     tree: xr.DataTree, tables: dict[str, OutputTable]
 ) -> None:

@@ -46,11 +46,11 @@ def output() -> Console:
     return _Output(highlight=False)
 
 
-def show_tables(tree: xr.DataTree) -> None:
+def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
     """A title, a table for each output, and what was lost to which reason."""
     console = output()
     console.print(Text(printable(str(tree.attrs["title"])), style="bold"))
-    for table in output_tables(tree):
+    for table in output_tables(tree, everything=everything):
         show_table(console, table)
     _show_losses(console, tree)
     console.print()

@@ -12,7 +12,8 @@ __all__ = ["show"]
 @click.command(short_help="Show what an archive holds.")
 @click.argument("archive", type=click.Path(path_type=Path))
 @click.option("--json", "as_text", is_flag=True, help="JSON on standard output, in SI units.")
-def show(archive: Path, as_text: bool) -> None:
+@click.option("--all", "everything", is_flag=True, help="All that is told of the inputs' part.")
+def show(archive: Path, as_text: bool, everything: bool) -> None:
     """Show what is in ARCHIVE as `uqpen study` or `uqpen compare` did; nothing is run."""
     from uqpen.archive.read import open_archive
     from uqpen.labels import HEAD_TO_HEAD, KIND
@@ -28,5 +29,7 @@ def show(archive: Path, as_text: bool) -> None:
         )
         click.echo(json.dumps(as_json(tree), indent=2, ensure_ascii=False, allow_nan=False))
         return
-    shown = "head_to_head_screen:show_comparison" if is_comparison else "screen:show_tables"
-    resolve(f"uqpen.cli.{shown}")(tree)
+    if is_comparison:
+        resolve("uqpen.cli.head_to_head_screen:show_comparison")(tree)
+    else:
+        resolve("uqpen.cli.screen:show_tables")(tree, everything=everything)

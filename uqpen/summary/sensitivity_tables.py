@@ -41,18 +41,35 @@ _EFFECTS = (
     _Measure("sigma", "sd of effects", has_unit=True),
 )
 
+_ASSOCIATIONS = (
+    _Measure("spearman", "Spearman"),
+    _Measure("pearson", "Pearson"),
+    _Measure("partial_rank", "partial, ranks"),
+    _Measure("partial", "partial"),
+    _Measure("delta", "delta"),
+)
+
 _TABLES = (
     ("shares of its variance", _INDICES),
     ("responses to its inputs", _RESPONSES),
     ("elementary effects", _EFFECTS),
 )
+_MORE_TABLES = (
+    (
+        "shares of its logarithm's variance",
+        tuple(each._replace(suffix=f"log_{each.suffix}") for each in _INDICES),
+    ),
+    ("association with its inputs", _ASSOCIATIONS),
+)
 
 
-def sensitivity_tables(tree: xr.DataTree, output: str, unit: str) -> Iterator[OutputTable]:
+def sensitivity_tables(
+    tree: xr.DataTree, output: str, unit: str, *, everything: bool = False
+) -> Iterator[OutputTable]:
     """A table for each kind of measure that the archive has of an output.
 
-    First order indices from plain samples are shown where nothing tells them better; the archive
-    holds them all.
+    First order indices from plain samples are shown where nothing tells them better, and what any
+    sample tells besides only where everything is asked for.
 
     Parameters
     ----------
@@ -62,10 +79,12 @@ def sensitivity_tables(tree: xr.DataTree, output: str, unit: str) -> Iterator[Ou
         Its name.
     unit : str
         The unit to show it in.
+    everything : bool
+        Whether to show all that there is.
     """
-    for title, measures in _TABLES:
+    for title, measures in (*_TABLES, *(_MORE_TABLES if everything else ())):
         columns = list(_columns(tree, output, measures))
-        if measures is _INDICES:
+        if measures is _INDICES and not everything:
             columns = _best(tree, columns)
         if columns:
             measured = f" [{unit}]" if measures is _EFFECTS and unit != DIMENSIONLESS else ""
@@ -77,6 +96,20 @@ def sensitivity_tables(tree: xr.DataTree, output: str, unit: str) -> Iterator[Ou
         answers = group(tree, SENSITIVITY, source)
         if (name := f"{output}_second_order") in answers:
             yield _pairs_table(output, source, answers[name])
+    if everything:
+        yield from _exceedance_tables(tree, output)
+
+
+def _exceedance_tables(tree: xr.DataTree, output: str) -> Iterator[OutputTable]:
+    """The inputs' part in whether an output exceeds each value."""
+    of_event = [each._replace(suffix=f"exceedance_{each.suffix}") for each in _INDICES]
+    columns = list(_columns(tree, output, of_event))
+    thresholds = f"{output}_threshold"
+    written = columns[0].array[thresholds].values if columns else ()
+    for position, threshold in enumerate(written):
+        at = [each._replace(array=each.array[{thresholds: position}]) for each in columns]
+        title = f"{output}: shares of the variance of exceeding {threshold}"
+        yield _table(title, at, scale(DIMENSIONLESS))
 
 
 def _pairs_table(output: str, source: str, indices: xr.DataArray) -> OutputTable:

@@ -27,13 +27,15 @@ __all__ = ["output_tables"]
 _NOT_FITTED = "_not_fitted"
 
 
-def output_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
+def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[OutputTable]:
     """A table for each output of each model of a study, and what tells its inputs' part in it.
 
     Parameters
     ----------
     tree : DataTree
         An archive.
+    everything : bool
+        Whether to show all that it tells of the inputs' part.
     """
     for name, model in models_in(tree).items():
         head = f"{name}: " if name else ""
@@ -42,7 +44,7 @@ def output_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
             if table := _statistics_table(model, output, first[output].attrs):
                 yield replace(table, title=head + table.title)
             unit = str(first[output].attrs.get("display_units", DIMENSIONLESS))
-            for table in sensitivity_tables(model, output, unit):
+            for table in sensitivity_tables(model, output, unit, everything=everything):
                 yield replace(table, title=head + table.title)
         for surrogate in names_in(model, SURROGATES):
             table = _fit_table(surrogate, group(model, SURROGATES, surrogate))
