@@ -11,6 +11,7 @@
     ├── ModelError (ValueError)          a model that cannot be built or called as asked
     ├── TableError (ValueError)          a table of points that cannot be read
     ├── TrajectoryError (ArithmeticError)  the one run whose course was asked for has failed
+    ├── WorkerError (RuntimeError)       processes that cannot be started
     └── ArchiveError (OSError)           a file that cannot be written, or is not an archive
 
 Anything else that escapes is a fault of uqpen itself and keeps its traceback.
@@ -35,6 +36,7 @@ __all__ = [
     "TrajectoryError",
     "UnknownNameError",
     "UqpenError",
+    "WorkerError",
     "as_written",
 ]
 
@@ -129,6 +131,10 @@ class TrajectoryError(UqpenError, ArithmeticError):
 
 class TableError(UqpenError, ValueError):
     """A table of points that cannot be read or does not fit the model."""
+
+
+class WorkerError(UqpenError, RuntimeError):
+    """Worker processes that cannot be started."""
 
 
 class ArchiveError(UqpenError, OSError):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,11 +19,11 @@ __all__ = ["Evaluator", "Map", "evaluate", "join", "status_counts", "worst"]
 
 FloatArray = npt.NDArray[np.float64]
 
-# Anything with the signature of the built-in `map`: what runs the batches, here or elsewhere.
-Map = Callable[[Callable[[Any], Results], Iterable[Any]], Iterable[Results]]
-
-# How long a batch of one-by-one runs may take before the next progress report, in seconds.
-_BETWEEN_REPORTS = 0.1
+# Into how many batches runs are divided, and how small and large these may be. It must not depend
+# on where they are made: a function of the user's own may give other last bits in another batch.
+_VECTORIZED = (16, 1024, BLOCK)
+# Progress is told after each; none may be so small that sending it takes longer than making it.
+_ONE_BY_ONE = (1024, 1, 64)
 
 
 @dataclass(frozen=True)
@@ -52,13 +51,22 @@ class Evaluator:
                 reasons[run] = reason
             status[violated] = Status.INADMISSIBLE
         outputs = {output.name: np.full(runs, np.nan) for output in self.model.outputs}
+        files: frozenset[str] = frozenset()
         admissible = np.flatnonzero(status == Status.OK)
         if admissible.size:
             # A constraint may be on an input that this model of several does not take.
             taken = [variable.name for variable in self.model.inputs if variable.name in inputs]
             some = {name: inputs[name][admissible] for name in taken}
-            self._fill(admissible, self.model.evaluate(some), outputs, status, reasons)
-        return Results(outputs, status, reasons)
+            results = self.model.evaluate(some)
+            self._fill(admissible, results, outputs, status, reasons)
+            files = results.files
+        return Results(outputs, status, reasons, files)
+
+    def lost(self, runs: int, status: Status, reason: str) -> Results:
+        """Results of so many runs that were all lost to the same."""
+        outputs = {output.name: np.full(runs, np.nan) for output in self.model.outputs}
+        statuses = np.full(runs, status, dtype=np.int8)
+        return Results(outputs, statuses, dict.fromkeys(range(runs), reason))
 
     def _violations(self, inputs: dict[str, FloatArray]) -> Iterator[tuple[Any, str]]:
         yield from inadmissible(self.model, inputs)
@@ -84,6 +92,10 @@ class Evaluator:
                 reasons[run] = f"{name} is {outputs[name][run]}"
         for values in outputs.values():
             values[status != Status.OK] = np.nan
+
+
+# Anything with the signature of the built-in `map`: what runs the batches, here or elsewhere.
+Map = Callable[[Evaluator, Iterable[Any]], Iterable[Results]]
 
 
 def evaluate(
@@ -125,6 +137,7 @@ def evaluate(
     collected = []
     for results in map(evaluator, batches):
         collected.append(results)
+        evaluator.model.consists_of(results.files)
         advance(len(results.status))
     runs = points.assign(_variables(evaluator.model.outputs, collected))
     _describe(runs, evaluator.model, display_units)
@@ -191,14 +204,11 @@ def status_counts(runs: xr.Dataset) -> dict[Status, int]:
 
 
 def _batches(runs: int, *, vectorized: bool) -> Iterator[slice]:
-    """Slices of the runs: whole blocks, or as many single runs as fit between two reports."""
-    start, size = 0, BLOCK if vectorized else 1
-    while start < runs:
-        began = time.monotonic()
+    """Slices of the runs, all of a size that follows from how many there are."""
+    parts, smallest, largest = _VECTORIZED if vectorized else _ONE_BY_ONE
+    size = min(max(-(-runs // parts), smallest), largest)
+    for start in range(0, runs, size):
         yield slice(start, min(start + size, runs))
-        start += size
-        if not vectorized and time.monotonic() - began < _BETWEEN_REPORTS / 2:
-            size = min(2 * size, BLOCK)
 
 
 def _variables(outputs: Sequence[Output], batches: Sequence[Results]) -> dict[str, Any]:

@@ -150,11 +150,14 @@ class Results:
         See `uqpen.labels.Status`.
     reasons : mapping of int to str
         Why each lost run was lost, by its position in the batch.
+    files : set of str
+        What the model has been found to consist of; see `Model.consists_of`.
     """
 
     outputs: Arrays
     status: npt.NDArray[np.int8]
     reasons: Mapping[int, str] = field(default_factory=dict)
+    files: frozenset[str] = frozenset()
 
     @classmethod
     def all_ok(cls, outputs: Arrays) -> Results:
@@ -226,6 +229,9 @@ class Model(ABC):
             If that run fails.
         """
         return None
+
+    def consists_of(self, files: frozenset[str]) -> None:  # noqa: B027 - most models have none
+        """Note files of the user's own that runs, here or in another process, have imported."""
 
     def identity(self) -> dict[str, str]:
         """What tells this model from another that would give other results."""

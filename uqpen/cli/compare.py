@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.workers import map_on, workers_option
 
 __all__ = ["compare"]
 
@@ -34,12 +35,14 @@ __all__ = ["compare"]
     type=click.Path(path_type=Path),
     help="The archive to write.  [default: archives/<study>_compare.nc]",
 )
+@workers_option
 def compare(
     file: Path,
     budgets: str | None,
     repeats: int | None,
     reference: int | None,
     archive: Path | None,
+    workers: int,
 ) -> ExitCode:
     """Run the designs of the study FILE head to head, scaled to equal budgets.
 
@@ -68,8 +71,8 @@ def compare(
     archive = archive or Path("archives") / f"{study.name}_compare.nc"
     prepare_destination(here / archive)
     try:
-        with progress() as reporter:
-            tree = compare(study, terms, progress=reporter)
+        with map_on(workers) as where, progress() as reporter:
+            tree = compare(study, terms, map=where, progress=reporter)
         write(tree, here / archive)
     except KeyboardInterrupt:
         click.echo("interrupted; nothing was written", err=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.workers import map_on, workers_option
 
 __all__ = ["study"]
 
@@ -20,7 +21,8 @@ __all__ = ["study"]
     type=click.Path(path_type=Path),
     help="The archive to write.  [default: archives/<study>.nc]",
 )
-def study(file: Path, archive: Path | None) -> ExitCode:
+@workers_option
+def study(file: Path, archive: Path | None, workers: int) -> ExitCode:
     """Make the runs of the study FILE, analyse them, and write everything into one archive.
 
     Leaves with 3 if a design lost all of its runs.
@@ -37,8 +39,8 @@ def study(file: Path, archive: Path | None) -> ExitCode:
     archive = archive or Path("archives") / f"{loaded.name}.nc"
     prepare_destination(here / archive)
     try:
-        with progress() as reporter:
-            tree = run(loaded, progress=reporter)
+        with map_on(workers) as where, progress() as reporter:
+            tree = run(loaded, map=where, progress=reporter)
         write(tree, here / archive)
     except KeyboardInterrupt:
         click.echo("interrupted; nothing was written", err=True)

@@ -75,6 +75,8 @@ class Bench:
         evaluator = Evaluator(self.study.model, self.study.constraints)
         stream = Stream(self.study.seed, "head_to_head", "timing")
         points = next(MonteCarlo(count).rounds(self.study.law, stream))
+        # The first time, the model may have to be loaded where it runs.
+        evaluate(evaluator, points, {}, map=self.map)
         began = time.perf_counter()
         evaluate(evaluator, points, {}, map=self.map)
         return (time.perf_counter() - began) / count

@@ -24,7 +24,10 @@ from uqpen.model import Arrays, Input, Model, Output, Results
 from uqpen.models.surroundings import Surroundings
 from uqpen.units import scale
 
-__all__ = ["PythonFunction", "check_signature", "load_function"]
+__all__ = ["FunctionLoader", "PythonFunction", "check_signature", "load_function"]
+
+# From the name of a function and the folder of its study to what is called, and in what.
+FunctionLoader = Callable[[str, Path], tuple[Callable[..., Any], Surroundings | None]]
 
 _LONGEST_REASON = 200
 
@@ -43,7 +46,7 @@ class PythonFunction(Model):
         Takes a keyword argument for each input, returns a mapping with each output; values are in
         the units of `called_in`.
     name : str
-        What a person calls it.
+        What a person calls it; with surroundings, the reference that `load_function` found it by.
     inputs, outputs : tuple
         As of any model, in SI units.
     called_in : mapping of str to str
@@ -81,7 +84,19 @@ class PythonFunction(Model):
         for output in self.outputs:
             measure = scale(self.called_in[output.name])
             outputs[output.name] = outputs[output.name] * measure.factor + measure.offset
-        return Results(outputs, status, reasons)
+        files = self.surroundings.files() if self.surroundings else frozenset()
+        return Results(outputs, status, reasons, files)
+
+    def consists_of(self, files: frozenset[str]) -> None:
+        if self.surroundings:
+            self.surroundings.note(files)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Another process loads the function itself: its modules cannot be sent.
+        declared = (self.name, self.inputs, self.outputs, self.called_in, self.vectorized)
+        if self.surroundings is None:
+            return PythonFunction, (self.function, *declared)
+        return _loaded, (self.surroundings.folder, *declared)
 
     def identity(self) -> dict[str, str]:
         if self.surroundings is None:
@@ -181,6 +196,19 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], Sur
         listing = f"; it defines {', '.join(known)}" if known else ""
         raise ModelError(f'"{where}" has no function "{name}"{listing}')
     return function, surroundings
+
+
+def _loaded(
+    folder: Path,
+    reference: str,
+    inputs: tuple[Input, ...],
+    outputs: tuple[Output, ...],
+    called_in: Mapping[str, str],
+    vectorized: bool,
+) -> PythonFunction:
+    """A model as it was declared, its function loaded anew."""
+    function, surroundings = load_function(reference, folder)
+    return PythonFunction(function, reference, inputs, outputs, called_in, vectorized, surroundings)
 
 
 def check_signature(function: Callable[..., Any], names: list[str]) -> None:

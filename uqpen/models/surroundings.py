@@ -33,6 +33,12 @@ class Surroundings:
     def __init__(self, folder: Path) -> None:
         self._folder = str(folder)
         self._modules: dict[str, ModuleType] = {}
+        self._imported_elsewhere: frozenset[str] = frozenset()
+
+    @property
+    def folder(self) -> Path:
+        """Where the study lies."""
+        return Path(self._folder)
 
     @contextlib.contextmanager
     def entered(self) -> Iterator[None]:
@@ -49,9 +55,18 @@ class Surroundings:
             with contextlib.suppress(ValueError):
                 sys.path.remove(self._folder)
 
+    def files(self) -> frozenset[str]:
+        """The files of the folder that have been imported as modules, here or elsewhere."""
+        here = {str(module.__file__) for module in self._modules.values()}
+        return self._imported_elsewhere.union(here)
+
+    def note(self, files: frozenset[str]) -> None:
+        """Count files among those that have been imported."""
+        self._imported_elsewhere |= files
+
     def sources(self) -> bytes:
         """The source of every module of the folder that has been imported, in one."""
-        files = {Path(str(module.__file__)) for module in self._modules.values()}
+        files = map(Path, self.files())
         return b"".join(file.read_bytes() for file in sorted(files) if file.is_file())
 
     def _taken_out(self) -> dict[str, ModuleType]:

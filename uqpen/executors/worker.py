@@ -1,0 +1,179 @@
+"""A process that makes runs, as it sees itself and as it is seen by the one that started it."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Iterator, Mapping
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext, SpawnContext
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.model import Results
+
+__all__ = ["DiedError", "Worker"]
+
+Inputs = Mapping[str, npt.NDArray[np.float64]]
+
+# How many models, each loaded once, a worker keeps.
+_KNOWN = 16
+
+# How long a worker may take to leave once it is told to, in seconds.
+_PATIENCE = 5.0
+
+# Exit codes that nobody is left to read.
+_INTERRUPTED, _ORPHANED = 130, 1
+
+# What most of the start-up of a worker is spent on: models, and the program that started it.
+_PRELOADED = ["uqpen.evaluation", "uqpen.cli.main"]
+
+
+class DiedError(Exception):
+    """A worker is no more; the message says what became of it."""
+
+
+class Worker:
+    """A process of its own, which is sent one batch at a time.
+
+    Never a fork of this process: nothing of its state, its threads or its random numbers can get
+    into a run.
+    """
+
+    def __init__(self) -> None:
+        context = _context()
+        self.connection, inside = context.Pipe()
+        self._process = context.Process(target=_serve, args=(inside,), name="uqpen worker")
+        with _interrupts_held():
+            self._process.start()
+        inside.close()
+        self.task: Any = None
+        self.is_ready = False
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether it waits for something to do."""
+        return self.is_ready and self.task is None
+
+    @property
+    def signs(self) -> tuple[Any, int]:
+        """What to wait for: an answer, or its end."""
+        return self.connection, self._process.sentinel
+
+    def give(self, task: Any, work: bytes, inputs: Inputs) -> None:
+        """Have `work`, a pickled callable, done on the inputs of a task."""
+        self.task = task
+        # If it is dead, its end is noticed as that of any other worker with a task.
+        with contextlib.suppress(OSError):
+            self.connection.send((work, inputs))
+
+    def answer(self) -> Results | BaseException | None:
+        """What it has sent, None if that is only that it is ready.
+
+        Raises
+        ------
+        DiedError
+            If it has sent nothing, which is so only after its end.
+        """
+        try:
+            if self.connection.poll():
+                answer: Results | BaseException | None = self.connection.recv()
+                return answer
+        except (EOFError, OSError):
+            pass  # it was killed while it sent
+        self._process.join(_PATIENCE)
+        raise DiedError(_end(self._process.exitcode))
+
+    def dismiss(self) -> None:
+        """Tell it to leave when it is done."""
+        with contextlib.suppress(OSError):
+            self.connection.send(None)
+
+    def leave(self) -> None:
+        """Wait for it to leave, but not for long."""
+        self._process.join(_PATIENCE)
+        self.kill()
+
+    def kill(self) -> None:
+        """End it, whatever it does."""
+        self._process.kill()
+        self._process.join()
+        self.connection.close()
+
+
+def _serve(connection: Connection[Any, Any]) -> None:
+    """Make batches of runs until told to leave, or nobody is left to tell."""
+    signal.signal(signal.SIGINT, lambda *_: os._exit(_INTERRUPTED))
+    if sys.platform != "win32":
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+    threading.Thread(target=_leave_with_parent, daemon=True).start()
+    # A model with noise of its own must not find the same noise in every worker.
+    np.random.seed()  # noqa: NPY002 - the one that a model shares with others
+    load = functools.lru_cache(maxsize=_KNOWN)(pickle.loads)
+    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        connection.send(None)
+        while (message := connection.recv()) is not None:
+            connection.send(_done(load, *message))
+
+
+def _leave_with_parent() -> None:
+    """End this process in the middle of a run, if the one that wants its results has ended."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(_ORPHANED)
+
+
+def _done(load: Any, work: bytes, inputs: Inputs) -> Any:
+    """The results of a batch, or what was raised in their place."""
+    try:
+        return load(work)(inputs)
+    except BaseException as error:  # it is raised again where the study runs
+        error.add_note("in a worker:\n" + "".join(traceback.format_exception(error)))
+        return error
+
+
+def _context() -> ForkServerContext | SpawnContext:
+    """How workers start: anew, or on Linux as forks of a server that has done nothing else."""
+    if sys.platform != "linux":
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(_PRELOADED)
+    return context
+
+
+@contextlib.contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """While this lasts, Ctrl-C waits; who is started meanwhile lets it wait until he is ready."""
+    if sys.platform == "win32":
+        yield
+        return
+    # If it were started later, it would let interrupts through.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _end(code: int | None) -> str:
+    """What became of a process, in words.
+
+    >>> _end(-9), _end(3)
+    ('the run ended its process: Killed', 'the run ended its process: exit code 3')
+    """
+    how = f"exit code {code}"
+    if code is not None and code < 0:
+        how = signal.strsignal(-code) or f"signal {-code}"
+    return f"the run ended its process: {how}"
