@@ -19,6 +19,7 @@ __all__ = [
     "CHECKED",
     "COMPARISON",
     "CONDITIONAL",
+    "CONTENT",
     "DEPENDENCE",
     "DIFFERENCES",
     "ENTRIES",
@@ -197,6 +198,9 @@ RELATIVE_TO_SPREAD = "relative_to_half_spread"
 # What kind of archive it is, at its root; those of studies do not say.
 KIND = "uqpen_kind"
 HEAD_TO_HEAD = "head-to-head"
+
+# The hashes of its groups, at its root.
+CONTENT = "content_sha256"
 
 # An archive of methods head to head: its groups, and what its figures lie along.
 METHODS = "methods"

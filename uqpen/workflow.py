@@ -33,7 +33,7 @@ from uqpen.streams import Stream
 from uqpen.study.study import Study, Variant
 from uqpen.trust import Witness, judged
 
-__all__ = ["Progress", "root_attributes", "run", "runs_of_design"]
+__all__ = ["Progress", "analysed", "root_attributes", "run", "runs_of_design"]
 
 Groups = Iterator[tuple[str, xr.Dataset]]
 # The runs of each design by its name, or of each model by its.
@@ -80,6 +80,19 @@ def run(study: Study, *, map: Map = map, progress: Progress | None = None) -> xr
         variant.model.prepare()
     runs = _runs(study, map, progress)
     progress.analysing()
+    return analysed(study, runs)
+
+
+def analysed(study: Study, runs: Mapping[str, Runs]) -> xr.DataTree:
+    """What an archive holds, of runs that have been made.
+
+    Parameters
+    ----------
+    study : Study
+        Whose runs they are.
+    runs : mapping of str to mapping of str to Dataset
+        By model, those of every design; an archive's do as well as fresh ones.
+    """
     groups = {"/": xr.Dataset(attrs=root_attributes(study))}
     for name, variant in study.models.items():
         root = f"/{MODELS}/{name}" if study.has_several_models else ""

@@ -12,7 +12,15 @@ from uqpen.archive.skeleton import faults
 from uqpen.errors import ArchiveError
 from uqpen.labels import MODELS
 
-__all__ = ["SCHEMA_ATTRIBUTE", "group", "is_archive", "models_in", "names_in", "open_archive"]
+__all__ = [
+    "SCHEMA_ATTRIBUTE",
+    "group",
+    "is_archive",
+    "models_in",
+    "names_in",
+    "open_archive",
+    "read_tree",
+]
 
 SCHEMA_ATTRIBUTE = "uqpen_schema"
 
@@ -30,7 +38,20 @@ def open_archive(path: str | Path) -> xr.DataTree:
     ArchiveError
         If it cannot be read, is no archive, or was written by a later uqpen.
     """
-    path = Path(path)
+    whole = read_tree(Path(path))
+    if fault := next(faults(whole), None):
+        raise ArchiveError(f"{path}: is damaged: {fault}")
+    return whole
+
+
+def read_tree(path: Path) -> xr.DataTree:
+    """What `open_archive` opens, whole or not: for those who ask what is wrong with it.
+
+    Raises
+    ------
+    ArchiveError
+        If it cannot be read, is no archive, or was written by a later uqpen.
+    """
     schema = _schema(path)
     if schema > SCHEMA:
         raise ArchiveError(
@@ -41,12 +62,10 @@ def open_archive(path: str | Path) -> xr.DataTree:
         with xr.open_datatree(
             path, engine="netcdf4", decode_times=False, decode_timedelta=False, mask_and_scale=False
         ) as tree:
-            whole = tree.load()
-    except (OSError, RuntimeError, ValueError) as error:
+            return tree.load()
+    except (OSError, RuntimeError, ValueError, AttributeError) as error:
+        # The last is of attributes that xarray takes for texts, and are none.
         raise ArchiveError(f"{path}: is damaged: {error}") from error
-    if fault := next(faults(whole), None):
-        raise ArchiveError(f"{path}: is damaged: {fault}")
-    return whole
 
 
 def models_in(tree: xr.DataTree) -> dict[str, xr.DataTree]:

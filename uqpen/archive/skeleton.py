@@ -98,7 +98,7 @@ def _faults_of_runs(runs: xr.Dataset) -> Iterator[str]:
         yield f"no {STATUS} along {RUN}"
     elif not np.isin(runs[STATUS].values, list(Status)).all():
         yield f"a {STATUS} that is none"
-    if runs.attrs.get(SAMPLING) not in list(Sampling):
+    if str(runs.attrs.get(SAMPLING)) not in list(Sampling):
         yield f"no {SAMPLING} that is known"
     if RUN not in runs.coords:
         yield f"no {RUN} numbers"

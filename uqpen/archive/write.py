@@ -8,6 +8,7 @@ from pathlib import Path
 
 import xarray as xr
 
+from uqpen.archive.content import sealed
 from uqpen.archive.netcdf import put
 from uqpen.archive.read import is_archive
 from uqpen.errors import ArchiveError
@@ -38,7 +39,7 @@ def prepare_destination(path: Path) -> None:
 
 
 def write(tree: xr.DataTree, path: Path) -> None:
-    """Write a study's tree as one NetCDF file.
+    """Write a study's tree as one NetCDF file, with the hashes of its groups.
 
     The file is written under a temporary name beside `path`, brought to the disk, and then takes
     its place in one step; until then whatever stood there stays.
@@ -50,7 +51,7 @@ def write(tree: xr.DataTree, path: Path) -> None:
     """
     part = _part(path)
     try:
-        put(tree, part)
+        put(sealed(tree), part)
         with part.open("rb+") as stream:
             os.fsync(stream.fileno())
         part.replace(path)

@@ -13,4 +13,5 @@ class ExitCode(IntEnum):
     DONE = 0
     MISTAKE = 2
     LOST = 3
+    DIFFERENT = 4
     INTERRUPTED = 130

@@ -21,6 +21,9 @@ COMMANDS = {
     "check": "uqpen.cli.check:check",
     "show": "uqpen.cli.show:show",
     "compare": "uqpen.cli.compare:compare",
+    "verify": "uqpen.cli.verify:verify",
+    "diff": "uqpen.cli.diff:diff",
+    "rerun": "uqpen.cli.rerun:rerun",
     "models": "uqpen.cli.models:models",
     "run": "uqpen.cli.run:run",
 }

@@ -10,6 +10,7 @@ import numpy as np
 from uqpen.errors import Problem, as_written
 from uqpen.inputs.law import InputLaw
 from uqpen.model import inadmissible
+from uqpen.models.python_function import FunctionLoader, load_function
 from uqpen.streams import Stream
 from uqpen.study.dependence_section import read_dependence
 from uqpen.study.designs_section import check_designs, read_designs
@@ -45,10 +46,16 @@ def load_study(path: str | Path) -> Study:
         Listing every mistake with its line, what was found and what is expected.
     """
     path = Path(path)
-    return _study(read_document(path), path.stem, path.absolute().parent)
+    return _study(read_document(path), path.stem, path.absolute().parent, load_function)
 
 
-def parse_study(text: str, *, name: str = "study", folder: str | Path = ".") -> Study:
+def parse_study(
+    text: str,
+    *,
+    name: str = "study",
+    folder: str | Path = ".",
+    load: FunctionLoader = load_function,
+) -> Study:
     """Like `load_study`, from the text of a study.
 
     Parameters
@@ -59,8 +66,10 @@ def parse_study(text: str, *, name: str = "study", folder: str | Path = ".") -> 
         What the file would be called, without its ending.
     folder : str or Path
         Where the files lie that it names.
+    load : callable
+        What finds the Python functions that it names: by default by executing their modules.
     """
-    return _study(parse_document(text, f"{name}.toml"), name, Path(folder).absolute())
+    return _study(parse_document(text, f"{name}.toml"), name, Path(folder).absolute(), load)
 
 
 # The tables of a study beside its models, with what is expected of those that it must have.
@@ -75,12 +84,12 @@ _TABLES = {
 }
 
 
-def _study(document: Document, name: str, folder: Path) -> Study:
+def _study(document: Document, name: str, folder: Path, load: FunctionLoader) -> Study:
     problems: list[Problem] = []
     root = Section(document, problems, (), document.content)
     title = root.text("title", "a title in quotes", default=name)
     seed = _seed(root)
-    models = read_models(root, folder)
+    models = read_models(root, folder, load)
     tables = {key: root.table(key, expected) for key, expected in _TABLES.items()}
     root.close()
     inputs, designs_table = tables["inputs"], tables["designs"]

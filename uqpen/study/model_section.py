@@ -9,7 +9,7 @@ from uqpen.labels import NAME, RESERVED, SUFFIXES
 from uqpen.lookup import choices, resolve
 from uqpen.model import Input, Model, Output
 from uqpen.models import MODELS
-from uqpen.models.python_function import PythonFunction, check_signature, load_function
+from uqpen.models.python_function import FunctionLoader, PythonFunction, check_signature
 from uqpen.study.section import Section
 from uqpen.units import si_unit
 
@@ -18,14 +18,14 @@ __all__ = ["read_model"]
 _WAYS = 'use = "…" (a built-in model) or python = "my_model.py:function"'
 
 
-def read_model(table: Section, folder: Path) -> Model | None:
+def read_model(table: Section, folder: Path, load: FunctionLoader) -> Model | None:
     """The model of a study, or None where a mistake was noted."""
     ways = [key for key in ("use", "python") if key in table]
     if len(ways) != 1:
         found = "nothing that names a model" if not ways else " and ".join(ways)
         table.wrong((), found, f"one of {_WAYS}")
         return None
-    model = _built_in(table) if ways == ["use"] else _function(table, folder)
+    model = _built_in(table) if ways == ["use"] else _function(table, folder, load)
     if model is not None:
         table.close()
     return model
@@ -42,7 +42,7 @@ def _built_in(table: Section) -> Model | None:
     return model
 
 
-def _function(table: Section, folder: Path) -> Model | None:
+def _function(table: Section, folder: Path, load: FunctionLoader) -> Model | None:
     noted = len(table.problems)
     reference = table.text("python", "a function")
     vectorized = table.flag("vectorized", default=False)
@@ -58,7 +58,7 @@ def _function(table: Section, folder: Path) -> Model | None:
     if reference is None or len(table.problems) > noted:
         return None
     try:
-        function, surroundings = load_function(reference, folder)
+        function, surroundings = load(reference, folder)
         check_signature(function, [variable.name for variable in inputs])
     except ModelError as error:
         table.wrong("python", str(error), "a function that can be called with the model's inputs")

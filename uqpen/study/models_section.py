@@ -9,6 +9,7 @@ import numpy as np
 from uqpen.errors import as_written
 from uqpen.lookup import choices
 from uqpen.model import Model, Variable
+from uqpen.models.python_function import FunctionLoader
 from uqpen.study.model_section import read_model
 from uqpen.study.section import Section, named
 from uqpen.study.study import ONLY_MODEL, Variant
@@ -17,7 +18,7 @@ from uqpen.units import are_alike
 __all__ = ["check_variants", "read_models"]
 
 
-def read_models(root: Section, folder: Path) -> dict[str, Variant]:
+def read_models(root: Section, folder: Path, load: FunctionLoader) -> dict[str, Variant]:
     """The models of a study, by name; empty where a mistake was noted.
 
     The inputs and outputs of the first are the study's: what goes in and comes out of the others
@@ -30,9 +31,9 @@ def read_models(root: Section, folder: Path) -> dict[str, Variant]:
     if several is None:
         if table is None and "model" not in root and "models" not in root:
             root.missing("model", "a [model] table, or [models.<name>] for several")
-        model = read_model(table, folder) if table is not None else None
+        model = read_model(table, folder, load) if table is not None else None
         return {} if model is None else {ONLY_MODEL: Variant(model, {})}
-    return _several(several, folder)
+    return _several(several, folder, load)
 
 
 def check_variants(root: Section, variants: dict[str, Variant], random: set[str]) -> None:
@@ -45,7 +46,7 @@ def check_variants(root: Section, variants: dict[str, Variant], random: set[str]
                 root.wrong(path, found, "an input that has one value in [inputs], or a default")
 
 
-def _several(table: Section, folder: Path) -> dict[str, Variant]:
+def _several(table: Section, folder: Path, load: FunctionLoader) -> dict[str, Variant]:
     noted = len(table.problems)
     found: dict[str, Variant] = {}
     first: Model | None = None
@@ -53,7 +54,7 @@ def _several(table: Section, folder: Path) -> dict[str, Variant]:
         table.wrong((), "an empty table", "a [models.<name>]")
     for name, section in named(table):
         replaced = section.table("with")
-        model = read_model(section, folder)
+        model = read_model(section, folder, load)
         if model is None:
             continue
         first = first or model

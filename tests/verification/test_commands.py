@@ -1,0 +1,387 @@
+"""``uqpen verify``, ``diff`` and ``rerun`` as their user meets them."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen as package
+from uqpen.archive.netcdf import put
+from uqpen.cli.main import main
+from uqpen.verification.repetition import Runs, drawn_runs
+
+INPUTS = """
+[inputs]
+x1 = { uniform = { lower = -3, upper = 3 } }
+x2 = { uniform = { lower = -3, upper = 3 } }
+x3 = 1
+[outputs.y]
+hold = [0.95]
+[designs.monte_carlo]
+kind = "monte-carlo"
+runs = 120
+"""
+PLAIN = f"""\
+title = "Small"
+seed = 1
+[model]
+use = "ishigami"
+{INPUTS}
+[designs.latin_hypercube]
+kind = "latin-hypercube"
+runs = 40
+[surrogates.chaos]
+kind = "polynomial-chaos"
+design = "latin_hypercube"
+"""
+SEVERAL = f"""\
+seed = 1
+[models.one]
+use = "ishigami"
+[models.other]
+use = "ishigami"
+with = {{ x3 = 0.5 }}
+{INPUTS}
+"""
+OWN = """\
+seed = 1
+[model]
+python = "own.py:f"
+[model.inputs]
+x = "1"
+[model.outputs]
+y = "cm"
+[inputs]
+x = "0 ± 1"
+[designs.some]
+kind = "monte-carlo"
+runs = 60
+"""
+# Leaves a trace wherever it is executed.
+SOURCE = """\
+import pathlib
+pathlib.Path("executed").touch()
+def f(x):
+    if x > 1.5:
+        raise ValueError("too large")
+    return {"y": x**3}
+"""
+STUDIES = {"plain": PLAIN, "several": SEVERAL, "own": OWN, "other": PLAIN.replace("= 1\n", "= 2\n")}
+
+
+class Outcome(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+    @property
+    def said(self) -> str:
+        """What was printed, its lines joined."""
+        return " ".join(self.out.split())
+
+
+Command = Callable[..., Outcome]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with an archive of each study."""
+    folder = tmp_path_factory.mktemp("made")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        Path("own.py").write_text(SOURCE)
+        for name, text in STUDIES.items():
+            study = package.parse_study(text, name=name, folder=folder)
+            package.write(package.run(study), folder / f"{name}.nc")
+        Path("executed").unlink()
+    return folder
+
+
+@pytest.fixture
+def uqpen(
+    made: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> Command:
+    """The command line in a folder of its own with copies, on a screen of 80 columns."""
+    for file in made.iterdir():
+        shutil.copy(file, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def call(*arguments: str) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["uqpen", *arguments])
+        code = 0
+        try:
+            main()
+        except SystemExit as left:
+            code = int(left.code or 0)
+        done = Outcome(code, *capsys.readouterr())
+        assert "Traceback" not in done.err
+        assert max(map(len, done.out.splitlines()), default=0) <= 80
+        return done
+
+    return call
+
+
+def damage(how: str) -> None:
+    """Damage a copy of the plain archive, as a careless or malicious hand might."""
+    shutil.copy("plain.nc", "damaged.nc")
+    if how == "group":
+        tree = package.open_archive("plain.nc")
+        del tree.children["holds"]["monte_carlo"]
+        put(tree, Path("damaged.nc"))
+        return
+    with netCDF4.Dataset("damaged.nc", "a") as dataset:
+        runs = dataset["runs/monte_carlo"]
+        if how == "bit":
+            values = np.asarray(runs["y"][:])
+            values.view(np.uint64)[17] ^= 1
+            runs["y"][:] = values
+        elif how == "status":
+            runs["status"][23] = 2
+        elif how == "text":
+            dataset.study_text = dataset.study_text.replace("upper = 3", "upper = 4", 1)
+        elif how == "version":
+            dataset.version_numpy = "1.0.0"
+
+
+# By the damage: what `verify` says of hashes, what it says besides, what `diff` says.
+DAMAGES = {
+    "bit": ("/runs/monte_carlo is changed", "monte_carlo: y of run 17 is", "y of run 17:"),
+    "status": (
+        "/runs/monte_carlo is changed",
+        "monte_carlo: status of run 23 is 2 in the archive and 0 now",
+        "status of run 23: 0 and 2; 1 run differs",
+    ),
+    "text": ("/ is changed", "its text is changed", "+x1 = { uniform = { lower = -3, upper = 4"),
+    "group": (
+        "/holds/monte_carlo is missing",
+        "/holds/monte_carlo is missing",
+        "/holds/monte_carlo is in the first only",
+    ),
+}
+
+
+class TestVerify:
+    @pytest.mark.parametrize(
+        ("name", "how"), [("plain", ("--runs", "30")), ("plain", ()), ("several", ("--all",))]
+    )
+    def test_a_fresh_archive_passes(self, uqpen: Command, name: str, how: tuple[str, ...]) -> None:
+        done = uqpen("verify", f"{name}.nc", *how)
+        assert done.code == 0, done.out
+        assert done.out.count("bit-equal") == 2
+        held = 240 if name == "several" else 160
+        repeated = {"--runs": 30, "--all": held}.get(how[0] if how else "", 100)
+        assert f"{repeated} of {held} repeated" in done.out
+
+    def test_a_model_of_somebody_else_is_run_with_trust(self, uqpen: Command) -> None:
+        done = uqpen("verify", "own.nc", "--trust", "--all")
+        assert done.code == 0, done.out
+        assert "60 of 60 repeated: bit-equal" in done.out
+
+    def test_without_trust_nothing_is_executed(self, uqpen: Command) -> None:
+        done = uqpen("verify", "own.nc")
+        assert done.code == 0, done.out
+        assert "--trust" in done.out
+        assert "own.py:f" in done.out
+        assert "worked out again: bit-equal" in done.out
+        assert uqpen("show", "own.nc").code == 0
+        assert uqpen("diff", "own.nc", "own.nc").code == 0
+        assert uqpen("rerun", "own.nc").code == 2
+        assert not Path("executed").exists()
+
+    @pytest.mark.parametrize("how", list(DAMAGES))
+    def test_damage_is_caught(self, uqpen: Command, how: str) -> None:
+        damage(how)
+        done = uqpen("verify", "damaged.nc", "--all")
+        assert done.code == 4
+        of_hashes, besides, _ = DAMAGES[how]
+        assert of_hashes in done.said
+        assert besides in done.said
+
+    def test_a_group_that_was_added_is_named(self, uqpen: Command) -> None:
+        with netCDF4.Dataset("plain.nc", "a") as dataset:
+            dataset.createGroup("extra")
+        done = uqpen("verify", "plain.nc")
+        assert done.code == 4
+        assert "/extra was added" in done.out
+
+    def test_a_damage_that_was_hashed_anew_is_found_by_repeating(self, uqpen: Command) -> None:
+        damage("bit")
+        package.write(package.open_archive("damaged.nc"), Path("damaged.nc"))
+        done = uqpen("verify", "damaged.nc", "--all")
+        assert done.code == 4
+        assert "those of its" in done.out
+        assert "y of run 17 is" in done.out
+        assert "of the largest value" in done.said
+
+    def test_an_archive_that_lacks_what_it_must_have_is_told(self, uqpen: Command) -> None:
+        with netCDF4.Dataset("plain.nc", "a") as dataset:
+            dataset.renameGroup("runs", "walks")
+        done = uqpen("verify", "plain.nc")
+        assert done.code == 4
+        assert "damaged: no runs" in done.said
+        assert "/runs/monte_carlo is missing" in done.out
+        assert "/walks/monte_carlo was added" in done.out
+
+    def test_runs_that_are_not_those_of_the_text_are_told(self, uqpen: Command) -> None:
+        with netCDF4.Dataset("plain.nc", "a") as dataset:
+            dataset.study_text = dataset.study_text.replace("designs.monte_carlo", "designs.mc")
+        done = uqpen("verify", "plain.nc")
+        assert done.code == 4
+        assert "its text names other designs than it holds: mc, latin_hypercube" in done.said
+
+    def test_other_versions_are_named_and_may_change_last_bits(self, uqpen: Command) -> None:
+        tree = package.open_archive("plain.nc")
+        tree.attrs["version_numpy"] = "1.0.0"
+        values = tree["runs/monte_carlo"]["y"].values
+        values[3] = np.nextafter(values[3], np.inf)
+        package.write(tree, Path("plain.nc"))
+        done = uqpen("verify", "plain.nc", "--all")
+        assert done.code == 0, done.out
+        assert "numpy 1.0.0 (here " in done.out
+        assert "equal within 1e-09" in done.said
+        values[3] += 1e-3
+        package.write(tree, Path("plain.nc"))
+        assert uqpen("verify", "plain.nc", "--all").code == 4
+
+    def test_an_archive_without_hashes_is_opened_and_checked(self, uqpen: Command) -> None:
+        with netCDF4.Dataset("plain.nc", "a") as dataset:
+            dataset.delncattr("content_sha256")
+        assert uqpen("show", "plain.nc").code == 0
+        done = uqpen("verify", "plain.nc")
+        assert done.code == 0
+        assert "none: written by a uqpen that did not hash yet" in done.said
+
+    def test_files_that_are_not_there_are_told(self, uqpen: Command, made: Path) -> None:
+        Path("own.py").unlink()
+        done = uqpen("verify", "own.nc", "--trust")
+        assert done.code == 2
+        assert 'there is no file "own.py"' in done.said
+        assert "--folder" in done.out
+        assert uqpen("verify", "own.nc", "--trust", "--folder", str(made)).code == 0
+
+    def test_methods_head_to_head_have_their_hashes_checked(self, uqpen: Command) -> None:
+        Path("plain.toml").write_text(PLAIN)
+        short = ("--budget", "16", "--repeats", "10", "--reference", "64", "-o", "contest.nc")
+        assert uqpen("compare", "plain.toml", *short).code == 0
+        done = uqpen("verify", "contest.nc")
+        assert done.code == 0, done.out
+        assert "hashes only" in done.out
+        refused = uqpen("rerun", "contest.nc")
+        assert refused.code == 2
+        assert "head to head" in refused.err
+
+    @pytest.mark.parametrize(
+        ("arguments", "told"),
+        [
+            (("own.py",), "is not an archive"),
+            (("absent.nc",), "there is no such file"),
+            (("plain.nc", "--runs", "0"), "--runs"),
+            (("plain.nc", "--runs", "5", "--all"), "exclude each other"),
+        ],
+    )
+    def test_a_mistake_leaves_with_2(
+        self, uqpen: Command, arguments: tuple[str, ...], told: str
+    ) -> None:
+        done = uqpen("verify", *arguments)
+        assert done.code == 2
+        assert told in done.err
+
+
+class TestDiff:
+    @pytest.mark.parametrize("name", ["plain", "several", "own"])
+    def test_the_same_is_the_same(self, uqpen: Command, name: str) -> None:
+        done = uqpen("diff", f"{name}.nc", f"{name}.nc")
+        assert (done.code, done.out) == (0, "the same\n")
+
+    @pytest.mark.parametrize("how", list(DAMAGES))
+    def test_damage_is_named(self, uqpen: Command, how: str) -> None:
+        damage(how)
+        done = uqpen("diff", "plain.nc", "damaged.nc")
+        assert done.code == 4
+        assert DAMAGES[how][2] in done.said
+
+    def test_two_seeds_are_explained(self, uqpen: Command) -> None:
+        done = uqpen("diff", "plain.nc", "other.nc")
+        assert done.code == 4
+        assert "-seed = 1" in done.out
+        assert "+seed = 2" in done.out
+        assert "seed\n  1 and 2" in done.out
+        assert "x1 of run 0" in done.said
+        assert "120 runs differ" in done.said
+        assert "outputs\n  /runs/monte_carlo: y of run 0" in done.out
+        assert "made with" not in done.out
+
+    def test_two_versions_are_explained(self, uqpen: Command) -> None:
+        damage("version")
+        done = uqpen("diff", "plain.nc", "damaged.nc")
+        assert done.code == 4
+        assert done.out.startswith("made with\n  version numpy: ")
+        assert done.out.endswith(" and 1.0.0\n")
+
+    def test_figures_outside_each_others_intervals_are_counted(self, uqpen: Command) -> None:
+        with netCDF4.Dataset("other.nc", "a") as dataset:
+            mean = dataset["moments/monte_carlo/y_mean"]
+            mean[:] = np.asarray(mean[:]) + 100
+        done = uqpen("diff", "plain.nc", "other.nc")
+        assert "outside each other's intervals" in done.out
+        assert "/moments/monte_carlo: y_mean: " in done.out
+
+    def test_other_studies_are_explained(self, uqpen: Command) -> None:
+        done = uqpen("diff", "plain.nc", "own.nc")
+        assert done.code == 4
+        assert "/runs/monte_carlo is in the first only" in done.out
+        assert "more lines" in done.out
+
+    def test_what_is_no_archive_leaves_with_2(self, uqpen: Command) -> None:
+        assert uqpen("diff", "plain.nc", "own.py").code == 2
+
+
+class TestRerun:
+    @pytest.mark.parametrize(
+        ("name", "arguments"), [("plain", ()), ("several", ()), ("own", ("--trust",))]
+    )
+    def test_it_writes_the_same_bytes(
+        self, uqpen: Command, name: str, arguments: tuple[str, ...]
+    ) -> None:
+        done = uqpen("rerun", f"{name}.nc", *arguments)
+        assert done.code == 0, done.err
+        assert done.out.endswith(f"compare: uqpen diff {name}.nc {name}_rerun.nc\n")
+        assert Path(f"{name}_rerun.nc").read_bytes() == Path(f"{name}.nc").read_bytes()
+
+    def test_it_does_not_overwrite_what_it_repeats(self, uqpen: Command) -> None:
+        done = uqpen("rerun", "plain.nc", "-o", "./plain.nc")
+        assert done.code == 2
+        assert "not overwritten" in done.err
+
+    def test_a_function_that_is_not_there_is_told(self, uqpen: Command) -> None:
+        Path("own.py").unlink()
+        done = uqpen("rerun", "own.nc", "--trust")
+        assert done.code == 2
+        assert 'there is no file "own.py"' in done.err
+
+
+def test_the_runs_that_are_repeated_are_the_same_each_time() -> None:
+    study = package.parse_study(PLAIN)
+    runs = xr.Dataset(coords={"run": np.arange(1000)})
+    archived = {"": {"monte_carlo": runs, "latin_hypercube": runs}}
+    first, second = (drawn_by_design(study, archived, 70) for _ in range(2))
+    assert first == second
+    assert sum(map(len, first.values())) == 70
+    assert all(len(set(positions)) == len(positions) > 20 for positions in first.values())
+
+
+def drawn_by_design(study: package.Study, runs: Runs, number: int) -> dict[str, list[int]]:
+    drawn = drawn_runs(study, runs, number)
+    return {design: positions.tolist() for _, design, positions in drawn}

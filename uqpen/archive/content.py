@@ -1,0 +1,89 @@
+"""Hashes of an archive's groups, which tell whether one has changed since it was written.
+
+They show integrity, not authorship: whoever changes a group on purpose can write its hash anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqpen.labels import CONTENT
+
+__all__ = ["hashes", "recorded", "sealed"]
+
+
+def hashes(tree: xr.DataTree) -> dict[str, str]:
+    """The SHA-256 of every group, by its path.
+
+    A group's own variables and attributes are hashed in a canonical form, so that its hash is the
+    same in memory as in the file, and on every platform. The root's leaves out only the record of
+    these hashes.
+    """
+    return {node.path: _hash(node.to_dataset(inherit=False)) for node in tree.subtree}
+
+
+def sealed(tree: xr.DataTree) -> xr.DataTree:
+    """The tree with its groups' hashes in an attribute of its root, in the form of sha256sum."""
+    record = "\n".join(f"{digest}  {path}" for path, digest in hashes(tree).items())
+    copy = tree.copy()
+    copy.attrs = {**tree.attrs, CONTENT: record}
+    return copy
+
+
+def recorded(tree: xr.DataTree) -> dict[str, str] | None:
+    """The hashes that an archive was written with; None of one that has none."""
+    record = tree.attrs.get(CONTENT)
+    if not isinstance(record, str):
+        return None
+    pairs = (line.partition("  ") for line in record.split("\n"))
+    return {path: digest for digest, _, path in pairs}
+
+
+def _hash(dataset: xr.Dataset) -> str:
+    digest = hashlib.sha256()
+    for piece in _canonical(dataset):
+        # With its length, so that no two sequences of pieces look alike.
+        digest.update(len(piece).to_bytes(8, "little"))
+        digest.update(piece)
+    return digest.hexdigest()
+
+
+def _canonical(dataset: xr.Dataset) -> Iterator[bytes]:
+    """A group in pieces: its attributes, its dimensions, then each variable, in order of names."""
+    attributes = {key: value for key, value in dataset.attrs.items() if key != CONTENT}
+    yield from _attributes(attributes)
+    for dimension, size in sorted(dataset.sizes.items(), key=lambda pair: str(pair[0])):
+        yield from (_text(dimension), _text(size))
+    for name, variable in sorted(dataset.variables.items(), key=lambda pair: str(pair[0])):
+        kind = "coordinate" if name in dataset.coords else "variable"
+        yield from (_text(kind), _text(name), _text(" ".join(map(str, variable.dims))))
+        yield from _values(variable.values)
+        yield from _attributes(variable.attrs)
+
+
+def _attributes(attributes: dict[Any, Any]) -> Iterator[bytes]:
+    yield _text(len(attributes))
+    for name, value in sorted(attributes.items(), key=lambda pair: str(pair[0])):
+        yield _text(name)
+        # NetCDF does not tell a single value from a list of one.
+        yield from _values(np.ravel(np.asarray(value)))
+
+
+def _values(values: Any) -> Iterator[bytes]:
+    """An array's type, shape and content: texts as UTF-8, numbers with the low byte first."""
+    if values.dtype.kind in "OUS":
+        yield from (_text("text"), _text(values.shape))
+        yield from (_text(value) for value in values.ravel().tolist())
+        return
+    yield from (_text(values.dtype.name), _text(values.shape))
+    yield values.astype(values.dtype.newbyteorder("<")).tobytes()
+
+
+def _text(value: object) -> bytes:
+    # A damaged file may hold half characters; they have to have a hash as well.
+    return str(value).encode("utf-8", "surrogatepass")

@@ -1,0 +1,32 @@
+"""``uqpen diff``: what two archives do not share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from uqpen.cli.exit_code import ExitCode
+
+__all__ = ["diff"]
+
+
+@click.command(short_help="Explain how two archives differ.")
+@click.argument("first", type=click.Path(path_type=Path))
+@click.argument("second", type=click.Path(path_type=Path))
+def diff(first: Path, second: Path) -> ExitCode:
+    """Say how the archives FIRST and SECOND differ: studies, points, outputs, statistics.
+
+    Nothing is run. Leaves with 4 if they differ.
+    """
+    from uqpen.archive.read import read_tree
+    from uqpen.cli.verification_screen import show_section
+    from uqpen.verification.explain import explain
+
+    sections = list(explain(read_tree(first), read_tree(second)))
+    for section in sections:
+        show_section(section)
+    if sections:
+        return ExitCode.DIFFERENT
+    click.echo("the same")
+    return ExitCode.DONE

@@ -1,0 +1,56 @@
+"""Findings about archives as a person reads them, on a screen of any width."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.text import Text
+
+from uqpen.cli.printable import printable
+from uqpen.cli.screen import output
+from uqpen.verification.explain import Section
+from uqpen.verification.report import Part, Verdict
+
+__all__ = ["show_part", "show_section"]
+
+_COLUMN = 13
+_INDENT = "  "
+
+_STYLES = {Verdict.DIFFERENT: "bold red", Verdict.IMPOSSIBLE: "bold red", Verdict.CLOSE: "yellow"}
+
+
+def show_part(part: Part) -> None:
+    """What was checked, what came of it, and below it what differs."""
+    console = output()
+    head = f"{part.name:<{_COLUMN}}{part.text}"
+    _show(console, head, " " * _COLUMN, _STYLES.get(part.verdict, ""))
+    _show_lines(console, part.details)
+
+
+def show_section(section: Section) -> None:
+    """The differences of one kind, under its name."""
+    console = output()
+    console.print(Text(section.name, style="bold"))
+    if not section.verbatim:
+        _show_lines(console, section.lines)
+        return
+    for line in section.lines:
+        text = Text(f"{_INDENT}{printable(line)}")
+        text.truncate(console.width - 1, overflow="ellipsis")
+        console.print(text, soft_wrap=True)
+
+
+def _show_lines(console: Console, lines: Sequence[str]) -> None:
+    for line in lines:
+        # A message of several lines has an indentation of its own, which is kept.
+        text = line.lstrip(" ")
+        margin = _INDENT + line[: len(line) - len(text)]
+        _show(console, f"{margin}{text}", f"{margin}{_INDENT}", "")
+
+
+def _show(console: Console, text: str, indent: str, style: str) -> None:
+    wrapped = textwrap.wrap(printable(text), console.width - 1, subsequent_indent=indent)
+    for line in wrapped or [""]:
+        console.print(Text(line, style=style), soft_wrap=True)

@@ -1,0 +1,1 @@
+"""Archives held against their own hashes, against fresh runs, and against each other."""

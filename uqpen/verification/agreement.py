@@ -1,0 +1,141 @@
+"""Whether what is found again is what an archive holds: to the bit, nearly, or not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+__all__ = [
+    "TOLERANCE",
+    "Disagreement",
+    "differing",
+    "disagreements",
+    "gap",
+    "of_attributes",
+    "size_of",
+]
+
+# What other versions or another machine may change: far more than last bits that a computation
+# carries along, far less than any interval; relative to a variable's largest value.
+TOLERANCE = 1e-9
+
+
+class Disagreement(NamedTuple):
+    """Something of a group that is not the same.
+
+    Attributes
+    ----------
+    what : str
+        Which variable or attribute, and how it differs.
+    gap : float
+        By how much, relative to the largest value; infinite where that means nothing.
+    """
+
+    what: str
+    gap: float
+
+
+def differing(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+    """Where two arrays of one shape are not the same to the bit; one NaN is like another."""
+    if one.dtype.kind == "f" and other.dtype.kind == "f":
+        same = (one == other) & (np.signbit(one) == np.signbit(other))
+        return ~(same | (np.isnan(one) & np.isnan(other)))
+    return np.asarray(one != other, dtype=bool)
+
+
+def gap(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> float:
+    """The largest difference of two arrays of one shape, relative to their largest value.
+
+    Returns
+    -------
+    float
+        Infinite where something that is no finite number differs.
+    """
+    at = differing(one, other)
+    if not at.any():
+        return 0.0
+    if one.dtype.kind != "f" or other.dtype.kind != "f":
+        return math.inf
+    if not (np.isfinite(one[at]).all() and np.isfinite(other[at]).all()):
+        return math.inf
+    finite = np.concatenate([each[np.isfinite(each)] for each in (one, other)])
+    largest = float(np.abs(finite).max())
+    # Halves, as the difference of the largest numbers of all is none.
+    apart = float(np.abs(one[at] / 2 - other[at] / 2).max())
+    return 2 * (apart / largest) if largest else 0.0
+
+
+def size_of(gap: float) -> str:
+    """A gap in words, after "differ"; empty where it is none of numbers.
+
+    >>> size_of(2.1e-16)
+    ' by up to 2.1e-16 of the largest value'
+    """
+    return "" if math.isinf(gap) else f" by up to {gap:.2g} of the largest value"
+
+
+def disagreements(
+    archived: xr.Dataset, found: xr.Dataset, *, besides: Container[str] = ()
+) -> Iterator[Disagreement]:
+    """All that an archive's group and another made for the same do not share.
+
+    Parameters
+    ----------
+    archived, found : Dataset
+        The two.
+    besides : container of str
+        Attributes of the group that are not looked at.
+    """
+    yield from _lacking(archived.variables, found.variables, "")
+    for name in archived.variables.keys() & found.variables.keys():
+        one, other = archived.variables[name], found.variables[name]
+        if one.dims != other.dims or one.shape != other.shape or _kind(one) != _kind(other):
+            yield Disagreement(f"{name} is of another shape or type", math.inf)
+            continue
+        if apart := gap(one.values, other.values):
+            entries = int(differing(one.values, other.values).sum())
+            counted = f"{entries} of {one.size} entries" if one.size > 1 else "the value"
+            differ = "differ" if entries > 1 else "differs"
+            yield Disagreement(f"{name}: {counted} {differ}{size_of(apart)}", apart)
+        yield from of_attributes(one.attrs, other.attrs, of=f" of {name}")
+    yield from of_attributes(archived.attrs, found.attrs, besides=besides)
+
+
+def of_attributes(
+    archived: Mapping[Any, Any],
+    found: Mapping[Any, Any],
+    *,
+    of: str = "",
+    besides: Container[str] = (),
+) -> Iterator[Disagreement]:
+    """The attributes that two groups or variables do not share."""
+    one, other = (
+        {key: np.ravel(np.asarray(value)) for key, value in each.items() if key not in besides}
+        for each in (archived, found)
+    )
+    for lacking in _lacking(one, other, "attribute "):
+        yield Disagreement(f"{lacking.what}{of}", math.inf)
+    for name in sorted(one.keys() & other.keys()):
+        alike = one[name].shape == other[name].shape and _kind(one[name]) == _kind(other[name])
+        apart = gap(one[name], other[name]) if alike else math.inf
+        if apart:
+            yield Disagreement(f"attribute {name}{of} differs{size_of(apart)}", apart)
+
+
+def _lacking(
+    archived: Mapping[Any, object], found: Mapping[Any, object], what: str
+) -> Iterator[Disagreement]:
+    for name in sorted(map(str, archived.keys() - found.keys())):
+        yield Disagreement(f"{what}{name} is not found again", math.inf)
+    for name in sorted(map(str, found.keys() - archived.keys())):
+        yield Disagreement(f"{what}{name} is missing", math.inf)
+
+
+def _kind(array: Any) -> str:
+    """What an array is of; texts may be kept in several ways."""
+    return "text" if array.dtype.kind in "OUS" else str(array.dtype.name)

@@ -1,0 +1,153 @@
+"""The study of an archive, read again from its own text; nothing is executed unless trusted."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from uqpen.archive.read import group, models_in, names_in
+from uqpen.errors import ArchiveError, ModelError, StudyError
+from uqpen.labels import KIND, RUN, RUNS, SAMPLING
+from uqpen.models.python_function import load_function
+from uqpen.study.load import parse_study
+from uqpen.study.study import Study, Variant
+
+__all__ = [
+    "archived_runs",
+    "archived_study",
+    "foreign_models",
+    "inputs_of",
+    "misfit",
+    "refuse_foreign_models",
+]
+
+
+def archived_study(tree: xr.DataTree, folder: Path, *, trust: bool) -> Study:
+    """The study that an archive was made of.
+
+    Parameters
+    ----------
+    tree : DataTree
+        The archive.
+    folder : Path
+        Where the files lie that the study names.
+    trust : bool
+        Whether code that it names may be executed. If not, its models cannot be run, but all else
+        can be asked of them.
+
+    Raises
+    ------
+    StudyError
+        If it cannot be read here: a file that it names is not there, say.
+    """
+    name = str(tree.attrs.get("study_name", "study"))
+    load = load_function if trust else _not_loaded
+    try:
+        return parse_study(str(tree.attrs["study_text"]), name=name, folder=folder, load=load)
+    except StudyError as error:
+        where = f"the files that it names are looked for in {folder.absolute()} (--folder)"
+        raise StudyError(f"{error}\n\n{where}", error.problems) from None
+
+
+def foreign_models(text: str) -> list[str]:
+    """The models of a study that are not built in, as its text names them."""
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError):
+        return []  # whoever reads the study will say what is wrong with it
+    several = content.get("models")
+    tables = [content.get("model"), *(several.values() if isinstance(several, dict) else ())]
+    return [
+        str(table.get("python", "one of no known kind"))
+        for table in tables
+        if isinstance(table, dict) and ("python" in table or "use" not in table)
+    ]
+
+
+def refuse_foreign_models(tree: xr.DataTree, path: Path, *, trust: bool) -> None:
+    """Refuse an archive whose study cannot be repeated without executing others' code.
+
+    Parameters
+    ----------
+    tree : DataTree
+        The archive.
+    path : Path
+        Where it was read, for the message.
+    trust : bool
+        Whether that code may be executed.
+
+    Raises
+    ------
+    ArchiveError
+        If it is none of a study.
+    ModelError
+        Naming the models.
+    """
+    if KIND in tree.attrs:
+        raise ArchiveError(f"{path}: holds methods head to head; `uqpen compare` repeats those")
+    named = foreign_models(str(tree.attrs["study_text"]))
+    if named and not trust:
+        raise ModelError(
+            f"{path}: its study runs code that it names itself: {', '.join(named)}\n"
+            "  if you trust whoever made it, say --trust"
+        )
+
+
+def archived_runs(tree: xr.DataTree) -> dict[str, dict[str, xr.Dataset]]:
+    """The runs of every design by model."""
+    return {
+        name: {design: group(model, RUNS, design) for design in names_in(model, RUNS)}
+        for name, model in models_in(tree).items()
+    }
+
+
+def misfit(study: Study, runs: Mapping[str, Mapping[str, xr.Dataset]]) -> str:
+    """Why runs cannot be those of a study; empty where they can."""
+    if set(study.models) != set(runs):
+        return f"its text names other models than it holds: {_listed(study.models)}"
+    for name, variant in study.models.items():
+        if set(study.designs) != set(runs[name]):
+            return f"its text names other designs than it holds: {_listed(study.designs)}"
+        for design, made in runs[name].items():
+            if made.attrs.get(SAMPLING) != str(study.designs[design].sampling):
+                return f"its text has another kind of design by the name of {design}"
+            if lacking := _lacking(variant, study, made):
+                return f"{design} does not have the {lacking} that its text tells of"
+    return ""
+
+
+def _lacking(variant: Variant, study: Study, made: xr.Dataset) -> str:
+    """An input or output that runs should have."""
+    for output in variant.model.outputs:
+        kind = "i" if output.categories else "f"
+        if output.name not in made or made[output.name].dims != (RUN,):
+            return output.name
+        if made[output.name].dtype.kind != kind:
+            return output.name
+    needed = {entry.variable.name for entry in study.law.inputs} | set(variant.given)
+    for name in sorted(needed.union(inputs_of(study, made))):
+        if name not in made or made[name].dims not in ((), (RUN,)) or made[name].dtype.kind != "f":
+            return name
+    return next(variant.model.missing(inputs_of(study, made)), "")
+
+
+def inputs_of(study: Study, made: xr.Dataset) -> list[str]:
+    """The inputs that runs were made with: the law's, and those that a table or a model gives."""
+    return [variable.name for variable in study.law.variables if variable.name in made]
+
+
+def _listed(names: Mapping[str, object]) -> str:
+    return ", ".join(names) or "a single one"
+
+
+def _not_loaded(reference: str, folder: Path) -> tuple[Callable[..., Any], None]:
+    """In place of a function that is not to be executed, one that says so."""
+
+    def refuse(**inputs: float) -> Any:
+        raise ModelError(f"{reference} is not executed without --trust")
+
+    return refuse, None

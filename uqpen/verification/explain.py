@@ -1,0 +1,158 @@
+"""What two archives do not share, and what of it matters."""
+
+from __future__ import annotations
+
+import difflib
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import islice
+from typing import Any, NamedTuple
+
+import xarray as xr
+
+from uqpen.archive.content import hashes
+from uqpen.archive.provenance import provenance
+from uqpen.archive.read import group
+from uqpen.labels import COMPARISON, CONTENT, STATUS
+from uqpen.verification.agreement import disagreements, of_attributes
+from uqpen.verification.figures import apart
+from uqpen.verification.runs_apart import runs_apart
+
+__all__ = ["Section", "explain"]
+
+# Of one kind of difference; who wants to see all of them has the archives.
+_MOST_TOLD = 8
+_MOST_LINES = 24
+
+_OF_THE_STUDY = ("study_text", "study_sha256", "seed")
+
+
+class Section(NamedTuple):
+    """The differences of one kind.
+
+    Attributes
+    ----------
+    name : str
+        What differs.
+    lines : tuple of str
+        How.
+    verbatim : bool
+        Whether they are lines of the study files.
+    """
+
+    name: str
+    lines: tuple[str, ...]
+    verbatim: bool = False
+
+
+def explain(first: xr.DataTree, second: xr.DataTree) -> Iterator[Section]:
+    """The differences of two archives, whole or damaged; none where they are the same.
+
+    Parameters
+    ----------
+    first, second : DataTree
+        Any two.
+    """
+    yield from _of_roots(first.attrs, second.attrs)
+    known = hashes(first), hashes(second)
+    lines = [
+        *(f"{path} is in the first only" for path in known[0] if path not in known[1]),
+        *(f"{path} is in the second only" for path in known[1] if path not in known[0]),
+    ]
+    if lines:
+        yield Section("groups", _few(lines))
+    changed = [
+        path.strip("/").split("/")
+        for path, digest in known[0].items()
+        if path != "/" and known[1].get(path, digest) != digest
+    ]
+    yield from _of_groups(
+        (f"/{'/'.join(parts)}", group(first, *parts), group(second, *parts)) for parts in changed
+    )
+
+
+def _of_groups(changed: Iterable[tuple[str, xr.Dataset, xr.Dataset]]) -> Iterator[Section]:
+    """What differs in the groups that differ: of runs, of statistics, of anything."""
+    points: list[str] = []
+    outputs: list[str] = []
+    figures: list[str] = []
+    others: list[str] = []
+    for path, one, other in changed:
+        if STATUS in one and STATUS in other:
+            told = runs_apart(one, other)
+            points += [f"{path}: {line}" for line in told.points]
+            outputs += [f"{path}: {line}" for line in told.outputs]
+            if told.points or told.outputs:
+                continue
+        # The comparison holds the figures of all other groups once more.
+        elif path.rpartition("/")[2] != COMPARISON:
+            figures += [f"{path}: {line}" for line in apart(one, other)]
+        others.append(_first_of(path, one, other))
+    for name, found in (("points", points), ("outputs", outputs)):
+        if found:
+            yield Section(name, _few(found))
+    if figures:
+        told_of = "outside each other's intervals"
+        yield Section("statistics", (f"{len(figures)} {told_of}", *_few(figures)))
+    if others:
+        yield Section("other groups", _few(others))
+
+
+def _of_roots(first: Mapping[Any, Any], second: Mapping[Any, Any]) -> Iterator[Section]:
+    """The study, the seed, what the archives were made with, and what else stands at the root."""
+    one, other = (str(each.get("study_text", "")).split("\n") for each in (first, second))
+    # Without the two lines that would name the files.
+    lines = list(islice(difflib.unified_diff(one, other, lineterm="", n=1), 2, None))
+    if lines:
+        left = len(lines) - _MOST_LINES
+        more = (f"and {left} more lines",) if left > 0 else ()
+        yield Section("study", (*lines[:_MOST_LINES], *more), verbatim=True)
+    if first.get("seed") != second.get("seed"):
+        yield Section("seed", (_both(first, second, "seed"),))
+    made_with = list(provenance())
+    versions = [name for name in made_with if first.get(name) != second.get(name)]
+    if versions:
+        told = [f"{each.replace('_', ' ')}: {_both(first, second, each)}" for each in versions]
+        yield Section("made with", tuple(told))
+    besides = (CONTENT, *_OF_THE_STUDY, *made_with)
+    names = [name for name in {**first, **second} if name not in besides]
+    others = [
+        f"{name}: {_both(first, second, name)}"
+        for name in names
+        if next(of_attributes(_only(first, name), _only(second, name)), None)
+    ]
+    if not lines and first.get("study_sha256") != second.get("study_sha256"):
+        others.append("study_sha256 differs, though the text does not")
+    if others:
+        yield Section("root", _few(others))
+
+
+def _both(first: Mapping[Any, Any], second: Mapping[Any, Any], name: str) -> str:
+    one, other = (textwrap.shorten(str(each.get(name, "none")), 80) for each in (first, second))
+    return f"{one} and {other}"
+
+
+def _only(attributes: Mapping[Any, Any], name: str) -> dict[str, Any]:
+    return {name: attributes[name]} if name in attributes else {}
+
+
+def _first_of(path: str, one: xr.Dataset, other: xr.Dataset) -> str:
+    """The first thing that differs in a group."""
+    found = _of_two([told.what for told in disagreements(one, other)])
+    if not found:
+        return f"{path}: what is a coordinate in it"
+    more = f", and {len(found) - 1} more" if len(found) > 1 else ""
+    return f"{path}: {found[0]}{more}"
+
+
+def _of_two(found: list[str]) -> list[str]:
+    """What is told of an archive and a repetition, as told of two archives."""
+    words = {"is not found again": "is in the first only", "is missing": "is in the second only"}
+    for text, instead in words.items():
+        found = [line.replace(text, instead) for line in found]
+    return found
+
+
+def _few(lines: list[str]) -> tuple[str, ...]:
+    left = len(lines) - _MOST_TOLD
+    return (*lines[:_MOST_TOLD], *((f"and {left} more",) if left > 0 else ()))
