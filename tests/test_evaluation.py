@@ -253,7 +253,7 @@ def test_progress_counts_every_run_once() -> None:
     told: list[int] = []
     evaluate(Evaluator(model(good)), points, {}, advance=told.append)
     assert sum(told) == 1000
-    assert told[0] == 1, "the first report must not wait for many slow runs"
+    assert told[0] <= 2, "the first report must not wait for many slow runs"
 
 
 def test_variables_say_what_they_are() -> None:

@@ -23,7 +23,7 @@ FloatArray = npt.NDArray[np.float64]
 # on where they are made: a function of the user's own may give other last bits in another batch.
 _VECTORIZED = (16, 1024, BLOCK)
 # Progress is told after each; none may be so small that sending it takes longer than making it.
-_ONE_BY_ONE = (1024, 1, 64)
+_ONE_BY_ONE = (512, 1, 256)
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,9 @@ class Surroundings:
         self._folder = str(folder)
         self._modules: dict[str, ModuleType] = {}
         self._imported_elsewhere: frozenset[str] = frozenset()
+        # Modules that have been found to lie outside the folder: there are more than a thousand,
+        # and every batch comes by here.
+        self._outside: dict[str, ModuleType] = {}
 
     @property
     def folder(self) -> Path:
@@ -74,8 +77,12 @@ class Surroundings:
         inside = self._folder + os.sep
         found = {}
         for name, module in list(sys.modules.items()):
+            if self._outside.get(name) is module:
+                continue
             file = str(getattr(module, "__file__", None) or "")
             is_ours = name == "__main__" or name.partition(".")[0] == "uqpen"
             if file.startswith(inside) and not file.startswith(_INSTALLED) and not is_ours:
                 found[name] = sys.modules.pop(name)
+            else:
+                self._outside[name] = module
         return found
