@@ -36,7 +36,7 @@ from uqpen.surrogates.closed_forms import (
     standard_deviation,
 )
 from uqpen.surrogates.polynomial_chaos import PolynomialChaos
-from uqpen.surrogates.storage import from_dataset
+from uqpen.surrogates.restoring import from_dataset
 
 ISHIGAMI = (0.31390519114781146, 0.4424111447900409, 0.0)
 ISHIGAMI_TOTAL = (0.5575888552099592, 0.4424111447900409, 0.24368366406214773)

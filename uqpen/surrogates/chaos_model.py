@@ -13,6 +13,7 @@ from uqpen.labels import RUN, STATUS, Status
 from uqpen.model import Arrays, BoolArray, FloatArray, Input, Model, Output, Results
 from uqpen.surrogates.basis import Basis
 from uqpen.surrogates.expansion import Expansion
+from uqpen.surrogates.storage import to_dataset
 from uqpen.surrogates.surrogate import FittedSurrogate
 
 __all__ = ["ChaosModel"]
@@ -122,8 +123,6 @@ class ChaosModel(FittedSurrogate):
 
     def to_dataset(self) -> xr.Dataset:
         """All that evaluation needs, and what is known of the fit; see `storage`."""
-        from uqpen.surrogates.storage import to_dataset
-
         return to_dataset(self)
 
     def _fitted(self, inputs: Arrays) -> dict[str, FloatArray]:

@@ -1,0 +1,112 @@
+"""A fitted polynomial chaos out of the group of an archive; nothing in it is executed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqpen.labels import INPUT, ROLE, Status
+from uqpen.model import Input, Model, Output
+from uqpen.surrogates.basis import Basis
+from uqpen.surrogates.chaos_model import ChaosModel
+from uqpen.surrogates.expansion import Check, Expansion
+from uqpen.surrogates.fit_noise import FitNoise
+from uqpen.surrogates.germ import Germ
+from uqpen.surrogates.storage import FIXED, LOGARITHM, REASON, RECURRENCE
+
+__all__ = ["from_dataset"]
+
+
+def from_dataset(dataset: xr.Dataset, name: str, original: Model | None = None) -> ChaosModel:
+    """A fitted polynomial chaos from the group of an archive.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        What `to_dataset` returned, or was read of it.
+    name : str
+        What it is called.
+    original : Model, optional
+        What it stands for; without that, every finite input counts as admissible.
+    """
+    names = [str(entry) for entry in dataset[INPUT].values]
+    germs = tuple(_germ(entry, dataset[f"{entry}_{RECURRENCE}"]) for entry in names)
+    fixed = {
+        str(entry).removeprefix(FIXED): float(variable.values)
+        for entry, variable in dataset.data_vars.items()
+        if variable.attrs.get(ROLE) == "input"
+    }
+    inputs = [Input(*_description(entry, dataset[f"{entry}_{RECURRENCE}"])) for entry in names]
+    inputs += [Input(*_description(entry, dataset[f"{FIXED}{entry}"])) for entry in fixed]
+    expansions = {
+        output: _expansion(output, dataset)
+        for output in (str(entry) for entry in dataset.attrs["outputs"].split())
+    }
+    return ChaosModel(
+        name=name,
+        inputs=original.inputs if original else tuple(inputs),
+        outputs=tuple(expansion.output for expansion in expansions.values()),
+        basis=Basis(germs),
+        expansions=expansions,
+        reasons=_reasons(dataset.attrs),
+        fixed=fixed,
+        truncation=float(dataset.attrs["truncation"]),
+        design=str(dataset.attrs["design"]),
+        counts={status: int(dataset.attrs[f"runs_{status.meaning}"]) for status in Status},
+        is_independent=dataset.attrs["inputs"] == "independent",
+        original=original,
+    )
+
+
+def _germ(name: str, array: xr.DataArray) -> Germ:
+    centres, ratios = np.asarray(array.values, dtype=np.float64)
+    attributes = array.attrs
+    location, scale = float(attributes["location"]), float(attributes["scale"])
+    return Germ(name, attributes["germ"] == LOGARITHM, location, scale, centres, ratios)
+
+
+def _expansion(name: str, dataset: xr.Dataset) -> Expansion:
+    array = dataset[f"{name}_coefficient"]
+    told = array.attrs
+    first = np.asarray(dataset[f"{name}_fit_noise"].values, dtype=np.float64)
+    return Expansion(
+        output=Output(*_description(name, array)),
+        indices=dataset[f"{name}_degree"].values.astype(np.int64),
+        coefficients=np.asarray(array.values, dtype=np.float64),
+        is_logarithm=told["transform"] == LOGARITHM,
+        order=int(told["order"]),
+        method=str(told["method"]),
+        leave_one_out=float(told["leave_one_out_error"]),
+        cross_validation=float(told["cross_validation_error"]),
+        smallest=float(told["training_minimum"]),
+        largest=float(told["training_maximum"]),
+        noise=FitNoise(
+            int(told["fit_noise_refits"]),
+            float(told["fit_noise_mean"]),
+            float(told["fit_noise_std"]),
+            first,
+        ),
+        check=Check(
+            int(told["check_runs"]), float(told["check_q2"]), float(told["check_q2_of_output"])
+        ),
+    )
+
+
+def _description(name: str, array: xr.DataArray) -> tuple[str, str, str, str]:
+    """Name, unit, title and display unit of what a variable is, or is of."""
+    prefix = "of_" if "of_units" in array.attrs else ""
+    unit, title, shown = (
+        str(array.attrs[f"{prefix}{key}"]) for key in ("units", "long_name", "display_units")
+    )
+    return name, unit, title, shown
+
+
+def _reasons(attributes: Mapping[Any, Any]) -> dict[str, str]:
+    return {
+        str(key).removesuffix(REASON): str(value)
+        for key, value in attributes.items()
+        if str(key).endswith(REASON)
+    }
