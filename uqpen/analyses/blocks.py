@@ -13,9 +13,9 @@ import xarray as xr
 
 from uqpen.analyses import salib
 from uqpen.analyses.estimate import LEVEL, Estimate
-from uqpen.analyses.quantiles import is_regular
+from uqpen.analyses.quantiles import TOO_ONE_SIDED, is_regular
 from uqpen.analyses.sample import Sample
-from uqpen.analyses.shape import FEWEST_RUNS_FOR_TAILS, Shape
+from uqpen.analyses.shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, Shape
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B, Layout
 from uqpen.intervals import ratio_jackknife_error, student_quantile
 from uqpen.labels import REPLICATE, ROUND, STATUS, Sampling, Status
@@ -28,7 +28,6 @@ BoolArray = npt.NDArray[np.bool_]
 
 _JACKKNIFE = "jackknife over replicates"
 _WIDER = f"the wider of {_JACKKNIFE} and delta method over blocks"
-_DOUBTFUL = "if the tail is heavier than these runs show, it covers less often than it says"
 
 # Of an event that happens in a seventh of the runs, indices were covered in 91 % with 128 blocks.
 _ENOUGH_FOR_EVENTS = 500
@@ -242,13 +241,13 @@ class Column:
         if self.is_event:
             # It has no tail that could be hidden.
             return _FEW_OF_EVENTS if self.blocks.size < _ENOUGH_FOR_EVENTS else ""
-        return _DOUBTFUL if self.shape.is_doubtful else ""
+        return DOUBTFUL_TAIL if self.shape.is_doubtful else ""
 
     def _reason_for_no_bounds(self, telling: BoolArray) -> str:
         if self.blocks.replicates < 2:
             return "the blocks that came back whole are all of one replicate"
         if self.is_event and not is_regular(self.sample, self.sample.values.sum()):
-            return "fewer than ten runs lie on one side"
+            return TOO_ONE_SIDED
         if np.count_nonzero(telling) < _FEWEST_TELLING:
             return "fewer than ten blocks tell of it"
         spread = np.bincount(self.blocks.replicate, self._denominator)

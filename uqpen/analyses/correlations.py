@@ -20,7 +20,7 @@ from uqpen.analyses.given_inputs import (
 )
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Sample
-from uqpen.analyses.shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, Shape
+from uqpen.analyses.shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, NO_TAIL_SEEN, Shape
 from uqpen.analyses.standard_errors import standard_error
 from uqpen.intervals import student_quantile
 from uqpen.labels import INPUT
@@ -191,8 +191,7 @@ class _Columns:
         if self.is_ranked:
             return ""
         if self.sample.size < FEWEST_RUNS_FOR_TAILS:
-            few = f"fewer than {FEWEST_RUNS_FOR_TAILS} runs do not show a heavy tail"
-            return f"{few}; see the correlations of ranks"
+            return f"{NO_TAIL_SEEN}; see the correlations of ranks"
         if self.shape.is_heavy:
             heavy = f"heavy tail ({self.shape.tail}): no interval covers"
             return f"{heavy}; see the correlations of ranks"

@@ -16,7 +16,7 @@ from uqpen.analyses.estimate import LEVEL, Estimate
 from uqpen.analyses.given_inputs import INCLUDES_CORRELATION, input_coordinate
 from uqpen.analyses.nearby import Bins, Scatter
 from uqpen.analyses.probabilities import category_coordinates, threshold_coordinates
-from uqpen.analyses.quantiles import is_regular
+from uqpen.analyses.quantiles import TOO_ONE_SIDED, is_regular
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Plan, Sample
 from uqpen.analyses.shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, Shape
@@ -255,5 +255,5 @@ class _Variable:
         if self.sample.plan is Plan.SINGLE and self.sample.optimized_by:
             return "neighbours in an input avoid each other in the others: replicates would tell"
         if self.is_event and not is_regular(self.sample, self.sample.values.sum()):
-            return "fewer than ten runs lie on one side"
+            return TOO_ONE_SIDED
         return ""

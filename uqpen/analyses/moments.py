@@ -13,7 +13,7 @@ from uqpen.analyses.estimate import LEVEL, Estimate
 from uqpen.analyses.quantiles import is_regular, quantile
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Plan, Sample
-from uqpen.analyses.shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, Shape
+from uqpen.analyses.shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, NO_TAIL_SEEN, Shape
 from uqpen.analyses.standard_errors import cdf_error, standard_error
 from uqpen.intervals import student_quantile
 
@@ -29,7 +29,6 @@ _FEWEST_RUNS_FOR_A_MEAN = 20
 # About one standard deviation either side of the median, for a normal law.
 _LOW, _HIGH = 0.16, 0.84
 
-_NO_TAIL_SEEN = f"fewer than {FEWEST_RUNS_FOR_TAILS} runs do not show a heavy tail"
 _DIAGNOSIS = "a diagnosis of the tail, not an estimate"
 _CONSTANT = "the output does not vary"
 _REPLICATES_AGREE = "the strata leave no scatter, so nothing tells the error"
@@ -98,7 +97,7 @@ def _doubt_of_mean(sample: Sample, shape: Shape) -> str:
     if may_hide and shape.is_heavy:
         return f"heavy tail ({shape.tail}): below 5 000 runs it may cover less often than it says"
     if sample.size < FEWEST_RUNS_FOR_TAILS:
-        return f"{_NO_TAIL_SEEN}; with one it covers less often than it says"
+        return f"{NO_TAIL_SEEN}; with one it covers less often than it says"
     if shape.effective_runs < _FEWEST_RUNS_FOR_A_MEAN:
         return f"it hangs on so few runs ({shape.tail}) that it may not exist"
     # Of 256 runs of the concrete study one sample in seven looks light, and replicates of those
@@ -117,7 +116,7 @@ def _std(sample: Sample, shape: Shape) -> Estimate:
     error, freedom = standard_error(sample, shape.deviations)
     std = math.hypot(float(shape.deviations.std()), error)
     if sample.size < FEWEST_RUNS_FOR_TAILS:
-        return Estimate.without_bounds(std * shape.scale, _NO_TAIL_SEEN)
+        return Estimate.without_bounds(std * shape.scale, NO_TAIL_SEEN)
     if shape.is_heavy:
         reason = f"heavy tail ({shape.tail}): no interval covers; see half the 16–84 % range"
         return Estimate.without_bounds(std * shape.scale, reason)

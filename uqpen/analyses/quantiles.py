@@ -15,12 +15,13 @@ from uqpen.analyses.sample import Plan, Sample
 from uqpen.analyses.standard_errors import cdf_error
 from uqpen.intervals import order_statistic_ranks, runs_needed, student_quantile, upper_rank
 
-__all__ = ["holds", "is_regular", "quantile", "quantiles"]
+__all__ = ["TOO_ONE_SIDED", "holds", "is_regular", "quantile", "quantiles"]
 
 FloatArray = npt.NDArray[np.float64]
 
 # With fewer runs than this on a side of a value, replicates do not tell the error there.
 _FEWEST_BEYOND = 10
+TOO_ONE_SIDED = "fewer than ten runs lie on one side"
 
 _ORDER_STATISTICS = "order statistics (binomial)"
 _WOODRUFF = "Woodruff, over replicates"

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from uqpen.analyses.sample import Sample
 
-__all__ = ["DOUBTFUL_TAIL", "FEWEST_RUNS_FOR_TAILS", "Shape"]
+__all__ = ["DOUBTFUL_TAIL", "FEWEST_RUNS_FOR_TAILS", "NO_TAIL_SEEN", "Shape"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -25,6 +25,7 @@ _ENOUGH_RUNS_FOR_TAILS = 1000
 # A law with a heavier tail may give a sample below the former limit; seldom one below this.
 _DOUBTFUL_KURTOSIS = 4.5
 
+NO_TAIL_SEEN = f"fewer than {FEWEST_RUNS_FOR_TAILS} runs do not show a heavy tail"
 # What to say of an interval where a heavier tail may hide.
 DOUBTFUL_TAIL = "if the tail is heavier than these runs show, it covers less often than it says"
 

@@ -10,6 +10,7 @@ import xarray as xr
 
 from uqpen.analyses.blocks import Blocks, Column
 from uqpen.analyses.estimate import Estimate
+from uqpen.analyses.given_inputs import along_inputs
 from uqpen.analyses.probabilities import category_coordinates, threshold_coordinates
 from uqpen.analyses.question import Question
 from uqpen.labels import INPUT, PAIR
@@ -72,7 +73,7 @@ def _of_column(column: Column, stem: str, title: str) -> Iterator[tuple[str, xr.
             long_name=f"{adjective} Sobol' indices of {title}",
             name=name,
         )
-        yield name, _described(array, column.blocks, _input_coordinate(inputs))
+        yield name, _described(array, column.blocks, along_inputs(inputs))
 
 
 def _of_events(
@@ -92,7 +93,7 @@ def _of_events(
         )
         yield (
             name,
-            _described(array, blocks, {**coordinates, **_input_coordinate(blocks.layout.inputs)}),
+            _described(array, blocks, {**coordinates, **along_inputs(blocks.layout.inputs)}),
         )
 
 
@@ -122,10 +123,6 @@ def _of_pairs(column: Column, name: str, title: str) -> tuple[str, xr.DataArray]
 def _of_inputs(column: Column, order: str) -> list[Estimate]:
     index = column.first_order if order == "first_order" else column.total_order
     return [index(i) for i in range(column.blocks.layout.dimension)]
-
-
-def _input_coordinate(inputs: Sequence[str]) -> dict[str, Any]:
-    return {INPUT: (INPUT, np.array(inputs, dtype=object), {"long_name": "random input"})}
 
 
 def _described(array: xr.DataArray, blocks: Blocks, coordinates: Mapping[str, Any]) -> xr.DataArray:
