@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 from hypothesis import settings
 
+from uqpen.cli.main import main
 from uqpen.study.load import parse_study
 from uqpen.study.study import Study
 
@@ -50,3 +52,36 @@ def _law(law: Any) -> str:
     if isinstance(law, float):
         return repr(law)
     return law if law.startswith("{") else f'"{law}"'
+
+
+class Outcome(NamedTuple):
+    """What became of a call of the command line."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def said(self) -> str:
+        """What was printed, its lines joined."""
+        return " ".join(self.out.split())
+
+
+@pytest.fixture
+def command_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> Callable[..., Outcome]:
+    """The command line in a folder of its own, on a screen of 80 columns."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def call(*arguments: str) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["uqpen", *arguments])
+        code = 0
+        try:
+            main()
+        except SystemExit as left:
+            code = int(left.code or 0)
+        return Outcome(code, *capsys.readouterr())
+
+    return call

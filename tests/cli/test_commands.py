@@ -11,12 +11,10 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import netCDF4
 import pytest
-
-from uqpen.cli.main import main
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
@@ -41,34 +39,14 @@ runs = 100
 """
 
 
-class Outcome(NamedTuple):
-    code: int
-    out: str
-    err: str
+Command = Callable[..., Any]
 
 
 @pytest.fixture
-def uqpen(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> Callable[..., Outcome]:
-    """The command line in a folder of its own, on a screen of 80 columns."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "80")
+def uqpen(command_line: Command, tmp_path: Path) -> Command:
+    """The command line beside a small study."""
     (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
-
-    def call(*arguments: str) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["uqpen", *arguments])
-        code = 0
-        try:
-            main()
-        except SystemExit as left:
-            code = int(left.code or 0)
-        return Outcome(code, *capsys.readouterr())
-
-    return call
-
-
-Command = Callable[..., Outcome]
+    return command_line
 
 
 class TestStudy:

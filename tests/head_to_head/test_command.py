@@ -7,14 +7,13 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import netCDF4
 import pytest
 import xarray as xr
 
 from uqpen.archive.read import group, open_archive
-from uqpen.cli.main import main
 
 STUDY = """\
 title = "Small [bold]study[/bold]"
@@ -37,34 +36,14 @@ runs = 100
 SHORT = ("--budget", "16,32", "--repeats", "10", "--reference", "512")
 
 
-class Outcome(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-Command = Callable[..., Outcome]
+Command = Callable[..., Any]
 
 
 @pytest.fixture
-def uqpen(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> Command:
-    """The command line in a folder of its own, on a screen of 80 columns."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "80")
+def uqpen(command_line: Command, tmp_path: Path) -> Command:
+    """The command line beside a small study."""
     (tmp_path / "small.toml").write_text(STUDY, encoding="utf-8")
-
-    def call(*arguments: str) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["uqpen", *arguments])
-        code = 0
-        try:
-            main()
-        except SystemExit as left:
-            code = int(left.code or 0)
-        return Outcome(code, *capsys.readouterr())
-
-    return call
+    return command_line
 
 
 @pytest.fixture(scope="module")

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import shutil
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import netCDF4
 import numpy as np
@@ -15,7 +14,6 @@ import xarray as xr
 
 import uqpen as package
 from uqpen.archive.netcdf import put
-from uqpen.cli.main import main
 from uqpen.verification.repetition import Runs, drawn_runs
 
 INPUTS = """
@@ -77,18 +75,7 @@ def f(x):
 STUDIES = {"plain": PLAIN, "several": SEVERAL, "own": OWN, "other": PLAIN.replace("= 1\n", "= 2\n")}
 
 
-class Outcome(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-    @property
-    def said(self) -> str:
-        """What was printed, its lines joined."""
-        return " ".join(self.out.split())
-
-
-Command = Callable[..., Outcome]
+Command = Callable[..., Any]
 
 
 @pytest.fixture(scope="module")
@@ -106,26 +93,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def uqpen(
-    made: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-) -> Command:
-    """The command line in a folder of its own with copies, on a screen of 80 columns."""
+def uqpen(made: Path, command_line: Command, tmp_path: Path) -> Command:
+    """The command line beside copies of the archives."""
     for file in made.iterdir():
         shutil.copy(file, tmp_path)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "80")
 
-    def call(*arguments: str) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["uqpen", *arguments])
-        code = 0
-        try:
-            main()
-        except SystemExit as left:
-            code = int(left.code or 0)
-        done = Outcome(code, *capsys.readouterr())
+    def call(*arguments: str) -> Any:
+        done = command_line(*arguments)
         assert "Traceback" not in done.err
         assert max(map(len, done.out.splitlines()), default=0) <= 80
         return done
