@@ -207,7 +207,7 @@ def test_adding_a_design_changes_no_others_numbers() -> None:
 
 def test_where_batches_are_computed_changes_no_bit() -> None:
     def backwards(function: Callable[[Any], Any], batches: Iterable[Any]) -> list[Any]:
-        return [function(batch) for batch in reversed(list(batches))][::-1]
+        return [function(batch) for batch in reversed(list(batches))]
 
     assert uqpen.run(small(runs=70_000), map=backwards).identical(uqpen.run(small(runs=70_000)))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import xarray as xr
 
@@ -16,7 +16,7 @@ from uqpen.archive.read import SCHEMA_ATTRIBUTE
 from uqpen.comparison import Source, side_by_side
 from uqpen.designs.design import Design, Rounds
 from uqpen.errors import TrajectoryError
-from uqpen.evaluation import Evaluator, Map, evaluate, join, worst
+from uqpen.evaluation import Evaluator, Map, Progress, evaluate, join, worst
 from uqpen.labels import (
     COMPARISON,
     DIFFERENCES,
@@ -38,22 +38,6 @@ __all__ = ["Progress", "analysed", "root_attributes", "run", "runs_of_design"]
 Groups = Iterator[tuple[str, xr.Dataset]]
 # The runs of each design by its name, or of each model by its.
 Runs = dict[str, xr.Dataset]
-
-
-class Progress:
-    """Who wants to know how far a study is; this one does not."""
-
-    def preparing(self, model: str) -> None:
-        """The model is being made ready; the first time, that may mean compiling it."""
-
-    def design(self, name: str, runs: int) -> None:
-        """A design begins, with about this many runs."""
-
-    def advance(self, runs: int) -> None:
-        """So many runs more are done."""
-
-    def analysing(self) -> None:
-        """All runs are done; what they tell is being worked out."""
 
 
 def run(study: Study, *, map: Map = map, progress: Progress | None = None) -> xr.DataTree:
@@ -108,14 +92,14 @@ def _runs(study: Study, map: Map, progress: Progress) -> dict[str, Runs]:
     for name, design in study.designs.items():
         progress.design(name, design.size(study.law) * len(study.models))
         stream = Stream(study.seed, "designs", name)
-        runs = runs_of_design(study, design, stream, map=map, advance=progress.advance)
+        runs = runs_of_design(study, design, stream, map=map, progress=progress)
         for model in study.models:
             made[model][name] = runs[model]
     return made
 
 
 def runs_of_design(
-    study: Study, design: Design, stream: Stream, *, map: Map, advance: Callable[[int], None]
+    study: Study, design: Design, stream: Stream, *, map: Map, progress: Progress
 ) -> Runs:
     """The runs of one design by model, on common points.
 
@@ -129,10 +113,10 @@ def runs_of_design(
         Where the design's random numbers come from.
     map : callable
         Like the built-in: where batches of runs are made.
-    advance : callable
-        Told how many runs more are done.
+    progress : Progress
+        Told how far it is.
     """
-    rounds = list(_rounds(study, design.rounds(study.law, stream), map, advance))
+    rounds = list(_rounds(study, design.rounds(study.law, stream), map, progress))
     sampling = {SAMPLING: str(design.sampling)}
     return {
         model: join([runs[model] for runs in rounds]).assign_attrs(sampling)
@@ -140,9 +124,7 @@ def runs_of_design(
     }
 
 
-def _rounds(
-    study: Study, rounds: Rounds, map: Map, advance: Callable[[int], None]
-) -> Iterator[Runs]:
+def _rounds(study: Study, rounds: Rounds, map: Map, progress: Progress) -> Iterator[Runs]:
     """The runs of a design by model, round by round; each round may depend on the one before."""
     evaluators = {
         model: Evaluator(variant.model, study.constraints)
@@ -156,7 +138,7 @@ def _rounds(
                 points.assign(study.models[model].given),
                 _display_units(study),
                 map=map,
-                advance=advance,
+                progress=progress,
             )
             for model, evaluator in evaluators.items()
         }

@@ -8,7 +8,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +18,9 @@ from uqpen.archive.write import write
 from uqpen.cli.main import main
 from uqpen.errors import ModelError, SettingsError
 from uqpen.evaluation import Evaluator, Map, evaluate
+from uqpen.evaluation.evaluator import Batchwise
 from uqpen.executors.processes import processes
+from uqpen.executors.work import Batch
 from uqpen.labels import Status
 from uqpen.model import Input, Output
 from uqpen.models.python_function import PythonFunction
@@ -114,20 +115,19 @@ def points(*x: float) -> xr.Dataset:
 def test_results_keep_the_order_of_the_runs(tmp_path: Path, two: Map) -> None:
     text = study(tmp_path, "import time\ndef f(x): time.sleep(x); return {'y': x}")
     model = uqpen.parse_study(text, folder=tmp_path).model
-    told: list[int] = []
-    runs = evaluate(Evaluator(model), points(0.3, 0, 0.1, 0), {}, map=two, advance=told.append)
+    runs = evaluate(Evaluator(model), points(0.3, 0, 0.1, 0), {}, map=two)
     assert runs["y"].values.tolist() == [0.3, 0, 0.1, 0]
-    assert told == [1, 1, 1, 1]
 
 
 def test_batches_are_taken_as_they_are_needed(two: Map) -> None:
-    work = Evaluator(uqpen.parse_study(BUILT_IN).model)
+    work = Batchwise(Evaluator(uqpen.parse_study(BUILT_IN).model))
     taken = []
 
-    def batches() -> Iterator[dict[str, Any]]:
+    def batches() -> Iterator[Batch]:
         for number in range(1000):
             taken.append(number)
-            yield {name: np.array([0.1 * number % 3]) for name in ("x1", "x2", "x3")}
+            inputs = {name: np.array([0.1 * number % 3]) for name in ("x1", "x2", "x3")}
+            yield Batch(number, inputs)
 
     results = iter(two(work, batches()))
     next(results)

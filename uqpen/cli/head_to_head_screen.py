@@ -92,7 +92,7 @@ class _Bar(_Told):
         self._begin("reference", reference)
         self._each = (runs - reference) // repeats
 
-    def advance(self, runs: int) -> None:
+    def advance(self, runs: int, lost: int, under_way: int) -> None:
         self._bar.advance(self._task, runs)
 
     def repeated(self, done: int) -> None:

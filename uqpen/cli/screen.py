@@ -19,11 +19,11 @@ from rich.text import Text
 from uqpen.archive.read import models_in, names_in
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import printable
+from uqpen.evaluation import Progress
 from uqpen.labels import RUNS, STATUS_TEXT
 from uqpen.summary.losses import losses
 from uqpen.summary.table import OutputTable
 from uqpen.summary.tables import output_tables
-from uqpen.workflow import Progress
 
 __all__ = ["output", "plain_table", "progress", "show_table", "show_tables"]
 
@@ -149,7 +149,7 @@ class _Bar(Progress):
         self._bar.remove_task(self._task)
         self._task = self._bar.add_task(name, total=runs)
 
-    def advance(self, runs: int) -> None:
+    def advance(self, runs: int, lost: int, under_way: int) -> None:
         self._bar.advance(self._task, runs)
 
     def analysing(self) -> None:
@@ -170,7 +170,7 @@ class _Lines(Progress):
         self.finish()
         self._name, self._done, self._began = name, 0, time.monotonic()
 
-    def advance(self, runs: int) -> None:
+    def advance(self, runs: int, lost: int, under_way: int) -> None:
         self._done += runs
 
     def analysing(self) -> None:

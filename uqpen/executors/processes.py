@@ -6,45 +6,30 @@ import pickle
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from multiprocessing.connection import wait
-from typing import Any, Protocol
-
-import numpy as np
 
 from uqpen.errors import ModelError, Problem, SettingsError, WorkerError
-from uqpen.executors.worker import DiedError, Inputs, Worker
+from uqpen.executors.work import Batch, Piece, Work
+from uqpen.executors.worker import DiedError, Worker
 from uqpen.labels import Status
-from uqpen.model import Results
 
-__all__ = ["Work", "processes"]
+__all__ = ["processes"]
 
-# Batches that are under way or wait for an earlier one, for each worker.
-_AHEAD = 8
+# Batches that are under way or taken to be begun next, for each worker.
+_AHEAD = 2
 
 # How often a run, or a worker's start, is tried.
 _TRIES = 3
-
-
-class Work(Protocol):
-    """What is done with a batch."""
-
-    def __call__(self, inputs: Any, /) -> Results:
-        """The results of a batch."""
-        ...
-
-    def lost(self, runs: int, status: Status, reason: str) -> Results:
-        """The results of so many runs that were all lost to the same."""
-        ...
 
 
 @contextmanager
 def processes(workers: int) -> Iterator[_Pool]:
     """Processes that make runs, as a map like the built-in.
 
-    It takes batches of a `Work` as they are needed, and yields their results in the order of the
-    batches. A worker that dies is replaced and its batch tried again, then halved, until the run
-    that kills it is alone: that run is lost as *crashed*, and no other.
+    It takes batches as they are needed, and yields what came of them as it comes. A worker that
+    dies is replaced and its batch tried again, then halved, until the run that kills it is alone:
+    that run is lost as *crashed*, and no other.
 
     Parameters
     ----------
@@ -69,90 +54,63 @@ def processes(workers: int) -> Iterator[_Pool]:
 
 
 @dataclass
-class _Batch:
-    """A batch and what has come of it: results by the position that they begin at."""
-
-    runs: int
-    parts: dict[int, Results] = field(default_factory=dict)
-
-    @property
-    def is_done(self) -> bool:
-        return sum(len(part.status) for part in self.parts.values()) == self.runs
-
-    def results(self) -> Results:
-        parts = dict(sorted(self.parts.items()))
-        first = next(iter(parts.values()))
-        if len(parts) == 1:
-            return first
-        return Results(
-            {
-                name: np.concatenate([part.outputs[name] for part in parts.values()])
-                for name in first.outputs
-            },
-            np.concatenate([part.status for part in parts.values()]),
-            {
-                start + run: reason
-                for start, part in parts.items()
-                for run, reason in part.reasons.items()
-            },
-            frozenset().union(*(part.files for part in parts.values())),
-        )
-
-
-@dataclass
 class _Task:
-    """Runs of a batch from a position on, and how many workers they have cost."""
+    """A batch, and how many workers it has cost."""
 
-    batch: _Batch
-    start: int
-    runs: int
-    inputs: Inputs
+    batch: Batch
     deaths: int = 0
 
     def halves(self) -> Iterator[_Task]:
-        middle = self.runs // 2
-        for begin, end in ((0, middle), (middle, self.runs)):
-            inputs = {name: values[begin:end] for name, values in self.inputs.items()}
-            # One more death and it is halved again.
-            yield _Task(self.batch, self.start + begin, end - begin, inputs, _TRIES - 1)
+        # One more death and it is halved again.
+        yield from (_Task(half, _TRIES - 1) for half in self.batch.halves())
 
 
 class _Call:
-    """One call of the map: its batches in their order, and the tasks that nobody has begun."""
+    """One call of the map: what nobody has begun, and what is done and not yet told."""
 
-    def __init__(self, work: Work, batches: Iterable[Inputs], most: int) -> None:
+    def __init__(self, work: Work, batches: Iterable[Batch], most: int) -> None:
         self._work = work
         self.pickled = _pickled(work)
         self._coming = iter(batches)
         self._most = most
-        self._batches: deque[_Batch] = deque()
+        self._busy = 0
         self.tasks: deque[_Task] = deque()
+        self.pieces: list[Piece] = []
 
     def fill(self) -> bool:
         """Take batches as long as not too many are under way; whether there are any."""
-        while len(self._batches) < self._most:
-            inputs = next(self._coming, None)
-            if inputs is None:
+        while len(self.tasks) + self._busy < self._most:
+            batch = next(self._coming, None)
+            if batch is None:
                 break
-            batch = _Batch(len(next(iter(inputs.values()))))
-            self._batches.append(batch)
-            self.tasks.append(_Task(batch, 0, batch.runs, inputs))
-        return bool(self._batches)
+            self.tasks.append(_Task(batch))
+        return bool(self.tasks) or self._busy > 0
 
-    def finished(self) -> Iterator[Results]:
-        """The results of batches that are done, as far as all before them are."""
-        while self._batches and self._batches[0].is_done:
-            yield self._batches.popleft().results()
+    def begin(self) -> _Task:
+        """The next task, which somebody works on from now on."""
+        self._busy += 1
+        return self.tasks.popleft()
+
+    def is_done(self, piece: Piece) -> None:
+        """Note what came of a task."""
+        self._busy -= 1
+        self.pieces.append(piece)
 
     def has_killed(self, task: _Task, reason: str) -> None:
         """Note that a task's worker has died of it."""
+        self._busy -= 1
         task.deaths += 1
         if task.deaths < _TRIES:
             self.tasks.appendleft(task)
-        elif task.runs > 1:
+        elif len(task.batch) > 1:
             self.tasks.extendleft(reversed(list(task.halves())))
         else:
-            task.batch.parts[task.start] = self._work.lost(1, Status.CRASHED, reason)
+            self.pieces.append(self._work.lost(task.batch, Status.CRASHED, reason))
+
+    def told(self) -> Iterator[Piece]:
+        """What is done, once."""
+        pieces, self.pieces = self.pieces, []
+        yield from pieces
 
 
 class _Pool:
@@ -163,18 +121,18 @@ class _Pool:
         self._workers: list[Worker] = []
         self._failed_starts = 0
 
-    def __call__(self, work: Work, batches: Iterable[Any]) -> Iterator[Results]:
-        """Results of batches, in their order."""
+    def __call__(self, work: Work, batches: Iterable[Batch]) -> Iterator[Piece]:
+        """What came of batches, as it comes."""
         call = _Call(work, batches, _AHEAD * self._size)
         try:
             while call.fill():
                 self.hire()
                 for worker in self._workers:
                     if worker.is_idle and call.tasks:
-                        task = call.tasks.popleft()
-                        worker.give(task, call.pickled, task.inputs)
+                        task = call.begin()
+                        worker.give(task, call.pickled, task.batch)
                 self._listen(call)
-                yield from call.finished()
+                yield from call.told()
         finally:
             # Only where the results are wanted no longer is anyone still busy.
             for worker in [worker for worker in self._workers if worker.task is not None]:
@@ -214,7 +172,7 @@ class _Pool:
             if answer is None:
                 worker.is_ready, self._failed_starts = True, 0
             else:
-                worker.task.batch.parts[worker.task.start] = answer
+                call.is_done(answer)
                 worker.task = None
 
     def _bury(self, worker: Worker, call: _Call, reason: str) -> None:

@@ -11,20 +11,17 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext, SpawnContext
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from uqpen.model import Results
+from uqpen.executors.work import Batch, Piece
 
 __all__ = ["DiedError", "Worker"]
-
-Inputs = Mapping[str, npt.NDArray[np.float64]]
 
 # How many models, each loaded once, a worker keeps.
 _KNOWN = 16
@@ -70,14 +67,14 @@ class Worker:
         """What to wait for: an answer, or its end."""
         return self.connection, self._process.sentinel
 
-    def give(self, task: Any, work: bytes, inputs: Inputs) -> None:
-        """Have `work`, a pickled callable, done on the inputs of a task."""
+    def give(self, task: Any, work: bytes, batch: Batch) -> None:
+        """Have `work`, a pickled callable, done on the batch of a task."""
         self.task = task
         # If it is dead, its end is noticed as that of any other worker with a task.
         with contextlib.suppress(OSError):
-            self.connection.send((work, inputs))
+            self.connection.send((work, batch))
 
-    def answer(self) -> Results | BaseException | None:
+    def answer(self) -> Piece | BaseException | None:
         """What it has sent, None if that is only that it is ready.
 
         Raises
@@ -87,7 +84,7 @@ class Worker:
         """
         try:
             if self.connection.poll():
-                answer: Results | BaseException | None = self.connection.recv()
+                answer: Piece | BaseException | None = self.connection.recv()
                 return answer
         except (EOFError, OSError):
             pass  # it was killed while it sent
@@ -134,10 +131,10 @@ def _leave_with_parent() -> None:
         os._exit(_ORPHANED)
 
 
-def _done(load: Any, work: bytes, inputs: Inputs) -> Any:
-    """The results of a batch, or what was raised in their place."""
+def _done(load: Any, work: bytes, batch: Batch) -> Any:
+    """What came of a batch, or what was raised in its place."""
     try:
-        return load(work)(inputs)
+        return load(work)(batch)
     except BaseException as error:  # it is raised again where the study runs
         error.add_note("in a worker:\n" + "".join(traceback.format_exception(error)))
         return error

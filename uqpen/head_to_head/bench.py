@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import xarray as xr
@@ -13,7 +12,7 @@ from uqpen.analyses.of_surrogate import told_by_surrogate
 from uqpen.analyses.surrogate_draws import SurrogateDraws
 from uqpen.designs.design import Design
 from uqpen.designs.monte_carlo import MonteCarlo
-from uqpen.evaluation import Evaluator, Map, evaluate
+from uqpen.evaluation import Evaluator, Map, Progress, evaluate
 from uqpen.head_to_head.statistics import GROUPS
 from uqpen.labels import BOUND, BOUNDS
 from uqpen.streams import Stream
@@ -37,17 +36,17 @@ class Bench:
         With a single model.
     map : callable
         Where batches of runs are made.
-    advance : callable
-        Told how many runs more are done.
+    progress : Progress
+        Told how far it is.
     """
 
     study: Study
     map: Map
-    advance: Callable[[int], None]
+    progress: Progress
 
     def runs(self, design: Design, stream: Stream) -> xr.Dataset:
         """The runs of a design, all rounds of them."""
-        made = runs_of_design(self.study, design, stream, map=self.map, advance=self.advance)
+        made = runs_of_design(self.study, design, stream, map=self.map, progress=self.progress)
         return made[ONLY_MODEL]
 
     def answers(self, runs: xr.Dataset) -> dict[str, xr.Dataset]:

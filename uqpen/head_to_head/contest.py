@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xarray as xr
 
+from uqpen import evaluation
 from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.errors import Problem, SettingsError
 from uqpen.evaluation import Map
@@ -22,17 +23,11 @@ __all__ = ["Progress", "compare", "refuse"]
 _SCALED_KINDS = ("monte-carlo", "latin-hypercube", "sobol-sequence", "halton")
 
 
-class Progress:
+class Progress(evaluation.Progress):
     """Who wants to know how far a comparison is; this one does not."""
-
-    def preparing(self, model: str) -> None:
-        """The model is being made ready; the first time, that may mean compiling it."""
 
     def begins(self, *, runs: int, reference: int, repeats: int, seconds: float) -> None:
         """All is known: so many runs, so many for the reference, about so long for the model."""
-
-    def advance(self, runs: int) -> None:
-        """So many runs more are done."""
 
     def repeated(self, done: int) -> None:
         """So many repeats are done; the first comes after the reference, told as 0."""
@@ -75,7 +70,7 @@ def compare(
     methods = methods_of(study, terms.budgets)
     progress.preparing(study.model.name)
     study.model.prepare()
-    bench = Bench(study, map, progress.advance)
+    bench = Bench(study, map, progress)
     runs, replicates = terms.reference_design(vectorized=study.model.vectorized)
     each = sum(method.spent(budget).runs for method in methods for budget in terms.budgets)
     total = runs + each * terms.repeats

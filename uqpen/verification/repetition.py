@@ -9,7 +9,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import group
-from uqpen.evaluation import Evaluator, evaluate
+from uqpen.evaluation import Evaluator, Progress, evaluate
 from uqpen.labels import CONTENT, MODELS, RUN, RUNS, STATUS
 from uqpen.model import Output
 from uqpen.streams import Stream
@@ -24,7 +24,7 @@ from uqpen.verification.agreement import (
 )
 from uqpen.verification.archived import inputs_of
 from uqpen.verification.report import Part, Verdict
-from uqpen.workflow import Progress, analysed
+from uqpen.workflow import analysed
 
 __all__ = ["Runs", "drawn_runs", "repeated_runs", "repeated_statistics"]
 
@@ -61,9 +61,7 @@ def repeated_runs(
         variant, made = study.models[model], runs[model][design]
         inputs = {name: made.variables[name] for name in inputs_of(study, made)}
         points = xr.Dataset(inputs, {RUN: made.variables[RUN]}).isel({RUN: positions})
-        again = evaluate(
-            Evaluator(variant.model, study.constraints), points, {}, advance=progress.advance
-        )
+        again = evaluate(Evaluator(variant.model, study.constraints), points, {}, progress=progress)
         archived = made.isel({RUN: positions})
         found += _of_runs(_called(model, design), archived, again, variant.model.outputs)
     repeated = sum(len(positions) for _, _, positions in chosen)

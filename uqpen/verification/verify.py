@@ -13,13 +13,13 @@ from uqpen.archive.provenance import provenance
 from uqpen.archive.read import read_tree
 from uqpen.archive.skeleton import faults
 from uqpen.errors import UqpenError
+from uqpen.evaluation import Progress
 from uqpen.labels import KIND
 from uqpen.study.study import Study
 from uqpen.verification.agreement import TOLERANCE
 from uqpen.verification.archived import archived_runs, archived_study, foreign_models, misfit
 from uqpen.verification.repetition import repeated_runs, repeated_statistics
 from uqpen.verification.report import Part, Verdict
-from uqpen.workflow import Progress
 
 __all__ = ["elsewhere", "verify"]
 

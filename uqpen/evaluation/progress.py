@@ -1,0 +1,24 @@
+"""Who is told how far a study is."""
+
+from __future__ import annotations
+
+__all__ = ["Progress"]
+
+
+class Progress:
+    """Who wants to know how far a study is; this one does not."""
+
+    def preparing(self, model: str) -> None:
+        """The model is being made ready; the first time, that may mean compiling it."""
+
+    def design(self, name: str, runs: int) -> None:
+        """A design begins, with about this many runs."""
+
+    def found(self, runs: int) -> None:
+        """So many of its runs were made before, and are not made again."""
+
+    def advance(self, runs: int, lost: int, under_way: int) -> None:
+        """So many runs more are done, of which some were lost; others have been begun."""
+
+    def analysing(self) -> None:
+        """All runs are done; what they tell is being worked out."""
