@@ -177,7 +177,7 @@ def test_an_answer_that_raises_when_it_is_read_is_a_failed_run() -> None:
     [
         (_SpeechlessError(), "_SpeechlessError"),
         (ValueError("half \ud800 a character"), "ValueError: half ? a character"),
-        (GeneratorExit(), "GeneratorExit: "),
+        (GeneratorExit(), "GeneratorExit"),
     ],
 )
 def test_any_exception_has_a_reason_that_can_be_kept(error: BaseException, reason: str) -> None:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from uqpen.archive.write import write
     from uqpen.errors import UqpenError
     from uqpen.head_to_head.contest import compare
+    from uqpen.making.make import make_archive
     from uqpen.study.load import load_study, parse_study
     from uqpen.study.study import Study
     from uqpen.workflow import run
@@ -23,6 +24,7 @@ __all__ = [
     "UqpenError",
     "compare",
     "load_study",
+    "make_archive",
     "open_archive",
     "parse_study",
     "run",
@@ -37,6 +39,7 @@ _HOMES = {
     "UqpenError": "uqpen.errors",
     "compare": "uqpen.head_to_head.contest",
     "load_study": "uqpen.study.load",
+    "make_archive": "uqpen.making.make",
     "open_archive": "uqpen.archive.read",
     "parse_study": "uqpen.study.load",
     "run": "uqpen.workflow",

@@ -17,9 +17,10 @@ import numpy.typing as npt
 
 from uqpen.arrays import floats
 from uqpen.errors import QuantityError, TableError, as_written
+from uqpen.files import FileRead
 from uqpen.units import DIMENSIONLESS, NUMBER, are_alike, describe, scale
 
-__all__ = ["Column", "read_columns"]
+__all__ = ["Column", "Sheet", "read_columns"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -75,8 +76,24 @@ class Column:
         return np.array([measure.to_si(number) for number in numbers.tolist()])
 
 
-def read_columns(path: Path) -> tuple[Column, ...]:
-    """The columns of a file, in its order.
+@dataclass(frozen=True)
+class Sheet:
+    """A file of columns.
+
+    Parameters
+    ----------
+    file : FileRead
+        The file, of which the columns are what was read of it at once.
+    columns : tuple of Column
+        In its order.
+    """
+
+    file: FileRead
+    columns: tuple[Column, ...]
+
+
+def read_columns(path: Path) -> Sheet:
+    """The columns of a file.
 
     Parameters
     ----------
@@ -90,16 +107,20 @@ def read_columns(path: Path) -> tuple[Column, ...]:
         If it is not there, or cannot be read.
     """
     try:
-        return _netcdf(path) if path.suffix == ".nc" else _csv(path)
+        if path.exists() and not path.is_file():
+            raise TableError(f'"{path}" is not a file')
+        content = path.read_bytes()
+        read = _netcdf if path.suffix == ".nc" else _csv
+        return Sheet(FileRead.of(path, content), read(path, content))
     except FileNotFoundError:
         raise TableError(f'there is no file "{path}"') from None
     except OSError as error:
         raise TableError(f'"{path}" cannot be read: {error.strerror}') from None
 
 
-def _csv(path: Path) -> tuple[Column, ...]:
+def _csv(path: Path, content: bytes) -> tuple[Column, ...]:
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise TableError(f'"{path.name}" is not UTF-8') from None
     reader = csv.reader(io.StringIO(text, newline=""))
@@ -139,11 +160,11 @@ def _numbers(texts: Sequence[tuple[int, str]], name: str, path: Path) -> FloatAr
     return values
 
 
-def _netcdf(path: Path) -> tuple[Column, ...]:
+def _netcdf(path: Path, content: bytes) -> tuple[Column, ...]:
     import netCDF4
 
     try:
-        with netCDF4.Dataset(path) as dataset:
+        with netCDF4.Dataset(path.name, memory=content) as dataset:
             return tuple(
                 Column(
                     str(name),
@@ -153,9 +174,7 @@ def _netcdf(path: Path) -> tuple[Column, ...]:
                 for name, variable in dataset.variables.items()
                 if not (name in dataset.dimensions and "units" not in variable.ncattrs())
             )
-    except OSError as error:
-        if isinstance(error, FileNotFoundError):
-            raise
+    except OSError:
         raise TableError(f'"{path.name}" is not a NetCDF file') from None
 
 

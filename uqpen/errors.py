@@ -12,6 +12,9 @@
     ├── TableError (ValueError)          a table of points that cannot be read
     ├── TrajectoryError (ArithmeticError)  the one run whose course was asked for has failed
     ├── WorkerError (RuntimeError)       processes that cannot be started
+    ├── ClusterError (RuntimeError)      a cluster that cannot be reached, or is no more
+    ├── TooManyLostError (RuntimeError)  more runs were lost than a study allows
+    ├── KeptRunsError (ValueError)       runs kept from before that a study would not make
     └── ArchiveError (OSError)           a file that cannot be written, or is not an archive
 
 Anything else that escapes is a fault of uqpen itself and keeps its traceback.
@@ -26,13 +29,16 @@ from datetime import date, time
 
 __all__ = [
     "ArchiveError",
+    "ClusterError",
     "ConstraintError",
+    "KeptRunsError",
     "ModelError",
     "Problem",
     "QuantityError",
     "SettingsError",
     "StudyError",
     "TableError",
+    "TooManyLostError",
     "TrajectoryError",
     "UnknownNameError",
     "UqpenError",
@@ -135,6 +141,18 @@ class TableError(UqpenError, ValueError):
 
 class WorkerError(UqpenError, RuntimeError):
     """Worker processes that cannot be started."""
+
+
+class ClusterError(UqpenError, RuntimeError):
+    """A cluster that cannot be reached, or is no more."""
+
+
+class TooManyLostError(UqpenError, RuntimeError):
+    """More runs were lost than a study allows."""
+
+
+class KeptRunsError(UqpenError, ValueError):
+    """Runs that were kept from before, and that a study would not make."""
 
 
 class ArchiveError(UqpenError, OSError):

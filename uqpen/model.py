@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,130 +11,20 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.errors import UnknownNameError
+from uqpen.files import FileRead
 from uqpen.labels import Status
+from uqpen.limits import Limits
 from uqpen.lookup import choices
+from uqpen.variables import POSITIVE, Bounds, Category, Input, Output, Variable
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Bounds", "Category", "Input", "Model", "Output", "Results", "Variable"]
+__all__ = ["POSITIVE", "Bounds", "Category", "Input", "Model", "Output", "Results", "Variable"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 Arrays = Mapping[str, FloatArray]
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """The values that an input can have at all, in its SI unit.
-
-    Parameters
-    ----------
-    lower, upper : float
-        The ends of the interval.
-    lower_included, upper_included : bool
-        Whether the ends belong to it.
-    """
-
-    lower: float = -math.inf
-    upper: float = math.inf
-    lower_included: bool = False
-    upper_included: bool = False
-
-    def contain(self, values: FloatArray) -> BoolArray:
-        """Which of the values lie inside; NaN never does."""
-        above = values >= self.lower if self.lower_included else values > self.lower
-        below = values <= self.upper if self.upper_included else values < self.upper
-        inside: BoolArray = above & below & np.isfinite(values)
-        return inside
-
-    def __str__(self) -> str:
-        limits = []
-        if self.lower > -math.inf:
-            limits.append(f"{'>=' if self.lower_included else '>'} {self.lower:g}")
-        if self.upper < math.inf:
-            limits.append(f"{'<=' if self.upper_included else '<'} {self.upper:g}")
-        return " and ".join(limits) or "finite"
-
-
-POSITIVE = Bounds(lower=0.0)
-
-
-@dataclass(frozen=True)
-class Variable:
-    """A quantity that goes into a model or comes out of it.
-
-    Parameters
-    ----------
-    name : str
-        What a study file, an archive and a script call it.
-    unit : str
-        Its coherent SI unit, in which the program keeps it.
-    long_name : str
-        What a person reads; the name itself where it is empty.
-    display_unit : str
-        The unit to show it in where a study names none; `unit` where it is empty.
-    """
-
-    name: str
-    unit: str
-    long_name: str = ""
-    display_unit: str = ""
-
-    @property
-    def title(self) -> str:
-        """What a person reads."""
-        return self.long_name or self.name.replace("_", " ")
-
-    @property
-    def shown_unit(self) -> str:
-        """The unit to show it in."""
-        return self.display_unit or self.unit
-
-
-@dataclass(frozen=True)
-class Input(Variable):
-    """A variable that goes in.
-
-    Parameters
-    ----------
-    default : float, optional
-        Its value in SI units where a study does not give it.
-    bounds : Bounds
-        What it can be at all; a run outside is inadmissible.
-    """
-
-    default: float | None = None
-    bounds: Bounds = field(default_factory=Bounds)
-
-
-@dataclass(frozen=True)
-class Category:
-    """One value of an output that has kinds, not numbers.
-
-    Parameters
-    ----------
-    flag : str
-        One word, as CF asks of ``flag_meanings``.
-    label : str
-        What a person reads.
-    """
-
-    flag: str
-    label: str
-
-
-@dataclass(frozen=True)
-class Output(Variable):
-    """A variable that comes out.
-
-    Parameters
-    ----------
-    categories : sequence of Category
-        Not empty for an output with kinds; its values are then positions in this sequence.
-    """
-
-    categories: tuple[Category, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -151,7 +40,8 @@ class Results:
     reasons : mapping of int to str
         Why each lost run was lost, by its position in the batch.
     files : set of str
-        What the model has been found to consist of; see `Model.consists_of`.
+        The files that the model has been found to consist of, as lines of sha256sum: each one's
+        SHA-256 and its path from the study's folder; see `Model.consists_of`.
     """
 
     outputs: Arrays
@@ -182,6 +72,10 @@ class Model(ABC):
         Groups of inputs of which one at least must be given, and one is enough.
     vectorized : bool
         Whether a batch costs far less than its runs one by one.
+    is_foreign : bool
+        Whether a call can hang, or end the process that makes it.
+    supervision : Limits
+        What one run may use, where whoever runs it has to see to that.
     """
 
     name: str
@@ -189,6 +83,8 @@ class Model(ABC):
     outputs: tuple[Output, ...]
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = ()
     vectorized: bool = True
+    is_foreign: bool = False
+    supervision: Limits = Limits()
 
     @abstractmethod
     def evaluate(self, inputs: Arrays) -> Results:
@@ -231,7 +127,22 @@ class Model(ABC):
         return None
 
     def consists_of(self, files: frozenset[str]) -> None:  # noqa: B027 - most models have none
-        """Note files of the user's own that runs, here or in another process, have imported."""
+        """Note files of the user's own that runs, here or in another process, were made with.
+
+        Parameters
+        ----------
+        files : set of str
+            As in `Results.files`.
+
+        Raises
+        ------
+        ModelError
+            If others were made with another version of one of them.
+        """
+
+    def files(self) -> tuple[FileRead, ...]:
+        """The files of the user's own that it has been found to consist of, as it was run."""
+        return ()
 
     def identity(self) -> dict[str, str]:
         """What tells this model from another that would give other results."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import itertools
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
 import xarray as xr
 
@@ -11,12 +13,14 @@ from uqpen.analyses.differences import differences
 from uqpen.analyses.of_surrogate import told_by_surrogate
 from uqpen.analyses.published import published
 from uqpen.analyses.surrogate_draws import SurrogateDraws
+from uqpen.archive.files import FILES, as_group
 from uqpen.archive.provenance import CONVENTIONS, SCHEMA, provenance
 from uqpen.archive.read import SCHEMA_ATTRIBUTE
 from uqpen.comparison import Source, side_by_side
 from uqpen.designs.design import Design, Rounds
-from uqpen.errors import TrajectoryError
+from uqpen.errors import TooManyLostError, TrajectoryError
 from uqpen.evaluation import Evaluator, Map, Progress, evaluate, join, worst
+from uqpen.evaluation.keeper import Keeper
 from uqpen.labels import (
     COMPARISON,
     DIFFERENCES,
@@ -36,11 +40,18 @@ from uqpen.trust import Witness, judged
 __all__ = ["Progress", "analysed", "root_attributes", "run", "runs_of_design"]
 
 Groups = Iterator[tuple[str, xr.Dataset]]
+Keepers = Callable[[str, str, int], Keeper]
 # The runs of each design by its name, or of each model by its.
 Runs = dict[str, xr.Dataset]
 
 
-def run(study: Study, *, map: Map = map, progress: Progress | None = None) -> xr.DataTree:
+def run(
+    study: Study,
+    *,
+    map: Map = map,
+    progress: Progress | None = None,
+    keepers: Keepers = lambda design, model, number: Keeper(),
+) -> xr.DataTree:
     """Make all the runs of a study and analyse them.
 
     Parameters
@@ -51,6 +62,9 @@ def run(study: Study, *, map: Map = map, progress: Progress | None = None) -> xr
         Like the built-in: where batches of runs are made. It cannot change a result.
     progress : Progress, optional
         Told how far it is.
+    keepers : callable
+        From a design's name, a model's and the number of a round to who keeps those runs, and may
+        have kept some of them before.
 
     Returns
     -------
@@ -62,7 +76,7 @@ def run(study: Study, *, map: Map = map, progress: Progress | None = None) -> xr
     for variant in study.models.values():
         progress.preparing(variant.model.name)
         variant.model.prepare()
-    runs = _runs(study, map, progress)
+    runs = _runs(study, map, progress, keepers)
     progress.analysing()
     return analysed(study, runs)
 
@@ -83,23 +97,37 @@ def analysed(study: Study, runs: Mapping[str, Runs]) -> xr.DataTree:
         for path, dataset in _told(study, variant, runs[name]):
             groups[f"{root}{path}"] = dataset
     groups |= dict(_paired(study, runs))
+    if files := as_group(study.files(), study.folder):
+        groups[f"/{FILES}"] = files
     return xr.DataTree.from_dict(groups)
 
 
-def _runs(study: Study, map: Map, progress: Progress) -> dict[str, Runs]:
+def _runs(study: Study, map: Map, progress: Progress, keepers: Keepers) -> dict[str, Runs]:
     """The runs of every design, by model, on common points."""
     made: dict[str, Runs] = {name: {} for name in study.models}
     for name, design in study.designs.items():
         progress.design(name, design.size(study.law) * len(study.models))
         stream = Stream(study.seed, "designs", name)
-        runs = runs_of_design(study, design, stream, map=map, progress=progress)
+        keeper_of = partial(keepers, name)
+        try:
+            runs = runs_of_design(
+                study, design, stream, map=map, progress=progress, keeper_of=keeper_of
+            )
+        except TooManyLostError as error:
+            raise TooManyLostError(f"{name}: {error}") from None
         for model in study.models:
             made[model][name] = runs[model]
     return made
 
 
 def runs_of_design(
-    study: Study, design: Design, stream: Stream, *, map: Map, progress: Progress
+    study: Study,
+    design: Design,
+    stream: Stream,
+    *,
+    map: Map,
+    progress: Progress,
+    keeper_of: Callable[[str, int], Keeper] = lambda model, number: Keeper(),
 ) -> Runs:
     """The runs of one design by model, on common points.
 
@@ -115,8 +143,26 @@ def runs_of_design(
         Like the built-in: where batches of runs are made.
     progress : Progress
         Told how far it is.
+    keeper_of : callable
+        From a model's name and the number of a round to who keeps its runs.
     """
-    rounds = list(_rounds(study, design.rounds(study.law, stream), map, progress))
+
+    def made(points: xr.Dataset, number: int) -> Runs:
+        """The runs of a round, by model."""
+        return {
+            name: evaluate(
+                Evaluator(variant.model, study.constraints),
+                points.assign(variant.given),
+                _display_units(study),
+                map=map,
+                progress=progress,
+                keeper=keeper_of(name, number),
+                failures=study.failures,
+            )
+            for name, variant in study.models.items()
+        }
+
+    rounds = list(_rounds(design.rounds(study.law, stream), made))
     sampling = {SAMPLING: str(design.sampling)}
     return {
         model: join([runs[model] for runs in rounds]).assign_attrs(sampling)
@@ -124,24 +170,11 @@ def runs_of_design(
     }
 
 
-def _rounds(study: Study, rounds: Rounds, map: Map, progress: Progress) -> Iterator[Runs]:
+def _rounds(rounds: Rounds, made: Callable[[xr.Dataset, int], Runs]) -> Iterator[Runs]:
     """The runs of a design by model, round by round; each round may depend on the one before."""
-    evaluators = {
-        model: Evaluator(variant.model, study.constraints)
-        for model, variant in study.models.items()
-    }
     points = next(rounds)
-    while True:
-        runs = {
-            model: evaluate(
-                evaluator,
-                points.assign(study.models[model].given),
-                _display_units(study),
-                map=map,
-                progress=progress,
-            )
-            for model, evaluator in evaluators.items()
-        }
+    for number in itertools.count():
+        runs = made(points, number)
         yield runs
         try:
             points = rounds.send(worst(list(runs.values())))

@@ -11,7 +11,7 @@ import xarray as xr
 
 from uqpen.archive.content import hashes, recorded, sealed
 from uqpen.archive.netcdf import put
-from uqpen.archive.read import read_tree
+from uqpen.archive.read import read_as_written
 
 
 def tree_of(order: str = "<") -> xr.DataTree:
@@ -28,7 +28,7 @@ def tree_of(order: str = "<") -> xr.DataTree:
 def test_they_are_those_of_the_file(tmp_path: Path) -> None:
     tree = tree_of()
     put(sealed(tree), tmp_path / "a.nc")
-    read = read_tree(tmp_path / "a.nc")
+    read = read_as_written(tmp_path / "a.nc")
     assert hashes(tree) == hashes(read) == recorded(read)
     assert set(hashes(tree)) == {"/", "/outer", "/outer/inner"}
     assert recorded(tree) is None, "what is written is not touched"

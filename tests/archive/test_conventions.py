@@ -13,7 +13,8 @@ import xarray as xr
 import uqpen
 from uqpen.archive.read import group
 
-RODS = (Path(__file__).parents[1] / "data" / "rods.toml").read_text(encoding="utf-8")
+DATA = Path(__file__).parents[1] / "data"
+RODS = (DATA / "rods.toml").read_text(encoding="utf-8")
 
 # What a model of several outputs and kinds has, with a course and lost runs.
 KINDS = f"""
@@ -96,8 +97,11 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, list
     folder = tmp_path_factory.mktemp("groups")
     seen: set[object] = set()
     files = []
-    for number, text in enumerate((KINDS, DESIGNS, MODELS)):
-        uqpen.write(uqpen.run(uqpen.parse_study(text)), folder / "whole.nc")
+    studies = [uqpen.parse_study(text) for text in (KINDS, DESIGNS, MODELS)]
+    # Of a model and of inputs that files tell of.
+    studies.append(uqpen.load_study(DATA / "archives" / "schema_2_several.toml"))
+    for number, study in enumerate(studies):
+        uqpen.write(uqpen.run(study), folder / "whole.nc")
         tree = uqpen.open_archive(folder / "whole.nc")
         for node in tree.subtree:
             dataset = group(tree, *node.path.strip("/").split("/")) if node.parent else xr.Dataset()
@@ -121,6 +125,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, list
     subprocess.run(command, check=False, capture_output=True)
     found = json.loads(output.read_text())
     assert len(found) == len(files) > 10
+    assert any(path.name == "3-files.nc" for path in files)
     return {Path(name).stem: checks["cf:1.11"] for name, checks in found.items()}
 
 

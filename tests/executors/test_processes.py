@@ -247,7 +247,7 @@ def test_ctrl_c_leaves_with_130_and_no_process(tmp_path: Path) -> None:
             # Nothing ends before the last process that could write to it.
             said = process.communicate(timeout=10)[1]
         assert process.returncode == 130
-        assert said == b"interrupted; nothing was written\n"
+        assert said == b"interrupted: nothing was written\n"
 
 
 @pytest.mark.parametrize("workers", ["0", "-1", "two", "1.5"])

@@ -129,6 +129,13 @@ def damage(how: str) -> None:
             dataset.version_numpy = "1.0.0"
 
 
+def without_files(archive: str) -> None:
+    """An archive as one of schema 1 is: it does not keep the files that its study names."""
+    tree = package.open_archive(archive)
+    del tree["files"]
+    package.write(tree, Path(archive))
+
+
 # By the damage: what `verify` says of hashes, what it says besides, what `diff` says.
 DAMAGES = {
     "bit": ("/runs/monte_carlo is changed", "monte_carlo: y of run 17 is", "y of run 17:"),
@@ -229,6 +236,20 @@ class TestVerify:
         package.write(tree, Path("plain.nc"))
         assert uqpen("verify", "plain.nc", "--all").code == 4
 
+    def test_what_an_earlier_version_did_not_tell_is_no_difference(self, uqpen: Command) -> None:
+        tree = package.open_archive("plain.nc")
+        del tree["holds"]
+        del tree["moments/monte_carlo"]["y_mean"].attrs["note"]
+        package.write(tree, Path("plain.nc"))
+        assert uqpen("verify", "plain.nc").code == 4
+        tree.attrs["version_uqpen"] = "0.0.1"
+        package.write(tree, Path("plain.nc"))
+        done = uqpen("verify", "plain.nc")
+        assert done.code == 0, done.out
+        assert "made with uqpen 0.0.1 (here " in done.said
+        assert "/holds/monte_carlo is missing" in done.out
+        assert "/moments/monte_carlo: attribute note is missing of y_mean" in done.said
+
     def test_an_archive_without_hashes_is_opened_and_checked(self, uqpen: Command) -> None:
         with netCDF4.Dataset("plain.nc", "a") as dataset:
             dataset.delncattr("content_sha256")
@@ -237,13 +258,37 @@ class TestVerify:
         assert done.code == 0
         assert "none: written by a uqpen that did not hash yet" in done.said
 
-    def test_files_that_are_not_there_are_told(self, uqpen: Command, made: Path) -> None:
+    def test_files_that_were_not_kept_are_looked_for(self, uqpen: Command, made: Path) -> None:
+        without_files("own.nc")
         Path("own.py").unlink()
         done = uqpen("verify", "own.nc", "--trust")
         assert done.code == 2
         assert 'there is no file "own.py"' in done.said
         assert "--folder" in done.out
         assert uqpen("verify", "own.nc", "--trust", "--folder", str(made)).code == 0
+
+    def test_another_source_than_that_which_was_not_kept_is_told(self, uqpen: Command) -> None:
+        without_files("own.nc")
+        Path("own.py").write_text(f"{SOURCE}# the same, but for this\n")
+        done = uqpen("verify", "own.nc", "--trust")
+        assert done.code == 4
+        assert "60 of 60 repeated: bit-equal" in done.out
+        assert "source not that of the models that it was made with" in done.said
+        assert "own.py:f and what it imports: found the SHA-256" in done.said
+
+    def test_another_source_of_a_built_in_model_is_like_another_version(
+        self, uqpen: Command, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        here = package.parse_study(PLAIN).model.identity()["source_sha256"]
+        tree = package.open_archive("plain.nc")
+        tree.attrs["model_source_sha256"] = "0123456789abcdef"
+        values = tree["runs/monte_carlo"]["y"].values
+        values[3] = np.nextafter(values[3], np.inf)
+        package.write(tree, Path("plain.nc"))
+        done = uqpen("verify", "plain.nc", "--all")
+        assert done.code == 0, done.out
+        assert f"made with source of ishigami 01234567 (here {here[:8]})" in done.said
+        assert "equal within 1e-09" in done.said
 
     def test_methods_head_to_head_have_their_hashes_checked(self, uqpen: Command) -> None:
         Path("plain.toml").write_text(PLAIN)
@@ -340,6 +385,7 @@ class TestRerun:
         assert "not overwritten" in done.err
 
     def test_a_function_that_is_not_there_is_told(self, uqpen: Command) -> None:
+        without_files("own.nc")
         Path("own.py").unlink()
         done = uqpen("rerun", "own.nc", "--trust")
         assert done.code == 2

@@ -11,8 +11,9 @@ from uqpen.analyses import ANALYSES, ANALYSES_OF_DESIGNS
 from uqpen.analyses.probabilities import statuses
 from uqpen.analyses.question import Question
 from uqpen.analyses.sample import Sample, sample_of_law
+from uqpen.analyses.where_lost import LOSSES, where_lost
 from uqpen.evaluation import status_counts
-from uqpen.labels import CONDITIONAL, MISSING, RUN, SAMPLING, STATUSES, Sampling, Status
+from uqpen.labels import CONDITIONAL, MISSING, RUN, SAMPLING, STATUS, STATUSES, Sampling, Status
 from uqpen.lookup import resolve
 
 __all__ = ["analyze"]
@@ -53,6 +54,8 @@ def analyze(
         )
         if only is None or STATUSES in only:
             groups[STATUSES] = xr.Dataset(dict(statuses(drawn)), attrs=_accounts(drawn))
+    if (only is None or LOSSES in only) and (told := dict(where_lost(Sample.of(runs, STATUS)))):
+        groups[LOSSES] = xr.Dataset(told, attrs=_accounts(runs))
     made_for = _wanted(ANALYSES_OF_DESIGNS.get(sampling, {}), only)
     for group, answers in _answered(made_for, questions, lambda _: runs, _accounts(runs)).items():
         # What a design is made to tell, it tells better than its sample does.

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.analyses.estimate import LEVEL, Estimate
+from uqpen.analyses.given_inputs import along_inputs
 from uqpen.analyses.question import Question
 from uqpen.designs.moves import moved_inputs
 from uqpen.intervals import student_quantile
@@ -77,7 +78,7 @@ def elementary_effects(runs: xr.Dataset, question: Question) -> Iterator[tuple[s
             long_name=f"{long_name} on {title}, for the whole of an input's probability",
             name=f"{name}_{figure}",
         )
-        yield f"{name}_{figure}", array.assign_coords({INPUT: list(effects)})
+        yield f"{name}_{figure}", array.assign_coords(along_inputs(list(effects)))
 
 
 def effects_of(runs: xr.Dataset, name: str) -> dict[str, FloatArray]:
@@ -111,7 +112,7 @@ def mean_effect(effects: FloatArray) -> Estimate:
     apart = effects.size - int(counts.max())
     if not apart:
         return Estimate.without_bounds(mean, _NO_SCATTER)
-    half = student_quantile(effects.size - 1, LEVEL) * float(effects.std(ddof=1))
+    half = student_quantile(effects.size - 1, LEVEL) * _deviation(effects)
     half /= math.sqrt(effects.size)
     estimate = Estimate(mean, mean - half, mean + half, "Student t over trajectories", "nominal")
     if effects.size < _FEWEST_EFFECTS:
@@ -124,7 +125,7 @@ def mean_effect(effects: FloatArray) -> Estimate:
 def _sigma(effects: FloatArray) -> Estimate:
     if effects.size < 2:
         return Estimate.without_bounds(math.nan, "it takes two effects at least")
-    std = float(effects.std(ddof=1))
+    std = _deviation(effects)
     # Of an effect that is the same everywhere, rounding leaves a trace.
     is_rounding = std <= _ROUNDING * float(np.abs(effects).max())
     return Estimate.without_bounds(0.0 if is_rounding else std, _NO_INTERVAL)
@@ -137,3 +138,12 @@ def _counted(estimate: Estimate, effects: FloatArray) -> Estimate:
         return estimate
     counted = f"{lost} of {effects.size} effects touch a lost run"
     return estimate.noting(f"{estimate.note}; {counted}" if estimate.note else counted)
+
+
+def _deviation(effects: FloatArray) -> float:
+    """Their standard deviation, of which the squares alone would overflow."""
+    largest = float(np.abs(effects).max()) or 1.0
+    # A power of two, so that no digit changes.
+    is_extreme = not 1e-100 < largest < 1e100
+    unit = 2.0 ** (math.frexp(largest)[1] - 1) if is_extreme else 1.0
+    return float((effects / unit).std(ddof=1)) * unit

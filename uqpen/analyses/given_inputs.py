@@ -32,8 +32,8 @@ def input_coordinate(sample: Sample) -> dict[str, Any]:
 
 
 def along_inputs(names: Sequence[str]) -> dict[str, Any]:
-    """The coordinate along ``input``: the names of the random inputs."""
-    return {INPUT: (INPUT, np.array(names, dtype=object), {"long_name": "random input"})}
+    """The coordinate along ``input``: the names of inputs."""
+    return {INPUT: (INPUT, np.array(names, dtype=object), {"long_name": "input"})}
 
 
 def reason_for_no_measure(sample: Sample, column: int, fewest: int) -> str:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
 import xarray as xr
 
 from uqpen.analyses.estimate import Estimate
+from uqpen.analyses.given_inputs import along_inputs
 from uqpen.labels import INPUT, LARGEST_CONTRIBUTION, MOMENTS, SENSITIVITY
 from uqpen.model import Output
 
@@ -72,8 +72,7 @@ def published(publication: Published) -> dict[str, xr.Dataset]:
             estimates = [Estimate.without_bounds(v, reason) for v in figures.response.values()]
             described = f"relative response of {title}, published"
             array = Estimate.stack(estimates, INPUT, units="1", long_name=described, name=variable)
-            inputs = np.array(list(figures.response), dtype=object)
-            sensitivity[variable] = array.assign_coords({INPUT: inputs})
+            sensitivity[variable] = array.assign_coords(along_inputs(list(figures.response)))
         if figures.largest_contribution:
             claims[f"{name}_{LARGEST_CONTRIBUTION}"] = figures.largest_contribution
     groups = {

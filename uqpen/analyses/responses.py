@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.analyses.estimate import Estimate
+from uqpen.analyses.given_inputs import along_inputs
 from uqpen.analyses.question import Question
 from uqpen.designs.moves import moved_inputs
 from uqpen.labels import (
@@ -60,7 +61,7 @@ def responses(runs: xr.Dataset, question: Question) -> Iterator[tuple[str, xr.Da
         array = Estimate.stack(
             estimates, INPUT, units="1", long_name=long_name, name=f"{name}_{figure}"
         )
-        yield f"{name}_{figure}", array.assign_coords({INPUT: list(inputs)})
+        yield f"{name}_{figure}", array.assign_coords(along_inputs(list(inputs)))
 
 
 @dataclass(frozen=True)

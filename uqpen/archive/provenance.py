@@ -5,12 +5,14 @@ from __future__ import annotations
 import importlib.metadata
 import platform
 
-__all__ = ["CONVENTIONS", "SCHEMA", "provenance"]
+__all__ = ["CONVENTIONS", "SCHEMA", "SCHEMA_ATTRIBUTE", "provenance"]
 
 CONVENTIONS = "CF-1.11"
 
-# The layout of the groups; raised whenever a reader has to know.
-SCHEMA = 1
+# The layout of the groups; raised whenever a reader has to know, with a migration from the last.
+SCHEMA = 2
+
+SCHEMA_ATTRIBUTE = "uqpen_schema"
 
 # The packages whose versions can change a result's bits.
 _PACKAGES = ("uqpen", "numpy", "scipy", "numba", "xarray", "netCDF4")

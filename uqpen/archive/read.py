@@ -7,7 +7,9 @@ from pathlib import Path
 
 import xarray as xr
 
-from uqpen.archive.provenance import SCHEMA
+from uqpen.archive.checksum import is_broken
+from uqpen.archive.migrations import migrated
+from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE
 from uqpen.archive.skeleton import faults
 from uqpen.errors import ArchiveError
 from uqpen.labels import MODELS
@@ -19,10 +21,9 @@ __all__ = [
     "models_in",
     "names_in",
     "open_archive",
+    "read_as_written",
     "read_tree",
 ]
-
-SCHEMA_ATTRIBUTE = "uqpen_schema"
 
 
 def open_archive(path: str | Path) -> xr.DataTree:
@@ -47,6 +48,19 @@ def open_archive(path: str | Path) -> xr.DataTree:
 def read_tree(path: Path) -> xr.DataTree:
     """What `open_archive` opens, whole or not: for those who ask what is wrong with it.
 
+    One of an earlier schema is as this uqpen would have written it.
+
+    Raises
+    ------
+    ArchiveError
+        If it cannot be read, is no archive, or was written by a later uqpen.
+    """
+    return migrated(read_as_written(path))
+
+
+def read_as_written(path: Path) -> xr.DataTree:
+    """The very tree that stands in an archive, of which its hashes are.
+
     Raises
     ------
     ArchiveError
@@ -57,6 +71,8 @@ def read_tree(path: Path) -> xr.DataTree:
         raise ArchiveError(
             f"{path}: has schema {schema}; this uqpen reads up to {SCHEMA}, so take a later one"
         )
+    if schema < 1:
+        raise ArchiveError(f"{path}: has schema {schema}, which there has never been")
     try:
         # Units such as "s" stay numbers, and flags stay whole numbers.
         with xr.open_datatree(
@@ -101,6 +117,8 @@ def is_archive(path: Path) -> bool:
 def _schema(path: Path) -> int:
     import netCDF4
 
+    if is_broken(path):
+        raise ArchiveError(f"{path}: is damaged: its bytes are not those that were written")
     try:
         with netCDF4.Dataset(path) as dataset:
             if SCHEMA_ATTRIBUTE not in dataset.ncattrs():
@@ -108,7 +126,7 @@ def _schema(path: Path) -> int:
             return operator.index(dataset.getncattr(SCHEMA_ATTRIBUTE))
     except ArchiveError:
         raise
-    except (OSError, RuntimeError, ValueError, TypeError) as error:
+    except (OSError, RuntimeError, ValueError, TypeError, AttributeError) as error:
         missing = isinstance(error, FileNotFoundError)
         reason = "there is no such file" if missing else "is not an archive of uqpen's"
         raise ArchiveError(f"{path}: {reason}") from None

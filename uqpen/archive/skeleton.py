@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.files import faults_of_files
 from uqpen.archive.head_to_head_skeleton import faults_of_contest
+from uqpen.archive.layout import faults_of_attributes, faults_of_figures, is_kind
 from uqpen.archive.told import told
 from uqpen.labels import (
     BOUND,
     BOUNDS,
     CDFS,
+    DIFFERENCES,
     HEAD_TO_HEAD,
     INTERVAL_LABEL,
     KIND,
@@ -24,11 +28,13 @@ from uqpen.labels import (
     ROLE,
     RUN,
     RUNS,
+    RUNS_SPENT,
     SAMPLING,
     SHARES,
     STATISTICS,
     STATUS,
     STATUSES,
+    SURROGATES,
     Sampling,
     Status,
 )
@@ -38,6 +44,8 @@ __all__ = ["faults"]
 _SAMPLES = [str(sampling) for sampling in Sampling if sampling.is_sample]
 
 _ROOT = ("title", "study_text", "study_sha256", "seed")
+# Python reads no number of more digits from a text.
+_SEED = re.compile(r"[0-9]{1,4300}\Z")
 
 
 def faults(tree: xr.DataTree) -> Iterator[str]:
@@ -49,8 +57,9 @@ def faults(tree: xr.DataTree) -> Iterator[str]:
     for name in _ROOT:
         if not isinstance(tree.attrs.get(name), str):
             yield f'no text "{name}" at its root'
-    if not str(tree.attrs.get("seed", "")).isdecimal():
+    if not _SEED.match(str(tree.attrs.get("seed", ""))):
         yield "a seed that is no number"
+    yield from faults_of_attributes(tree)
     kind = tree.attrs.get(KIND)
     if kind is None:
         yield from _faults_of_study(tree)
@@ -59,6 +68,7 @@ def faults(tree: xr.DataTree) -> Iterator[str]:
     else:
         yield f'of kind "{kind}", which this uqpen does not know'
     yield from _faults_of_estimates(tree)
+    yield from faults_of_files(tree.children)
 
 
 def _faults_of_study(tree: xr.DataTree) -> Iterator[str]:
@@ -69,6 +79,19 @@ def _faults_of_study(tree: xr.DataTree) -> Iterator[str]:
         root = f"/{MODELS}/{name}" if name else ""
         for fault in _faults_of_model(model):
             yield f"{root}{fault}" if fault.startswith("/") or not root else f"{root}: {fault}"
+    pairs = tree.children[DIFFERENCES].children if DIFFERENCES in tree.children else {}
+    for name, pair in pairs.items():
+        if MODELS not in tree.children or name not in models:
+            yield f"/{DIFFERENCES}/{name}: of no model"
+        yield from (f"/{DIFFERENCES}/{name}{fault}" for fault in _faults_of_pair(pair))
+
+
+def _faults_of_pair(tree: xr.DataTree) -> Iterator[str]:
+    yield from faults_of_figures(tree)
+    designs = tree.children[MOMENTS].children if MOMENTS in tree.children else {}
+    for name, moments in designs.items():
+        if "minus" not in moments.attrs:
+            yield f"/{MOMENTS}/{name}: does not say of which model"
 
 
 def _faults_of_model(tree: xr.DataTree) -> Iterator[str]:
@@ -81,6 +104,21 @@ def _faults_of_model(tree: xr.DataTree) -> Iterator[str]:
         yield from (f"/{RUNS}/{name}: {fault}" for fault in _faults_of_runs(runs.dataset))
         if str(runs.attrs.get(SAMPLING)) in _SAMPLES:
             yield from _missing_statistics(tree, str(name), runs.dataset)
+    yield from faults_of_figures(tree)
+    surrogates = tree.children[SURROGATES].children if SURROGATES in tree.children else {}
+    for name, made in surrogates.items():
+        yield from (f"/{SURROGATES}/{name}: {fault}" for fault in _faults_of_surrogate(made))
+
+
+def _faults_of_surrogate(made: xr.DataTree) -> Iterator[str]:
+    for name in ("outputs", "check", "runs_used", RUNS_SPENT):
+        if name not in made.attrs:
+            yield f"no {name}"
+    for output in str(made.attrs.get("outputs", "")).split():
+        name = f"{output}_coefficient"
+        told_of = made.variables[name].attrs if name in made.variables else {}
+        if not all(each in told_of for each in ("order", "terms", "q2", "check_q2_of_output")):
+            yield f"does not say how well it fits {output}"
 
 
 def _faults_of_estimates(tree: xr.DataTree) -> Iterator[str]:
@@ -100,10 +138,19 @@ def _faults_of_runs(runs: xr.Dataset) -> Iterator[str]:
         yield f"a {STATUS} that is none"
     if str(runs.attrs.get(SAMPLING)) not in list(Sampling):
         yield f"no {SAMPLING} that is known"
-    if RUN not in runs.coords:
+    if RUN not in runs.coords or not is_kind(runs[RUN], "count"):
         yield f"no {RUN} numbers"
-    if REASON in runs and (LOST not in runs or not runs[LOST].isin(runs.get(RUN, [])).all()):
+    elif (np.diff(runs[RUN].values) <= 0).any():
+        yield f"{RUN} numbers that do not ascend"
+    elif REASON in runs and not _has_lost(runs):
         yield f"reasons without a {LOST}"
+
+
+def _has_lost(runs: xr.Dataset) -> bool:
+    """Whether every reason is of a run."""
+    if LOST not in runs or runs[REASON].dims != (LOST,):
+        return False
+    return bool(runs[LOST].isin(runs[RUN]).all())
 
 
 def _missing_statistics(tree: xr.DataTree, design: str, runs: xr.Dataset) -> Iterator[str]:

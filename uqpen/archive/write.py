@@ -8,6 +8,7 @@ from pathlib import Path
 
 import xarray as xr
 
+from uqpen.archive.checksum import append_checksum
 from uqpen.archive.content import sealed
 from uqpen.archive.netcdf import put
 from uqpen.archive.read import is_archive
@@ -52,8 +53,7 @@ def write(tree: xr.DataTree, path: Path) -> None:
     part = _part(path)
     try:
         put(sealed(tree), part)
-        with part.open("rb+") as stream:
-            os.fsync(stream.fileno())
+        append_checksum(part)
         part.replace(path)
     except (OSError, RuntimeError) as error:
         # The NetCDF library reports a full disk as a RuntimeError about HDF.

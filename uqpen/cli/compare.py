@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.workers import map_on, workers_option
+from uqpen.cli.workers import Where, workers_option
 
 __all__ = ["compare"]
 
@@ -42,7 +42,7 @@ def compare(
     repeats: int | None,
     reference: int | None,
     archive: Path | None,
-    workers: int,
+    where: Where,
 ) -> ExitCode:
     """Run the designs of the study FILE head to head, scaled to equal budgets.
 
@@ -71,11 +71,11 @@ def compare(
     archive = archive or Path("archives") / f"{study.name}_compare.nc"
     prepare_destination(here / archive)
     try:
-        with map_on(workers) as where, progress() as reporter:
-            tree = compare(study, terms, map=where, progress=reporter)
+        with where.map() as spread, progress() as reporter:
+            tree = compare(study, terms, map=spread, progress=reporter)
         write(tree, here / archive)
     except KeyboardInterrupt:
-        click.echo("interrupted; nothing was written", err=True)
+        click.echo("interrupted: nothing was written", err=True)
         return ExitCode.INTERRUPTED
     show_comparison(tree)
     output().print(f"archive: {archive}", soft_wrap=True, markup=False, highlight=False)

@@ -11,7 +11,7 @@ import click
 from uqpen import __version__
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import SPELLED_OUT, printable
-from uqpen.errors import UqpenError
+from uqpen.errors import TooManyLostError, UqpenError
 from uqpen.lookup import resolve
 
 __all__ = ["main", "uqpen"]
@@ -26,6 +26,7 @@ COMMANDS = {
     "rerun": "uqpen.cli.rerun:rerun",
     "models": "uqpen.cli.models:models",
     "run": "uqpen.cli.run:run",
+    "serve": "uqpen.cli.serve:serve",
 }
 
 
@@ -81,7 +82,7 @@ def _run(arguments: list[str]) -> int:
         return ExitCode.MISTAKE
     except UqpenError as error:
         click.echo(printable(str(error)), err=True)
-        return ExitCode.MISTAKE
+        return ExitCode.LOST if isinstance(error, TooManyLostError) else ExitCode.MISTAKE
     except MemoryError:
         click.echo("this machine's memory does not suffice for so many runs", err=True)
         return ExitCode.MISTAKE

@@ -7,6 +7,8 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.printable import printable
+from uqpen.cli.workers import Where, fresh_option, workers_option
 
 __all__ = ["rerun"]
 
@@ -24,22 +26,26 @@ __all__ = ["rerun"]
 @click.option(
     "--folder",
     type=click.Path(path_type=Path),
-    default=Path(),
-    help="Where the files lie that its study names.  [default: here]",
+    help="Take the files that its study names from here.  [default: those that it keeps]",
 )
-def rerun(archive: Path, copy: Path | None, trust: bool, folder: Path) -> ExitCode:
+@fresh_option
+@workers_option
+def rerun(
+    archive: Path, copy: Path | None, trust: bool, folder: Path | None, fresh: bool, where: Where
+) -> ExitCode:
     """Run the study whose text ARCHIVE holds, and write an archive of its own.
+
+    If it is interrupted, the same command goes on from the runs that are done.
 
     Leaves with 3 if a design lost all of its runs.
     """
     import shlex
 
     from uqpen.archive.read import open_archive
-    from uqpen.archive.write import prepare_destination, write
-    from uqpen.cli.screen import output, progress
-    from uqpen.summary.losses import has_lost_all
-    from uqpen.verification.archived import archived_study, refuse_foreign_models
-    from uqpen.workflow import run
+    from uqpen.cli.making import make
+    from uqpen.cli.screen import output
+    from uqpen.verification.archived import refuse_foreign_models
+    from uqpen.verification.restored import restored_study
 
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
@@ -48,15 +54,12 @@ def rerun(archive: Path, copy: Path | None, trust: bool, folder: Path) -> ExitCo
     if copy.exists() and copy.samefile(archive):
         raise click.UsageError(f"{copy}: is the archive to repeat, which is not overwritten")
     refuse_foreign_models(tree, archive, trust=trust)
-    study = archived_study(tree, folder.absolute(), trust=trust)
-    prepare_destination(here / copy)
-    with progress() as reporter:
-        again = run(study, progress=reporter)
-    write(again, here / copy)
-    output().print(f"archive: {copy}", soft_wrap=True, markup=False, highlight=False)
-    command = shlex.join(["uqpen", "diff", str(archive), str(copy)])
-    output().print(f"compare: {command}", soft_wrap=True, markup=False, highlight=False)
-    if has_lost_all(again):
-        click.echo("a design lost all of its runs", err=True)
-        return ExitCode.LOST
-    return ExitCode.DONE
+    folder = folder and folder.absolute()
+    with restored_study(tree, folder, trust=trust) as restored:
+        for line in restored.differing:
+            click.echo(printable(f"not the archive's file: {line}"), err=True)
+        code = make(restored.study, here, copy, fresh=fresh, where=where)
+    if code is not ExitCode.INTERRUPTED:
+        command = shlex.join(["uqpen", "diff", str(archive), str(copy)])
+        output().print(f"compare: {command}", soft_wrap=True, markup=False, highlight=False)
+    return code

@@ -4,28 +4,23 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 
 import xarray as xr
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-from rich.progress import Progress as Bar
 from rich.table import Table
 from rich.text import Text
 
 from uqpen.archive.read import models_in, names_in
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import printable
-from uqpen.evaluation import Progress
 from uqpen.labels import RUNS, STATUS_TEXT
 from uqpen.summary.losses import losses
 from uqpen.summary.table import OutputTable
 from uqpen.summary.tables import output_tables
 
-__all__ = ["output", "plain_table", "progress", "show_table", "show_tables"]
+__all__ = ["output", "plain_table", "show_table", "show_tables"]
 
 _GAP = 3
 
@@ -114,72 +109,3 @@ def _parts(table: OutputTable, width: int) -> Iterator[tuple[Table, int]]:
         part = plain_table(["", *table.columns[start:end]], rows)
         yield part, longest + sum(widths[start:end])
         start = end
-
-
-@contextmanager
-def progress() -> Iterator[Progress]:
-    """A bar on a terminal, a line for each design elsewhere."""
-    console = Console(stderr=True, highlight=False)
-    if not console.is_terminal:
-        reporter = _Lines(console)
-        yield reporter
-        reporter.finish()
-        return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    with Bar(*columns, console=console, transient=True) as bar:
-        yield _Bar(bar)
-
-
-class _Bar(Progress):
-    """A bar for each design."""
-
-    def __init__(self, bar: Bar) -> None:
-        self._bar = bar
-        self._task = bar.add_task("", total=None)
-
-    def preparing(self, model: str) -> None:
-        self._bar.update(self._task, description=f"preparing {model}")
-
-    def design(self, name: str, runs: int) -> None:
-        self._bar.remove_task(self._task)
-        self._task = self._bar.add_task(name, total=runs)
-
-    def advance(self, runs: int, lost: int, under_way: int) -> None:
-        self._bar.advance(self._task, runs)
-
-    def analysing(self) -> None:
-        self._bar.remove_task(self._task)
-        self._task = self._bar.add_task("analysing", total=None)
-
-
-class _Lines(Progress):
-    """A line when a design ends."""
-
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        self._name = ""
-        self._done = 0
-        self._began = 0.0
-
-    def design(self, name: str, runs: int) -> None:
-        self.finish()
-        self._name, self._done, self._began = name, 0, time.monotonic()
-
-    def advance(self, runs: int, lost: int, under_way: int) -> None:
-        self._done += runs
-
-    def analysing(self) -> None:
-        self.finish()
-
-    def finish(self) -> None:
-        """Say how long the last design took."""
-        if self._name:
-            took = time.monotonic() - self._began
-            line = Text(f"{self._name}: {self._done} runs in {took:.2f} s")
-            self._console.print(line, soft_wrap=True)
-            self._name = ""

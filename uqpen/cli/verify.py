@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.workers import Where, workers_option
 
 __all__ = ["verify"]
 
@@ -23,10 +24,12 @@ __all__ = ["verify"]
 @click.option(
     "--folder",
     type=click.Path(path_type=Path),
-    default=Path(),
-    help="Where the files lie that its study names.  [default: here]",
+    help="Take the files that its study names from here.  [default: those that it keeps]",
 )
-def verify(archive: Path, runs: int | None, all_runs: bool, trust: bool, folder: Path) -> ExitCode:
+@workers_option
+def verify(
+    archive: Path, runs: int | None, all_runs: bool, trust: bool, folder: Path | None, where: Where
+) -> ExitCode:
     """Check that ARCHIVE is as it was written, and that its study gives what it holds.
 
     Its hashes are checked, some of its runs repeated at the inputs that it holds, and all of its
@@ -34,7 +37,7 @@ def verify(archive: Path, runs: int | None, all_runs: bool, trust: bool, folder:
 
     Leaves with 4 if something is different, with 2 if its study cannot be read again here.
     """
-    from uqpen.cli.screen import progress
+    from uqpen.cli.progress import progress
     from uqpen.cli.verification_screen import show_part
     from uqpen.verification.report import Verdict
     from uqpen.verification.verify import verify
@@ -43,9 +46,11 @@ def verify(archive: Path, runs: int | None, all_runs: bool, trust: bool, folder:
         raise click.UsageError("--runs and --all exclude each other")
     number = None if all_runs else runs or 100
     # Where the user stands now: a model may go elsewhere once it is loaded.
-    folder = folder.absolute()
-    with progress() as reporter:
-        parts = list(verify(archive, folder=folder, runs=number, trust=trust, progress=reporter))
+    folder = folder and folder.absolute()
+    with where.map() as spread, progress() as reporter:
+        parts = list(
+            verify(archive, folder=folder, runs=number, trust=trust, map=spread, progress=reporter)
+        )
     for part in parts:
         show_part(part)
     verdicts = {part.verdict for part in parts}

@@ -1,30 +1,73 @@
-"""``--workers``: where the runs of a command are made."""
+"""``--workers`` and ``--scheduler``: where the runs of a command are made."""
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 if TYPE_CHECKING:
     from uqpen.evaluation import Map
 
-__all__ = ["map_on", "workers_option"]
+__all__ = ["Where", "fresh_option", "workers_option"]
 
-workers_option = click.option(
+_WORKERS = click.option(
     "--workers",
     type=click.IntRange(min=1),
-    default=1,
     metavar="N",
     help="Make the runs on N processes; the archive is the same.  [default: 1]",
 )
+_SCHEDULER = click.option(
+    "--scheduler",
+    metavar="ADDRESS|FILE",
+    help="Make the runs on the Dask cluster with this scheduler; the archive is the same.",
+)
 
 
-def map_on(workers: int) -> AbstractContextManager[Map]:
-    """A map over batches of runs: here for one worker, on processes of their own for more."""
-    if workers == 1:
-        return nullcontext(map)
-    from uqpen.executors.processes import processes
+def workers_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """A command that is told where to make runs, as its argument `where`."""
 
-    return processes(workers)
+    @_WORKERS
+    @_SCHEDULER
+    @functools.wraps(command)
+    def told(*arguments: Any, workers: int | None, scheduler: str | None, **options: Any) -> Any:
+        if workers is not None and scheduler is not None:
+            raise click.UsageError("--workers and --scheduler exclude each other")
+        return command(*arguments, where=Where(workers or 1, scheduler), **options)
+
+    return told
+
+
+fresh_option = click.option(
+    "--fresh", is_flag=True, help="Make all runs anew, those too that an earlier start has kept."
+)
+
+
+class Where(NamedTuple):
+    """Where the runs of a command are made.
+
+    Attributes
+    ----------
+    workers : int
+        On so many processes; in this one, for one.
+    scheduler : str or None
+        On the Dask cluster with this scheduler instead.
+    """
+
+    workers: int
+    scheduler: str | None
+
+    def map(self) -> AbstractContextManager[Map]:
+        """A map over batches of runs."""
+        if self.scheduler is not None:
+            from uqpen.executors.cluster import cluster
+
+            return cluster(self.scheduler)
+        if self.workers == 1:
+            return nullcontext(map)
+        from uqpen.executors.processes import processes
+
+        return processes(self.workers)

@@ -9,6 +9,7 @@ from typing import ClassVar
 import xarray as xr
 
 from uqpen.errors import Problem
+from uqpen.files import FileRead
 from uqpen.inputs.law import InputLaw
 from uqpen.labels import Sampling
 from uqpen.settings import validate
@@ -73,6 +74,10 @@ class Design(ABC):
     @abstractmethod
     def size(self, law: InputLaw) -> int:
         """How many runs it makes, or will at most."""
+
+    def files(self) -> tuple[FileRead, ...]:
+        """The files that its points come from, as they stood when they were read."""
+        return ()
 
     def scaled(self, law: InputLaw, runs: int, *, replicated: bool) -> Design | None:
         """The same design with another number of runs, for a comparison at equal budgets.

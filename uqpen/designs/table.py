@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.columns import Column, read_columns
+from uqpen.columns import Sheet, read_columns
 from uqpen.designs.design import Design, Rounds
 from uqpen.errors import TableError
+from uqpen.files import FileRead
 from uqpen.inputs.law import InputLaw, points_dataset
 from uqpen.labels import Sampling
 from uqpen.lookup import choices
@@ -65,7 +66,7 @@ class Table(Design):
         """
         known = {variable.name: variable for variable in law.variables}
         columns: dict[str, npt.NDArray[np.float64]] = {}
-        for column in self._read:
+        for column in self._read.columns:
             name = column.name
             if name not in known:
                 raise TableError(f'column "{name}" is no input; {choices(name, known)}')
@@ -81,7 +82,10 @@ class Table(Design):
                 raise TableError(f'no column "{entry.variable.name}", an input that is random')
         return columns
 
+    def files(self) -> tuple[FileRead, ...]:
+        return (self._read.file,)
+
     @cached_property
-    def _read(self) -> tuple[Column, ...]:
+    def _read(self) -> Sheet:
         """The table as it stands in the file; read once, so that it cannot change in mid-study."""
         return read_columns(self.file)

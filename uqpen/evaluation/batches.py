@@ -12,7 +12,7 @@ import numpy.typing as npt
 from uqpen.executors.work import Batch
 from uqpen.streams import BLOCK
 
-__all__ = ["Pace", "one_by_one", "vectorized"]
+__all__ = ["WORTH_SENDING", "Pace", "one_by_one", "vectorized"]
 
 Columns = Mapping[str, npt.NDArray[np.float64]]
 BoolArray = npt.NDArray[np.bool_]
@@ -22,7 +22,7 @@ _BATCHES, _SMALLEST = 16, 1024
 
 # How long the runs should take, in seconds, that are sent in one batch; none may be so long that
 # much is lost with it, nor so short that sending it takes longer than making it.
-_WORTH_SENDING = 0.02
+WORTH_SENDING = 0.01
 _MOST_AT_ONCE = 1024
 
 # Over how many answers the pace is measured.
@@ -71,9 +71,19 @@ def one_by_one(columns: Columns, done: BoolArray, pace: Pace) -> Iterator[Batch]
 
 
 class Pace:
-    """How fast runs come back, which no result depends on."""
+    """How fast runs come back, which no result depends on.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    worth_sending : float
+        How long the runs should take that are sent at once, in seconds.
+    is_alone : bool
+        Whether each run has to be by itself, as a limit on its time is kept.
+    """
+
+    def __init__(self, worth_sending: float, *, is_alone: bool = False) -> None:
+        self._worth_sending = worth_sending
+        self._is_alone = is_alone
         self._answers: deque[tuple[float, int]] = deque(maxlen=_WINDOW)
 
     def returned(self, runs: int) -> None:
@@ -83,13 +93,13 @@ class Pace:
     @property
     def size(self) -> int:
         """How many runs are worth sending at once."""
-        if len(self._answers) < 2:
+        if self._is_alone or len(self._answers) < 2:
             return 1
         took = self._answers[-1][0] - self._answers[0][0]
         runs = sum(runs for _, runs in self._answers) - self._answers[0][1]
-        if took * _MOST_AT_ONCE <= runs * _WORTH_SENDING:
+        if took * _MOST_AT_ONCE <= runs * self._worth_sending:
             return _MOST_AT_ONCE
-        return max(1, int(runs * _WORTH_SENDING / took))
+        return max(1, int(runs * self._worth_sending / took))
 
 
 def _batch(columns: Columns, start: int, end: int) -> Batch:

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.executors.supervision import in_child, is_supervised
 from uqpen.executors.work import Batch, Piece
 from uqpen.inputs.constraints import Constraint
 from uqpen.labels import Status
-from uqpen.model import Model, Results, inadmissible
+from uqpen.limits import Limits
+from uqpen.model import Arrays, Model, Results, inadmissible
 
 __all__ = ["Batchwise", "Evaluator"]
 
 FloatArray = npt.NDArray[np.float64]
+
+# Of one batch; a model may warn at every run.
+_MOST_WARNINGS = 16
 
 
 @dataclass(frozen=True)
@@ -36,6 +43,8 @@ class Evaluator:
 
     def __call__(self, inputs: dict[str, FloatArray]) -> Results:
         """Results of a batch of points, given in SI units."""
+        if self.model.supervision and not is_supervised():
+            return in_child(Batchwise(self), Batch(0, inputs)).results
         runs = len(next(iter(inputs.values())))
         status = np.full(runs, Status.OK, dtype=np.int8)
         reasons: dict[int, str] = {}
@@ -89,13 +98,31 @@ class Batchwise:
     ----------
     evaluator : Evaluator
         What makes the runs of a batch.
+    retries : int
+        How often a run that was lost is made again.
     """
 
     evaluator: Evaluator
+    retries: int = 0
+
+    @property
+    def limits(self) -> Limits:
+        """What one run may use."""
+        return self.evaluator.model.supervision
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether the model can hang or kill the process it is called in."""
+        return self.evaluator.model.is_foreign
 
     def __call__(self, batch: Batch) -> Piece:
         """What came of a batch."""
-        return Piece(batch.start, self.evaluator(dict(batch.inputs)))
+        if self.limits and not is_supervised():
+            return in_child(self, batch)
+        with warnings.catch_warnings(record=True) as caught:
+            results = self._tried(batch.inputs)
+        told = dict.fromkeys(map(_told, caught))
+        return Piece(batch.start, results, tuple(told)[:_MOST_WARNINGS])
 
     def lost(self, batch: Batch, status: Status, reason: str) -> Piece:
         """What comes of a batch whose runs were all lost to the same."""
@@ -104,3 +131,30 @@ class Batchwise:
         statuses = np.full(runs, status, dtype=np.int8)
         reasons = dict.fromkeys(range(runs), reason)
         return Piece(batch.start, Results(outputs, statuses, reasons))
+
+    def _tried(self, inputs: Arrays) -> Results:
+        """Results of a batch; what was lost is tried again, each run by itself."""
+        results = self.evaluator(dict(inputs))
+        for _ in range(self.retries):
+            for run in np.flatnonzero(results.status > Status.INADMISSIBLE).tolist():
+                one = {name: values[run : run + 1] for name, values in inputs.items()}
+                results = _with(results, run, self.evaluator(one))
+        return results
+
+
+def _with(results: Results, run: int, one: Results) -> Results:
+    """Results with those of a single run in the place of its own."""
+    outputs = {name: values.copy() for name, values in results.outputs.items()}
+    status, reasons = results.status.copy(), dict(results.reasons)
+    for name, values in one.outputs.items():
+        outputs[name][run] = values[0]
+    status[run] = one.status[0]
+    reasons.pop(run, None)
+    if one.reasons:
+        reasons[run] = one.reasons[0]
+    return Results(outputs, status, reasons, results.files | one.files)
+
+
+def _told(warning: warnings.WarningMessage) -> str:
+    text = " ".join(str(warning.message).split())
+    return f"{warning.category.__name__}: {text} ({Path(warning.filename).name}:{warning.lineno})"

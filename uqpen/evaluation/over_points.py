@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.evaluation.batches import Pace, one_by_one, vectorized
+from uqpen.evaluation.batches import WORTH_SENDING, Pace, one_by_one, vectorized
 from uqpen.evaluation.evaluator import Batchwise, Evaluator
+from uqpen.evaluation.failures import Failures, Losses
 from uqpen.evaluation.keeper import Keeper
 from uqpen.evaluation.progress import Progress
 from uqpen.executors.work import Batch, Map, Piece
@@ -28,6 +29,7 @@ def evaluate(
     map: Map = map,
     progress: Progress | None = None,
     keeper: Keeper | None = None,
+    failures: Failures | None = None,
 ) -> xr.Dataset:
     """Run a model over points.
 
@@ -45,34 +47,47 @@ def evaluate(
         Told how far it is.
     keeper : Keeper, optional
         Who has kept runs before, and keeps those that are done.
+    failures : Failures, optional
+        What is done about runs that are lost.
 
     Returns
     -------
     Dataset
         The points with an output variable each along ``run``, ``status(run)``, and the reasons of
         lost runs along their own dimension.
+
+    Raises
+    ------
+    TooManyLostError
+        If more runs were lost than are allowed.
     """
-    progress, keeper = progress or Progress(), keeper or Keeper()
+    progress, keeper, failures = progress or Progress(), keeper or Keeper(), failures or Failures()
     model, total = evaluator.model, points.sizes[RUN]
     columns = {str(name): np.broadcast_to(points[name].values, total) for name in points.data_vars}
     made = _Made(model.outputs, total)
+    losses = Losses(failures.at_most, total)
     for piece in keeper.found(columns):
         made.add(piece)
+        losses.add(piece)
         model.consists_of(piece.results.files)
-        progress.found(len(piece))
-    pace = Pace()
+    if made.done.any():
+        progress.found(int(made.done.sum()))
+    pace = Pace(getattr(map, "worth_sending", WORTH_SENDING), is_alone=bool(model.supervision))
     batches = made.counted(
         vectorized(columns, made.done.copy())
         if model.vectorized
         else one_by_one(columns, made.done.copy(), pace)
     )
-    for piece in map(Batchwise(evaluator), batches):
+    for piece in map(Batchwise(evaluator, failures.retry), batches):
         pace.returned(len(piece))
         made.under_way -= len(piece)
         made.add(piece)
-        keeper.keep(columns, piece)
+        # Before it is kept, as it may be of another version of the model.
         model.consists_of(piece.results.files)
-        progress.advance(len(piece), _lost(piece), made.under_way)
+        keeper.keep(columns, piece)
+        for warning in piece.warnings:
+            progress.warned(warning)
+        progress.advance(len(piece), losses.add(piece), made.under_way)
     runs = points.assign(made.variables(model.outputs))
     _describe(runs, model, display_units)
     return runs
@@ -119,10 +134,6 @@ class _Made:
         reasons = np.array([self._reasons[run] for run in lost], dtype=object)
         lost_runs = (LOST, np.array(lost, dtype=np.int64))
         return {**variables, LOST: lost_runs, REASON: (LOST, reasons)}
-
-
-def _lost(piece: Piece) -> int:
-    return int(np.count_nonzero(piece.results.status > Status.INADMISSIBLE))
 
 
 def _describe(runs: xr.Dataset, model: Model, display_units: Mapping[str, str]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 __all__ = ["Progress"]
 
 
@@ -22,3 +24,7 @@ class Progress:
 
     def analysing(self) -> None:
         """All runs are done; what they tell is being worked out."""
+
+    def warned(self, text: str) -> None:
+        """Something was worth a warning, which changes no result."""
+        warnings.warn(text, RuntimeWarning, stacklevel=2)

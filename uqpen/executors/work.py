@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.labels import Status
+from uqpen.limits import Limits
 from uqpen.model import Results
 
-__all__ = ["Batch", "Map", "Piece", "Work"]
+__all__ = ["Batch", "Map", "Piece", "Work", "joined"]
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,15 @@ class Batch:
     def halves(self) -> Iterator[Batch]:
         """The same runs as two batches; there are two at least."""
         middle = len(self) // 2
-        for begin, end in ((0, middle), (middle, len(self))):
-            some = {name: values[begin:end] for name, values in self.inputs.items()}
-            yield Batch(self.start + begin, some)
+        yield from (self._part(0, middle), self._part(middle, len(self)))
+
+    def singles(self) -> Iterator[Batch]:
+        """The same runs, each as a batch."""
+        return (self._part(run, run + 1) for run in range(len(self)))
+
+    def _part(self, begin: int, end: int) -> Batch:
+        some = {name: values[begin:end] for name, values in self.inputs.items()}
+        return Batch(self.start + begin, some)
 
 
 @dataclass(frozen=True)
@@ -51,17 +58,55 @@ class Piece:
         The number of its first run.
     results : Results
         Of it and of those that follow.
+    warnings : tuple of str
+        What Python has warned of meanwhile, which changes no result.
     """
 
     start: int
     results: Results
+    warnings: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.results.status)
 
 
+def joined(results: Sequence[Results]) -> Results:
+    """Results of batches that follow each other as those of one, of which there is at least one."""
+    if len(results) == 1:
+        return results[0]
+    starts = np.cumsum([0, *(len(each.status) for each in results)])
+    return Results(
+        {
+            name: np.concatenate([each.outputs[name] for each in results])
+            for name in results[0].outputs
+        },
+        np.concatenate([each.status for each in results]),
+        {
+            int(start) + run: reason
+            for start, each in zip(starts, results, strict=False)
+            for run, reason in each.reasons.items()
+        },
+        frozenset[str]().union(*(each.files for each in results)),
+    )
+
+
 class Work(Protocol):
     """What is done with a batch."""
+
+    @property
+    def limits(self) -> Limits:
+        """What one run may use."""
+        ...
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether it calls code that can hang or kill the process it is called in."""
+        ...
+
+    @property
+    def retries(self) -> int:
+        """How often a run that was lost is made again."""
+        ...
 
     def __call__(self, batch: Batch, /) -> Piece:
         """What came of a batch."""

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import contextlib
-import functools
+import math
 import multiprocessing
 import os
 import pickle
 import signal
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Iterator
 from multiprocessing import resource_tracker
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerContext, SpawnContext
 from typing import Any
 
 import numpy as np
 
-from uqpen.executors.work import Batch, Piece
+from uqpen.executors.memory import limited
+from uqpen.executors.supervision import set_supervised
+from uqpen.executors.work import Batch, Piece, Work
+from uqpen.limits import Limits
 
 __all__ = ["DiedError", "Worker"]
 
@@ -51,11 +55,14 @@ class Worker:
         context = _context()
         self.connection, inside = context.Pipe()
         self._process = context.Process(target=_serve, args=(inside,), name="uqpen worker")
-        with _interrupts_held():
+        with _interrupts_held(), _free_to_start():
             self._process.start()
         inside.close()
         self.task: Any = None
         self.is_ready = False
+        self.late_at = math.inf
+        self._seconds = math.inf
+        self._known: set[bytes] = set()
 
     @property
     def is_idle(self) -> bool:
@@ -67,12 +74,34 @@ class Worker:
         """What to wait for: an answer, or its end."""
         return self.connection, self._process.sentinel
 
-    def give(self, task: Any, work: bytes, batch: Batch) -> None:
-        """Have `work`, a pickled callable, done on the batch of a task."""
+    @property
+    def has_spoken(self) -> bool:
+        """Whether there is an answer, or its end."""
+        return bool(wait(self.signs, 0))
+
+    def give(self, task: Any, work: bytes, limits: Limits) -> None:
+        """Have `work`, a pickled callable, done on the batch of a task.
+
+        Its time begins when it has been loaded there, which it is once.
+        """
         self.task = task
+        self._seconds = math.inf if limits.seconds is None else limits.seconds
+        if work in self._known:
+            self.begins()
+        self._known.add(work)
         # If it is dead, its end is noticed as that of any other worker with a task.
         with contextlib.suppress(OSError):
-            self.connection.send((work, batch))
+            self.connection.send((work, task.batch, limits.bytes))
+
+    def begins(self) -> None:
+        """Note that it is ready, and has begun what it was given."""
+        self.is_ready = True
+        if self.task is not None:
+            self.late_at = time.monotonic() + self._seconds
+
+    def is_done(self) -> None:
+        """Note that it has answered."""
+        self.task, self.late_at = None, math.inf
 
     def answer(self) -> Piece | BaseException | None:
         """What it has sent, None if that is only that it is ready.
@@ -114,13 +143,14 @@ def _serve(connection: Connection[Any, Any]) -> None:
     if sys.platform != "win32":
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     threading.Thread(target=_leave_with_parent, daemon=True).start()
+    set_supervised()
     # A model with noise of its own must not find the same noise in every worker.
     np.random.seed()  # noqa: NPY002 - the one that a model shares with others
-    load = functools.lru_cache(maxsize=_KNOWN)(pickle.loads)
+    known: dict[bytes, Work] = {}
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         connection.send(None)
         while (message := connection.recv()) is not None:
-            connection.send(_done(load, *message))
+            connection.send(_done(connection, known, *message))
 
 
 def _leave_with_parent() -> None:
@@ -131,10 +161,22 @@ def _leave_with_parent() -> None:
         os._exit(_ORPHANED)
 
 
-def _done(load: Any, work: bytes, batch: Batch) -> Any:
+def _done(
+    connection: Connection[Any, Any],
+    known: dict[bytes, Work],
+    pickled: bytes,
+    batch: Batch,
+    memory: int | None,
+) -> Piece | BaseException:
     """What came of a batch, or what was raised in its place."""
     try:
-        return load(work)(batch)
+        if pickled not in known:
+            while len(known) >= _KNOWN:
+                known.pop(next(iter(known)))
+            known[pickled] = pickle.loads(pickled)
+            connection.send(None)
+        with limited(memory):
+            return known[pickled](batch)
     except BaseException as error:  # it is raised again where the study runs
         error.add_note("in a worker:\n" + "".join(traceback.format_exception(error)))
         return error
@@ -147,6 +189,22 @@ def _context() -> ForkServerContext | SpawnContext:
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(_PRELOADED)
     return context
+
+
+@contextlib.contextmanager
+def _free_to_start() -> Iterator[None]:
+    """While this lasts, a process may start another even if it is somebody's daemon.
+
+    A worker of Dask is. The rule is there since daemons are killed without further ado and leave
+    their children behind; those of ours leave by themselves.
+    """
+    configuration: dict[str, Any] = getattr(multiprocessing.current_process(), "_config", {})
+    is_daemon = configuration.pop("daemon", None)
+    try:
+        yield
+    finally:
+        if is_daemon is not None:
+            configuration["daemon"] = is_daemon
 
 
 @contextlib.contextmanager

@@ -29,6 +29,12 @@ class Distribution(ABC):
     A subclass is a frozen dataclass of its parameters, in SI units.
     """
 
+    def __init_subclass__(cls) -> None:
+        # Far out, the formulas overflow on their way to 0, to 1 or to an end of the law.
+        for name in ("quantile", "exceeded", "below", "above"):
+            if name in vars(cls):
+                setattr(cls, name, np.errstate(all="ignore")(vars(cls)[name]))
+
     def __post_init__(self) -> None:
         validate(self, self.disorder())
 
@@ -56,8 +62,7 @@ class Distribution(ABC):
     def is_finite(self) -> bool:
         """Whether every draw is a finite number."""
         try:
-            with np.errstate(all="ignore"):
-                ends = self.quantile(np.array([OPEN[0], 0.5, OPEN[1]]))
+            ends = self.quantile(np.array([OPEN[0], 0.5, OPEN[1]]))
         except (ArithmeticError, SettingsError):
             return False  # parameters so large or small that the formulas overflow
         return bool(np.isfinite(ends).all() and ends[0] < ends[-1])

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.files import FileRead
 from uqpen.inputs.dependence import Dependence
 from uqpen.inputs.distribution import OPEN, Distribution
 from uqpen.labels import DEPENDENCE, ROLE, RUN
@@ -60,6 +61,8 @@ class RandomInput:
         The distribution as its author wrote it.
     fit : mapping of str to str, int or float
         Where the distribution follows from measurements: how many, and how well it fits them.
+    files : tuple of FileRead
+        Where those measurements stand.
     """
 
     variable: Input
@@ -67,6 +70,7 @@ class RandomInput:
     display_unit: str
     description: str = ""
     fit: Mapping[str, str | int | float] = field(default_factory=dict, hash=False)
+    files: tuple[FileRead, ...] = ()
 
     @property
     def nominal(self) -> float:
@@ -101,6 +105,11 @@ class InputLaw:
     def random(self) -> tuple[RandomInput, ...]:
         """The inputs with a distribution."""
         return tuple(entry for entry in self.inputs if isinstance(entry, RandomInput))
+
+    @property
+    def files(self) -> tuple[FileRead, ...]:
+        """The files that its distributions follow from, as they stood when they were read."""
+        return tuple(file for entry in self.random for file in entry.files)
 
     @property
     def is_independent(self) -> bool:

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.columns import Column, read_columns
+from uqpen.columns import Column, Sheet, read_columns
 from uqpen.errors import Problem, TableError
+from uqpen.files import FileRead
 from uqpen.inputs.distribution import Distribution
 from uqpen.lookup import choices
 from uqpen.model import Input
@@ -43,9 +44,18 @@ class Measurements:
 
     file: Path = file()
 
-    @cached_property
+    @property
     def columns(self) -> tuple[Column, ...]:
         """The columns of the file; raises TableError where it cannot be read."""
+        return self._read.columns
+
+    @property
+    def source(self) -> FileRead:
+        """The file as it stood when it was read; raises TableError where it cannot be."""
+        return self._read.file
+
+    @cached_property
+    def _read(self) -> Sheet:
         return read_columns(self.file)
 
     def column(self, heading: str) -> Column:

@@ -35,7 +35,7 @@ class Truncated(Distribution):
 
     def disorder(self) -> Iterator[Problem]:
         yield from order_problem(self.lower, self.upper)
-        if self.lower < self.upper and not self._mass() > 0:
+        if self.lower < self.upper and not self._leaves_some():
             found = f"{self.lower:g} to {self.upper:g}, where the law has no probability"
             yield Problem((), found, "limits that leave some of the law")
 
@@ -62,6 +62,12 @@ class Truncated(Distribution):
     def _is_upper_tail(self) -> bool:
         """Whether what is left lies in the parent's upper half, where 1 - F is the exact one."""
         return bool(self.parent.below(np.array(self.lower)) > 0.5)
+
+    def _leaves_some(self) -> bool:
+        try:
+            return self._mass() > 0
+        except ArithmeticError:
+            return False  # parameters so large or small that the formulas overflow
 
     def _mass(self) -> float:
         lower, upper = np.array(self.lower), np.array(self.upper)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqpen.model import Arrays, Bounds, Input, Model, Output, Results
+from uqpen.model import Arrays, Bounds, Input, Output, Results
+from uqpen.models.source import BuiltIn
 from uqpen.settings import number, validate
 
 __all__ = ["Ishigami"]
@@ -16,7 +17,7 @@ _RANGE = Bounds(-math.pi, math.pi, lower_included=True, upper_included=True)
 
 
 @dataclass(frozen=True)
-class Ishigami(Model):
+class Ishigami(BuiltIn):
     """y = sin x1 + a sin² x2 + b x3⁴ sin x1, smooth, not monotonic, with an interaction.
 
     With x1, x2, x3 uniform over -π to π its mean is a / 2 and its variance
@@ -47,6 +48,3 @@ class Ishigami(Model):
         x1, x2, x3 = inputs["x1"], inputs["x2"], inputs["x3"]
         y = np.sin(x1) + self.a * np.sin(x2) ** 2 + self.b * x3**4 * np.sin(x1)
         return Results.all_ok({"y": y})
-
-    def identity(self) -> dict[str, str]:
-        return {"name": self.name, "a": repr(self.a), "b": repr(self.b)}

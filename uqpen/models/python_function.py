@@ -19,17 +19,15 @@ import numpy.typing as npt
 
 from uqpen.arrays import floats
 from uqpen.errors import ModelError
+from uqpen.files import FileRead
 from uqpen.labels import Status
+from uqpen.limits import Limits
 from uqpen.model import Arrays, Input, Model, Output, Results
+from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import Surroundings
 from uqpen.units import scale
 
-__all__ = ["FunctionLoader", "PythonFunction", "check_signature", "load_function"]
-
-# From the name of a function and the folder of its study to what is called, and in what.
-FunctionLoader = Callable[[str, Path], tuple[Callable[..., Any], Surroundings | None]]
-
-_LONGEST_REASON = 200
+__all__ = ["PythonFunction", "check_signature", "load_function"]
 
 
 class _UnusableError(Exception):
@@ -55,6 +53,8 @@ class PythonFunction(Model):
         Whether it takes and returns arrays of shape (run,); else one float for each.
     surroundings : Surroundings, optional
         What the function must be called in; its source tells one version of a model from another.
+    supervision : Limits
+        What one run may use; if anything is limited, runs are made in a process of their own.
     """
 
     function: Callable[..., Mapping[str, Any]]
@@ -64,6 +64,8 @@ class PythonFunction(Model):
     called_in: Mapping[str, str]
     vectorized: bool = False
     surroundings: Surroundings | None = field(default=None, repr=False, compare=False)
+    supervision: Limits = Limits()
+    is_foreign: bool = field(default=True, init=False)
 
     def evaluate(self, inputs: Arrays) -> Results:
         arguments = {
@@ -84,19 +86,22 @@ class PythonFunction(Model):
         for output in self.outputs:
             measure = scale(self.called_in[output.name])
             outputs[output.name] = outputs[output.name] * measure.factor + measure.offset
-        files = self.surroundings.files() if self.surroundings else frozenset()
-        return Results(outputs, status, reasons, files)
+        imported = self.surroundings.imported if self.surroundings else frozenset()
+        return Results(outputs, status, reasons, imported)
 
     def consists_of(self, files: frozenset[str]) -> None:
         if self.surroundings:
             self.surroundings.note(files)
 
+    def files(self) -> tuple[FileRead, ...]:
+        return self.surroundings.files() if self.surroundings else ()
+
     def __reduce__(self) -> tuple[Any, ...]:
         # Another process loads the function itself: its modules cannot be sent.
         declared = (self.name, self.inputs, self.outputs, self.called_in, self.vectorized)
         if self.surroundings is None:
-            return PythonFunction, (self.function, *declared)
-        return _loaded, (self.surroundings.folder, *declared)
+            return PythonFunction, (self.function, *declared, None, self.supervision)
+        return _loaded, (self.surroundings.folder, *declared, self.supervision)
 
     def identity(self) -> dict[str, str]:
         if self.surroundings is None:
@@ -139,7 +144,7 @@ class PythonFunction(Model):
         try:
             return _checked(returned, [output.name for output in self.outputs], runs)
         except _UnusableError as refused:
-            return _one_line(str(refused))
+            return one_line(str(refused))
 
 
 def _checked(
@@ -190,6 +195,9 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], Sur
     surroundings = Surroundings(folder)
     with surroundings.entered():
         module = _imported(where, folder)
+    if where.endswith(".py"):
+        # It may lie elsewhere.
+        surroundings.read(str(folder / where))
     function = getattr(module, name, None)
     if not callable(function):
         known = [key for key, value in vars(module).items() if inspect.isfunction(value)]
@@ -205,10 +213,13 @@ def _loaded(
     outputs: tuple[Output, ...],
     called_in: Mapping[str, str],
     vectorized: bool,
+    limits: Limits,
 ) -> PythonFunction:
     """A model as it was declared, its function loaded anew."""
     function, surroundings = load_function(reference, folder)
-    return PythonFunction(function, reference, inputs, outputs, called_in, vectorized, surroundings)
+    return PythonFunction(
+        function, reference, inputs, outputs, called_in, vectorized, surroundings, limits
+    )
 
 
 def check_signature(function: Callable[..., Any], names: list[str]) -> None:
@@ -243,7 +254,7 @@ def _imported(where: str, folder: Path) -> Any:
         place = traceback.extract_tb(error.__traceback__)[-1]
         line = getattr(error, "lineno", None) or place.lineno
         text = f'importing "{where}" failed at line {line}: {_described(error)}'
-        raise ModelError(_one_line(text)) from None
+        raise ModelError(one_line(text)) from None
 
 
 def _from_file(path: Path) -> Any:
@@ -262,12 +273,6 @@ def _from_file(path: Path) -> Any:
 def _described(error: BaseException) -> str:
     """An exception in one line, whatever its own text does."""
     try:
-        return _one_line(f"{type(error).__name__}: {error}")
+        return one_line(f"{type(error).__name__}: {error}").removesuffix(":")
     except Exception:  # a foreign exception whose text raises another
         return type(error).__name__
-
-
-def _one_line(text: str) -> str:
-    """A text as a reason can hold it: one line, not too long, and no half characters."""
-    line = " ".join(text.encode("utf-8", "replace").decode("utf-8").split())
-    return line if len(line) <= _LONGEST_REASON else line[: _LONGEST_REASON - 1] + "…"

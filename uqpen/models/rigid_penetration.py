@@ -6,13 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from uqpen.model import Arrays, BoolArray, Model, Results
+from uqpen.model import Arrays, BoolArray, Results
 from uqpen.models import rod_and_target
+from uqpen.models.source import BuiltIn
 
 __all__ = ["RigidPenetration"]
 
 
-class RigidPenetration(Model):
+class RigidPenetration(BuiltIn):
     """Penetration of a rod that keeps its length, with Walker and Anderson's target.
 
     It takes the inputs of `walker-anderson` and gives its outputs, so that a study can put one in

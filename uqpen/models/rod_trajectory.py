@@ -220,17 +220,19 @@ def integrate_erosion(rod: Rod, tolerance: float, *, dense_output: bool = False)
             raise TrajectoryError(f"erosion did not end within {_MOST_EVALUATIONS} evaluations")
         return erosion_slopes(time, state, rod)
 
-    solution = solve_ivp(
-        slopes,
-        (0.0, longest if erodes else 0.0),
-        at_impact,
-        method="DOP853",
-        events=(_tail_caught_up, _nose_at_rest),
-        dense_output=dense_output,
-        args=(rod,),
-        rtol=tolerance,
-        atol=tolerance * 1e-2 * scales,
-    )
+    # Of numbers that overflow, no course comes, which is told below.
+    with np.errstate(all="ignore"):
+        solution = solve_ivp(
+            slopes,
+            (0.0, longest if erodes else 0.0),
+            at_impact,
+            method="DOP853",
+            events=(_tail_caught_up, _nose_at_rest),
+            dense_output=dense_output,
+            args=(rod,),
+            rtol=tolerance,
+            atol=tolerance * 1e-2 * scales,
+        )
     if erodes and solution.status != 1:
         raise TrajectoryError(f"erosion did not come to an end: {solution.message}")
     return solution

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import sys
 import sysconfig
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
+
+from uqpen.errors import ModelError
+from uqpen.files import FileRead
 
 __all__ = ["Surroundings"]
 
@@ -17,12 +21,17 @@ _INSTALLED = tuple(
     sysconfig.get_path(name) + os.sep for name in ("stdlib", "platstdlib", "purelib", "platlib")
 )
 
+# What stands between a hash and the name of its file, as sha256sum has it.
+_BETWEEN = "  "
+
 
 class Surroundings:
     """Modules beside a model, which it can import as it would when run from its own folder.
 
     Two models may lie beside modules of the same name, and the program that calls uqpen may have
-    imported yet others: so a model's own are in place only while it is loaded or run.
+    imported yet others: so a model's own are in place only while it is loaded or run. What stands
+    in their files is read as soon as they have been imported, so that whoever edits one while the
+    study runs does not change what the study was made with.
 
     Parameters
     ----------
@@ -33,7 +42,8 @@ class Surroundings:
     def __init__(self, folder: Path) -> None:
         self._folder = str(folder)
         self._modules: dict[str, ModuleType] = {}
-        self._imported_elsewhere: frozenset[str] = frozenset()
+        self._contents: dict[str, bytes] = {}
+        self._imported: frozenset[str] = frozenset()
         # Modules that have been found to lie outside the folder: there are more than a thousand,
         # and every batch comes by here.
         self._outside: dict[str, ModuleType] = {}
@@ -53,24 +63,52 @@ class Surroundings:
             yield
         finally:
             self._modules = self._taken_out()
+            for module in self._modules.values():
+                self.read(str(module.__file__))
             sys.modules.update(outside)
             # The model may have rearranged the path itself.
             with contextlib.suppress(ValueError):
                 sys.path.remove(self._folder)
 
-    def files(self) -> frozenset[str]:
-        """The files of the folder that have been imported as modules, here or elsewhere."""
-        here = {str(module.__file__) for module in self._modules.values()}
-        return self._imported_elsewhere.union(here)
+    def read(self, file: str) -> None:
+        """Read a file that has been imported, unless that has been done."""
+        path = Path(file)
+        if file not in self._contents and path.is_file():
+            self._contents[file] = path.read_bytes()
+            self._imported |= {self._record(path, self._contents[file])}
 
-    def note(self, files: frozenset[str]) -> None:
-        """Count files among those that have been imported."""
-        self._imported_elsewhere |= files
+    @property
+    def imported(self) -> frozenset[str]:
+        """The files that have been imported as modules, as in `Results.files`."""
+        return self._imported
+
+    def note(self, imported: frozenset[str]) -> None:
+        """Count files among those that have been imported, by whatever process.
+
+        Raises
+        ------
+        ModelError
+            If one of them is not as it is known here.
+        """
+        for record in sorted(imported - self._imported):
+            name = record.partition(_BETWEEN)[2]
+            self.read(str(self.folder / name))
+            if record not in self._imported:
+                raise ModelError(
+                    f'"{name}" was changed while the study ran: its runs were made with '
+                    "different versions of it, so nothing can be told of them; run the study again"
+                )
+
+    def files(self) -> tuple[FileRead, ...]:
+        """The files that have been imported, as they were."""
+        return tuple(FileRead.of(path, content) for path, content in self._sorted())
 
     def sources(self) -> bytes:
-        """The source of every module of the folder that has been imported, in one."""
-        files = map(Path, self.files())
-        return b"".join(file.read_bytes() for file in sorted(files) if file.is_file())
+        """The source of every module that has been imported, in one."""
+        return b"".join(content for _, content in self._sorted())
+
+    def _sorted(self) -> list[tuple[Path, bytes]]:
+        return sorted((Path(file), content) for file, content in self._contents.items())
 
     def _taken_out(self) -> dict[str, ModuleType]:
         """Imported modules of the folder, which are imported no longer."""
@@ -86,3 +124,8 @@ class Surroundings:
             else:
                 self._outside[name] = module
         return found
+
+    def _record(self, path: Path, content: bytes) -> str:
+        """A file's hash and its path, from the folder if it lies there."""
+        name = path.relative_to(self.folder) if path.is_relative_to(self.folder) else path
+        return f"{hashlib.sha256(content).hexdigest()}{_BETWEEN}{name}"

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uqpen.errors import TrajectoryError
 from uqpen.labels import Status
-from uqpen.model import Arrays, BoolArray, Model, Results
+from uqpen.model import Arrays, BoolArray, Results
 from uqpen.models import rod_and_target
+from uqpen.models.source import BuiltIn
 from uqpen.settings import number, validate
 
 if TYPE_CHECKING:
@@ -34,7 +36,7 @@ _COURSE = (
 
 
 @dataclass(frozen=True)
-class WalkerAnderson(Model):
+class WalkerAnderson(BuiltIn):
     """An eroding rod penetrating a thick target, original or with a smoothed velocity profile.
 
     Erosion ends where the tail is as slow as the nose (the rest of the rod goes on as a rigid
@@ -106,7 +108,10 @@ class WalkerAnderson(Model):
 
         scalars = {name: np.asarray(value, dtype=np.float64) for name, value in inputs.items()}
         constants: dict[str, Any] = {name: float(value) for name, value in _rod(scalars).items()}
-        course = trajectory(rod_in_target(**constants))
+        try:
+            course = trajectory(rod_in_target(**constants))
+        except (OverflowError, ZeroDivisionError) as error:
+            raise TrajectoryError(f"inputs too large or too small: {error}") from None
         described = {"units": "m", "long_name": "depth of the projectile's nose, z"}
         return xr.Dataset(
             {
@@ -115,9 +120,6 @@ class WalkerAnderson(Model):
             },
             {_DEPTH: (_DEPTH, course.depth, described)},
         )
-
-    def identity(self) -> dict[str, str]:
-        return {"name": self.name, "tolerance": repr(self.tolerance)}
 
 
 def _rod(inputs: Arrays) -> Arrays:

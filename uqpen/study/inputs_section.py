@@ -148,7 +148,7 @@ def _distribution(table: Section, variable: Input, origins: _Origins) -> Entry |
         return None
     limited = {key: table.content[key] for key in table if key != family}
     description = "; ".join([origin.description, *_limits(limited)])
-    return RandomInput(variable, law, origin.unit, description, origin.fit)
+    return RandomInput(variable, law, origin.unit, description, origin.fit, origin.files)
 
 
 @dataclass(frozen=True)

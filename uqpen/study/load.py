@@ -10,11 +10,11 @@ import numpy as np
 from uqpen.errors import Problem, as_written
 from uqpen.inputs.law import InputLaw
 from uqpen.model import inadmissible
-from uqpen.models.python_function import FunctionLoader, load_function
 from uqpen.streams import Stream
 from uqpen.study.dependence_section import read_dependence
 from uqpen.study.designs_section import check_designs, read_designs
 from uqpen.study.document import Document, parse_document, read_document
+from uqpen.study.failures_section import read_failures
 from uqpen.study.inputs_section import read_constraints, read_inputs
 from uqpen.study.models_section import check_variants, read_models
 from uqpen.study.outputs_section import read_questions
@@ -46,7 +46,7 @@ def load_study(path: str | Path) -> Study:
         Listing every mistake with its line, what was found and what is expected.
     """
     path = Path(path)
-    return _study(read_document(path), path.stem, path.absolute().parent, load_function)
+    return _study(read_document(path), path.stem, path.absolute().parent, trust=True)
 
 
 def parse_study(
@@ -54,7 +54,7 @@ def parse_study(
     *,
     name: str = "study",
     folder: str | Path = ".",
-    load: FunctionLoader = load_function,
+    trust: bool = True,
 ) -> Study:
     """Like `load_study`, from the text of a study.
 
@@ -66,10 +66,12 @@ def parse_study(
         What the file would be called, without its ending.
     folder : str or Path
         Where the files lie that it names.
-    load : callable
-        What finds the Python functions that it names: by default by executing their modules.
+    trust : bool
+        Whether models that it names may be loaded, which executes modules and asks servers. If
+        not, they cannot be run, but all else can be asked of the study.
     """
-    return _study(parse_document(text, f"{name}.toml"), name, Path(folder).absolute(), load)
+    document = parse_document(text, f"{name}.toml")
+    return _study(document, name, Path(folder).absolute(), trust=trust)
 
 
 # The tables of a study beside its models, with what is expected of those that it must have.
@@ -81,18 +83,20 @@ _TABLES = {
     "outputs": "",
     "surrogates": "",
     "published": "",
+    "failures": "",
 }
 
 
-def _study(document: Document, name: str, folder: Path, load: FunctionLoader) -> Study:
+def _study(document: Document, name: str, folder: Path, *, trust: bool) -> Study:
     problems: list[Problem] = []
     root = Section(document, problems, (), document.content)
     title = root.text("title", "a title in quotes", default=name)
     seed = _seed(root)
-    models = read_models(root, folder, load)
+    models = read_models(root, folder, trust=trust)
     tables = {key: root.table(key, expected) for key, expected in _TABLES.items()}
     root.close()
     inputs, designs_table = tables["inputs"], tables["designs"]
+    failures = read_failures(tables["failures"])
     designs = read_designs(designs_table, folder) if designs_table else {}
     surrogates = read_surrogates(tables["surrogates"], list(designs_table or ()))
     if not models or inputs is None or designs_table is None:
@@ -125,6 +129,8 @@ def _study(document: Document, name: str, folder: Path, load: FunctionLoader) ->
         text=document.text,
         surrogates=surrogates,
         published=published,
+        folder=folder,
+        failures=failures,
     )
 
 

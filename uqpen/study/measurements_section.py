@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from uqpen.columns import Column
 from uqpen.errors import SettingsError, TableError, as_written
+from uqpen.files import FileRead
 from uqpen.inputs.distribution import Distribution
 from uqpen.inputs.distributions import DISTRIBUTIONS
 from uqpen.inputs.empirical import Empirical
@@ -53,12 +54,15 @@ class Origin:
         In one line.
     fit : mapping of str to str, int or float
         Where it follows from measurements: what an archive keeps of them.
+    files : tuple of FileRead
+        Where those measurements stand.
     """
 
     law: Distribution
     unit: str
     description: str
     fit: Mapping[str, str | int | float] = field(default_factory=dict)
+    files: tuple[FileRead, ...] = ()
 
 
 def read_measured(table: Section, variable: Input, folder: Path, stream: Stream) -> Origin | None:
@@ -94,9 +98,11 @@ def read_measured(table: Section, variable: Input, folder: Path, stream: Stream)
         table.wrong("file", f"{problem.found} in {source}", problem.expected)
     if len(table.problems) > noted:
         return None
-    if not family:
-        return _empirical(values, column.unit, source)
-    return _fitted(table, family, values, column.unit, source, stream)
+    if family:
+        origin = _fitted(table, family, values, column.unit, source, stream)
+    else:
+        origin = _empirical(values, column.unit, source)
+    return origin and replace(origin, files=(measurements.source,))
 
 
 def _check_family(table: Section, family: str) -> None:

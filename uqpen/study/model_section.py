@@ -1,31 +1,61 @@
-"""``[model]``: a built-in model by name, or a function of the user's own with its units."""
+"""``[model]``: a built-in model by name, or one of the user's own with its units."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-from uqpen.errors import ModelError, QuantityError, as_written
-from uqpen.labels import NAME, RESERVED, SUFFIXES
+from uqpen.errors import ModelError, as_written
+from uqpen.executors.memory import CAN_LIMIT
 from uqpen.lookup import choices, resolve
-from uqpen.model import Input, Model, Output
+from uqpen.model import Model
 from uqpen.models import MODELS
-from uqpen.models.python_function import FunctionLoader, PythonFunction, check_signature
+from uqpen.models.python_function import PythonFunction, check_signature, load_function
+from uqpen.study.limits_section import read_limits
 from uqpen.study.section import Section
-from uqpen.units import si_unit
+from uqpen.study.variables_section import read_variables
 
-__all__ = ["read_model"]
+__all__ = ["FOREIGN", "read_model"]
 
-_WAYS = 'use = "…" (a built-in model) or python = "my_model.py:function"'
+# The keys that name a model from outside, and who reads its table: called with the table, the
+# folder of the study, and whether what it names may be executed or asked.
+FOREIGN = {
+    "python": "uqpen.study.model_section:read_function",
+    "command": "uqpen.study.command_section:read_command",
+    "umbridge": "uqpen.study.umbridge_section:read_umbridge",
+}
+
+_WAYS = {
+    "use": 'use = "…" (a built-in model)',
+    "python": 'python = "my_model.py:function"',
+    "command": 'command = ["./program", …]',
+    "umbridge": 'umbridge = "http://…" (a server)',
+}
 
 
-def read_model(table: Section, folder: Path, load: FunctionLoader) -> Model | None:
-    """The model of a study, or None where a mistake was noted."""
-    ways = [key for key in ("use", "python") if key in table]
+def read_model(table: Section, folder: Path, *, trust: bool) -> Model | None:
+    """The model of a study, or None where a mistake was noted.
+
+    Parameters
+    ----------
+    table : Section
+        Of the model.
+    folder : Path
+        Where the study lies.
+    trust : bool
+        Whether what it names may be executed or asked; if not, the model cannot be run.
+    """
+    ways = [key for key in _WAYS if key in table]
     if len(ways) != 1:
         found = "nothing that names a model" if not ways else " and ".join(ways)
-        table.wrong((), found, f"one of {_WAYS}")
+        table.wrong((), found, f"one of {', '.join(_WAYS.values())}")
         return None
-    model = _built_in(table) if ways == ["use"] else _function(table, folder, load)
+    model: Model | None
+    if ways == ["use"]:
+        model = _built_in(table)
+    else:
+        model = resolve(FOREIGN[ways[0]])(table, folder, trust=trust)
     if model is not None:
         table.close()
     return model
@@ -42,21 +72,19 @@ def _built_in(table: Section) -> Model | None:
     return model
 
 
-def _function(table: Section, folder: Path, load: FunctionLoader) -> Model | None:
+def read_function(table: Section, folder: Path, *, trust: bool) -> Model | None:
+    """A Python function as a model, or None where a mistake was noted."""
     noted = len(table.problems)
     reference = table.text("python", "a function")
     vectorized = table.flag("vectorized", default=False)
-    called_in: dict[str, str] = {}
-    inputs = [
-        Input(name, si_unit(unit), display_unit=unit)
-        for name, unit in _variables(table, "inputs", called_in)
-    ]
-    outputs = [
-        Output(name, si_unit(unit), display_unit=unit)
-        for name, unit in _variables(table, "outputs", called_in)
-    ]
+    limits = read_limits(table, can_limit_memory=CAN_LIMIT or not trust)
+    if vectorized and limits:
+        limit = "time_limit" if limits.seconds is not None else "memory_limit"
+        table.wrong(limit, "a limit of one run", "vectorized = false, so that runs are apart")
+    inputs, outputs, called_in = read_variables(table)
     if reference is None or len(table.problems) > noted:
         return None
+    load = load_function if trust else _not_loaded
     try:
         function, surroundings = load(reference, folder)
         check_signature(function, [variable.name for variable in inputs])
@@ -64,45 +92,14 @@ def _function(table: Section, folder: Path, load: FunctionLoader) -> Model | Non
         table.wrong("python", str(error), "a function that can be called with the model's inputs")
         return None
     return PythonFunction(
-        function, reference, tuple(inputs), tuple(outputs), called_in, vectorized, surroundings
+        function, reference, inputs, outputs, called_in, vectorized, surroundings, limits
     )
 
 
-def _clash(name: str, section: Section) -> str | None:
-    """Another output that has a statistic by this name."""
-    for other in section:
-        stem, _, suffix = name.removeprefix(other).partition("_")
-        if name.startswith(other) and not stem and suffix in SUFFIXES:
-            return other
-    return None
+def _not_loaded(reference: str, folder: Path) -> tuple[Callable[..., Any], None]:
+    """In place of a function that is not to be executed, one that says so."""
 
+    def refuse(**inputs: float) -> Any:
+        raise ModelError(f"{reference} is not executed without --trust")
 
-def _variables(table: Section, key: str, called_in: dict[str, str]) -> list[tuple[str, str]]:
-    """Names and units of a model's inputs or outputs."""
-    does = "takes" if key == "inputs" else "gives"
-    section = table.table(key, f'what the model {does}, as name = "unit"')
-    if section is None:
-        return []
-    if not section.content:
-        section.wrong((), "an empty table", 'at least one name = "unit"')
-    found = []
-    for name in section:
-        unit = section.take(name)
-        if not NAME.match(name) or name in RESERVED:
-            expected = f"a name of letters, digits and _, none of {', '.join(sorted(RESERVED))}"
-            section.wrong(name, as_written(name), expected)
-        elif name in called_in:
-            section.wrong(name, "an output with the name of an input", "names that differ")
-        elif key == "outputs" and (clash := _clash(name, section)) is not None:
-            section.wrong(name, as_written(name), f'a name other than what "{clash}" brings along')
-        elif not isinstance(unit, str):
-            section.wrong(name, as_written(unit), 'a unit such as "cm", or "1" where there is none')
-        else:
-            try:
-                si_unit(unit)
-            except QuantityError as error:
-                section.wrong(name, error.found, error.expected)
-                continue
-            called_in[name] = unit or "1"
-            found.append((name, called_in[name]))
-    return found
+    return refuse, None

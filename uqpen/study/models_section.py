@@ -9,7 +9,6 @@ import numpy as np
 from uqpen.errors import as_written
 from uqpen.lookup import choices
 from uqpen.model import Model, Variable
-from uqpen.models.python_function import FunctionLoader
 from uqpen.study.model_section import read_model
 from uqpen.study.section import Section, named
 from uqpen.study.study import ONLY_MODEL, Variant
@@ -18,7 +17,7 @@ from uqpen.units import are_alike
 __all__ = ["check_variants", "read_models"]
 
 
-def read_models(root: Section, folder: Path, load: FunctionLoader) -> dict[str, Variant]:
+def read_models(root: Section, folder: Path, *, trust: bool) -> dict[str, Variant]:
     """The models of a study, by name; empty where a mistake was noted.
 
     The inputs and outputs of the first are the study's: what goes in and comes out of the others
@@ -31,9 +30,9 @@ def read_models(root: Section, folder: Path, load: FunctionLoader) -> dict[str, 
     if several is None:
         if table is None and "model" not in root and "models" not in root:
             root.missing("model", "a [model] table, or [models.<name>] for several")
-        model = read_model(table, folder, load) if table is not None else None
+        model = read_model(table, folder, trust=trust) if table is not None else None
         return {} if model is None else {ONLY_MODEL: Variant(model, {})}
-    return _several(several, folder, load)
+    return _several(several, folder, trust=trust)
 
 
 def check_variants(root: Section, variants: dict[str, Variant], random: set[str]) -> None:
@@ -46,7 +45,7 @@ def check_variants(root: Section, variants: dict[str, Variant], random: set[str]
                 root.wrong(path, found, "an input that has one value in [inputs], or a default")
 
 
-def _several(table: Section, folder: Path, load: FunctionLoader) -> dict[str, Variant]:
+def _several(table: Section, folder: Path, *, trust: bool) -> dict[str, Variant]:
     noted = len(table.problems)
     found: dict[str, Variant] = {}
     first: Model | None = None
@@ -54,7 +53,7 @@ def _several(table: Section, folder: Path, load: FunctionLoader) -> dict[str, Va
         table.wrong((), "an empty table", "a [models.<name>]")
     for name, section in named(table):
         replaced = section.table("with")
-        model = read_model(section, folder, load)
+        model = read_model(section, folder, trust=trust)
         if model is None:
             continue
         first = first or model

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from uqpen.analyses.published import Published
 from uqpen.analyses.question import Question
 from uqpen.designs.design import Design
+from uqpen.evaluation import Failures
+from uqpen.files import FileRead
 from uqpen.inputs.constraints import Constraint
 from uqpen.inputs.law import InputLaw
 from uqpen.model import Model
@@ -65,6 +68,10 @@ class Study:
         The cheap models to fit, by name.
     published : mapping of str to Published
         Figures from elsewhere to stand beside its own.
+    folder : Path
+        Where it lies, and from where it names files.
+    failures : Failures
+        What is done about runs that are lost.
     """
 
     name: str
@@ -78,6 +85,8 @@ class Study:
     text: str
     surrogates: Mapping[str, Surrogate] = field(default_factory=dict)
     published: Mapping[str, Published] = field(default_factory=dict)
+    folder: Path = Path()
+    failures: Failures = Failures()
 
     @property
     def model(self) -> Model:
@@ -107,6 +116,17 @@ class Study:
         samples = [name for name in others if self.designs[name].follows(self.law)]
         first = [surrogate.check] if surrogate.check else samples[:1]
         return first + [name for name in samples if name not in first]
+
+    def files(self) -> Iterator[FileRead]:
+        """The files that it names, as they stood when they were read.
+
+        What models of the user's own consist of is known only after their runs.
+        """
+        for variant in self.models.values():
+            yield from variant.model.files()
+        yield from self.law.files
+        for design in self.designs.values():
+            yield from design.files()
 
     @property
     def sha256(self) -> str:

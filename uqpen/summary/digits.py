@@ -49,7 +49,7 @@ def held(estimate: float, upper: float) -> str:
     >>> held(13.4812, 13.7699)
     '13.48, at most 13.77'
     """
-    if not estimate < upper < math.inf:
+    if not 0 < upper - estimate < math.inf:
         return _alone(estimate)
     figures = _Figures(estimate, upper - estimate)
     return figures.write(f"{figures(estimate)}, at most {figures(upper)}")
@@ -74,7 +74,8 @@ class _Figures:
     """Writes figures to one place, given by the uncertainty, and out of one power of ten."""
 
     def __init__(self, estimate: float, half: float) -> None:
-        exponent = math.floor(math.log10(max(abs(estimate), half)))
+        # Of the least numbers of all, the power of ten would be 0.
+        exponent = max(-300, math.floor(math.log10(max(abs(estimate), half))))
         self.exponent = 0 if -3 <= exponent < 6 else exponent
         self._power = 10.0**self.exponent
         self._places = max(0, 1 - math.floor(math.log10(half / self._power)))

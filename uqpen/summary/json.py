@@ -7,6 +7,7 @@ from typing import Any
 
 import xarray as xr
 
+from uqpen.analyses.where_lost import LOSSES
 from uqpen.archive.read import SCHEMA_ATTRIBUTE, group, models_in, names_in
 from uqpen.evaluation import status_counts
 from uqpen.labels import (
@@ -14,6 +15,7 @@ from uqpen.labels import (
     DIFFERENCES,
     EXCEEDANCE,
     HOLDS,
+    INPUT,
     LARGEST_CONTRIBUTION,
     MISSING,
     MODELS,
@@ -158,17 +160,19 @@ def _surrogate(tree: xr.DataTree, name: str) -> dict[str, Any]:
 
 def _fit(coefficients: xr.DataArray) -> dict[str, Any]:
     """How a surrogate's expansion of an output was found, and how well it fits."""
-    attributes = {key: _plain(value) for key, value in coefficients.attrs.items()}
     return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in attributes.items()
+        key: _plain(value)
+        for key, value in coefficients.attrs.items()
         if not key.startswith(("of_", "units", "long_name"))
     }
 
 
 def _plain(value: Any) -> Any:
-    """An attribute as JSON knows it."""
-    return value.item() if hasattr(value, "item") else value
+    """An attribute as JSON knows it, which has no NaN and no infinity."""
+    plain = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(plain, list):
+        return [_plain(each) for each in plain]
+    return None if isinstance(plain, float) and not math.isfinite(plain) else plain
 
 
 def _design(tree: xr.DataTree, design: str) -> dict[str, Any]:
@@ -181,8 +185,21 @@ def _design(tree: xr.DataTree, design: str) -> dict[str, Any]:
             for loss in losses(tree, design)
         ],
         "lost": {str(name): figure(array) for name, array in statuses.data_vars.items()},
+        "where_lost": _where_lost(group(tree, LOSSES, design)),
         **{name: statuses.attrs[name] for name in (CONDITIONAL, MISSING) if name in statuses.attrs},
         "outputs": {name: _output(tree, design, array) for name, array in _outputs(runs)},
+    }
+
+
+def _where_lost(told: xr.Dataset) -> dict[str, Any]:
+    """By input, how the lost runs lie to those that came back."""
+    names = told[INPUT].values.tolist() if INPUT in told else []
+    return {
+        str(name): {
+            **{each: figure(told[each][position]) for each in ("larger", "further_out")},
+            **{each: _plain(told[each].values[position]) for each in ("lowest", "highest")},
+        }
+        for position, name in enumerate(names)
     }
 
 

@@ -11,6 +11,7 @@ import xarray as xr
 
 from uqpen.archive.read import group, models_in, names_in
 from uqpen.labels import DIFFERENCES, MOMENTS, RUNS, SHARES, SURROGATES
+from uqpen.summary.loss_tables import loss_tables
 from uqpen.summary.sensitivity_tables import sensitivity_tables
 from uqpen.summary.statistics_rows import (
     StatisticsRows,
@@ -46,6 +47,8 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
             unit = str(first[output].attrs.get("display_units", DIMENSIONLESS))
             for table in sensitivity_tables(model, output, unit, everything=everything):
                 yield replace(table, title=head + table.title)
+        for table in loss_tables(model):
+            yield replace(table, title=head + table.title)
         for surrogate in names_in(model, SURROGATES):
             table = _fit_table(surrogate, group(model, SURROGATES, surrogate))
             yield replace(table, title=head + table.title)

@@ -34,10 +34,13 @@ class Disagreement(NamedTuple):
         Which variable or attribute, and how it differs.
     gap : float
         By how much, relative to the largest value; infinite where that means nothing.
+    is_new : bool
+        Whether it is something that the archive does not have.
     """
 
     what: str
     gap: float
+    is_new: bool = False
 
 
 def differing(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
@@ -119,7 +122,7 @@ def of_attributes(
         for each in (archived, found)
     )
     for lacking in _lacking(one, other, "attribute "):
-        yield Disagreement(f"{lacking.what}{of}", math.inf)
+        yield lacking._replace(what=f"{lacking.what}{of}")
     for name in sorted(one.keys() & other.keys()):
         alike = one[name].shape == other[name].shape and _kind(one[name]) == _kind(other[name])
         apart = gap(one[name], other[name]) if alike else math.inf
@@ -133,7 +136,7 @@ def _lacking(
     for name in sorted(map(str, archived.keys() - found.keys())):
         yield Disagreement(f"{what}{name} is not found again", math.inf)
     for name in sorted(map(str, found.keys() - archived.keys())):
-        yield Disagreement(f"{what}{name} is missing", math.inf)
+        yield Disagreement(f"{what}{name} is missing", math.inf, is_new=True)
 
 
 def _kind(array: Any) -> str:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import xarray as xr
 
 from uqpen.archive.read import group, models_in, names_in
 from uqpen.errors import ArchiveError, ModelError, StudyError
 from uqpen.labels import KIND, RUN, RUNS, SAMPLING
-from uqpen.models.python_function import load_function
 from uqpen.study.load import parse_study
+from uqpen.study.model_section import FOREIGN
 from uqpen.study.study import Study, Variant
 
 __all__ = [
@@ -36,8 +35,8 @@ def archived_study(tree: xr.DataTree, folder: Path, *, trust: bool) -> Study:
     folder : Path
         Where the files lie that the study names.
     trust : bool
-        Whether code that it names may be executed. If not, its models cannot be run, but all else
-        can be asked of them.
+        Whether code that it names may be executed, and servers asked. If not, its models cannot
+        be run, but all else can be asked of them.
 
     Raises
     ------
@@ -45,9 +44,8 @@ def archived_study(tree: xr.DataTree, folder: Path, *, trust: bool) -> Study:
         If it cannot be read here: a file that it names is not there, say.
     """
     name = str(tree.attrs.get("study_name", "study"))
-    load = load_function if trust else _not_loaded
     try:
-        return parse_study(str(tree.attrs["study_text"]), name=name, folder=folder, load=load)
+        return parse_study(str(tree.attrs["study_text"]), name=name, folder=folder, trust=trust)
     except StudyError as error:
         where = f"the files that it names are looked for in {folder.absolute()} (--folder)"
         raise StudyError(f"{error}\n\n{where}", error.problems) from None
@@ -62,9 +60,9 @@ def foreign_models(text: str) -> list[str]:
     several = content.get("models")
     tables = [content.get("model"), *(several.values() if isinstance(several, dict) else ())]
     return [
-        str(table.get("python", "one of no known kind"))
+        next((_named(table[key]) for key in FOREIGN if key in table), "one of no known kind")
         for table in tables
-        if isinstance(table, dict) and ("python" in table or "use" not in table)
+        if isinstance(table, dict) and ("use" not in table or not FOREIGN.keys().isdisjoint(table))
     ]
 
 
@@ -140,14 +138,10 @@ def inputs_of(study: Study, made: xr.Dataset) -> list[str]:
     return [variable.name for variable in study.law.variables if variable.name in made]
 
 
+def _named(reference: object) -> str:
+    """A model as its table names it: a function, a server, or the words of a command."""
+    return " ".join(map(str, reference)) if isinstance(reference, list) else str(reference)
+
+
 def _listed(names: Mapping[str, object]) -> str:
     return ", ".join(names) or "a single one"
-
-
-def _not_loaded(reference: str, folder: Path) -> tuple[Callable[..., Any], None]:
-    """In place of a function that is not to be executed, one that says so."""
-
-    def refuse(**inputs: float) -> Any:
-        raise ModelError(f"{reference} is not executed without --trust")
-
-    return refuse, None

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import xarray as xr
 
 from uqpen.archive.content import hashes
+from uqpen.archive.files import FILES, faults_of_files, kept_files
 from uqpen.archive.provenance import provenance
 from uqpen.archive.read import group
 from uqpen.labels import COMPARISON, CONTENT, STATUS
@@ -24,6 +25,7 @@ __all__ = ["Section", "explain"]
 _MOST_TOLD = 8
 _MOST_LINES = 24
 
+_FILES = f"/{FILES}"
 _OF_THE_STUDY = ("study_text", "study_sha256", "seed")
 
 
@@ -61,14 +63,35 @@ def explain(first: xr.DataTree, second: xr.DataTree) -> Iterator[Section]:
     ]
     if lines:
         yield Section("groups", _few(lines))
+    files = list(_of_files(first, second))
+    if files:
+        yield Section("files", _few(files))
     changed = [
         path.strip("/").split("/")
         for path, digest in known[0].items()
-        if path != "/" and known[1].get(path, digest) != digest
+        if known[1].get(path, digest) != digest and not (path == "/" or (files and path == _FILES))
     ]
     yield from _of_groups(
         (f"/{'/'.join(parts)}", group(first, *parts), group(second, *parts)) for parts in changed
     )
+
+
+def _of_files(first: xr.DataTree, second: xr.DataTree) -> Iterator[str]:
+    """The files that differ, of two archives that both keep files."""
+    both = [tree.children for tree in (first, second)]
+    if any(FILES not in each or next(faults_of_files(each), None) for each in both):
+        return
+    one, other = (
+        {file.name: file for file in kept_files(group(t, FILES))} for t in (first, second)
+    )
+    for name in sorted({*one, *other}):
+        if name not in other:
+            yield f"{name} is in the first only"
+        elif name not in one:
+            yield f"{name} is in the second only"
+        elif one[name] != other[name]:
+            same = one[name].sha256 == other[name].sha256
+            yield f"{name} differs{', though its hash does not' if same else ''}"
 
 
 def _of_groups(changed: Iterable[tuple[str, xr.Dataset, xr.Dataset]]) -> Iterator[Section]:
@@ -107,21 +130,19 @@ def _of_roots(first: Mapping[Any, Any], second: Mapping[Any, Any]) -> Iterator[S
         left = len(lines) - _MOST_LINES
         more = (f"and {left} more lines",) if left > 0 else ()
         yield Section("study", (*lines[:_MOST_LINES], *more), verbatim=True)
-    if first.get("seed") != second.get("seed"):
+    if _differ(first, second, "seed"):
         yield Section("seed", (_both(first, second, "seed"),))
     made_with = list(provenance())
-    versions = [name for name in made_with if first.get(name) != second.get(name)]
+    versions = [name for name in made_with if _differ(first, second, name)]
     if versions:
         told = [f"{each.replace('_', ' ')}: {_both(first, second, each)}" for each in versions]
         yield Section("made with", tuple(told))
     besides = (CONTENT, *_OF_THE_STUDY, *made_with)
     names = [name for name in {**first, **second} if name not in besides]
     others = [
-        f"{name}: {_both(first, second, name)}"
-        for name in names
-        if next(of_attributes(_only(first, name), _only(second, name)), None)
+        f"{name}: {_both(first, second, name)}" for name in names if _differ(first, second, name)
     ]
-    if not lines and first.get("study_sha256") != second.get("study_sha256"):
+    if not lines and _differ(first, second, "study_sha256"):
         others.append("study_sha256 differs, though the text does not")
     if others:
         yield Section("root", _few(others))
@@ -132,8 +153,10 @@ def _both(first: Mapping[Any, Any], second: Mapping[Any, Any], name: str) -> str
     return f"{one} and {other}"
 
 
-def _only(attributes: Mapping[Any, Any], name: str) -> dict[str, Any]:
-    return {name: attributes[name]} if name in attributes else {}
+def _differ(first: Mapping[Any, Any], second: Mapping[Any, Any], name: str) -> bool:
+    """Whether an attribute, of whatever type, is not the same."""
+    one, other = ({name: each[name]} if name in each else {} for each in (first, second))
+    return next(of_attributes(one, other), None) is not None
 
 
 def _first_of(path: str, one: xr.Dataset, other: xr.Dataset) -> str:

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.archive.files import FILES
 from uqpen.archive.read import group
-from uqpen.evaluation import Evaluator, Progress, evaluate
+from uqpen.evaluation import Evaluator, Map, Progress, evaluate
 from uqpen.labels import CONTENT, MODELS, RUN, RUNS, STATUS
 from uqpen.model import Output
 from uqpen.streams import Stream
@@ -37,7 +38,13 @@ _MOST_TOLD = 8
 
 
 def repeated_runs(
-    study: Study, runs: Runs, number: int | None, tolerance: float, progress: Progress
+    study: Study,
+    runs: Runs,
+    number: int | None,
+    tolerance: float,
+    *,
+    map: Map,
+    progress: Progress,
 ) -> Part:
     """Runs made again at the archived inputs.
 
@@ -51,6 +58,8 @@ def repeated_runs(
         How many are drawn at random from all; None for all.
     tolerance : float
         0 where every bit must be the same.
+    map : callable
+        Like the built-in: where batches of runs are made.
     progress : Progress
         Told how far it is.
     """
@@ -70,7 +79,13 @@ def repeated_runs(
 
 
 def repeated_statistics(
-    study: Study, tree: xr.DataTree, runs: Runs, tolerance: float, besides: Sequence[str]
+    study: Study,
+    tree: xr.DataTree,
+    runs: Runs,
+    tolerance: float,
+    besides: Sequence[str],
+    *,
+    is_earlier: bool = False,
 ) -> Part:
     """All that the archived runs tell, worked out again.
 
@@ -86,6 +101,8 @@ def repeated_statistics(
         0 where every bit must be the same.
     besides : sequence of str
         Attributes that may differ.
+    is_earlier : bool
+        Whether the archive was made by a uqpen that did not tell yet all that this one tells.
     """
     in_order = {
         model: {design: runs[model][design] for design in study.designs} for model in study.models
@@ -93,14 +110,18 @@ def repeated_statistics(
     again = analysed(study, in_order)
     held, made = _groups(tree), _groups(again)
     found = [Disagreement(f"{path} is not found again", np.inf) for path in sorted(held - made)]
-    found += [Disagreement(f"{path} is missing", np.inf) for path in sorted(made - held)]
+    found += [
+        Disagreement(f"{path} is missing", np.inf, is_new=True) for path in sorted(made - held)
+    ]
     for path in sorted(held & made):
         parts = path.strip("/").split("/") if path != "/" else []
         pair = group(tree, *parts), group(again, *parts)
         found += [
-            Disagreement(f"{path}: {told.what}", told.gap)
+            told._replace(what=f"{path}: {told.what}")
             for told in disagreements(*pair, besides=(CONTENT, *besides))
         ]
+    if is_earlier:
+        found = [each._replace(gap=0.0) if each.is_new else each for each in found]
     return _part("statistics", f"{len(held)} groups worked out again", found, tolerance)
 
 
@@ -182,10 +203,10 @@ def _called(model: str, design: str) -> str:
 
 
 def _groups(tree: xr.DataTree) -> set[str]:
-    """The paths of all groups but those of runs, which are not worked out."""
+    """The paths of all groups but those of runs and files, which are not worked out."""
     split = {node.path: node.path.strip("/").split("/") for node in tree.subtree}
     return {
         path
         for path, parts in split.items()
-        if parts[0] != RUNS and not (parts[0] == MODELS and parts[2:3] == [RUNS])
+        if parts[0] not in (RUNS, FILES) and not (parts[0] == MODELS and parts[2:3] == [RUNS])
     }

@@ -1,0 +1,184 @@
+"""Kill a study again and again, and see whether its archive is the same in the end.
+
+Each time a study of a Python function is ended by SIGKILL at a moment of its own: in the middle of
+its runs (in the process or on two workers), while it keeps those that are done, or while it writes
+the archive. Then it is started again. It must complete, write the bytes of the archive that was
+never interrupted, and make no run that had been kept: the function counts its calls.
+
+    python benchmarks/kills.py --kills 200
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+SECONDS_PER_RUN = 0.02
+RUNS = 10
+
+MODEL = f"""\
+import os, pathlib, time
+calls = pathlib.Path(__file__).with_name("calls")
+def simulate(x, y):
+    time.sleep({SECONDS_PER_RUN})
+    # One write to the end of the file: it is there even if this process is killed right after.
+    with calls.open("ab", buffering=0) as stream:
+        stream.write(b"call\\n")
+    if x > 1.5:
+        raise ValueError("x is too large")
+    return {{"z": x * y, "w": float("nan") if y > 1.5 else x + y}}
+"""
+
+STUDY = f"""\
+seed = 11
+[model]
+python = "model.py:simulate"
+inputs = {{ x = "1", y = "m" }}
+outputs = {{ z = "m", w = "1" }}
+[inputs]
+x = "0 ± 1"
+y = "(0 ± 1) m"
+[designs.monte_carlo]
+kind = "monte-carlo"
+runs = {RUNS}
+[designs.latin_hypercube]
+kind = "latin-hypercube"
+runs = {RUNS}
+replicates = 2
+"""
+
+# Ends itself, as a kill would, at the n-th time that it does something: it stops a file half
+# written, or written and not yet in its place.
+DYING = """\
+import os, pathlib, signal, sys
+import netCDF4
+import uqpen.cli.main as program
+
+what, left = sys.argv[1], int(sys.argv[2])
+
+def dying(function):
+    def counted(*arguments, **options):
+        global left
+        left -= 1
+        if left == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return function(*arguments, **options)
+    return counted
+
+if what == "part":
+    os.fsync = dying(os.fsync)
+    pathlib.Path.replace = dying(pathlib.Path.replace)
+else:
+    class Dataset(netCDF4.Dataset):
+        createGroup = dying(netCDF4.Dataset.createGroup)
+    netCDF4.Dataset = Dataset
+sys.argv = ["uqpen", *sys.argv[3:]]
+program.main()
+"""
+
+KINDS = ("runs", "workers", "part", "archive")
+
+
+def main() -> int:
+    """Kill a study as often as asked; the exit code says whether all was well each time."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    chance = random.Random(arguments.seed)
+    counts: Counter[str] = Counter()
+    lags: Counter[int] = Counter()
+    failures = []
+    with tempfile.TemporaryDirectory() as scratch:
+        whole = _prepared(Path(scratch), "whole")
+        _start(whole).wait()
+        expected = (whole / "study.nc").read_bytes()
+        assert _calls(whole) == 2 * RUNS
+        for number in range(arguments.kills):
+            kind = KINDS[number % len(KINDS)]
+            folder = _prepared(Path(scratch), str(number))
+            lag, failure = _killed(folder, kind, chance, expected)
+            counts[kind] += 1
+            lags[lag] += 1
+            if failure:
+                failures.append(f"kill {number} ({kind}): {failure}")
+    for failure in failures:
+        print(failure)
+    print(f"{arguments.kills} kills: {dict(counts)}; {len(failures)} failed")
+    print(f"runs called but not kept when killed, and how often: {dict(sorted(lags.items()))}")
+    return bool(failures)
+
+
+def _prepared(scratch: Path, name: str) -> Path:
+    folder = scratch / name
+    folder.mkdir()
+    (folder / "model.py").write_text(MODEL)
+    (folder / "study.toml").write_text(STUDY)
+    (folder / "dying.py").write_text(DYING)
+    return folder
+
+
+def _start(folder: Path, *how: str, options: tuple[str, ...] = ()) -> subprocess.Popen[str]:
+    command = [*(how or ("-m", "uqpen")), "study", "study.toml", "-o", "study.nc", *options]
+    return subprocess.Popen(
+        [sys.executable, *command],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def _calls(folder: Path) -> int:
+    calls = folder / "calls"
+    return len(calls.read_bytes().splitlines()) if calls.exists() else 0
+
+
+def _killed(folder: Path, kind: str, chance: random.Random, expected: bytes) -> tuple[int, str]:
+    """How many calls were lost to a kill, and what went wrong."""
+    if kind in ("runs", "workers"):
+        _kill_in_mid_run(folder, kind, chance)
+    else:
+        most = RUNS if kind == "part" else 12
+        dying = _start(folder, "dying.py", kind, str(chance.randint(1, most)))
+        dying.communicate()
+        if dying.returncode != -signal.SIGKILL:
+            return 0, f"it was not killed, but ended with {dying.returncode}"
+    called = _calls(folder)
+    again = _start(folder)
+    said = again.communicate()[1]
+    if again.returncode != 0:
+        return 0, f"the next start ended with {again.returncode}: {said}"
+    found = sum(int(done) for done in re.findall(r"(\d+) of \d+ runs already done", said))
+    lag = called - found
+    if _calls(folder) - called != 2 * RUNS - found:
+        return lag, f"{found} runs were kept, but {_calls(folder) - called} made again"
+    if (folder / "study.nc").read_bytes() != expected:
+        return lag, "the archive is not the same"
+    left = [file.name for file in folder.iterdir() if file.name.startswith((".", "study.nc."))]
+    if left != ["study.nc.log"]:
+        return lag, f"left behind: {left}"
+    return lag, ""
+
+
+def _kill_in_mid_run(folder: Path, kind: str, chance: random.Random) -> None:
+    running = _start(folder, options=("--workers", "2") if kind == "workers" else ())
+    at = chance.randint(1, 2 * RUNS - 4)
+    while _calls(folder) < at and running.poll() is None:
+        time.sleep(0.001)
+    time.sleep(chance.random() * SECONDS_PER_RUN)
+    os.kill(running.pid, signal.SIGKILL)
+    running.communicate()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,176 @@
+"""Files in an archive: the same bytes come out, in one folder and nowhere else."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+import subprocess
+import tempfile
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from uqpen.archive.files import KeptFile, as_group, kept_files, names_of
+from uqpen.archive.files_extraction import extracted
+from uqpen.archive.netcdf import put
+from uqpen.archive.read import group, read_as_written
+from uqpen.errors import ArchiveError
+from uqpen.files import LARGEST, FileRead
+
+CONTENTS = [
+    b"",
+    b"seed = 1\n",
+    b"with\r\nother ends\r",
+    "\ufeffGröße".encode(),
+    b"a\0b",
+    bytes(range(256)),
+    b"\xed\xa0\x80",
+    b"x" * LARGEST,
+]
+
+
+def kept(name: str, content: bytes = b"content") -> KeptFile:
+    digest = hashlib.sha256(content).hexdigest()
+    return KeptFile(name, digest, len(content), base64.b64encode(content).decode(), "base64")
+
+
+@pytest.mark.parametrize("content", CONTENTS, ids=range(len(CONTENTS)))
+def test_what_is_read_is_what_was_kept(content: bytes, tmp_path: Path) -> None:
+    import xarray as xr
+
+    file = FileRead.of(tmp_path / "a", content)
+    tree = xr.DataTree.from_dict(
+        {"/": xr.Dataset(attrs={"uqpen_schema": 2}), "/files": as_group([file], tmp_path)}
+    )
+    put(tree, tmp_path / "a.nc")
+    (read,) = kept_files(group(read_as_written(tmp_path / "a.nc"), "files"))
+    assert read.read() == content
+    with extracted([read], tmp_path) as place:
+        assert (place.folder / "a").read_bytes() == content
+    assert not place.folder.exists()
+
+
+def test_what_is_too_large_is_kept_by_its_hash(tmp_path: Path) -> None:
+    file = FileRead.of(tmp_path / "a", b"x" * (LARGEST + 1))
+    (read,) = kept_files(as_group([file], tmp_path))
+    assert (read.content, read.encoding, read.size) == ("", "none", LARGEST + 1)
+    assert not read.is_whole
+
+
+def test_no_name_tells_a_path_of_the_machine(tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    names = [
+        "a.csv",
+        "sub/b.csv",
+        "../c.csv",
+        "/elsewhere/a.csv",
+        "/elsewhere/d.csv",
+        "/other/a.csv",
+    ]
+    files = [FileRead.of(folder / name, b"") for name in names]
+    found = [*names_of([*files, *files], folder)]
+    assert found == ["a.csv", "sub/b.csv", "../c.csv", "a-2.csv", "d.csv", "a-3.csv"]
+
+
+def test_the_order_is_that_of_the_names(tmp_path: Path) -> None:
+    files = [FileRead.of(tmp_path / name, b"") for name in ("b", "a/c", "B")]
+    in_both = [as_group(order, tmp_path)["name"].values.tolist() for order in (files, files[::-1])]
+    assert in_both == [["B", "a/c", "b"]] * 2
+    assert not as_group([], tmp_path).variables
+
+
+_NAMES = st.one_of(
+    st.text(max_size=12),
+    st.lists(
+        st.sampled_from(
+            [
+                "..",
+                ".",
+                "",
+                "a",
+                "b",
+                "a.py",
+                "~",
+                "$HOME",
+                "nul",
+                "C:",
+                "\0",
+                "\n",
+                "\ud800",
+                "x" * 256,
+            ]
+        ),
+        max_size=6,
+    ).map("/".join),
+)
+
+
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(names=st.lists(_NAMES, max_size=4))
+def test_no_name_leads_out_of_the_folder(
+    names: list[str], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    outside = tmp_path_factory.getbasetemp() / "outside"
+    inside = outside / "inside"
+    inside.mkdir(parents=True, exist_ok=True)
+    before = tempfile.tempdir
+    tempfile.tempdir = str(inside)
+    try:
+        with extracted([kept(name) for name in names], outside) as place:
+            (root,) = inside.iterdir()
+            written = [Path(top, each) for top, _, files in os.walk(outside) for each in files]
+            assert all(root in path.parents for path in written)
+            assert all(path.read_bytes() == b"content" for path in written)
+            assert bool(written) == bool(names)
+            for name in names:
+                assert (place.folder / name).read_bytes() == b"content"
+    except ArchiveError:
+        pass
+    finally:
+        tempfile.tempdir = before
+    assert [*outside.iterdir()] == [inside]
+    assert [*inside.iterdir()] == []
+
+
+@pytest.mark.parametrize(
+    ("files", "told"),
+    [
+        ([kept("")], "'': is not the name of a file that a study could name"),
+        ([kept("/etc/passwd")], "'/etc/passwd': is not the name of a file"),
+        ([kept("a/")], "'a/': is not the name of a file"),
+        ([kept("../" * 17 + "a")], "is not the name of a file"),
+        ([kept("a\0")], "'a\\x00': is not the name of a file"),
+        ([kept("a"), kept("./a", b"other")], '"./a": two files are to lie in the same place'),
+        ([kept("a"), kept("b/../a", b"other")], '"b/../a": two files are to lie in the same'),
+        ([kept("a"), kept("a/b")], '"a/b": File exists'),
+        ([kept("a/b"), kept("a")], '"a": two files are to lie in the same place'),
+    ],
+)
+def test_what_cannot_be_in_a_folder_is_told(
+    files: list[KeptFile], told: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ArchiveError) as raised, extracted(files, tmp_path):
+        pass
+    assert told in str(raised.value)
+
+
+def test_the_same_file_twice_is_one_file(tmp_path: Path) -> None:
+    with extracted([kept("a"), kept("./a")], tmp_path) as place:
+        assert [path.name for path in place.folder.iterdir()] == ["a"]
+
+
+def test_a_program_can_be_executed(tmp_path: Path) -> None:
+    with extracted([kept("a.sh", b"#!/bin/sh\necho done\n")], tmp_path) as place:
+        done = subprocess.run([place.folder / "a.sh"], capture_output=True, check=True)
+    assert done.stdout == b"done\n"
+
+
+def test_a_link_that_lies_around_is_not_followed(tmp_path: Path) -> None:
+    # Large files are looked for there; what is written is written elsewhere.
+    (tmp_path / "a").symlink_to(tmp_path / "target")
+    with extracted([kept("a")], tmp_path) as place:
+        assert not (place.folder / "a").is_symlink()
+    assert not (tmp_path / "target").exists()

@@ -1,0 +1,148 @@
+"""Archives of every schema that there has been are read, checked and repeated by this uqpen.
+
+They stand in ``tests/data/archives``, packed, beside the studies that they were made of. For a new
+schema: ``uqpen study schema_N.toml -o schema_N.nc && gzip -9n schema_N.nc`` in that folder.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.archive.content import hashes, recorded
+from uqpen.archive.migrations import MIGRATIONS, migrated
+from uqpen.archive.provenance import SCHEMA
+from uqpen.archive.read import open_archive, read_as_written
+from uqpen.summary.json import as_json
+from uqpen.summary.tables import output_tables
+from uqpen.verification.explain import explain
+from uqpen.verification.report import Verdict
+from uqpen.verification.verify import verify
+
+FOLDER = Path(__file__).parents[1] / "data" / "archives"
+NAMES = sorted(path.name.removesuffix(".nc.gz") for path in FOLDER.glob("*.nc.gz"))
+
+NAN = np.nan
+# By archive, group and variable: what stands in the file, to the bit.
+OF_ISHIGAMI = {
+    "runs/monte_carlo/y": {3: 0.2450454206611793},
+    "moments/monte_carlo/y_mean": {...: [3.6915976938972275, 2.247985374392933, 5.135210013401522]},
+    "sensitivity/blocks/y_first_order": {
+        (..., 0): [0.8860775861308721, 0.6169951125916516, 0.010820809803753608]
+    },
+    "sensitivity/trajectories/y_mu_star": {
+        0: [4.69362561011677, 2.4792627373373985, 6.907988482896142]
+    },
+    "sensitivity/report/y_response": {0: [0.1, NAN, NAN]},
+}
+FIGURES = {
+    "schema_1": OF_ISHIGAMI,
+    "schema_1_several": {
+        "differences/other/moments/monte_carlo/y_mean": {
+            ...: [0.0055917021048407095, -0.03316532730327712, 0.04434873151295854]
+        },
+        "models/other/runs/given/y": {
+            ...: [0.0, 5.438935876135478, -0.4182691450792503, 5.9602432581853275]
+        },
+    },
+    "schema_2": OF_ISHIGAMI,
+    "schema_2_several": {
+        "differences/other/moments/monte_carlo/y_mean": {...: [-0.5, -0.5, -0.5]},
+        "models/other/runs/given/y": {...: [0.5, -0.5, 0.515625, 1.5]},
+    },
+}
+
+
+class Kept(NamedTuple):
+    """An archive that is kept, unpacked."""
+
+    name: str
+    path: Path
+    written: xr.DataTree
+    tree: xr.DataTree
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def kept(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Kept:
+    """Each archive in turn."""
+    path = tmp_path_factory.mktemp("kept") / f"{request.param}.nc"
+    path.write_bytes(gzip.decompress((FOLDER / f"{request.param}.nc.gz").read_bytes()))
+    return Kept(request.param, path, read_as_written(path), open_archive(path))
+
+
+def test_there_is_one_of_every_schema() -> None:
+    assert sorted(MIGRATIONS) == list(range(1, SCHEMA))
+    for schema in range(1, SCHEMA + 1):
+        assert f"schema_{schema}" in NAMES, f"no archive of schema {schema} is kept"
+    assert set(FIGURES) == set(NAMES)
+
+
+def test_it_is_of_its_schema_and_study(kept: Kept) -> None:
+    assert kept.written.attrs["uqpen_schema"] == int(kept.name.split("_")[1])
+    text = (FOLDER / f"{kept.name}.toml").read_text()
+    assert kept.tree.attrs["study_text"] == text
+    assert kept.tree.attrs["study_sha256"] == hashlib.sha256(text.encode()).hexdigest()
+
+
+def test_it_opens_with_the_same_figures(kept: Kept) -> None:
+    assert kept.tree.attrs["uqpen_schema"] == SCHEMA
+    for path, figures in FIGURES[kept.name].items():
+        group, _, variable = path.rpartition("/")
+        for position, expected in figures.items():
+            found = kept.tree[group][variable].values[position]
+            np.testing.assert_array_equal(found, expected, path)
+
+
+def test_it_is_shown(kept: Kept) -> None:
+    rows = [row for table in output_tables(kept.tree) for row in dict(table.rows)]
+    assert "mean" in rows
+    assert as_json(kept.tree)["schema"] == SCHEMA
+
+
+def test_its_hashes_are_those_of_what_was_written(kept: Kept) -> None:
+    before = hashes(kept.written)
+    assert before == recorded(kept.written)
+    migrated(kept.written)
+    assert hashes(kept.written) == before, "what was read is not touched"
+
+
+def test_it_is_verified(kept: Kept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    folder = None if "files" in kept.tree.children else FOLDER
+    parts = list(verify(kept.path, folder=folder, runs=None, trust=True))
+    assert {"hashes", "study", "runs", "statistics"} <= {part.name for part in parts}
+    bad = [part for part in parts if part.verdict not in (Verdict.EQUAL, Verdict.CLOSE)]
+    assert bad == []
+
+
+def test_its_differences_from_a_new_one_are_explained(kept: Kept) -> None:
+    now = uqpen.run(uqpen.load_study(FOLDER / f"{kept.name}.toml"))
+    told = {section.name: section.lines for section in explain(kept.tree, now)}
+    # What another schema or version brings along, but no other run or figure.
+    assert set(told) <= {"root", "groups", "made with", "other groups"}
+    groups = told.get("groups", ())
+    assert all(line.endswith("is in the second only") for line in groups)
+
+
+def test_from_1_what_measures_of_sensitivity_lie_along_has_a_name(kept: Kept) -> None:
+    groups = [node for node in kept.tree.subtree if "input" in node.coords]
+    named = {node.path: node["input"].attrs["long_name"] for node in groups}
+    of_surrogates = {path for path in named if path.startswith("/surrogates")}
+    assert {named[path] for path in named.keys() - of_surrogates} == {"input"}
+    if kept.name == "schema_1":
+        assert "long_name" not in kept.written["sensitivity/report"]["input"].attrs
+        assert kept.tree["sensitivity/report"]["input"].values.tolist() == ["x1"]
+
+
+def test_what_is_read_can_be_written_again(kept: Kept, tmp_path: Path) -> None:
+    uqpen.write(kept.tree, tmp_path / "again.nc")
+    again = read_as_written(tmp_path / "again.nc")
+    assert again.attrs["uqpen_schema"] == SCHEMA
+    assert hashes(again) == recorded(again) == hashes(kept.tree)

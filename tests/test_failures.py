@@ -1,0 +1,184 @@
+"""What a study does about runs that are lost: again, at most so many, and not for ever."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import uqpen
+from uqpen.errors import StudyError
+from uqpen.evaluation import Evaluator
+from uqpen.executors.memory import CAN_LIMIT
+from uqpen.executors.processes import processes
+from uqpen.labels import Status
+
+Command = Callable[..., Any]
+
+# Fails at first; the second or third time it is called with the same input it may not.
+FLAKY = """\
+import pathlib
+def simulate(x):
+    calls = pathlib.Path(__file__).with_name("calls")
+    with calls.open("a") as stream:
+        stream.write(f"{x!r}\\n")
+    times = calls.read_text().split().count(repr(x))
+    if x > 1 and times < 3:
+        raise OSError(f"no licence, time {times}")
+    if x < -1.5:
+        raise ValueError("too small")
+    return {"y": x}
+"""
+STUDY = """\
+seed = 3
+[model]
+python = "model.py:simulate"
+inputs = { x = "1" }
+outputs = { y = "m" }
+[inputs]
+x = "0 ± 1"
+[designs.some]
+kind = "monte-carlo"
+runs = 50
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "model.py").write_text(FLAKY)
+    (tmp_path / "study.toml").write_text(STUDY)
+    return tmp_path
+
+
+def runs_of(folder: Path, text: str = "", **options: Any) -> Any:
+    study = uqpen.parse_study(STUDY + text, folder=folder)
+    return uqpen.run(study, **options)["runs/some"]
+
+
+@pytest.mark.parametrize(("retry", "flaky"), [(0, 5), (1, 5), (2, 0), (5, 0)])
+def test_lost_runs_are_made_again_as_often_as_asked(folder: Path, retry: int, flaky: int) -> None:
+    runs = runs_of(folder, f"[failures]\nretry = {retry}\n")
+    reasons = runs["lost_reason"].values.tolist()
+    hopeless = int((runs["x"].values < -1.5).sum())
+    assert (runs["status"].values == Status.FAILED).sum() == flaky + hopeless
+    assert reasons.count("ValueError: too small") == hopeless == 2
+    # The reason is that of the last time.
+    assert reasons.count(f"OSError: no licence, time {retry + 1}") == flaky
+    calls = (folder / "calls").read_text().split()
+    assert max(calls.count(x) for x in calls) == retry + 1
+
+
+def test_hanging_and_crashing_runs_are_made_again_too(tmp_path: Path) -> None:
+    (tmp_path / "model.py").write_text("""\
+import os, pathlib, time
+def simulate(x):
+    mark = pathlib.Path(__file__).with_name(f"{x!r}")
+    if abs(x) > 1.5 and not mark.exists():
+        mark.touch()
+        time.sleep(60)
+    return {"y": x}
+""")
+    text = STUDY.replace("[model]", '[model]\ntime_limit = "500 ms"')
+    for retry, lost in ((0, 4), (1, 0)):
+        for mark in tmp_path.glob("*[0-9]"):
+            mark.unlink()
+        study = uqpen.parse_study(f"{text}[failures]\nretry = {retry}\n", folder=tmp_path)
+        with processes(2) as pool:
+            runs = uqpen.run(study, map=pool)["runs/some"]
+        assert (runs["status"].values == Status.TIMED_OUT).sum() == lost
+
+
+def test_more_losses_than_allowed_end_a_study_that_can_go_on(
+    command_line: Command, tmp_path: Path
+) -> None:
+    (tmp_path / "model.py").write_text(FLAKY)
+    (tmp_path / "study.toml").write_text(STUDY + '[failures]\nat_most = "5 %"\n')
+    outcome = command_line("study", "study.toml")
+    assert outcome.code == 3
+    told = outcome.err.splitlines()
+    allowed = r"more than the 5 % that \[failures\] at_most allows"
+    # How many are made before it is seen is a matter of pace.
+    assert re.fullmatch(
+        rf"some: (\d) of 50 runs were lost so far \(\1 failed\), {allowed}", told[-3]
+    )
+    assert "the most frequent reason, " in outcome.err
+    assert told[-1].endswith("with a larger share the same command goes on from there")
+    assert not (tmp_path / "archives" / "study.nc").exists()
+    assert command_line("study", "study.toml").code == 3, "as long as nothing changes"
+    (tmp_path / "study.toml").write_text(STUDY + '[failures]\nat_most = "40 %"\n')
+    outcome = command_line("study", "study.toml")
+    assert outcome.code == 0
+    assert "of 50 runs already done" in outcome.err
+    assert "some: where the lost runs lie" in outcome.out
+    assert len((tmp_path / "calls").read_text().split()) <= 50 + 2 * 4
+
+
+def test_inadmissible_points_are_no_losses(folder: Path) -> None:
+    text = STUDY.replace("[designs", '[constraints]\nkeep = ["x < 1", "x > -1.5"]\n[designs')
+    text += '[failures]\nat_most = "0 %"\n'
+    runs = uqpen.run(uqpen.parse_study(text, folder=folder))["runs/some"]
+    assert (runs["status"].values == Status.INADMISSIBLE).sum() == 7
+
+
+@pytest.mark.skipif(not CAN_LIMIT, reason="only Linux keeps a limit on memory")
+def test_a_run_that_wants_too_much_memory_costs_itself_only(tmp_path: Path) -> None:
+    (tmp_path / "model.py").write_text(
+        "def simulate(x):\n    return {'y': x + len(bytearray(2_000_000_000 if x > 1.5 else 9))}\n"
+    )
+    text = STUDY.replace("[model]", '[model]\nmemory_limit = "500 MB"')
+    runs = uqpen.run(uqpen.parse_study(text, folder=tmp_path))["runs/some"]
+    lost = runs["x"].values > 1.5
+    assert lost.any()
+    assert ((runs["status"].values == Status.FAILED) == lost).all()
+    assert set(runs["lost_reason"].values.tolist()) == {"MemoryError"}
+
+
+@pytest.mark.parametrize(
+    ("text", "found", "expected"),
+    [
+        ('at_most = "120 %"', '"120 %"', 'the share of runs that may be lost, such as "5 %"'),
+        ('at_most = "5 m"', '"5 m"', "a plain number"),
+        ("retry = -1", "-1", "a whole number from 0 to 100"),
+        ("retry = 1.5", "1.5", "a whole number from 0 to 100"),
+        ("often = 2", "an unknown key", "retry"),
+    ],
+)
+def test_a_mistake_in_failures_is_told(folder: Path, text: str, found: str, expected: str) -> None:
+    with pytest.raises(StudyError) as told:
+        uqpen.parse_study(f"{STUDY}[failures]\n{text}\n", folder=folder)
+    said = " ".join(str(told.value).split())
+    assert f"found {found} expected" in said
+    assert expected in said
+
+
+@pytest.mark.parametrize(
+    ("text", "found", "expected"),
+    [
+        ('time_limit = "10 m"', '"10 m"', "a time"),
+        ('time_limit = "0 s"', '"0 s"', 'a time such as "10 s"'),
+        ('memory_limit = "2"', '"2"', 'a size such as "2 GB"'),
+        ('memory_limit = "1 kB"', '"1 kB"', "at least 1 MB"),
+        ('time_limit = "1 s"\nvectorized = true', "a limit of one run", "vectorized = false"),
+    ],
+)
+def test_a_limit_that_is_none_is_told(folder: Path, text: str, found: str, expected: str) -> None:
+    with pytest.raises(StudyError) as told:
+        uqpen.parse_study(STUDY.replace("[model]", f"[model]\n{text}"), folder=folder)
+    said = " ".join(str(told.value).split())
+    assert f"found {found} expected" in said
+    assert expected in said
+
+
+def test_a_limit_is_kept_wherever_a_run_is_made(folder: Path, command_line: Command) -> None:
+    (folder / "model.py").write_text("import time\ndef simulate(x): time.sleep(60)\n")
+    (folder / "study.toml").write_text(STUDY.replace("[model]", '[model]\ntime_limit = "0.3 s"'))
+    outcome = command_line("run", "study.toml")
+    assert outcome.code == 2
+    assert "the run is timed out: took longer than 0.3 s" in outcome.err
+    model = uqpen.load_study(folder / "study.toml").model
+    results = Evaluator(model)({"x": np.array([1.0, 2.0])})
+    assert results.status.tolist() == [Status.TIMED_OUT] * 2

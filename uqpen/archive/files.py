@@ -1,0 +1,182 @@
+"""The files that a study names, kept in its archive: group ``/files``."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+
+import numpy as np
+import xarray as xr
+
+from uqpen.errors import ArchiveError
+from uqpen.files import FileRead
+
+__all__ = ["FILES", "KeptFile", "as_group", "faults_of_files", "kept_files", "names_of"]
+
+FILES = "files"
+
+_FILE = "file"
+_NAME, _SHA256, _SIZE, _CONTENT, _ENCODING = "name", "sha256", "size", "content", "encoding"
+_TEXTS = (_NAME, _SHA256, _CONTENT, _ENCODING)
+
+# How a content stands there; of none, the archive has the hash alone.
+_TEXT, _BASE64, _NONE = "utf-8", "base64", "none"
+
+_LONG_NAMES = {
+    _NAME: "name that the study knows the file by",
+    _SHA256: "SHA-256 of the file's bytes",
+    _SIZE: "size of the file in bytes",
+    _CONTENT: "the file's bytes, as its encoding says",
+    _ENCODING: "how the content stands here",
+}
+
+
+@dataclass(frozen=True)
+class KeptFile:
+    """A file as an archive keeps it.
+
+    Parameters
+    ----------
+    name : str
+        As the study names it, with ``/`` between folders.
+    sha256 : str
+        Of its bytes, as recorded.
+    size : int
+        Of its bytes, as recorded.
+    content : str
+        Its bytes as `encoding` says.
+    encoding : str
+        ``"utf-8"``, ``"base64"`` or ``"none"``.
+    """
+
+    name: str
+    sha256: str
+    size: int
+    content: str
+    encoding: str
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the archive has its content."""
+        return self.encoding != _NONE
+
+    def read(self) -> bytes:
+        """Its bytes.
+
+        Raises
+        ------
+        ArchiveError
+            If they are not those whose hash and size stand beside them.
+        """
+        try:
+            content = {
+                _TEXT: lambda: self.content.encode("utf-8"),
+                _BASE64: lambda: base64.b64decode(self.content, validate=True),
+            }[self.encoding]()
+        except (KeyError, UnicodeEncodeError, binascii.Error, ValueError):
+            raise ArchiveError(f'"{self.name}" is not encoded as the archive says') from None
+        found = hashlib.sha256(content).hexdigest()
+        if (found, len(content)) != (self.sha256, self.size):
+            raise ArchiveError(
+                f'"{self.name}" is changed: found {len(content)} bytes with the SHA-256 {found}; '
+                f"expected {self.size} with {self.sha256}"
+            )
+        return content
+
+
+def as_group(files: Iterable[FileRead], folder: Path) -> xr.Dataset:
+    """The group of a study's files, in the order of their names; empty where it names none.
+
+    Parameters
+    ----------
+    files : iterable of FileRead
+        In an order that is always the same; any of them may come several times.
+    folder : Path
+        Where the study lies.
+    """
+    named = sorted(names_of(files, folder).items())
+    if not named:
+        return xr.Dataset()
+    encoded = [_encoded(file) for _, file in named]
+    columns = {
+        _NAME: [name for name, _ in named],
+        _SHA256: [file.sha256 for _, file in named],
+        _CONTENT: [content for content, _ in encoded],
+        _ENCODING: [encoding for _, encoding in encoded],
+    }
+    variables = {
+        name: (_FILE, np.array(values, dtype=object), {"long_name": _LONG_NAMES[name]})
+        for name, values in columns.items()
+    }
+    sizes = np.array([file.size for _, file in named], dtype=np.int64)
+    described = {"units": "byte", "long_name": _LONG_NAMES[_SIZE]}
+    name = variables.pop(_NAME)
+    return xr.Dataset({**variables, _SIZE: (_FILE, sizes, described)}, {_NAME: name})
+
+
+def names_of(files: Iterable[FileRead], folder: Path) -> dict[str, FileRead]:
+    """Files by their names, which tell no path of the machine.
+
+    A file is known by its path from the study's folder. One that the study names by an absolute
+    path elsewhere is known by its last part, with a number where that is another's name already.
+    """
+    named: dict[str, FileRead] = {}
+    known: set[Path] = set()
+    for file in files:
+        if file.path in known:
+            continue
+        known.add(file.path)
+        inside = file.path.is_relative_to(folder)
+        name = file.path.relative_to(folder).as_posix() if inside else file.path.name
+        stem, number = PurePath(name), 1
+        while name in named:
+            number += 1
+            name = f"{stem.stem}-{number}{stem.suffix}"
+        named[name] = file
+    return named
+
+
+def kept_files(group: xr.Dataset) -> list[KeptFile]:
+    """The files of a group that has no faults; none of a group that is empty."""
+    if not group.variables:
+        return []
+    columns = (group[name].values.tolist() for name in (_NAME, _SHA256, _SIZE, _CONTENT, _ENCODING))
+    return [KeptFile(*entries) for entries in zip(*columns, strict=True)]
+
+
+def faults_of_files(groups: Mapping[str, xr.DataTree]) -> Iterator[str]:
+    """What keeps a tree's group of files from being read, for one line each.
+
+    Parameters
+    ----------
+    groups : mapping of str to DataTree
+        Those of the root, by their names.
+    """
+    if FILES not in groups:
+        return
+    held = groups[FILES].dataset
+    for name in (*_TEXTS, _SIZE):
+        if name not in held.variables or held[name].dims != (_FILE,):
+            yield f"/{FILES}: no {name} along {_FILE}"
+        elif name == _SIZE and held[name].dtype.kind not in "iu":
+            yield f"/{FILES}: a {name} that is no number"
+        elif name != _SIZE and not all(isinstance(each, str) for each in held[name].values):
+            yield f"/{FILES}: a {name} that is no text"
+
+
+def _encoded(file: FileRead) -> tuple[str, str]:
+    """A file's content as a text, and how it became one."""
+    if file.content is None:
+        return "", _NONE
+    try:
+        text = file.content.decode("utf-8")
+    except UnicodeDecodeError:
+        text = "\0"
+    # A text ends at its first NUL in NetCDF.
+    if "\0" in text:
+        return base64.b64encode(file.content).decode("ascii"), _BASE64
+    return text, _TEXT

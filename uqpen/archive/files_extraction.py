@@ -1,0 +1,161 @@
+"""The files of an archive in a folder of their own, and nothing anywhere else."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path, PureWindowsPath
+from typing import NamedTuple
+
+from uqpen.archive.files import KeptFile
+from uqpen.errors import ArchiveError
+
+__all__ = ["Extracted", "extracted"]
+
+# A study that names files further up than this is none that anybody has written.
+_MOST_UPWARD = 16
+
+_UP = ".."
+
+# Of a part of a path, in bytes, on every system.
+_LONGEST = 255
+
+_FIRST_PRINTABLE = 0x20
+
+
+class Extracted(NamedTuple):
+    """Where files of an archive are for the moment.
+
+    Attributes
+    ----------
+    folder : Path
+        In place of the study's.
+    missing : list of str
+        Of each file that could not be had, why, in a line.
+    """
+
+    folder: Path
+    missing: list[str]
+
+
+@contextlib.contextmanager
+def extracted(files: Sequence[KeptFile], elsewhere: Path) -> Iterator[Extracted]:
+    """While this lasts, an archive's files lie in a fresh folder.
+
+    Parameters
+    ----------
+    files : sequence of KeptFile
+        Whatever their names are, nothing is written outside that folder.
+    elsewhere : Path
+        Where to look for those of which the archive has the hash alone.
+
+    Raises
+    ------
+    ArchiveError
+        If a name is not one of a file in the study's folder or beside it, a file is not what its
+        hash says, or two cannot be in one folder.
+    """
+    paths = {file: _parts(file.name) for file in files}
+    # As far down as files are further up, so that these are in the folder as well.
+    depth = max((parts.count(_UP) for parts in paths.values()), default=0)
+    with _fresh_folder() as root:
+        study = root.joinpath(*["study"] * (depth + 1))
+        study.mkdir(parents=True)
+        missing = []
+        for file, parts in paths.items():
+            content = file.read() if file.is_whole else _found(file, parts, elsewhere)
+            if isinstance(content, str):
+                missing.append(content)
+            else:
+                _put(content, _made(root, study, parts), file.name)
+        yield Extracted(study, missing)
+
+
+@contextlib.contextmanager
+def _fresh_folder() -> Iterator[Path]:
+    """A folder that only this user can look into, removed in the end with all that it holds."""
+    try:
+        folder = tempfile.TemporaryDirectory(prefix="uqpen_", ignore_cleanup_errors=True)
+    except OSError as error:
+        raise ArchiveError(f"no folder for the archive's files: {error.strerror}") from None
+    with folder as name:
+        # Not by way of a link: a model's modules are known by where they lie.
+        yield Path(name).resolve()
+
+
+def _parts(name: str) -> tuple[str, ...]:
+    """The folders of a name and its last part, refused where it is no name of a file."""
+    parts = tuple(part for part in name.split("/") if part not in ("", "."))
+    is_upward = parts.count(_UP) > _MOST_UPWARD
+    is_none = not parts or parts[-1] == _UP or name.startswith("/") or name.endswith("/")
+    if is_none or is_upward or any(map(_is_refused, parts)):
+        raise ArchiveError(f"{name!r}: is not the name of a file that a study could name")
+    return parts
+
+
+def _is_refused(part: str) -> bool:
+    """Whether a part of a name has another meaning to the system than a file's."""
+    try:
+        encoded = part.encode("utf-8")
+    except UnicodeEncodeError:
+        return True
+    if len(encoded) > _LONGEST or any(byte < _FIRST_PRINTABLE for byte in encoded):
+        return True
+    return os.name == "nt" and (
+        PureWindowsPath(part).is_reserved()
+        or part[-1] in " ." * (part != _UP)
+        or any(character in part for character in '<>:"\\|?*')
+    )
+
+
+def _made(root: Path, study: Path, parts: tuple[str, ...]) -> Path:
+    """The place for a file below the root, with the folders on the way there."""
+    place = study
+    try:
+        for part in parts[:-1]:
+            place = place.parent if part == _UP else place / part
+            if not place.is_relative_to(root):
+                raise ArchiveError(f'"{"/".join(parts)}": leads out of the folder of the study')
+            place.mkdir(exist_ok=True)
+    except OSError as error:
+        raise ArchiveError(f'"{"/".join(parts)}": {error.strerror}') from None
+    return place / parts[-1]
+
+
+def _put(content: bytes, path: Path, name: str) -> None:
+    """Write what is not there yet."""
+    try:
+        with path.open("xb") as stream:
+            stream.write(content)
+        # Any may be a program, and nobody executes one that is not trusted.
+        path.chmod(0o700)
+        # One may be a model's program; nothing here executes it.
+        path.chmod(0o700)
+    except FileExistsError:
+        if not path.is_file() or path.read_bytes() != content:
+            raise ArchiveError(f'"{name}": two files are to lie in the same place') from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ArchiveError(f'"{name}": {reason}') from None
+
+
+def _found(file: KeptFile, parts: tuple[str, ...], folder: Path) -> bytes | str:
+    """The content of a file that the archive knows by its hash; in its place, why there is none."""
+    path = folder.joinpath(*parts)
+    kept = f'"{file.name}": the archive has its hash alone, and '
+    try:
+        if not path.is_file():
+            return f"{kept}there is no such file in {folder}"
+        size = path.stat().st_size
+        content = path.read_bytes() if size == file.size else b""
+    except OSError as error:
+        return f"{kept}{path} cannot be read: {error.strerror}"
+    found = hashlib.sha256(content).hexdigest()
+    if size != file.size:
+        return f"{kept}{path} is another: found {size} bytes, expected {file.size}"
+    if found != file.sha256:
+        return f"{kept}{path} is another: found the SHA-256 {found}, expected {file.sha256}"
+    return content

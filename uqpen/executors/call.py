@@ -1,0 +1,122 @@
+"""One call of an executor's map: what is to be done, what is done, and what is tried again."""
+
+from __future__ import annotations
+
+import pickle
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from uqpen.errors import ModelError
+from uqpen.executors.work import Batch, Piece, Work
+from uqpen.labels import Status
+
+__all__ = ["TRIES", "Call", "Task"]
+
+# How often a run, or the start of a worker, is tried: what kills the one may come from outside.
+TRIES = 3
+
+
+@dataclass
+class Task:
+    """A batch, and what it has cost.
+
+    Parameters
+    ----------
+    batch : Batch
+        What is to be done.
+    deaths : int
+        How many workers have died of it.
+    delays : int
+        How often it was ended because its time was over.
+    """
+
+    batch: Batch
+    deaths: int = 0
+    delays: int = 0
+
+
+class Call:
+    """What nobody has begun, and what is done and not yet told.
+
+    Parameters
+    ----------
+    work : Work
+        What is done with batches.
+    batches : iterable of Batch
+        Taken as they are needed.
+    most : int
+        How many may be under way, or taken to be begun next.
+    """
+
+    def __init__(self, work: Work, batches: Iterable[Batch], most: int) -> None:
+        self.work = work
+        self.pickled = _pickled(work)
+        self._coming = iter(batches)
+        self._most = most
+        self._busy = 0
+        self._tasks: deque[Task] = deque()
+        self._pieces: list[Piece] = []
+
+    def fill(self) -> bool:
+        """Take batches as long as not too many are under way; whether there are any."""
+        while len(self._tasks) + self._busy < self._most:
+            batch = next(self._coming, None)
+            if batch is None:
+                break
+            self._tasks.append(Task(batch))
+        return bool(self._tasks) or self._busy > 0
+
+    @property
+    def has_tasks(self) -> bool:
+        """Whether there is something to begin."""
+        return bool(self._tasks)
+
+    def begin(self) -> Task:
+        """The next task, which somebody works on from now on."""
+        self._busy += 1
+        return self._tasks.popleft()
+
+    def is_done(self, piece: Piece) -> None:
+        """Note what came of a task."""
+        self._busy -= 1
+        self._pieces.append(piece)
+
+    def has_killed(self, task: Task, reason: str) -> None:
+        """Note that a task's worker has died of it: it is tried again, then halved, then lost."""
+        task.deaths += 1
+        tries = max(TRIES, 1 + self.work.retries)
+        self._again_or_lost(task, Status.CRASHED, reason, again=task.deaths < tries)
+
+    def is_late(self, task: Task) -> None:
+        """Note that a task was ended because its time was over."""
+        task.delays += 1
+        reason = self.work.limits.lateness
+        self._again_or_lost(task, Status.TIMED_OUT, reason, again=task.delays <= self.work.retries)
+
+    def told(self) -> Iterator[Piece]:
+        """What is done, once."""
+        pieces, self._pieces = self._pieces, []
+        yield from pieces
+
+    def _again_or_lost(self, task: Task, status: Status, reason: str, *, again: bool) -> None:
+        self._busy -= 1
+        if again:
+            self._tasks.appendleft(task)
+        elif len(task.batch) > 1:
+            # One more death and it is halved again.
+            halves = [Task(half, TRIES - 1, task.delays) for half in task.batch.halves()]
+            self._tasks.extendleft(reversed(halves))
+        else:
+            self._pieces.append(self.work.lost(task.batch, status, reason))
+
+
+def _pickled(work: Work) -> bytes:
+    """What workers are sent; a function of the user's own goes as a reference to its file."""
+    try:
+        return pickle.dumps(work)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise ModelError(
+            f"this model cannot be sent to another process ({error}): "
+            "name its function in a study file, or use one worker"
+        ) from None

@@ -1,0 +1,118 @@
+"""What happened while an archive was made, in a text beside it."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections import Counter
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+
+from uqpen.archive.provenance import provenance
+from uqpen.errors import ArchiveError
+from uqpen.evaluation import Progress
+from uqpen.study.study import Study
+
+__all__ = ["Journal"]
+
+# Different warnings that are told; a model may give others at each run.
+_MOST_WARNINGS = 100
+
+
+class Journal(Progress):
+    """Progress as lines with the time of day; what must not be in an archive stands here.
+
+    Parameters
+    ----------
+    path : Path
+        The text; what an earlier start has written stays.
+    study : Study
+        What is made.
+    progress : Progress
+        Who else is told.
+    """
+
+    def __init__(self, path: Path, study: Study, progress: Progress) -> None:
+        self._path = path
+        self._study = study
+        self._told = progress
+        self._warnings: Counter[str] = Counter()
+        self._name = ""
+        self._runs = self._lost = 0
+        self._began = 0.0
+
+    def __enter__(self) -> Journal:
+        version = provenance()["version_uqpen"]
+        self.say(
+            f"{self._study.name}: study {self._study.sha256[:16]} by uqpen {version} "
+            f"on {platform.node()} ({platform.platform()}), process {os.getpid()}"
+        )
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._finish()
+        for warning, count in self._warnings.items():
+            self.say(f"warning: {warning}" + f" ({count} times)" * (count > 1))
+        if kind is not None:
+            text = " ".join(str(error).split())
+            self.say(f"ended early: {kind.__name__}" + f": {text}" * bool(text))
+
+    def say(self, text: str) -> None:
+        """Write a line.
+
+        Raises
+        ------
+        ArchiveError
+            If that cannot be done.
+        """
+        moment = datetime.now().astimezone().isoformat(timespec="milliseconds")
+        try:
+            with self._path.open("a", encoding="utf-8", errors="backslashreplace") as stream:
+                stream.write(f"{moment} {text}\n")
+        except OSError as error:
+            raise ArchiveError(f"{self._path}: cannot be written: {error.strerror}") from None
+
+    @property
+    def warnings(self) -> int:
+        """How many different warnings there were."""
+        return len(self._warnings)
+
+    def preparing(self, model: str) -> None:
+        self._told.preparing(model)
+
+    def design(self, name: str, runs: int) -> None:
+        self._finish()
+        self._name, self._runs, self._lost, self._began = name, 0, 0, time.monotonic()
+        self._told.design(name, runs)
+
+    def found(self, runs: int) -> None:
+        self.say(f"{self._name}: {runs} runs were made before")
+        self._told.found(runs)
+
+    def advance(self, runs: int, lost: int, under_way: int) -> None:
+        self._runs += runs
+        self._lost += lost
+        self._told.advance(runs, lost, under_way)
+
+    def analysing(self) -> None:
+        self._finish()
+        self._told.analysing()
+
+    def warned(self, text: str) -> None:
+        if len(self._warnings) < _MOST_WARNINGS or text in self._warnings:
+            self._warnings[text] += 1
+        self._told.warned(text)
+
+    def _finish(self) -> None:
+        """Tell what came of the last design."""
+        if self._name:
+            took = time.monotonic() - self._began
+            self.say(f"{self._name}: {self._runs} runs in {took:.3f} s, {self._lost} of them lost")
+            self._name = ""

@@ -1,0 +1,85 @@
+"""The source of the models that are built in, which tells one version of them from another."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import hashlib
+import importlib.metadata
+from collections.abc import Iterator
+from pathlib import Path
+
+from uqpen.model import Model
+from uqpen.settings import declared
+
+__all__ = ["BuiltIn", "source_sha256"]
+
+_PACKAGE = "uqpen.models"
+_FOLDER = Path(__file__).parent
+
+# What all of them import, and none of their numbers depends on: this module.
+_APART = Path(__file__).stem
+
+
+class BuiltIn(Model):
+    """A model that comes with uqpen, told from others by its settings, version and source."""
+
+    def identity(self) -> dict[str, str]:
+        """Its name and settings, uqpen's version, and the hash of the model's source."""
+        settings = {field.name: repr(getattr(self, field.name)) for field, _ in declared(self)}
+        return {
+            "name": self.name,
+            **settings,
+            "version": importlib.metadata.version("uqpen"),
+            "source_sha256": source_sha256(type(self).__module__),
+        }
+
+
+@functools.cache
+def source_sha256(module: str) -> str:
+    """The SHA-256 of the sources that a built-in model is made of.
+
+    They are found from import statements, so that it does not matter what has been imported.
+
+    Parameters
+    ----------
+    module : str
+        The module of this package that defines the model; with it go all others of the package
+        that it imports, and those that they import.
+    """
+    sources: dict[str, bytes] = {}
+    found = [module.removeprefix(f"{_PACKAGE}.")]
+    while found:
+        name = found.pop()
+        if name != _APART and name not in sources:
+            # Whoever has checked it out on Windows has other ends of lines.
+            sources[name] = _path(name).read_bytes().replace(b"\r\n", b"\n")
+            found += _imported(sources[name])
+    digest = hashlib.sha256()
+    for name, source in sorted(sources.items()):
+        # With its length, so that no two sequences of sources look alike.
+        digest.update(f"{name} {len(source)}\n".encode() + source)
+    return digest.hexdigest()
+
+
+def _imported(source: bytes) -> Iterator[str]:
+    """The modules of this package that a source imports, wherever in it."""
+    if _PACKAGE.encode() not in source and b"from ." not in source:
+        return
+    for node in ast.walk(ast.parse(source)):
+        names: list[str] = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                base = f"{_PACKAGE}.{base}".rstrip(".")
+            names = [base, *(f"{base}.{alias.name}" for alias in node.names)]
+        for name in names:
+            stem = name.removeprefix(f"{_PACKAGE}.")
+            if stem != name and _path(stem).is_file():
+                yield stem
+
+
+def _path(name: str) -> Path:
+    return _FOLDER.joinpath(*name.split(".")).with_suffix(".py")

@@ -1,0 +1,33 @@
+"""``[failures]``: what is done about runs that are lost."""
+
+from __future__ import annotations
+
+from uqpen.errors import as_written
+from uqpen.evaluation.failures import Failures
+from uqpen.study.section import Section
+
+__all__ = ["read_failures"]
+
+_RETRIES = "how often a lost run is made again, a whole number from 0 to 100"
+_SHARE = 'the share of runs that may be lost, such as "5 %"'
+_MOST_RETRIES = 100
+
+
+def read_failures(table: Section | None) -> Failures:
+    """How lost runs are dealt with; as ever where a study does not say."""
+    if table is None:
+        return Failures()
+    retry = table.take("retry")
+    if retry is None:
+        retry = 0
+    elif not isinstance(retry, int) or isinstance(retry, bool) or not 0 <= retry <= _MOST_RETRIES:
+        table.wrong("retry", as_written(retry), _RETRIES)
+        retry = 0
+    at_most = 1.0
+    if "at_most" in table:
+        share = table.quantity("at_most", "1")
+        if share is not None and not 0 <= share <= 1:
+            table.wrong("at_most", as_written(table.content["at_most"]), _SHARE)
+        at_most = at_most if share is None else share
+    table.close()
+    return Failures(retry, at_most)

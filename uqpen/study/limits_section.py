@@ -1,0 +1,61 @@
+"""``time_limit`` and ``memory_limit`` of a model: what one run may use."""
+
+from __future__ import annotations
+
+import re
+
+from uqpen.errors import as_written
+from uqpen.limits import Limits
+from uqpen.study.section import Section
+
+__all__ = ["read_limits", "read_time_limit"]
+
+_TIME = 'a time such as "10 s" or "5 min"'
+_MEMORY = 'a size such as "2 GB" or "512 MiB", at least 1 MB'
+_WHERE = "no limit on memory: this system cannot keep one"
+
+_SIZE = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*([kMGT]i?|)B\s*\Z")
+_PREFIXES = {"": 1} | {
+    f"{prefix}{binary}": base**power
+    for power, prefix in enumerate("kMGT", 1)
+    for binary, base in (("", 1000), ("i", 1024))
+}
+_LEAST, _MOST = 1e6, 1e15
+
+
+def read_limits(table: Section, *, can_limit_memory: bool) -> Limits:
+    """What one run may use; as much as it likes where a model's table does not say.
+
+    Parameters
+    ----------
+    table : Section
+        Of the model.
+    can_limit_memory : bool
+        Whether this system is known to keep a limit on memory, should there be one.
+    """
+    return Limits(read_time_limit(table), _bytes(table, can_limit=can_limit_memory))
+
+
+def read_time_limit(table: Section) -> float | None:
+    """How many seconds one run may take."""
+    seconds = table.quantity("time_limit", "s")
+    if seconds is not None and not 0 < seconds < float("inf"):
+        table.wrong("time_limit", as_written(table.content["time_limit"]), _TIME)
+        return None
+    return seconds
+
+
+def _bytes(table: Section, *, can_limit: bool) -> int | None:
+    """How much memory one run may use."""
+    written = table.take("memory_limit")
+    if written is None:
+        return None
+    match = _SIZE.match(written) if isinstance(written, str) else None
+    size = float(match[1]) * _PREFIXES[match[2]] if match else 0.0
+    if not _LEAST <= size <= _MOST:
+        table.wrong("memory_limit", as_written(written), _MEMORY)
+        return None
+    if not can_limit:
+        table.wrong("memory_limit", as_written(written), _WHERE)
+        return None
+    return int(size)
