@@ -1,0 +1,94 @@
+"""Studies of programs from end to end: the documented example, archives, workers, Ctrl-C."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import uqpen
+from uqpen.errors import ModelError
+from uqpen.executors.processes import processes
+from uqpen.study.load import parse_study
+from uqpen.summary.tables import output_tables
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "models.md"
+
+
+@pytest.fixture
+def beam(tmp_path: Path) -> Path:
+    """The study of the documentation, with its files."""
+    text = DOCUMENT.read_text(encoding="utf-8").partition("## A program: `command`")[2]
+    blocks = re.findall(r"```(sh|text|toml)\n(.*?)```", text, flags=re.DOTALL)
+    names = {"sh": "solver", "text": "beam.dat.template", "toml": "beam.toml"}
+    (tmp_path / "study").mkdir()
+    for language, content in reversed(blocks):  # of several, the first
+        (tmp_path / "study" / names[language]).write_text(content, encoding="utf-8")
+    (tmp_path / "study" / "solver").chmod(0o755)
+    return tmp_path / "study" / "beam.toml"
+
+
+def test_the_documented_example_runs_and_is_right(beam: Path) -> None:
+    table = next(output_tables(uqpen.run(uqpen.load_study(beam))))
+    assert table.title == "deflection [mm]"
+    mean = float(dict(table.rows)["mean"][0].split()[0])
+    # 10 kN · (3 m)³ / 80.64 = 3.35 mm; the spread of the inputs adds 0.003 %.
+    assert mean == pytest.approx(3.35, rel=0.01)
+    assert not (beam.parent / "beam_runs").exists()
+
+
+def test_two_workers_give_the_same_bytes_as_none(beam: Path) -> None:
+    solver = beam.parent / "solver"
+    script = solver.read_text().replace(
+        "#!/bin/sh", '#!/bin/sh\ngrep -q "LENGTH *2" "$1" && echo "too short: $1" >&2 && exit 2'
+    )
+    solver.write_text(script)
+    text = beam.read_text().replace("runs = 50", "runs = 10")
+    study = parse_study(text, name="beam", folder=beam.parent)
+    alone = uqpen.run(study)
+    with processes(2) as pool:
+        together = uqpen.run(study, map=pool)
+    assert alone.identical(together)
+    lost = alone["runs/sample/lost_reason"].values
+    assert 0 < len(lost) < 10
+    assert set(lost) == {"exit code 2: too short: beam.dat"}
+    assert len(list((beam.parent / "beam_runs").iterdir())) == len(lost)
+
+
+def test_an_archive_brings_its_program_along_but_only_runs_it_if_trusted(
+    beam: Path, command_line: Callable[..., Any]
+) -> None:
+    command_line("study", str(beam), "-o", "beam.nc")
+    shutil.rmtree(beam.parent)
+    checked = command_line("verify", "beam.nc")
+    assert "execute code that the archive names (./solver beam.dat)" in checked.said
+    assert "worked out again: bit-equal" in checked.said
+    assert command_line("rerun", "beam.nc").code == 2
+    trusted = command_line("verify", "beam.nc", "--trust")
+    assert trusted.code == 0
+    assert "50 of 50 repeated: bit-equal" in trusted.said
+
+
+def test_a_program_that_is_changed_while_the_study_runs_stops_it(beam: Path) -> None:
+    study = uqpen.load_study(beam)
+    solver = beam.parent / "solver"
+    solver.write_text(solver.read_text().replace("80.64", "80.65"))
+    with pytest.raises(ModelError, match='"solver" was changed while the study ran'):
+        uqpen.run(study)
+
+
+def test_several_programs_can_be_models_of_one_study(beam: Path) -> None:
+    model, rest = re.findall(r"(\[model\].*?)(\[inputs\].*)", beam.read_text(), re.DOTALL)[0]
+    models = [model.replace("[model", f"[models.{name}") for name in ("fine", "coarse")]
+    coarse = models[1].replace('"./solver"', '"./coarse"')
+    text = f"seed = 1\n{models[0]}{coarse}{rest}".replace("runs = 50", "runs = 10")
+    (beam.parent / "coarse").write_text("#!/bin/sh\nexit 1\n")
+    (beam.parent / "coarse").chmod(0o755)
+    tree = uqpen.run(parse_study(text, name="beam", folder=beam.parent))
+    assert tree["models/coarse"].attrs["model_name"] == "./coarse beam.dat"
+    assert not tree["models/fine/runs/sample/status"].values.any()
+    assert len(list((beam.parent / "beam_runs" / "coarse").iterdir())) == 10

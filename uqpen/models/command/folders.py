@@ -1,0 +1,59 @@
+"""The folders that runs are made in: a fresh one each, and what is kept of them."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+__all__ = ["called", "keep_folder", "working_folder"]
+
+_SHORT = 12
+
+
+@contextlib.contextmanager
+def working_folder() -> Iterator[Path]:
+    """A fresh folder, removed when this is left unless somebody has moved it.
+
+    Raises
+    ------
+    OSError
+        If there is no room for one.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="uqpen-")).resolve()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def called(inputs: Mapping[str, float]) -> str:
+    """What the folder of a run is called: it follows from the bits of its inputs.
+
+    >>> called({"a": 1.0}) == called({"a": 1.0}) != called({"a": 1.0 + 1e-15})
+    True
+    """
+    text = "\n".join(f"{name} {value.hex()}" for name, value in sorted(inputs.items()))
+    return hashlib.sha256(text.encode()).hexdigest()[:_SHORT]
+
+
+def keep_folder(folder: Path, destination: Path, notes: Mapping[str, str]) -> None:
+    """Move a run's folder, with notes, to where it is kept, in place of one that stands there.
+
+    Where that cannot be done (a disk that is full, say) the run still has its reason.
+    """
+    with contextlib.suppress(OSError):
+        for name, text in notes.items():
+            (folder / name).write_text(text, encoding="utf-8", errors="surrogateescape")
+        destination.parent.mkdir(parents=True, exist_ok=True)
+        # Under a name of its own first: another worker may keep a run with the same inputs.
+        staged = Path(tempfile.mkdtemp(prefix=".", dir=destination.parent))
+        try:
+            shutil.move(folder, staged / destination.name)
+            shutil.rmtree(destination, ignore_errors=True)
+            (staged / destination.name).rename(destination)
+        finally:
+            shutil.rmtree(staged, ignore_errors=True)

@@ -1,0 +1,95 @@
+"""A process that outlives this one for a moment, to end what it has left running.
+
+A worker that is killed, or a program that is, cannot end its runs itself. So each has a guard: a
+shell that reads from a pipe what is under way, and finds the pipe's end when nobody is left to
+write. It sleeps until then, and knows one run at a time.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import os
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+__all__ = ["guard"]
+
+# What it has read last is what is under way: the number of a process group and its folder; 0 where
+# it has no number yet, as it is being started; or nothing. Other groups of the session are ended
+# too, and, where the system tells, whatever is in the folder.
+_SCRIPT = """\
+trap '' HUP INT TERM
+group= folder=
+while IFS=' ' read -r last where; do group=$last folder=$where; done
+[ -n "$folder" ] || exit 0
+if [ "$group" != 0 ]; then
+    pkill -KILL -s "$group"
+    kill -KILL -- "-$group"
+fi
+for entry in /proc/[0-9]*/cwd; do
+    if [ "$entry" -ef "$folder" ]; then
+        process=${entry%/cwd}
+        kill -KILL "${process#/proc/}"
+    fi
+done
+rm -rf -- "$folder"
+"""
+
+
+@contextlib.contextmanager
+def guard(folder: Path) -> Iterator[Callable[[int], None]]:
+    """While this lasts, nothing that is started in a folder outlives this process.
+
+    Parameters
+    ----------
+    folder : Path
+        Of one run; it is removed with what runs there.
+
+    Yields
+    ------
+    watch : callable
+        Takes the number of the process group that was started.
+    """
+    starting = f"0 {folder}"
+    _tell(starting)
+    try:
+        yield lambda group: _tell(f"{group} {folder}")
+    except BaseException:
+        # It may have been about to be started. Its number can be another's by the time of the end.
+        _tell(starting)
+        raise
+    _tell("")
+
+
+def _tell(what: str) -> None:
+    # Where it cannot be started, or somebody has killed it, runs go on without.
+    with contextlib.suppress(OSError):
+        pipe = _of_this_process().stdin
+        assert pipe is not None
+        os.write(pipe.fileno(), f"{what}\n".encode("utf-8", "surrogateescape"))
+
+
+_guards: dict[int, subprocess.Popen[bytes]] = {}
+
+
+def _of_this_process() -> subprocess.Popen[bytes]:
+    """The guard of this process, started where there is none."""
+    process = os.getpid()
+    if process not in _guards:
+        _guards[process] = subprocess.Popen(
+            ["/bin/sh", "-c", _SCRIPT],
+            cwd="/",
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        atexit.register(_dismiss, process)
+    return _guards[process]
+
+
+def _dismiss(process: int) -> None:
+    if process == os.getpid():
+        _guards.pop(process).communicate()  # the end of what it reads, and its own

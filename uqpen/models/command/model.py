@@ -1,0 +1,212 @@
+"""A model that is a program: for each run it is started anew, in a folder of its own."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from uqpen.errors import ModelError
+from uqpen.files import FileRead
+from uqpen.labels import STATUS_TEXT, Status
+from uqpen.limits import Limits
+from uqpen.model import Arrays, Input, Model, Output, Results
+from uqpen.models.command.folders import called, keep_folder, working_folder
+from uqpen.models.command.placeholders import filled
+from uqpen.models.command.process import STDERR, Ending, run_process
+from uqpen.models.command.program import Program
+from uqpen.models.command.readings import Reading
+from uqpen.models.command.reasons import last_line, steady
+from uqpen.models.command.written import UnreadableError, Written
+from uqpen.units import scale
+
+__all__ = ["INPUTS", "OUTCOME", "OUTPUTS", "Command", "Kept"]
+
+# Files in the folder of a run: its inputs, where a program writes its outputs unless told
+# otherwise, and, in a folder that is kept, what became of it.
+INPUTS, OUTPUTS, OUTCOME = "inputs.json", "outputs.json", "outcome.txt"
+
+_PATHS = {"inputs": INPUTS, "outputs": OUTPUTS}
+
+
+class Kept(NamedTuple):
+    """What is kept of the folders that runs are made in.
+
+    Attributes
+    ----------
+    which : str
+        Those of ``"failed"`` runs, ``"all"`` or ``"none"``.
+    folder : Path
+        Where.
+    """
+
+    which: Literal["failed", "all", "none"]
+    folder: Path
+
+
+class _Outcome(NamedTuple):
+    """What became of a run; outputs are in the units that the program gives them in."""
+
+    outputs: Mapping[str, float]
+    status: Status = Status.OK
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Command(Model):
+    """A model that runs a program.
+
+    Parameters
+    ----------
+    words : tuple of str
+        The command as a study has it: the program and its arguments, with placeholders.
+    inputs, outputs : tuple
+        As of any model, in SI units.
+    called_in : mapping of str to str
+        The unit that the program takes each input and gives each output in.
+    readings : mapping of str to Reading
+        Where each output stands.
+    kept : Kept
+        Which folders of runs are kept, and where.
+    program : Program, optional
+        What is executed; where it has not been looked for, the model cannot be run.
+    templates : mapping of str to str
+        By their names in the folder of a run, texts with placeholders.
+    copied : tuple of str
+        Files beside the study that each run finds in its folder.
+    limits : Limits
+        What one run may use.
+    """
+
+    words: tuple[str, ...]
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    called_in: Mapping[str, str]
+    readings: Mapping[str, Reading]
+    kept: Kept
+    program: Program | None = None
+    templates: Mapping[str, str] = field(default_factory=dict)
+    copied: tuple[str, ...] = ()
+    limits: Limits = Limits()
+    name: str = field(init=False)
+
+    vectorized = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", " ".join(self.words))
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        program = self._found()
+        arguments = {
+            name: scale(self.called_in[name]).from_si(values).tolist()
+            for name, values in inputs.items()
+        }
+        runs = len(next(iter(inputs.values())))
+        outputs = {output.name: np.full(runs, np.nan) for output in self.outputs}
+        status = np.full(runs, Status.OK, dtype=np.int8)
+        reasons: dict[int, str] = {}
+        for run in range(runs):
+            outcome = self._run(program, {name: column[run] for name, column in arguments.items()})
+            status[run] = outcome.status
+            if outcome.reason:
+                reasons[run] = outcome.reason
+            for name, value in outcome.outputs.items():
+                measure = scale(self.called_in[name])
+                outputs[name][run] = value * measure.factor + measure.offset
+        return Results(outputs, status, reasons)
+
+    def consists_of(self, files: frozenset[str]) -> None:
+        # No run tells of files, but between batches is the time to look.
+        if self.program is not None:
+            self.program.check_unchanged()
+
+    def files(self) -> tuple[FileRead, ...]:
+        return tuple(file.read for file in self.program.beside) if self.program else ()
+
+    def identity(self) -> dict[str, str]:
+        return {"name": self.name, **(self.program.identity() if self.program else {})}
+
+    def _found(self) -> Program:
+        if self.program is None:
+            raise ModelError(f"{self.name} is not executed without --trust")
+        return self.program
+
+    def _run(self, program: Program, inputs: Mapping[str, float]) -> _Outcome:
+        """One run, whatever becomes of it."""
+        try:
+            with working_folder() as folder:
+                self._furnish(folder, program, inputs)
+                words = self._command(program, inputs)
+                ending = run_process(words, folder, self.limits)
+                outcome = self._outcome(ending, folder, program)
+                if self._is_kept(outcome):
+                    note = _note(outcome, words)
+                    keep_folder(folder, self.kept.folder / called(inputs), {OUTCOME: note})
+                return outcome
+        except OSError as error:  # a disk that is full, a program for another machine
+            reason = f"cannot be started: {error.strerror or type(error).__name__}"
+            return _Outcome({}, Status.FAILED, reason)
+
+    def _furnish(self, folder: Path, program: Program, inputs: Mapping[str, float]) -> None:
+        """Put into a run's folder what the program is to find there."""
+        for name in self.copied:
+            copy = folder / name
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(program.folder / name, copy)
+        for name, text in self.templates.items():
+            file = folder / name
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(filled(text, {**inputs, **_PATHS}).encode())
+        (folder / INPUTS).write_text(json.dumps(inputs) + "\n", encoding="utf-8")
+
+    def _command(self, program: Program, inputs: Mapping[str, float]) -> list[str]:
+        """The words that are executed: files beside the study by their full paths."""
+        words = [str(program.executed.read.path)]
+        # What a run finds under a name in its own folder, it is told of by that name.
+        inside = {*self.templates, *self.copied}
+        for word in self.words[1:]:
+            if word in program.names and word not in inside:
+                words.append(str(program.folder / word))
+            else:
+                words.append(filled(word, {**inputs, **_PATHS}))
+        return words
+
+    def _outcome(self, ending: Ending, folder: Path, program: Program) -> _Outcome:
+        """What became of a run whose program has ended."""
+        if ending.is_late:
+            late = self.limits.lateness
+            return _Outcome({}, Status.TIMED_OUT, late)
+        if ending.code:
+            status = Status.CRASHED if ending.signal else Status.FAILED
+            how = f"ended by {ending.signal}" if ending.signal else f"exit code {ending.code}"
+            said = steady(last_line(folder / STDERR), [folder, program.folder])
+            return _Outcome({}, status, f"{how}: {said}" if said else how)
+        return self._read(Written(folder))
+
+    def _read(self, written: Written) -> _Outcome:
+        try:
+            found = {name: reading.value(written) for name, reading in self.readings.items()}
+        except UnreadableError as error:
+            return _Outcome({}, Status.FAILED, str(error))
+        for name, value in found.items():
+            if not math.isfinite(value):
+                return _Outcome(found, Status.NOT_FINITE, f"{name} is {value}")
+        return _Outcome(found)
+
+    def _is_kept(self, outcome: _Outcome) -> bool:
+        is_lost = outcome.status != Status.OK
+        return self.kept.which == "all" or (self.kept.which == "failed" and is_lost)
+
+
+def _note(outcome: _Outcome, words: list[str]) -> str:
+    """What became of a run, and what was executed, for who looks into its folder."""
+    lines = [f"{STATUS_TEXT[outcome.status]}: {outcome.reason}".removesuffix(": ")]
+    lines += [f"{name} = {value!r}" for name, value in outcome.outputs.items()]
+    return "\n".join([*lines, shlex.join(words), ""])

@@ -1,0 +1,177 @@
+"""One process under limits: started, waited for, and ended with all that it has started.
+
+It leads a session and a process group of its own, so that a Ctrl-C at the terminal does not reach
+it, and ending it ends its children as well. What it prints goes to files: nothing waits for a pipe
+that a child of it holds open.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from uqpen.limits import Limits
+from uqpen.models.command.guard import guard
+
+__all__ = ["Ending", "run_process"]
+
+STDOUT, STDERR = "stdout", "stderr"
+
+# Sets the limit on address space, in KiB, and becomes the program; no word of it is looked into.
+_WITH_LESS_MEMORY = 'ulimit -v "$0" && exec "$@"'
+
+# How often the end of a process is looked for where the system does not tell of it, in seconds.
+_GLANCE = 0.005
+
+
+# More seconds than the system can be asked to wait for: 23 days.
+_FOREVER = 2e6
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a process ended.
+
+    Parameters
+    ----------
+    code : int
+        Its exit code; the negative number of the signal that ended it.
+    is_late : bool
+        Whether it was ended because its time was over.
+    """
+
+    code: int
+    is_late: bool = False
+
+    @property
+    def signal(self) -> str:
+        """The name of the signal that ended it; empty where none did.
+
+        >>> Ending(-11).signal, Ending(3).signal
+        ('SIGSEGV', '')
+        """
+        if self.code >= 0:
+            return ""
+        try:
+            return signal.Signals(-self.code).name
+        except ValueError:  # a real-time signal
+            return f"signal {-self.code}"
+
+
+def run_process(words: Sequence[str], folder: Path, limits: Limits) -> Ending:
+    """Run a program in a folder, and leave nothing of it running.
+
+    Parameters
+    ----------
+    words : sequence of str
+        The program's path and its arguments; no shell looks into them.
+    folder : Path
+        Where it runs; `stdout` and `stderr` are written there.
+    limits : Limits
+        What it may use.
+
+    Raises
+    ------
+    OSError
+        If it cannot be started.
+    """
+    with guard(folder) as watch:
+        process = _started(_limited(words, limits), folder)
+        try:
+            watch(process.pid)
+            is_late = not _ends_within(process, limits.seconds)
+        except BaseException:  # Ctrl-C above all
+            _end(process, is_forced=True)
+            raise
+        _end(process, is_forced=is_late)
+    return Ending(process.returncode, is_late)
+
+
+def _started(words: Sequence[str], folder: Path) -> subprocess.Popen[bytes]:
+    """A process in a session of its own, in a folder that it prints to."""
+    with (folder / STDOUT).open("wb") as stdout, (folder / STDERR).open("wb") as stderr:
+        return subprocess.Popen(
+            words,
+            cwd=folder,
+            # Some programs ask the environment where they are.
+            env={**os.environ, "PWD": str(folder)},
+            stdin=subprocess.DEVNULL,
+            stdout=stdout,
+            stderr=stderr,
+            start_new_session=True,
+        )
+
+
+def _limited(words: Sequence[str], limits: Limits) -> list[str]:
+    # Not by code of ours between fork and exec: that can deadlock where there are threads.
+    if limits.bytes is None:
+        return list(words)
+    return ["/bin/sh", "-c", _WITH_LESS_MEMORY, str(limits.bytes // 1024), *words]
+
+
+def _end(process: subprocess.Popen[bytes], *, is_forced: bool) -> None:
+    """Kill what is left of a process's group, and wait for the process.
+
+    A program that does not end by itself may have children in other groups; to look for them
+    takes a millisecond or more, so one that does is taken at its word.
+    """
+    if process.returncode is None:
+        # As long as it has not been waited for, its number cannot be that of another group.
+        _kill(process.pid)
+        for group in _groups_of_session(process.pid) if is_forced else ():
+            _kill(group)
+    process.wait()
+
+
+def _kill(group: int) -> None:
+    # A group of nothing but a zombie is refused on some systems.
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(group, signal.SIGKILL)
+
+
+def _groups_of_session(leader: int) -> set[int]:
+    """The process groups of a session, where the system tells: MPI launchers make new ones."""
+    groups = set()
+    for entry in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            # The name in brackets can hold anything, so begin behind it.
+            fields = entry.read_bytes().rpartition(b")")[2].split()
+            if int(fields[3]) == leader:
+                groups.add(int(fields[2]))
+    return groups
+
+
+def _ends_within(process: subprocess.Popen[bytes], seconds: float | None) -> bool:
+    """Whether a process ends in time; it is not waited for, so that its number stays taken."""
+    if sys.platform != "linux":
+        return _seen_to_end(process, seconds)
+    try:
+        descriptor = os.pidfd_open(process.pid)
+    except OSError:  # an old system, or one that does not let programs have them
+        return _seen_to_end(process, seconds)
+    try:
+        poll = select.poll()
+        poll.register(descriptor, select.POLLIN)
+        milliseconds = None if seconds is None or seconds > _FOREVER else seconds * 1000
+        return bool(poll.poll(milliseconds))
+    finally:
+        os.close(descriptor)
+
+
+def _seen_to_end(process: subprocess.Popen[bytes], seconds: float | None) -> bool:
+    """The same, where the system has no descriptor that tells of it."""
+    deadline = time.monotonic() + (float("inf") if seconds is None else seconds)
+    while process.poll() is None:
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(_GLANCE)
+    _kill(process.pid)
+    return True

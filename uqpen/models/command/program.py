@@ -1,0 +1,186 @@
+"""The files of a command: the program, and what lies beside the study."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from uqpen.errors import ModelError
+from uqpen.files import FileRead
+
+__all__ = ["Program", "ProgramFile", "find_program", "found_program", "lies_beside"]
+
+
+@dataclass(frozen=True)
+class ProgramFile:
+    """A file of a command, as it stood when the study was read.
+
+    Parameters
+    ----------
+    name : str
+        Its path from the study's folder, or what the command calls it.
+    read : FileRead
+        The file.
+    stamp : tuple of int
+        What changes when somebody writes to it.
+    """
+
+    name: str
+    read: FileRead
+    stamp: tuple[int, int]
+
+    @classmethod
+    def of(cls, name: str, path: Path) -> ProgramFile:
+        """A file that is there.
+
+        Raises
+        ------
+        OSError
+            If it cannot be read.
+        """
+        stamp = _stamp(path)
+        return cls(name, FileRead.of(path, path.read_bytes()), stamp)
+
+    def is_changed(self) -> bool:
+        """Whether somebody has written to it since, something else than stood there."""
+        try:
+            if _stamp(self.read.path) == self.stamp:
+                return False
+            content = self.read.path.read_bytes()
+        except OSError:
+            return True
+        return hashlib.sha256(content).hexdigest() != self.read.sha256
+
+
+@dataclass(frozen=True)
+class Program:
+    """A program that has been found, and the files that it needs.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the study lies.
+    executed : ProgramFile
+        What is executed.
+    beside : tuple of ProgramFile
+        The study's own files: what is executed if it is one, words of the command that name one,
+        what is copied into the folder of each run, and templates.
+    """
+
+    folder: Path
+    executed: ProgramFile
+    beside: tuple[ProgramFile, ...] = ()
+
+    @property
+    def names(self) -> frozenset[str]:
+        """What the study calls its own files."""
+        return frozenset(file.name for file in self.beside)
+
+    def identity(self) -> dict[str, str]:
+        """Hashes that tell the files from others: the study's own, and a program from elsewhere."""
+        found = {"source_sha256": _hash_of(self.beside)} if self.beside else {}
+        if self.executed not in self.beside:
+            found["program_sha256"] = self.executed.read.sha256
+        return found
+
+    def check_unchanged(self) -> None:
+        """Refuse to go on with files that are no longer those that the study was read with.
+
+        Raises
+        ------
+        ModelError
+            Naming one that has changed.
+        """
+        for file in (self.executed, *self.beside):
+            if file.is_changed():
+                raise ModelError(
+                    f'"{file.name}" was changed while the study ran: its runs were made with '
+                    "different versions of it, so nothing can be told of them; run the study again"
+                )
+
+
+def found_program(word: str, folder: Path, others: Iterable[str]) -> Program:
+    """The program that the first word of a command names, with the files that belong to it.
+
+    Parameters
+    ----------
+    word : str
+        See `find_program`.
+    folder : Path
+        Where the study lies.
+    others : iterable of str
+        Names of further files that lie there.
+
+    Raises
+    ------
+    ModelError
+        If there is no such program, or a file cannot be read.
+    """
+    try:
+        executed = ProgramFile.of(str(Path(word)), find_program(word, folder))
+        beside = [executed] if "/" in word and lies_beside(word, folder) else []
+        names = dict.fromkeys(name for name in others if name not in [each.name for each in beside])
+        beside += [ProgramFile.of(name, folder / name) for name in names]
+    except OSError as error:
+        raise ModelError(f'"{error.filename}" cannot be read: {error.strerror}') from None
+    return Program(folder, executed, tuple(beside))
+
+
+def find_program(word: str, folder: Path) -> Path:
+    """The program that the first word of a command names.
+
+    Parameters
+    ----------
+    word : str
+        A path (with a slash), from the study's folder if it is relative, or a name.
+    folder : Path
+        Where the study lies.
+
+    Raises
+    ------
+    ModelError
+        If there is none that can be executed.
+    """
+    if "/" not in word:
+        found = shutil.which(word)
+        if found is None:
+            own = f'; the one beside the study is "./{word}"' if lies_beside(word, folder) else ""
+            raise ModelError(f'there is no program "{word}" in the PATH{own}')
+        return Path(found).absolute()
+    path = Path(os.path.normpath(folder / word))
+    if not _is_file(path):
+        where = "" if Path(word).is_absolute() else " beside the study"
+        raise ModelError(f'there is no program "{word}"{where}')
+    if not os.access(path, os.X_OK):
+        raise ModelError(f'"{word}" is not executable')
+    return path
+
+
+def lies_beside(word: str, folder: Path) -> bool:
+    """Whether a word is the relative path of a file that lies beside the study, or below."""
+    path = Path(word)
+    is_inside = bool(path.parts) and not path.is_absolute() and ".." not in path.parts
+    return is_inside and "\0" not in word and _is_file(folder / path)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a word may be longer than any name
+        return False
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    about = path.stat()
+    return about.st_mtime_ns, about.st_size
+
+
+def _hash_of(files: Iterable[ProgramFile]) -> str:
+    digest = hashlib.sha256()
+    for file in sorted(files, key=lambda file: file.name):
+        digest.update(f"{file.read.sha256}  {file.name}\n".encode())
+    return digest.hexdigest()

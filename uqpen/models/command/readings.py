@@ -1,0 +1,191 @@
+"""Where in what a run has written an output stands: one class for each kind of file."""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.arrays import floats
+from uqpen.errors import as_written
+from uqpen.models.command.written import UnreadableError, Written
+
+__all__ = ["InCsv", "InJson", "InNetcdf", "InText", "Reading"]
+
+
+@dataclass(frozen=True)
+class Reading(ABC):
+    """How an output is read.
+
+    Parameters
+    ----------
+    file : str
+        Its path in the folder of the run; ``stdout`` and ``stderr`` are what the program printed.
+    """
+
+    file: str
+
+    @abstractmethod
+    def value(self, written: Written) -> float:
+        """The output, in the unit that the program gives it in.
+
+        Raises
+        ------
+        UnreadableError
+            With the reason why there is none.
+        """
+
+
+@dataclass(frozen=True)
+class InJson(Reading):
+    """A number in a JSON document.
+
+    Parameters
+    ----------
+    key : str
+        Names and positions that lead to it, with dots between: ``result.depth``, ``depths.0``.
+    """
+
+    key: str
+
+    def value(self, written: Written) -> float:
+        found = written.document(self.file)
+        for part in [self.key] if _has(found, self.key) else self.key.split("."):
+            if not _has(found, part):
+                raise UnreadableError(f'{self.file} has no "{self.key}"')
+            found = found[part if isinstance(found, dict) else int(part)]
+        if isinstance(found, bool) or not isinstance(found, int | float):
+            raise UnreadableError(f'"{self.key}" in {self.file} is no number')
+        return _number_of(found)
+
+
+@dataclass(frozen=True)
+class InCsv(Reading):
+    """A number in a CSV file under a row of headings.
+
+    Parameters
+    ----------
+    column : str
+        The heading.
+    row : int
+        Of those below the headings, from 0; the last is -1.
+    """
+
+    column: str
+    row: int = -1
+
+    def value(self, written: Written) -> float:
+        rows = written.table(self.file)
+        if not rows:
+            raise UnreadableError(f"{self.file} is empty")
+        header, *entries = rows
+        if self.column not in header:
+            raise UnreadableError(f'{self.file} has no column "{self.column}"')
+        place = f'row {self.row} of column "{self.column}" in {self.file}'
+        position = header.index(self.column)
+        if not -len(entries) <= self.row < len(entries) or position >= len(entries[self.row]):
+            raise UnreadableError(f"there is no {place}")
+        return _number_in(entries[self.row][position], place)
+
+
+@dataclass(frozen=True)
+class InNetcdf(Reading):
+    """A number in a NetCDF file.
+
+    Parameters
+    ----------
+    variable : str
+        Its name, groups before it with slashes between.
+    row : int, optional
+        Where the variable lies along one dimension: which of its values, from 0; the last is -1.
+    """
+
+    variable: str
+    row: int | None = None
+
+    def value(self, written: Written) -> float:
+        values = self._values(written)
+        place = f'"{self.variable}" in {self.file}'
+        if self.row is None and values.size == 1:
+            return float(values.reshape(()))
+        if self.row is None or values.ndim != 1:
+            wanted = "a single number" if self.row is None else "numbers along one dimension"
+            raise UnreadableError(f"{place} is of shape {values.shape}, not {wanted}")
+        if not -values.size <= self.row < values.size:
+            raise UnreadableError(f"there is no row {self.row} of {place}")
+        return float(values[self.row])
+
+    def _values(self, written: Written) -> npt.NDArray[np.float64]:
+        import netCDF4
+
+        path = written.path(self.file)
+        try:
+            with netCDF4.Dataset(path) as dataset:
+                return floats(dataset[self.variable][...])
+        except (IndexError, KeyError):
+            raise UnreadableError(f'{self.file} has no "{self.variable}"') from None
+        except (TypeError, ValueError):
+            raise UnreadableError(f'"{self.variable}" in {self.file} is no number') from None
+        except (OSError, RuntimeError, AttributeError):
+            # A group has no values; of a damaged file, the library tells in several ways.
+            raise UnreadableError(
+                f'{self.file} is not NetCDF, or has no "{self.variable}"'
+            ) from None
+
+
+@dataclass(frozen=True)
+class InText(Reading):
+    """A number in any text.
+
+    Parameters
+    ----------
+    pattern : str
+        A regular expression, its last match counts.
+    group : int
+        Which of its groups is the number.
+    """
+
+    pattern: str
+    group: int = 1
+
+    def value(self, written: Written) -> float:
+        pattern = re.compile(self.pattern, re.MULTILINE)
+        last = None
+        for last in pattern.finditer(written.text(self.file)):  # noqa: B007 - it is the last
+            pass
+        if last is None:
+            raise UnreadableError(f"no match for {as_written(self.pattern)} in {self.file}")
+        place = f"what {as_written(self.pattern)} matches in {self.file}"
+        return _number_in(last[self.group] or "", place)
+
+
+def _has(found: Any, part: str) -> bool:
+    if isinstance(found, dict):
+        return part in found
+    is_position = isinstance(found, list) and part.isascii() and part.isdecimal() and len(part) < 10
+    return is_position and int(part) < len(found)
+
+
+def _number_of(value: float) -> float:
+    """A whole number, which has any size in JSON, as one with a point."""
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf") if value > 0 else float("-inf")
+
+
+def _number_in(text: str, place: str) -> float:
+    """A number as programs print it, Fortran's exponents among them."""
+    written = text.strip().lower()
+    try:
+        return float(written)
+    except ValueError:
+        pass
+    try:
+        return float(written.replace("d", "e"))
+    except ValueError:
+        raise UnreadableError(f"{place} is no number") from None

@@ -1,0 +1,90 @@
+"""What a run has written: files that can hold anything, read once each."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import stat
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+__all__ = ["UnreadableError", "Written"]
+
+# More than this is read of no file: a run gone wild must not take this process along.
+_LARGEST = 64 * 1024 * 1024
+
+
+class UnreadableError(Exception):
+    """What was asked for is not there; the message is the reason of a failed run."""
+
+
+@dataclass
+class Written:
+    """The files of a run's folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the run was made.
+    """
+
+    folder: Path
+    _texts: dict[str, str] = field(default_factory=dict)
+    _documents: dict[str, Any] = field(default_factory=dict)
+    _tables: dict[str, list[list[str]]] = field(default_factory=dict)
+
+    def path(self, name: str) -> Path:
+        """Where a file lies that is there and can be read.
+
+        Raises
+        ------
+        UnreadableError
+            If it is not there, is no file (reading a pipe would never end) or is huge.
+        """
+        path = self.folder / name
+        try:
+            about = path.stat()
+        except OSError:
+            raise UnreadableError(f"wrote no {name}") from None
+        if not stat.S_ISREG(about.st_mode):
+            raise UnreadableError(f"{name} is no file")
+        if not os.access(path, os.R_OK):
+            raise UnreadableError(f"{name} cannot be read")
+        if about.st_size > _LARGEST:
+            raise UnreadableError(f"{name} is larger than {_LARGEST // 2**20} MiB")
+        return path
+
+    def text(self, name: str) -> str:
+        """A file as text; bytes that are not UTF-8 become the sign for that."""
+        if name not in self._texts:
+            try:
+                content = self.path(name).read_bytes()
+            except OSError:
+                raise UnreadableError(f"{name} cannot be read") from None
+            self._texts[name] = content.decode("utf-8-sig", "replace")
+        return self._texts[name]
+
+    def document(self, name: str) -> Any:
+        """What a JSON file holds."""
+        if name not in self._documents:
+            try:
+                self._documents[name] = json.loads(self.text(name))
+            except (ValueError, RecursionError):
+                found = "is not JSON" if self.text(name).strip() else "is empty"
+                raise UnreadableError(f"{name} {found}") from None
+        return self._documents[name]
+
+    def table(self, name: str) -> Sequence[Sequence[str]]:
+        """The rows of a CSV file that hold anything."""
+        if name not in self._tables:
+            lines = csv.reader(io.StringIO(self.text(name), newline=""))
+            try:
+                rows = [[cell.strip() for cell in row] for row in lines]
+            except csv.Error:
+                raise UnreadableError(f"{name} is not CSV") from None
+            self._tables[name] = [row for row in rows if any(row)]
+        return self._tables[name]

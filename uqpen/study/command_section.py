@@ -1,0 +1,182 @@
+"""``[model] command``: a program as a model, checked before anything runs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from uqpen.errors import ModelError, as_written
+from uqpen.executors.memory import CAN_LIMIT
+from uqpen.models.command.model import INPUTS, OUTCOME, OUTPUTS, Command, Kept
+from uqpen.models.command.placeholders import mistakes, names_in
+from uqpen.models.command.process import STDERR, STDOUT
+from uqpen.models.command.program import Program, found_program, lies_beside
+from uqpen.study.limits_section import read_limits
+from uqpen.study.readings_section import is_inside, read_readings
+from uqpen.study.section import Section
+from uqpen.study.variables_section import read_variables
+
+__all__ = ["read_command"]
+
+_COMMAND = 'a program and its arguments, such as ["./solver", "{inputs}"]'
+_BESIDE = "the name of a file beside the study"
+_INSIDE = "a path relative to the folder of the run"
+_KEPT = 'which folders of runs are kept: "failed", "all" or "none"'
+
+# What placeholders can stand for beside inputs, and what files in the folder of a run are taken.
+_PATHS = ("inputs", "outputs")
+_TAKEN = (INPUTS, OUTPUTS, OUTCOME, STDOUT, STDERR)
+
+
+def read_command(table: Section, folder: Path, *, trust: bool) -> Command | None:
+    """A program as a model, or None where a mistake was noted.
+
+    Parameters
+    ----------
+    table : Section
+        Of the model.
+    folder : Path
+        Where the study lies.
+    trust : bool
+        Whether it may be executed; if not, neither the program nor its files are looked for.
+    """
+    noted = len(table.problems)
+    words = tuple(_words(table))
+    variables = read_variables(table)
+    handed = _Handed(table, folder, trust)
+    handed.read_templates()
+    handed.read_copied()
+    limits = read_limits(table, can_limit_memory=CAN_LIMIT or not trust)
+    kept = _kept(table, folder)
+    named = set().union(*map(names_in, [*words, *handed.templates.values()]))
+    readings = read_readings(table, variables.outputs, OUTPUTS if "outputs" in named else STDOUT)
+    if len(table.problems) == noted:
+        handed.check([variable.name for variable in variables.inputs], words, named)
+    program = handed.program(words) if trust and words else None
+    if len(table.problems) > noted:
+        return None
+    return Command(
+        words,
+        *variables,
+        readings,
+        kept,
+        program,
+        handed.templates,
+        tuple(handed.copied),
+        limits,
+    )
+
+
+@dataclass
+class _Handed:
+    """What a program is handed: words, templates, files; each is checked as it is read."""
+
+    table: Section
+    folder: Path
+    trust: bool
+    templates: dict[str, str] = field(default_factory=dict)
+    template_files: dict[str, str] = field(default_factory=dict)
+    copied: list[str] = field(default_factory=list)
+
+    def read_templates(self) -> None:
+        """The texts of all templates, by what they are called in the folder of a run."""
+        section = self.table.table("templates")
+        for name in section or ():
+            assert section is not None
+            file = section.text(name, _BESIDE)
+            if not is_inside(name) or name in _TAKEN:
+                section.wrong(name, as_written(name), f"{_INSIDE}, none of {', '.join(_TAKEN)}")
+            elif file is not None and self.trust:
+                self._read_template(section, name, file)
+
+    def read_copied(self) -> None:
+        """The files that each run finds in its folder."""
+        for position, name in enumerate(self.table.entries("files")):
+            at = ("files", position)
+            if not isinstance(name, str) or not is_inside(name):
+                self.table.wrong(at, as_written(name), _BESIDE)
+            elif name in _TAKEN or name in self.templates:
+                self.table.wrong(at, as_written(name), "a name that nothing else has")
+            elif self.trust and not lies_beside(name, self.folder):
+                self.table.wrong(at, f'no file "{name}" beside the study', _BESIDE)
+            else:
+                self.copied.append(name)
+
+    def check(self, inputs: list[str], words: tuple[str, ...], named: set[str]) -> None:
+        """Note placeholders that stand for nothing, and inputs that no placeholder stands for."""
+        for taken in set(inputs).intersection(_PATHS):
+            expected = "another name: {inputs} and {outputs} are files"
+            self.table.wrong(("inputs", taken), as_written(taken), expected)
+        for position, word in enumerate(words):
+            for _, found, expected in mistakes(word, inputs, _PATHS):
+                self.table.wrong(("command", position), f"{found} in {as_written(word)}", expected)
+        for name, text in self.templates.items():
+            file = self.template_files[name]
+            for line, found, expected in mistakes(text, inputs, _PATHS):
+                self.table.wrong(("templates", name), f'{found} in "{file}", line {line}', expected)
+        for name in inputs if self.trust and "inputs" not in named else ():
+            if name not in named:
+                expected = f"{{inputs}} or {{{name}}} in the command, or in a template"
+                self.table.wrong(("inputs", name), "an input that is handed to nobody", expected)
+
+    def program(self, words: tuple[str, ...]) -> Program | None:
+        """The program with the files that belong to it, or None where there is none."""
+        if sys.platform == "win32":
+            expected = "Linux or macOS: elsewhere a program and its children cannot be ended"
+            self.table.wrong("command", "a program to be run on Windows", expected)
+            return None
+        inside = {*self.templates, *self.copied}
+        named = [
+            word for word in words[1:] if word not in inside and lies_beside(word, self.folder)
+        ]
+        try:
+            others = [*named, *self.copied, *self.template_files.values()]
+            return found_program(words[0], self.folder, others)
+        except ModelError as error:
+            self.table.wrong("command", str(error), "a program that can be executed")
+        return None
+
+    def _read_template(self, section: Section, name: str, file: str) -> None:
+        if not lies_beside(file, self.folder):
+            section.wrong(name, f'no file "{file}" beside the study', _BESIDE)
+            return
+        try:
+            text = (self.folder / file).read_bytes().decode("utf-8")
+        except OSError as error:
+            section.wrong(name, f'"{file}", which cannot be read: {error.strerror}', _BESIDE)
+        except UnicodeDecodeError:
+            section.wrong(name, f'"{file}", which is not UTF-8', "a text file saved as UTF-8")
+        else:
+            self.templates[name], self.template_files[name] = text, file
+
+
+def _words(table: Section) -> Iterator[str]:
+    """The words of a command, as they stand there."""
+    words = table.take("command")
+    if not isinstance(words, list) or not words:
+        table.wrong("command", as_written(words) if words != [] else "an empty list", _COMMAND)
+        return
+    for position, word in enumerate(words):
+        if not isinstance(word, str) or "\0" in word or (position == 0 and not word.strip()):
+            table.wrong(("command", position), as_written(word), "a word in quotes")
+        elif position == 0 and names_in(word):
+            table.wrong(("command", 0), as_written(word), "a program, without placeholders")
+        else:
+            yield word
+
+
+def _kept(table: Section, folder: Path) -> Kept:
+    """Which folders of runs are kept: beside the study, in one that is called after it."""
+    which = table.text("keep", _KEPT, default="failed")
+    place = folder / f"{Path(table.document.label).stem}_runs"
+    if len(table.path) > 1:  # one of several models
+        place /= str(table.path[-1])
+    if which == "all":
+        return Kept("all", place)
+    if which == "none":
+        return Kept("none", place)
+    if which not in ("failed", None):
+        table.wrong("keep", as_written(which), _KEPT)
+    return Kept("failed", place)
