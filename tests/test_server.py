@@ -1,0 +1,320 @@
+"""uqpen's own models as a UM-Bridge server: by its class, and as the command."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
+
+import numpy as np
+import pytest
+import umbridge
+
+import uqpen
+from uqpen.cli.serve import offers
+from uqpen.errors import UqpenError
+from uqpen.evaluation import Evaluator
+from uqpen.executors.processes import processes
+from uqpen.labels import Status
+from uqpen.models.ishigami import Ishigami
+from uqpen.server import ModelServer, Offer
+
+STUDY = """\
+seed = 1
+[model]
+{model}
+[inputs]
+x1 = {{ uniform = {{ lower = -3.3, upper = 3 }} }}
+x2 = {{ uniform = {{ lower = -3, upper = 3 }} }}
+x3 = 1
+[constraints]
+keep = ["x1 > x2 - 4"]
+[designs.some]
+kind = "monte-carlo"
+runs = 120
+"""
+CHAOS = '[surrogates.chaos]\nkind = "polynomial-chaos"\ndesign = "some"\n'
+SERVED = """\
+umbridge = "{}"
+inputs = {{ x1 = "1", x2 = "1", x3 = "1" }}
+outputs = {{ y = "1" }}"""
+BUILT_IN = STUDY.format(model='use = "ishigami"')
+
+
+@contextlib.contextmanager
+def offering(*offers: Offer) -> Iterator[str]:
+    """The address of a server with these offers."""
+    with ModelServer(offers, port=0) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        try:
+            yield server.url
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    with offering(Offer("ishigami", Evaluator(Ishigami()), ("x1", "x2", "x3"))) as address:
+        yield address
+
+
+class TestUMBridgeClient:
+    def test_runs_a_model(self, address: str) -> None:
+        assert umbridge.supported_models(address) == ["ishigami"]
+        model = umbridge.HTTPModel(address, "ishigami")
+        assert (model.get_input_sizes(), model.get_output_sizes()) == ([3], [1])
+        assert model.supports_evaluate()
+        assert not model.supports_gradient()
+        assert not model.supports_apply_jacobian()
+        assert not model.supports_apply_hessian()
+        x = {name: np.array([0.3]) for name in ("x1", "x2", "x3")}
+        assert model([[0.3, 0.3, 0.3]]) == [Ishigami().evaluate(x).outputs["y"].tolist()]
+
+    @pytest.mark.parametrize(
+        ("parameters", "config", "message"),
+        [
+            ([[4.0, 0.0, 0.0]], {}, "Inadmissible: x1 >= -3.14159 and <= 3.14159"),
+            ([[0.0, 0.0]], {}, "InvalidInput: expected one vector of 3 numbers"),
+            ([[0.0], [0.0, 0.0]], {}, "InvalidInput: expected one vector of 3 numbers"),
+            ([["a", 0.0, 0.0]], {}, "InvalidInput: expected one vector of 3 numbers"),
+            ([[True, 0.0, 0.0]], {}, "InvalidInput: expected one vector of 3 numbers"),
+            ([[10**400, 0.0, 0.0]], {}, "InvalidInput: a number is too large"),
+            ([[0.0, 0.0, 0.0]], {"a": 1}, "InvalidInput: ishigami takes no config"),
+        ],
+    )
+    def test_is_told_why_a_run_was_not_made(
+        self, address: str, parameters: Any, config: Any, message: str
+    ) -> None:
+        model = umbridge.HTTPModel(address, "ishigami")
+        with pytest.raises(Exception, match=re.escape(f"error of type {message}") + r"\Z"):
+            model(parameters, config)
+
+
+def asked(address: str, path: str, content: bytes | None, **headers: str) -> tuple[int, Any]:
+    """Code and content of an answer."""
+    try:
+        with urlopen(Request(f"{address}/{path}", content, headers), timeout=10) as response:
+            return response.status, json.load(response)
+    except HTTPError as error:
+        with error:
+            return error.code, json.load(error)
+
+
+@pytest.mark.parametrize(
+    ("path", "content", "code", "kind", "message"),
+    [
+        ("Evaluate", b"{", 400, "InvalidInput", "the request is no JSON object"),
+        ("Evaluate", b"[" * 100_000, 400, "InvalidInput", "the request is no JSON object"),
+        ("Evaluate", b"[]", 400, "InvalidInput", "the request is no JSON object"),
+        ("Evaluate", b"{}", 400, "ModelNotFound", "no model null; known: ishigami"),
+        ("ModelInfo", b'{"name": "x"}', 400, "ModelNotFound", 'no model "x"; known: ishigami'),
+        (
+            "Gradient",
+            b'{"name": "ishigami"}',
+            400,
+            "UnsupportedFeature",
+            "Gradient is not supported",
+        ),
+        (
+            "EvaluateShMem",
+            b'{"name": "ishigami"}',
+            400,
+            "UnsupportedFeature",
+            "EvaluateShMem is not supported",
+        ),
+        ("Else", b"{}", 404, "NotFound", "/Else is not known"),
+        ("Else", None, 404, "NotFound", "/Else is not known"),
+        ("Evaluate", b"x" * 1_048_577, 413, "TooLarge", "a request has at most 1048576 bytes"),
+    ],
+)
+def test_what_is_no_run_gets_an_error_of_the_protocol(
+    address: str, path: str, content: bytes | None, code: int, kind: str, message: str
+) -> None:
+    told = {"error": {"type": kind, "message": message}}
+    assert asked(address, path, content) == (code, told)
+
+
+@pytest.mark.parametrize(
+    ("request_", "line"),
+    [
+        (b"DELETE / HTTP/1.1\r\n\r\n", b"HTTP/1.1 501 Not Implemented"),
+        (b"POST /Evaluate HTTP/1.1\r\n\r\n", b"HTTP/1.1 411 Length Required"),
+        (b"POST /Evaluate HTTP/1.1\r\nContent-Length: -1\r\n\r\n", b"HTTP/1.1 411 Length Required"),
+        (b"nonsense nonsense nonsense\r\n\r\n", b"HTTP/1.1 400 Bad Request"),
+    ],
+)
+def test_what_is_hardly_http_is_refused(address: str, request_: bytes, line: bytes) -> None:
+    with socket.create_connection(("127.0.0.1", int(address.rpartition(":")[2]))) as connection:
+        connection.sendall(request_)
+        connection.settimeout(10)
+        answer = b""
+        while part := connection.recv(65536):
+            answer += part
+    head, _, content = answer.partition(b"\r\n\r\n")
+    assert head.splitlines()[0] == line or answer.startswith(b'{"error"')
+    assert b"Traceback" not in answer
+    assert "error" in json.loads(content or answer)
+
+
+def test_a_model_served_gives_the_bits_of_the_model_here(address: str) -> None:
+    here = uqpen.run(uqpen.parse_study(BUILT_IN))["runs/some"].to_dataset()
+    study = uqpen.parse_study(STUDY.format(model=SERVED.format(address)))
+    with processes(2) as pool:
+        there = uqpen.run(study, map=pool)["runs/some"].to_dataset()
+    for name in ("x1", "x2", "y"):
+        np.testing.assert_array_equal(there[name], here[name])
+    # What the model does not admit, the server refuses; what the study does not, is not asked.
+    assert set(here["lost_reason"].values) == {
+        "x1 >= -3.14159 and <= 3.14159",
+        "x1 > x2 - 4",
+    }
+    assert set(there["lost_reason"].values) == {
+        "Inadmissible: x1 >= -3.14159 and <= 3.14159",
+        "x1 > x2 - 4",
+    }
+    assert (there["status"] != Status.OK).equals(here["status"] != Status.OK)
+
+
+class TestOffers:
+    def test_an_input_can_be_held(self) -> None:
+        offer = Offer("a", Evaluator(Ishigami()), ("x3", "x1"), {"x2": 0.5})
+        x = {"x1": np.array([2.0]), "x2": np.array([0.5]), "x3": np.array([1.0])}
+        assert offer.run([1.0, 2.0]) == Ishigami().evaluate(x).outputs["y"].tolist()
+
+    @pytest.mark.parametrize(
+        ("varied", "held", "message"),
+        [
+            (("x1",), {}, "a also needs x2, x3"),
+            (("x1", "x1"), {"x2": 0.5, "x3": 0.5}, "a: an input is given twice: x1, x1"),
+            (("x4",), {}, 'ishigami has no input "x4"; known: x1, x2, x3'),
+        ],
+    )
+    def test_what_does_not_fit_is_told(
+        self, varied: tuple[str, ...], held: dict[str, float], message: str
+    ) -> None:
+        with pytest.raises(UqpenError) as refused:
+            Offer("a", Evaluator(Ishigami()), varied, held)
+        assert str(refused.value) == message
+
+
+@contextlib.contextmanager
+def serving(folder: Path, *arguments: str) -> Iterator[tuple[str, str, subprocess.Popen[str]]]:
+    """What `uqpen serve` prints, the address that it tells, and its process."""
+    command = [sys.executable, "-m", "uqpen", "serve", "--port", "0", *arguments]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder
+    ) as process:
+        assert process.stdout is not None
+        try:
+            lines = []
+            while not lines or not lines[-1].startswith("listening"):
+                lines.append(process.stdout.readline())
+                assert lines[-1], process.communicate()
+            found = re.search(r"listening at (\S+) ", lines[-1])
+            assert found
+            yield "".join(lines), found[1], process
+        finally:
+            process.kill()
+
+
+class TestCommand:
+    def test_serves_until_it_is_interrupted(self, tmp_path: Path) -> None:
+        (tmp_path / "study.toml").write_text(BUILT_IN)
+        with serving(tmp_path, "study.toml", "--inputs", "x2, x1") as (said, address, process):
+            assert [line.split() for line in said.splitlines() if line[:1] in tuple("xyl")] == [
+                ["x2", "1", ">=", "-3.14159", "and", "<=", "3.14159"],
+                ["x1", "1", ">=", "-3.14159", "and", "<=", "3.14159"],
+                ["x3", "1", "1"],
+                ["y", "1", "a", "number"],
+                f"listening at {address} (UM-Bridge); Ctrl-C ends it".split(),
+            ]
+            assert umbridge.HTTPModel(address, "ishigami")([[0.0, 0.0]]) == [[0.0]]
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=10)
+        assert (process.returncode, out, err) == (0, "", "stopped\n")
+
+    def test_a_built_in_model_takes_what_must_be_given(self) -> None:
+        (offer,) = offers("walker-anderson")
+        assert offer.held == {"smoothing": 0.0}
+        assert len(offer.varied) == 9
+        assert "projectile_sound_speed" in offer.varied
+        assert "projectile_young_modulus" not in offer.varied
+
+    def test_a_study_takes_what_it_draws(self, tmp_path: Path) -> None:
+        (tmp_path / "study.toml").write_text(BUILT_IN)
+        (offer,) = offers(str(tmp_path / "study.toml"))
+        assert (offer.name, offer.varied, offer.held) == ("ishigami", ("x1", "x2"), {"x3": 1.0})
+        several = BUILT_IN.replace("[model]", "[models.a]").replace(
+            "[inputs]", "[models.b]\nuse = 'ishigami'\nwith = { x3 = 2 }\n[inputs]"
+        )
+        (tmp_path / "several.toml").write_text(several)
+        found = offers(str(tmp_path / "several.toml"))
+        assert [(offer.name, offer.held) for offer in found] == [("a", {"x3": 1}), ("b", {"x3": 2})]
+
+    def test_an_archive_gives_its_surrogates(self, tmp_path: Path) -> None:
+        text = BUILT_IN.replace("120", "60") + CHAOS
+        tree = uqpen.run(uqpen.parse_study(text))
+        uqpen.write(tree, tmp_path / "study.nc")
+        made = tree["runs/some"].to_dataset()
+        ok = made.isel(run=np.flatnonzero(made["status"] == Status.OK)[:20])
+        points = np.stack([ok["x1"], ok["x2"]], axis=1).tolist()
+        (offer,) = offers(f"{tmp_path}/study.nc:chaos")
+        assert offers(f"{tmp_path}/study.nc")[0].name == offer.name == "chaos"
+        fitted = [offer.run(point)[0] for point in points]
+        assert np.corrcoef(fitted, ok["y"])[0, 1] > 0.9
+        with offering(offer) as address:
+            model = umbridge.HTTPModel(address, "chaos")
+            assert [model([point])[0][0] for point in points] == fitted
+            with pytest.raises(Exception, match="Inadmissible: x1 > x2 - 4"):
+                model([[-2.9, 2.9]])
+            with pytest.raises(Exception, match=r"Inadmissible: x1 >= -3\.14159"):
+                model([[-3.2, 0.0]])
+
+    @pytest.mark.parametrize(
+        ("arguments", "message"),
+        [
+            (["ishigamy"], 'no model "ishigamy"; did you mean "ishigami"?'),
+            (["ishigami", "--inputs", "x1"], "ishigami also needs x2, x3"),
+            (["ishigami", "--inputs", "x1,x2,x4"], 'ishigami has no input "x4"'),
+            (["none.toml"], "none.toml: cannot be read: No such file or directory"),
+            (["none.nc:a"], "none.nc: there is no such file"),
+            (
+                ["ishigami", "--host", "192.0.2.1"],
+                "cannot listen at 192.0.2.1, port 4242: Cannot assign requested address",
+            ),
+        ],
+    )
+    def test_mistakes(
+        self, command_line: Callable[..., Any], arguments: list[str], message: str
+    ) -> None:
+        done = command_line("serve", *arguments)
+        assert done.code == 2
+        assert message in done.err
+
+    def test_a_port_that_is_taken(self, command_line: Callable[..., Any]) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as other:
+            port = other.getsockname()[1]
+            done = command_line("serve", "ishigami", "--port", str(port))
+        assert done.code == 2
+        assert f"cannot listen at 127.0.0.1, port {port}: Address already in use" in done.err
+
+    def test_an_archive_without_that_surrogate(
+        self, command_line: Callable[..., Any], tmp_path: Path
+    ) -> None:
+        text = BUILT_IN.replace("120", "10")
+        uqpen.write(uqpen.run(uqpen.parse_study(text)), tmp_path / "study.nc")
+        done = command_line("serve", "study.nc:chaos")
+        assert done.code == 2
+        assert done.err == 'study.nc: no surrogate "chaos"; none is known\n'

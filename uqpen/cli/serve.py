@@ -1,0 +1,204 @@
+"""``uqpen serve``: models for any UM-Bridge client to run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqpen.model import Model, Output
+    from uqpen.server import ModelServer, Offer
+    from uqpen.study.study import Study
+
+__all__ = ["offers", "serve"]
+
+
+@click.command(short_help="Offer a model to any UM-Bridge client.")
+@click.argument("model")
+@click.option(
+    "--inputs",
+    "named",
+    metavar="A,B,C",
+    help="Which inputs make up the vector, in this order.",
+)
+@click.option("--port", type=click.IntRange(0, 65535), default=4242, show_default=True)
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    help="Where to listen; beyond this machine only if you say so.",
+)
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path),
+    help="Take the files that an archive's study names from here.  [default: those that it keeps]",
+)
+def serve(model: str, named: str | None, port: int, host: str, folder: Path | None) -> None:
+    """Offer MODEL to any UM-Bridge client until Ctrl-C.
+
+    MODEL is a built-in model, a study file (its models), or an archive (its surrogates; of
+    several, ARCHIVE:NAME is one).
+
+    A run takes one vector of inputs and gives one of outputs, in SI units; which ones, is printed.
+    """
+    from uqpen.server import ModelServer
+
+    order = tuple(name.strip() for name in named.split(",")) if named else ()
+    offered = offers(model, order, folder)
+    for offer in offered:
+        offer.model.prepare()
+    try:
+        server = ModelServer(offered, host, port)
+    except OSError as error:
+        told = f"cannot listen at {host}, port {port}: {error.strerror or error}"
+        raise click.UsageError(told) from None
+    with server:
+        _show(server)
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            click.echo("stopped", err=True)
+
+
+def offers(model: str, named: tuple[str, ...] = (), folder: Path | None = None) -> list[Offer]:
+    """What a server is to offer.
+
+    Parameters
+    ----------
+    model : str
+        As on the command line: a built-in model, a study file, or an archive.
+    named : tuple of str
+        The inputs that make up the vector, if others than by default.
+    folder : Path, optional
+        Where to take the files that an archive's study names, in place of those that it keeps.
+
+    Raises
+    ------
+    UqpenError
+        If there is no such model, or it lacks an input.
+    """
+    from uqpen.lookup import resolve_name
+    from uqpen.models import MODELS
+
+    path, _, label = model.rpartition(".nc:")
+    if path or model.endswith(".nc"):
+        archive, label = (Path(f"{path}.nc"), label) if path else (Path(model), "")
+        return _of_archive(archive, label, named, folder)
+    if model.endswith(".toml"):
+        return list(_of_study(Path(model), named))
+    return [_of_model(resolve_name(MODELS, model, "model")(), named)]
+
+
+def _of_model(model: Model, named: tuple[str, ...]) -> Offer:
+    """A built-in model: what must be given makes up the vector, the rest has its default."""
+    from uqpen.evaluation import Evaluator
+    from uqpen.server import Offer
+
+    needed = set(model.missing(()))
+    varied = named or tuple(v.name for v in model.inputs if v.name in needed)
+    defaults = {v.name: v.default for v in model.inputs if v.default is not None}
+    return Offer(model.name, Evaluator(model), varied, _without(defaults, varied))
+
+
+def _of_study(path: Path, named: tuple[str, ...]) -> Iterator[Offer]:
+    """The models of a study: what it draws makes up the vector, the rest is as it says."""
+    from uqpen.evaluation import Evaluator
+    from uqpen.server import Offer
+    from uqpen.study.load import load_study
+
+    study = load_study(path)
+    drawn = tuple(entry.variable.name for entry in study.law.random)
+    for label, variant in study.models.items():
+        model = variant.model
+        known = {variable.name for variable in model.inputs}
+        varied = named or tuple(name for name in drawn if name in known)
+        held = {**study.law.nominal(), **variant.given}
+        evaluator = Evaluator(model, study.constraints)
+        yield Offer(label or model.name, evaluator, varied, _without(held, varied))
+
+
+def _of_archive(path: Path, label: str, named: tuple[str, ...], folder: Path | None) -> list[Offer]:
+    """The surrogates of an archive, or the one with a label."""
+    from uqpen.archive.read import models_in, names_in, open_archive
+    from uqpen.errors import UnknownNameError
+    from uqpen.labels import SURROGATES
+    from uqpen.lookup import choices
+    from uqpen.verification.restored import restored_study
+
+    tree = open_archive(path)
+    found = {
+        f"{model}/{name}" if model else name: (model, name)
+        for model, told in models_in(tree).items()
+        for name in names_in(told, SURROGATES)
+    }
+    if not found or (label and label not in found):
+        raise UnknownNameError(f'{path}: no surrogate "{label}"; {choices(label, found)}')
+    # Nothing that the archive names is executed: only what is admissible is asked of its models.
+    with restored_study(tree, folder, trust=False) as restored:
+        return [
+            _of_surrogate(tree, restored.study, offered, *found[offered], named)
+            for offered in ([label] if label else found)
+        ]
+
+
+def _of_surrogate(
+    tree: xr.DataTree, study: Study, label: str, model: str, name: str, named: tuple[str, ...]
+) -> Offer:
+    """A surrogate: what it was fitted in makes up the vector, the rest is as in those runs."""
+    from uqpen.archive.read import group, models_in
+    from uqpen.evaluation import Evaluator
+    from uqpen.labels import SURROGATES
+    from uqpen.server import Offer
+    from uqpen.surrogates.restoring import from_dataset
+
+    variant = study.models[model]
+    dataset = group(models_in(tree)[model], SURROGATES, name)
+    surrogate = from_dataset(dataset, label, variant.model)
+    varied = named or surrogate.basis.names
+    held = {**study.law.nominal(), **variant.given, **surrogate.fixed}
+    evaluator = Evaluator(surrogate, study.constraints)
+    return Offer(label, evaluator, varied, _without(held, varied))
+
+
+def _without(values: Mapping[str, float], varied: Sequence[str]) -> dict[str, float]:
+    return {name: value for name, value in values.items() if name not in varied}
+
+
+def _show(server: ModelServer) -> None:
+    """Say where the server listens, and what the vectors are made of."""
+    from uqpen.cli.screen import output, plain_table
+
+    console = output()
+    for offer in server.offers.values():
+        console.print(offer.name, style="bold", markup=False)
+        for header, rows in (
+            (["input", "unit", "values"], [(v.name, v.unit, str(v.bounds)) for v in offer.inputs]),
+            (["held", "unit", "value"], _held(offer)),
+            (["output", "unit", "values"], [(v.name, v.unit, _values(v)) for v in offer.outputs]),
+        ):
+            if rows:
+                console.print()
+                console.print(plain_table(header, rows))
+        console.print()
+    told = f"listening at {server.url} (UM-Bridge); Ctrl-C ends it"
+    console.print(told, soft_wrap=True, markup=False, highlight=False)
+
+
+def _held(offer: Offer) -> list[tuple[str, str, str]]:
+    """The inputs that a client cannot change."""
+    return [
+        (variable.name, variable.unit, f"{offer.held[variable.name]:.10g}")
+        for variable in offer.model.inputs
+        if variable.name in offer.held
+    ]
+
+
+def _values(output: Output) -> str:
+    """What an output can be; a kind is told by its number."""
+    kinds = [f"{number}: {kind.label}" for number, kind in enumerate(output.categories)]
+    return ", ".join(kinds) or "a number"

@@ -1,0 +1,247 @@
+"""Questions to a UM-Bridge server; whatever keeps one from being answered is told in words.
+
+The protocol: https://um-bridge-benchmarks.readthedocs.io. Its own client raises whatever comes up,
+and knows of no time limit; here a missing answer is data, so that a run that gets none is.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import json
+import re
+import socket
+import time
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any
+from urllib.parse import urlsplit
+
+from uqpen.labels import Status
+from uqpen.limits import Limits
+from uqpen.models.reasons import one_line
+
+__all__ = ["PROTOCOL", "Address", "NoAnswerError", "Questions"]
+
+PROTOCOL = 1.0
+
+# How long a server may take to accept a connection, in seconds: its host may have vanished.
+_PATIENCE = 5.0
+# If a host vanishes during a run: after how many seconds, how often and how many times its system
+# is asked whether it is still there, and how many milliseconds it may take to take a question.
+_SILENCE = {
+    "TCP_KEEPIDLE": 30,
+    "TCP_KEEPINTVL": 10,
+    "TCP_KEEPCNT": 3,
+    "TCP_USER_TIMEOUT": 60_000,
+}
+
+_LARGEST = 16 * 1024 * 1024
+
+_LOST = "the server cannot be reached, or has closed the connection"
+# Where something lies differs from one day to the next, and a reason must not.
+_PLACES = re.compile(r"https?://[^\s\"'<>]+|\b0x[0-9a-fA-F]+")
+# Numbers that JSON does not know, as UM-Bridge's own server writes them.
+_PYTHON_NUMBER = re.compile(r"(?<=[\[,\s])(-?)(nan|inf)(?=[\],\s])")
+_JSON_NUMBER = {"nan": "NaN", "inf": "Infinity"}
+
+
+class NoAnswerError(Exception):
+    """A question without an answer; the message says why, and `status` what that makes of a run."""
+
+    def __init__(self, reason: str, status: Status = Status.FAILED) -> None:
+        super().__init__(reason)
+        self.status = status
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where a server listens.
+
+    Parameters
+    ----------
+    host : str
+    port : int
+    path : str
+        Before the protocol's own; empty as a rule.
+    is_secure : bool
+        Whether it speaks HTTPS.
+    """
+
+    host: str
+    port: int
+    path: str = ""
+    is_secure: bool = False
+
+    @classmethod
+    def parsed(cls, text: str) -> Address:
+        """The address in a text such as ``"http://127.0.0.1:4242"``.
+
+        Raises
+        ------
+        ValueError
+            If it is none, or has a part that a study should not hold: a password, say.
+        """
+        parts = urlsplit(text)
+        host = (parts.hostname or "").encode("idna").decode("ascii")
+        is_secure = parts.scheme == "https"
+        plain = re.fullmatch(r"[!-~]+", text) and not (parts.query or parts.fragment)
+        if parts.scheme not in ("http", "https") or not host or "@" in parts.netloc or not plain:
+            raise ValueError(text)
+        port = parts.port or (443 if is_secure else 80)
+        return cls(host, port, parts.path.rstrip("/"), is_secure)
+
+
+class Questions:
+    """One question after the other to a server, over one connection while it lasts.
+
+    Parameters
+    ----------
+    address : Address
+        Where it listens.
+    time_limit : float, optional
+        How long an answer may take, in seconds.
+    """
+
+    def __init__(self, address: Address, time_limit: float | None = None) -> None:
+        self._path = address.path
+        self._limits = Limits(seconds=time_limit)
+        kind = http.client.HTTPSConnection if address.is_secure else http.client.HTTPConnection
+        self._connection = kind(address.host, address.port, timeout=_PATIENCE)
+        self._is_gone = False
+
+    def __enter__(self) -> Questions:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._connection.close()
+
+    def ask(self, what: str, question: dict[str, Any] | None = None) -> dict[str, Any]:
+        """What a server answers.
+
+        Parameters
+        ----------
+        what : str
+            What of the protocol is asked, such as ``"Evaluate"``.
+        question : dict, optional
+            The body, which JSON must be able to hold; without one, it is a mere look.
+
+        Raises
+        ------
+        NoAnswerError
+            If there is no answer, or it is an error.
+        """
+        try:
+            code, phrase, content = self._exchanged(what, question)
+        except NoAnswerError:
+            self._connection.close()
+            raise
+        answer = _understood(content)
+        if answer is None:
+            told = "" if code == http.HTTPStatus.OK else f" (HTTP {code} {phrase}".rstrip() + ")"
+            raise NoAnswerError(one_line(f"the server's answer is no JSON object{told}"))
+        if "error" in answer:
+            raise NoAnswerError(_told(answer["error"]))
+        return answer
+
+    def _exchanged(self, what: str, question: dict[str, Any] | None) -> tuple[int, str, bytes]:
+        """Code, phrase and content of an answer over HTTP."""
+        was_open = self._is_open
+        try:
+            return self._tried(what, question)
+        except ConnectionError:
+            # A server closes a connection that it finds old, which it says by not answering.
+            self._connection.close()
+            if not was_open:
+                raise NoAnswerError(_LOST) from None
+        try:
+            return self._tried(what, question)
+        except ConnectionError:
+            raise NoAnswerError(_LOST) from None
+
+    def _tried(self, what: str, question: dict[str, Any] | None) -> tuple[int, str, bytes]:
+        self._connect()
+        body = None if question is None else json.dumps(question).encode()
+        try:
+            self._connection.request(
+                "GET" if body is None else "POST",
+                f"{self._path}/{what}",
+                body,
+                {"Content-Type": "application/json", "Accept-Encoding": "identity"},
+            )
+            response = self._connection.getresponse()
+            content = response.read(_LARGEST + 1)
+        except TimeoutError as error:
+            if error.errno is not None:  # the system's own patience, not ours
+                raise NoAnswerError(_LOST) from None
+            raise NoAnswerError(self._limits.lateness, Status.TIMED_OUT) from None
+        except (ConnectionError, http.client.IncompleteRead):
+            raise ConnectionResetError from None
+        except OSError:
+            raise NoAnswerError(_LOST) from None
+        except http.client.HTTPException:
+            raise NoAnswerError("the server's answer is not HTTP") from None
+        if len(content) > _LARGEST:
+            raise NoAnswerError(f"the server's answer has more than {_LARGEST} bytes")
+        if response.length:  # of what it announced, that much has not come
+            raise ConnectionResetError
+        return response.status, response.reason, content
+
+    @property
+    def _is_open(self) -> bool:
+        return self._connection.sock is not None
+
+    def _connect(self) -> None:
+        if self._is_open:
+            return
+        if self._is_gone:
+            raise NoAnswerError(_LOST)
+        begun = time.monotonic()
+        try:
+            self._connection.connect()
+        except OSError:
+            # Whoever does not even refuse would keep every later run waiting as well.
+            self._is_gone = time.monotonic() - begun > _PATIENCE / 2
+            raise NoAnswerError(_LOST) from None
+        self._connection.sock.settimeout(self._limits.seconds)
+        _notice_silence(self._connection.sock)
+
+
+def _notice_silence(connection: socket.socket) -> None:
+    """Have a connection end when its other end has vanished, however long a run may take."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in _SILENCE.items():
+        with contextlib.suppress(AttributeError, OSError):  # not every system has them all
+            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+
+
+def _understood(content: bytes) -> dict[str, Any] | None:
+    """The object that an answer is, or None."""
+    try:
+        text = content.decode()
+        with contextlib.suppress(json.JSONDecodeError):
+            return _object(json.loads(text))
+        return _object(json.loads(_PYTHON_NUMBER.sub(_as_json, text)))
+    except (ValueError, RecursionError):
+        return None
+
+
+def _object(answer: object) -> dict[str, Any] | None:
+    return answer if isinstance(answer, dict) else None
+
+
+def _as_json(match: re.Match[str]) -> str:
+    return match[1] + _JSON_NUMBER[match[2]]
+
+
+def _told(error: object) -> str:
+    """The reason in an error that a server has answered with."""
+    if not isinstance(error, dict):
+        return one_line(f"the server answers with an error: {_PLACES.sub('…', str(error))}")
+    kind, message = str(error.get("type", "error")), str(error.get("message", ""))
+    return one_line(_PLACES.sub("…", f"{kind}: {message}" if message else kind))

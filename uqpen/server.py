@@ -1,0 +1,284 @@
+"""Models as a UM-Bridge server, which any client of that protocol can run.
+
+The protocol: https://um-bridge-benchmarks.readthedocs.io. Its own server is not used: it listens
+on every network that the machine is part of, and answers a run that fails with what is no JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import socketserver
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler
+from typing import Any
+
+import numpy as np
+
+from uqpen.errors import ModelError
+from uqpen.evaluation import Evaluator
+from uqpen.labels import Status
+from uqpen.model import Input, Model, Output
+from uqpen.models.umbridge_client import PROTOCOL
+
+__all__ = ["ModelServer", "Offer"]
+
+# A request holds a few numbers; whoever sends more has something else in mind.
+_LARGEST = 1024 * 1024
+_DISCARDED = 16 * _LARGEST
+
+# How long a client may keep a connection without a word, in seconds.
+_PATIENCE = 300
+
+# What UM-Bridge knows beside runs, and uqpen does not offer.
+_DERIVATIVES = ("Gradient", "ApplyJacobian", "ApplyHessian")
+_RUNS = ("Evaluate", *_DERIVATIVES)
+_BY_SHARED_MEMORY = ("TestShMem", *(f"{name}ShMem" for name in _RUNS))
+_QUESTIONS = ("ModelInfo", "InputSizes", "OutputSizes", *_RUNS, *_BY_SHARED_MEMORY)
+
+
+class _RefusedError(Exception):
+    """A request that gets an error for an answer."""
+
+    def __init__(self, kind: str, message: str, code: HTTPStatus = HTTPStatus.BAD_REQUEST) -> None:
+        super().__init__(message)
+        self.kind = kind
+        self.code = code
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A model as a server offers it: one vector of inputs in, one of outputs out, in SI units.
+
+    Parameters
+    ----------
+    name : str
+        What clients call it.
+    evaluator : Evaluator
+        What makes the runs.
+    varied : tuple of str
+        The inputs that make up the vector, in its order.
+    held : mapping of str to float
+        The values of others, in SI units.
+    """
+
+    name: str
+    evaluator: Evaluator
+    varied: tuple[str, ...]
+    held: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        model, given = self.model, {*self.varied, *self.held}
+        for name in self.varied:
+            model.input(name)
+        if len(set(self.varied)) < len(self.varied):
+            raise ModelError(f"{self.name}: an input is given twice: {', '.join(self.varied)}")
+        if missing := list(model.missing(given)):
+            raise ModelError(f"{self.name} also needs {', '.join(missing)}")
+
+    @property
+    def model(self) -> Model:
+        """What is run."""
+        return self.evaluator.model
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """What makes up the vector that goes in."""
+        return tuple(self.model.input(name) for name in self.varied)
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """What makes up the vector that comes out."""
+        return self.model.outputs
+
+    def run(self, values: Sequence[float]) -> list[float]:
+        """The outputs of one run.
+
+        Raises
+        ------
+        _RefusedError
+            If it is lost.
+        """
+        given = {**self.held, **dict(zip(self.varied, values, strict=True))}
+        results = self.evaluator({name: np.array([value]) for name, value in given.items()})
+        status = Status(int(results.status[0]))
+        if status is not Status.OK:
+            kind = status.meaning.title().replace("_", "")
+            raise _RefusedError(kind, results.reasons[0], HTTPStatus.INTERNAL_SERVER_ERROR)
+        return [float(results.outputs[output.name][0]) for output in self.outputs]
+
+
+class ModelServer(socketserver.ThreadingTCPServer):
+    """A UM-Bridge server.
+
+    Parameters
+    ----------
+    offers : sequence of Offer
+        What it offers, each under a name of its own.
+    host : str
+        Where it listens: only who is on this machine can reach ``127.0.0.1``.
+    port : int
+        0 for any that is free.
+
+    Raises
+    ------
+    OSError
+        If it cannot listen there.
+    """
+
+    allow_reuse_address = True
+    daemon_threads = True
+    request_queue_size = 128
+
+    def __init__(self, offers: Sequence[Offer], host: str = "127.0.0.1", port: int = 4242) -> None:
+        self.offers = {offer.name: offer for offer in offers}
+        # Models need not bear being run by several at once; a user's function rarely does.
+        self.turn = threading.Lock()
+        self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        super().__init__((host, port), _Handler)
+
+    @property
+    def url(self) -> str:
+        """The address that clients are to be told."""
+        host, port = self.server_address[:2]
+        host = str(host)
+        return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Tell a fault of uqpen's own with its traceback; a client that leaves is none."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
+
+    def answer(self, what: str, question: dict[str, Any]) -> dict[str, Any]:
+        """The answer to a question.
+
+        Raises
+        ------
+        _RefusedError
+            If it is to be an error.
+        """
+        offer = self._offer(question.get("name"))
+        if what == "ModelInfo":
+            return {"support": {"Evaluate": True, **dict.fromkeys(_DERIVATIVES, False)}}
+        if what not in ("InputSizes", "OutputSizes", "Evaluate"):
+            raise _RefusedError("UnsupportedFeature", f"{what} is not supported")
+        if question.get("config"):
+            raise _RefusedError("InvalidInput", f"{offer.name} takes no config")
+        if what == "InputSizes":
+            return {"inputSizes": [len(offer.inputs)]}
+        if what == "OutputSizes":
+            return {"outputSizes": [len(offer.outputs)]}
+        values = _vector(question.get("input"), len(offer.inputs))
+        with self.turn:
+            return {"output": [offer.run(values)]}
+
+    def _offer(self, name: object) -> Offer:
+        if isinstance(name, str) and name in self.offers:
+            return self.offers[name]
+        message = f"no model {json.dumps(name)}; known: {', '.join(self.offers)}"
+        raise _RefusedError("ModelNotFound", message)
+
+
+def _vector(vectors: object, size: int) -> list[float]:
+    """The only vector of an input, which must be of that size."""
+    expected = f"expected one vector of {size} numbers"
+    if not isinstance(vectors, list) or len(vectors) != 1:
+        raise _RefusedError("InvalidInput", expected)
+    vector = vectors[0]
+    if not isinstance(vector, list) or len(vector) != size:
+        raise _RefusedError("InvalidInput", expected)
+    if not all(type(value) in (int, float) for value in vector):
+        raise _RefusedError("InvalidInput", expected)
+    try:
+        return [float(value) for value in vector]
+    except OverflowError:
+        raise _RefusedError("InvalidInput", "a number is too large") from None
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """One client's questions."""
+
+    server: ModelServer
+    protocol_version = "HTTP/1.1"
+    server_version = "uqpen"
+    sys_version = ""
+    timeout = _PATIENCE
+    # A short answer must not wait for the client to acknowledge what came before it.
+    disable_nagle_algorithm = True
+
+    def do_GET(self) -> None:
+        """Answer a look at what there is."""
+        if self.path.strip("/") == "Info":
+            models = list(self.server.offers)
+            self._send(HTTPStatus.OK, {"protocolVersion": PROTOCOL, "models": models})
+        else:
+            self.send_error(HTTPStatus.NOT_FOUND, f"{self.path} is not known")
+
+    def do_POST(self) -> None:
+        """Answer a question about a model, or have it run."""
+        try:
+            content = self._content()
+            what = self.path.strip("/")
+            if what not in _QUESTIONS:
+                raise _RefusedError("NotFound", f"{self.path} is not known", HTTPStatus.NOT_FOUND)
+            self._send(HTTPStatus.OK, self.server.answer(what, _question(content)))
+        except _RefusedError as refused:
+            error = {"type": refused.kind, "message": str(refused)}
+            self._send(refused.code, {"error": error})
+
+    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+        """Answer what is no question of the protocol's, in its form all the same."""
+        status = HTTPStatus(code)
+        self.close_connection = True
+        error = {"type": status.phrase.title().replace(" ", ""), "message": message or "refused"}
+        self._send(status, {"error": error})
+
+    def log_message(self, format: str, *values: Any) -> None:
+        """Say nothing: there may be thousands of runs."""
+
+    def _content(self) -> bytes:
+        length = self.headers.get("Content-Length", "")
+        if not (length.isascii() and length.isdecimal()):
+            self.close_connection = True
+            raise _RefusedError(
+                "LengthRequired",
+                "the length of the request is not told",
+                HTTPStatus.LENGTH_REQUIRED,
+            )
+        if len(length) > 9 or int(length) > _LARGEST:
+            self.close_connection = True
+            self._discard(int(length[:12]))
+            code = HTTPStatus.REQUEST_ENTITY_TOO_LARGE
+            raise _RefusedError("TooLarge", f"a request has at most {_LARGEST} bytes", code)
+        return self.rfile.read(int(length))
+
+    def _discard(self, length: int) -> None:
+        """Read what a client is about to send, so that it gets to reading the answer."""
+        left = min(length, _DISCARDED)
+        while left > 0 and (part := self.rfile.read1(min(left, 65536))):
+            left -= len(part)
+
+    def _send(self, code: HTTPStatus, answer: dict[str, Any]) -> None:
+        content = json.dumps(answer).encode()
+        self.send_response(code)
+        self.send_header("Content-Type", "application/json")
+        self.send_header("Content-Length", str(len(content)))
+        if self.close_connection:
+            self.send_header("Connection", "close")
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(content)
+
+
+def _question(content: bytes) -> dict[str, Any]:
+    try:
+        question = json.loads(content.decode())
+    except (ValueError, RecursionError):
+        question = None
+    if not isinstance(question, dict):
+        raise _RefusedError("InvalidInput", "the request is no JSON object")
+    return question
