@@ -1,0 +1,137 @@
+"""What the framework costs per run, with models that do next to nothing.
+
+By turns: the model called in a plain loop (or once, over arrays), and a study's runs of it made in
+the process, on two processes and on a Dask cluster of two workers on this machine. The difference,
+divided by the runs, is the overhead; its median and range over the repeats are printed.
+
+    python benchmarks/overhead.py
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+import uqpen
+from uqpen.evaluation import Evaluator, Map, evaluate
+from uqpen.executors.processes import processes
+from uqpen.model import Model
+
+SOURCE = "def simulate(x, y):\n    return {'z': x + y}\n"
+STUDY = """\
+seed = 1
+[model]
+python = "model.py:simulate"
+inputs = {{ x = "1", y = "1" }}
+outputs = {{ z = "1" }}
+vectorized = {vectorized}
+[inputs]
+x = "0 ± 1"
+y = "0 ± 1"
+[designs.some]
+kind = "monte-carlo"
+runs = 10
+"""
+
+
+def main() -> None:
+    """Measure all of them."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeats", type=int, default=7)
+    repeats = parser.parse_args().repeats
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        (folder / "model.py").write_text(SOURCE)
+        for name, runs, vectorized, where in (
+            ("in the process, vectorized", 1_000_000, True, nullcontext(map)),
+            ("in the process, one by one", 100_000, False, nullcontext(map)),
+            ("two processes, vectorized", 1_000_000, True, processes(2)),
+            ("two processes, one by one", 100_000, False, processes(2)),
+            ("Dask, two workers, one by one", 100_000, False, _dask()),
+        ):
+            text = STUDY.format(vectorized=str(vectorized).lower())
+            model = uqpen.parse_study(text, folder=folder).model
+            with where as spread:
+                overheads = [
+                    _overhead(model, runs, spread, vectorized=vectorized)
+                    for _ in range(repeats + 1)
+                ]
+            # The first time, workers load the model.
+            told = [f"{1e6 * each:.3g}" for each in _spread(overheads[1:])]
+            print(f"{name}: {told[1]} µs a run ({told[0]} to {told[2]})", flush=True)
+        _print_dask_chunks(folder, repeats)
+
+
+def _spread(values: list[float]) -> tuple[float, float, float]:
+    return min(values), statistics.median(values), max(values)
+
+
+def _overhead(model: Model, runs: int, spread: Map, *, vectorized: bool) -> float:
+    """Seconds a run more than the model alone."""
+    rng = np.random.default_rng(1)
+    x, y = rng.random(runs), rng.random(runs)
+    points = xr.Dataset({"x": ("run", x), "y": ("run", y)}, {"run": np.arange(runs)})
+    function = _plain
+    bare = _seconds(
+        (lambda: function(x, y))
+        if vectorized
+        else (lambda: [function(a, b) for a, b in zip(x.tolist(), y.tolist(), strict=True)])
+    )
+    whole = _seconds(lambda: evaluate(Evaluator(model), points, {}, map=spread))
+    return (whole - bare) / runs
+
+
+def _plain(x: float, y: float) -> dict[str, float]:
+    return {"z": x + y}
+
+
+def _seconds(call: Callable[[], object]) -> float:
+    began = time.perf_counter()
+    call()
+    return time.perf_counter() - began
+
+
+def _print_dask_chunks(folder: Path, repeats: int) -> None:
+    """What a batch costs on Dask, whatever its runs cost."""
+    from uqpen.executors.work import Batch
+
+    model = uqpen.parse_study(STUDY.format(vectorized="true"), folder=folder).model
+    from uqpen.evaluation.evaluator import Batchwise
+
+    one = {"x": np.ones(1), "y": np.ones(1)}
+    with _dask() as spread:
+        seconds = []
+        for _ in range(repeats + 1):
+            batches = [Batch(number, one) for number in range(500)]
+            work = Batchwise(Evaluator(model))
+            seconds.append(_seconds(lambda w=work, b=batches: list(spread(w, b))) / 500)  # type: ignore[misc]
+    told = [f"{1e3 * each:.3g}" for each in _spread(seconds[1:])]
+    print(f"Dask, two workers: {told[1]} ms a batch ({told[0]} to {told[2]})")
+
+
+@contextmanager
+def _dask() -> Iterator[Map]:
+    """A cluster of two workers on this machine."""
+    from distributed import LocalCluster
+
+    from uqpen.executors.cluster import cluster
+
+    with (
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+        ) as local,
+        cluster(local.scheduler_address) as spread,
+    ):
+        yield spread
+
+
+if __name__ == "__main__":
+    main()

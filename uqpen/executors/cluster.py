@@ -1,0 +1,134 @@
+"""Runs on a Dask cluster: any number of machines, started by whatever starts Dask there."""
+
+from __future__ import annotations
+
+import functools
+import logging
+import pickle
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from uqpen.errors import ClusterError
+from uqpen.executors.call import Call, Task
+from uqpen.executors.supervision import in_child
+from uqpen.executors.work import Batch, Piece, Work
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+__all__ = ["Cluster", "cluster"]
+
+# Batches that are under way, for each thread of the cluster: one to work on, others on their way.
+_AHEAD = 8
+
+# How long it may take to reach the scheduler, in seconds.
+_PATIENCE = 15
+
+
+@contextmanager
+def cluster(scheduler: str) -> Iterator[Cluster]:
+    """A cluster that makes runs, as a map like the built-in.
+
+    Parameters
+    ----------
+    scheduler : str
+        Its address, such as ``tcp://host:8786``, or the path of a scheduler file.
+
+    Raises
+    ------
+    ClusterError
+        If it cannot be reached.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ClusterError(
+            'a Dask cluster needs the extra "cluster": pip install "uqpen[cluster]"'
+        ) from None
+    # What becomes of a connection is told by errors; its log would stand in the tables.
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    is_file = "://" not in scheduler
+    if is_file and not Path(scheduler).is_file():
+        raise ClusterError(
+            f"--scheduler: found {scheduler}; expected an address such as tcp://host:8786, "
+            "or the path of a scheduler file"
+        )
+    where: dict[str, Any] = {"scheduler_file" if is_file else "address": scheduler}
+    try:
+        client = Client(**where, timeout=_PATIENCE, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise ClusterError(f"no Dask scheduler answers at {scheduler}: {error}") from None
+    with client:
+        yield Cluster(client)
+
+
+class Cluster:
+    """The workers of a Dask cluster; `cluster` connects to one.
+
+    Parameters
+    ----------
+    client : Client
+        Connected to its scheduler.
+    """
+
+    # A task costs the scheduler a millisecond or two, so it should be worth a fifth of a second.
+    worth_sending = 0.2
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+
+    def __call__(self, work: Work, batches: Iterable[Batch]) -> Iterator[Piece]:
+        """What came of batches, as it comes."""
+        from distributed import as_completed
+
+        call = Call(work, batches, _AHEAD * self._threads())
+        under_way: dict[Future[Piece], Task] = {}
+        coming = as_completed(loop=self._client.loop, with_results=True, raise_errors=False)
+        try:
+            while call.fill():
+                while call.has_tasks:
+                    task = call.begin()
+                    # Never pure: a batch that is made again is not the result of before.
+                    future = self._client.submit(_made, call.pickled, task.batch, pure=False)
+                    under_way[future] = task
+                    coming.add(future)
+                for future, piece in coming.next_batch(block=True):
+                    self._note(call, future, under_way.pop(future), piece)
+                yield from call.told()
+        finally:
+            if under_way:
+                self._client.cancel(list(under_way), force=True)
+
+    def _threads(self) -> int:
+        """How many batches the cluster can work on at once, now."""
+        return max(1, sum(self._client.nthreads().values()))
+
+    def _note(self, call: Call, future: Future[Piece], task: Task, piece: Piece) -> None:
+        """Note what came of a task."""
+        from distributed import KilledWorker
+
+        if future.status == "finished":
+            call.is_done(piece)
+            return
+        if future.status == "cancelled":
+            raise ClusterError("the Dask scheduler has gone away, or dropped the runs it was given")
+        error: BaseException = future.exception()
+        if not isinstance(error, KilledWorker):
+            raise error
+        # The model runs in a child of the worker: whatever killed that, it was not the model.
+        call.has_killed(task, "its worker was ended several times")
+
+
+def _made(pickled: bytes, batch: Batch) -> Piece:
+    """What came of a batch, on a worker of the cluster."""
+    work = _loaded(pickled)
+    return in_child(work, batch) if work.is_foreign else work(batch)
+
+
+@functools.lru_cache(maxsize=16)
+def _loaded(pickled: bytes) -> Work:
+    """Work that was sent; a model of the user's own is loaded once."""
+    work: Work = pickle.loads(pickled)
+    return work
