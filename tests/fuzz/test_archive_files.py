@@ -1,0 +1,50 @@
+"""Damaged archives of every sort: each command succeeds, or says what is wrong."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import archive_files
+import pytest
+from properties import archive_outcome
+
+from uqpen.archive.provenance import SCHEMA
+
+BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "fuzz.py"
+
+
+# In processes of their own: a damaged file may bring the HDF5 library down, and with it the tests.
+def test_damage_is_no_traceback(tmp_path: Path) -> None:
+    kinds = ("--kind", "archive-parts", "--kind", "archive-bytes")
+    done = subprocess.run(
+        [
+            sys.executable,
+            BENCHMARK,
+            *kinds,
+            "--files",
+            "10",
+            "--seconds",
+            "999",
+            "--keep",
+            tmp_path,
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count(": 10 files: ") == 2
+
+
+@pytest.mark.parametrize("command", ["show {file}", "verify {file}", "diff {file} {other}"])
+def test_foreign_files_are_refused(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for file in archive_files.foreign_files(tmp_path):
+        # Of what says that it is an archive, that can be read which is in the format of one.
+        is_read = f"_{SCHEMA}." in file.name and not command.startswith("show")
+        read_as = "different" if command.startswith("verify") else "taken"
+        assert archive_outcome(file, file, command) == (read_as if is_read else "refused"), file
