@@ -10,6 +10,7 @@ divided by the runs, is the overhead; its median and range over the repeats are 
 from __future__ import annotations
 
 import argparse
+import functools
 import statistics
 import tempfile
 import time
@@ -22,7 +23,10 @@ import xarray as xr
 
 import uqpen
 from uqpen.evaluation import Evaluator, Map, evaluate
+from uqpen.evaluation.evaluator import Batchwise
+from uqpen.executors.cluster import Cluster, cluster
 from uqpen.executors.processes import processes
+from uqpen.executors.work import Batch, Piece
 from uqpen.model import Model
 
 SOURCE = "def simulate(x, y):\n    return {'z': x + y}\n"
@@ -40,6 +44,10 @@ y = "0 ± 1"
 kind = "monte-carlo"
 runs = 10
 """
+
+
+# Batches of a single run that tell what one costs.
+_BATCHES = 500
 
 
 def main() -> None:
@@ -100,29 +108,51 @@ def _seconds(call: Callable[[], object]) -> float:
 
 
 def _print_dask_chunks(folder: Path, repeats: int) -> None:
-    """What a batch costs on Dask, whatever its runs cost."""
-    from uqpen.executors.work import Batch
-
+    """What a batch costs on Dask, whatever its runs cost, beside what Dask costs alone."""
     model = uqpen.parse_study(STUDY.format(vectorized="true"), folder=folder).model
-    from uqpen.evaluation.evaluator import Batchwise
-
+    work = Batchwise(Evaluator(model))
     one = {"x": np.ones(1), "y": np.ones(1)}
+    ours, alone = [], []
     with _dask() as spread:
-        seconds = []
         for _ in range(repeats + 1):
-            batches = [Batch(number, one) for number in range(500)]
-            work = Batchwise(Evaluator(model))
-            seconds.append(_seconds(lambda w=work, b=batches: list(spread(w, b))) / 500)  # type: ignore[misc]
-    told = [f"{1e3 * each:.3g}" for each in _spread(seconds[1:])]
-    print(f"Dask, two workers: {told[1]} ms a batch ({told[0]} to {told[2]})")
+            batches = [Batch(number, one) for number in range(_BATCHES)]
+            ours.append(_seconds(functools.partial(_through, spread, work, batches)) / _BATCHES)
+            alone.append(_seconds(functools.partial(_through_dask, spread, one)) / _BATCHES)
+    ratios = [mine / its for mine, its in zip(ours, alone, strict=True)]
+    for name, values in (("ours", ours), ("Dask alone", alone)):
+        told = [f"{1e3 * each:.3g}" for each in _spread(values[1:])]
+        print(f"a batch on Dask, {name}: {told[1]} ms ({told[0]} to {told[2]})")
+    told = [f"{each:.3g}" for each in _spread(ratios[1:])]
+    print(f"their ratio, by turns: {told[1]} ({told[0]} to {told[2]})")
+
+
+def _through(spread: Map, work: Batchwise, batches: list[Batch]) -> list[Piece]:
+    return list(spread(work, batches))
+
+
+def _through_dask(spread: Cluster, one: dict[str, np.ndarray]) -> None:
+    """As many tasks that give back what they are given, a few at a time."""
+    from distributed import as_completed
+
+    client = spread._client
+    left, under_way = _BATCHES, 0
+    coming = as_completed(loop=client.loop, with_results=True)
+    while left or under_way:
+        more = min(left, 32 - under_way)
+        if more:
+            coming.update(client.map(_given_back, [one] * more, pure=False))
+        left, under_way = left - more, under_way + more
+        under_way -= sum(1 for _ in coming.next_batch(block=True))
+
+
+def _given_back(value: object) -> object:
+    return value
 
 
 @contextmanager
-def _dask() -> Iterator[Map]:
+def _dask() -> Iterator[Cluster]:
     """A cluster of two workers on this machine."""
     from distributed import LocalCluster
-
-    from uqpen.executors.cluster import cluster
 
     with (
         LocalCluster(

@@ -47,11 +47,15 @@ class Call:
         Taken as they are needed.
     most : int
         How many may be under way, or taken to be begun next.
+    pickled : bytes
+        The work as it is sent to workers; empty where it has not been pickled yet.
     """
 
-    def __init__(self, work: Work, batches: Iterable[Batch], most: int) -> None:
+    def __init__(
+        self, work: Work, batches: Iterable[Batch], most: int, pickled: bytes = b""
+    ) -> None:
         self.work = work
-        self.pickled = _pickled(work)
+        self.pickled = pickled or _pickled(work)
         self._coming = iter(batches)
         self._most = most
         self._busy = 0
@@ -76,6 +80,11 @@ class Call:
         """The next task, which somebody works on from now on."""
         self._busy += 1
         return self._tasks.popleft()
+
+    def begun(self) -> Iterator[Task]:
+        """All tasks that are there, which somebody works on from now on."""
+        while self._tasks:
+            yield self.begin()
 
     def is_done(self, piece: Piece) -> None:
         """Note what came of a task."""

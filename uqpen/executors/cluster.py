@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["Cluster", "cluster"]
 
 # Batches that are under way, for each thread of the cluster: one to work on, others on their way.
-_AHEAD = 8
+_AHEAD = 16
 
 # How long it may take to reach the scheduler, in seconds.
 _PATIENCE = 15
@@ -88,12 +88,13 @@ class Cluster:
         coming = as_completed(loop=self._client.loop, with_results=True, raise_errors=False)
         try:
             while call.fill():
-                while call.has_tasks:
-                    task = call.begin()
-                    # Never pure: a batch that is made again is not the result of before.
-                    future = self._client.submit(_made, call.pickled, task.batch, pure=False)
-                    under_way[future] = task
-                    coming.add(future)
+                tasks = list(call.begun())
+                # Never pure: a batch that is made again is not the result of before.
+                futures = self._client.map(
+                    _made, [call.pickled] * len(tasks), [task.batch for task in tasks], pure=False
+                )
+                under_way.update(zip(futures, tasks, strict=True))
+                coming.update(futures)
                 for future, piece in coming.next_batch(block=True):
                     self._note(call, future, under_way.pop(future), piece)
                 yield from call.told()
@@ -124,7 +125,7 @@ class Cluster:
 def _made(pickled: bytes, batch: Batch) -> Piece:
     """What came of a batch, on a worker of the cluster."""
     work = _loaded(pickled)
-    return in_child(work, batch) if work.is_foreign else work(batch)
+    return in_child(work, batch, pickled) if work.is_foreign else work(batch)
 
 
 @functools.lru_cache(maxsize=16)

@@ -57,9 +57,11 @@ class Pool:
         self._workers: list[Worker] = []
         self._failed_starts = 0
 
-    def __call__(self, work: Work, batches: Iterable[Batch]) -> Iterator[Piece]:
+    def __call__(
+        self, work: Work, batches: Iterable[Batch], pickled: bytes = b""
+    ) -> Iterator[Piece]:
         """What came of batches, as it comes."""
-        call = Call(work, batches, _AHEAD * self._size)
+        call = Call(work, batches, _AHEAD * self._size, pickled)
         try:
             while call.fill():
                 self.hire()

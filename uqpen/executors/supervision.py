@@ -31,7 +31,7 @@ def set_supervised() -> None:
     _is_supervised = True
 
 
-def in_child(work: Work, batch: Batch) -> Piece:
+def in_child(work: Work, batch: Batch, pickled: bytes = b"") -> Piece:
     """What came of a batch in a child of this process, which is there from the first one on.
 
     Parameters
@@ -40,11 +40,13 @@ def in_child(work: Work, batch: Batch) -> Piece:
         Whose limits are kept.
     batch : Batch
         If a run of it kills the child, that one is lost as *crashed*, and no other.
+    pickled : bytes
+        The work as it is sent to the child; empty where it has not been pickled yet.
     """
     # A limit is one run's.
     batches = batch.singles() if work.limits else [batch]
     with _one_at_a_time:
-        pieces = list(_child()(work, batches))
+        pieces = list(_child()(work, batches, pickled))
     pieces.sort(key=lambda piece: piece.start)
     warnings = dict.fromkeys(text for piece in pieces for text in piece.warnings)
     return Piece(batch.start, joined([piece.results for piece in pieces]), tuple(warnings))
