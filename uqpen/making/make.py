@@ -7,7 +7,7 @@ from pathlib import Path
 import xarray as xr
 
 from uqpen.archive.write import prepare_destination, write
-from uqpen.errors import TooManyLostError
+from uqpen.errors import ArchiveError, TooManyLostError
 from uqpen.evaluation import Map, Progress
 from uqpen.making.journal import Journal
 from uqpen.making.kept_runs import KeptRuns
@@ -75,7 +75,7 @@ def make_archive(
         kept.clean()
         kept.refuse_others()
         tree = _made(study, map, journal, kept)
-        write(tree, path)
+        _write(tree, path, kept)
         journal.say(f"{path.name}: is written")
         kept.remove()
     return tree
@@ -96,6 +96,16 @@ def _made(study: Study, map: Map, journal: Journal, kept: KeptRuns) -> xr.DataTr
     except BaseException:
         kept.keep()
         raise
+
+
+def _write(tree: xr.DataTree, path: Path, kept: KeptRuns) -> None:
+    """Write the archive; if that cannot be done, its runs are kept."""
+    try:
+        write(tree, path)
+    except ArchiveError as error:
+        kept.keep()
+        told = f"all {kept.runs} runs are kept; the same command goes on from there"
+        raise ArchiveError(f"{error}\n{told}") from None
 
 
 def _beside(path: Path, ending: str) -> Path:
