@@ -181,6 +181,22 @@ def f(x):
     assert runs["lost_reason"].values.tolist() == [f"the run ended its process: {e}" for e in ends]
 
 
+def test_a_long_path_of_temporary_files_is_no_hindrance(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(study(tmp_path, "def f(x): return {'y': x}"))
+    temporary = tmp_path / ("long" * 30)
+    temporary.mkdir()
+    words = [sys.executable, "-m", "uqpen", "study", "mine.toml", "--workers", "2"]
+    done = subprocess.run(
+        words,
+        cwd=tmp_path,
+        env={**os.environ, "TMPDIR": str(temporary)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
 def test_a_function_without_a_reference_is_refused(two: Map) -> None:
     model = PythonFunction(
         lambda x: {"y": x}, "mine", (Input("x", "1"),), (Output("y", "1"),), {"x": "1", "y": "1"}

@@ -9,6 +9,7 @@ import os
 import pickle
 import signal
 import sys
+import tempfile
 import threading
 import time
 import traceback
@@ -29,6 +30,9 @@ __all__ = ["DiedError", "Worker"]
 
 # How many models, each loaded once, a worker keeps.
 _KNOWN = 16
+
+# The system takes 107 bytes for a socket's path, of which Python's own names need up to 33.
+_LONGEST_FOLDER = 70
 
 # How long a worker may take to leave once it is told to, in seconds.
 _PATIENCE = 5.0
@@ -184,7 +188,8 @@ def _done(
 
 def _context() -> ForkServerContext | SpawnContext:
     """How workers start: anew, or on Linux as forks of a server that has done nothing else."""
-    if sys.platform != "linux":
+    # The server listens at a path in the folder of temporary files, which must not be too long.
+    if sys.platform != "linux" or len(os.fsencode(tempfile.gettempdir())) > _LONGEST_FOLDER:
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(_PRELOADED)
