@@ -11,11 +11,14 @@ import numpy as np
 import pytest
 
 import uqpen
-from uqpen.errors import StudyError
+from uqpen.errors import StudyError, TooManyLostError
 from uqpen.evaluation import Evaluator
+from uqpen.evaluation.failures import Losses
 from uqpen.executors.memory import CAN_LIMIT
 from uqpen.executors.processes import processes
+from uqpen.executors.work import Piece
 from uqpen.labels import Status
+from uqpen.model import Results
 
 Command = Callable[..., Any]
 
@@ -182,3 +185,12 @@ def test_a_limit_is_kept_wherever_a_run_is_made(folder: Path, command_line: Comm
     model = uqpen.load_study(folder / "study.toml").model
     results = Evaluator(model)({"x": np.array([1.0, 2.0])})
     assert results.status.tolist() == [Status.TIMED_OUT] * 2
+
+
+def test_a_share_is_not_exceeded_by_rounding() -> None:
+    status = np.full(29, Status.FAILED, dtype=np.int8)
+    piece = Piece(0, Results({"y": np.full(29, np.nan)}, status, dict.fromkeys(range(29), "no")))
+    assert 0.29 * 100 < 29
+    assert Losses(0.29, 100).add(piece) == 29
+    with pytest.raises(TooManyLostError, match="29 of 100 runs were lost so far"):
+        Losses(0.28, 100).add(piece)

@@ -112,6 +112,10 @@ class _Made:
     def add(self, piece: Piece) -> None:
         """Put what came of some runs where it belongs."""
         runs, results = slice(piece.start, piece.start + len(piece)), piece.results
+        if self.done[runs].any():
+            # A batch of which some runs were kept before is made as a whole.
+            for run in range(piece.start, piece.start + len(piece)):
+                self._reasons.pop(run, None)
         self.done[runs] = True
         for name, values in results.outputs.items():
             self._outputs[name][runs] = values
