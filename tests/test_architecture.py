@@ -34,7 +34,7 @@ MODULES = [
     if module.name != "uqpen.__main__"
 ]
 
-HEAVY = ("numpy", "scipy", "xarray", "netCDF4", "numba", "rich", "cf_units")
+HEAVY = ("numpy", "scipy", "xarray", "netCDF4", "numba", "rich", "cf_units", "matplotlib")
 
 
 def _tool(*command: str) -> subprocess.CompletedProcess[str]:

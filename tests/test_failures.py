@@ -106,10 +106,10 @@ def test_more_losses_than_allowed_end_a_study_that_can_go_on(
     allowed = r"more than the 5 % that \[failures\] at_most allows"
     # How many are made before it is seen is a matter of pace.
     assert re.fullmatch(
-        rf"some: (\d) of 50 runs were lost so far \(\1 failed\), {allowed}", told[-3]
+        rf"some: (\d) of 50 runs were lost so far \(\1 failed\), {allowed}", told[-4]
     )
     assert "the most frequent reason, " in outcome.err
-    assert told[-1].endswith("with a larger share the same command goes on from there")
+    assert told[-1] == "with --lost-again it makes the lost ones of them again"
     assert not (tmp_path / "archives" / "study.nc").exists()
     assert command_line("study", "study.toml").code == 3, "as long as nothing changes"
     (tmp_path / "study.toml").write_text(STUDY + '[failures]\nat_most = "40 %"\n')
@@ -118,6 +118,19 @@ def test_more_losses_than_allowed_end_a_study_that_can_go_on(
     assert "of 50 runs already done" in outcome.err
     assert "some: where the lost runs lie" in outcome.out
     assert len((tmp_path / "calls").read_text().split()) <= 50 + 2 * 4
+
+
+def test_of_several_models_the_one_that_loses_too_many_is_named(
+    command_line: Command, tmp_path: Path
+) -> None:
+    source = "def simulate(x): return {'y': x}\ndef broken(x): return {}\n"
+    (tmp_path / "model.py").write_text(source)
+    declared = STUDY[STUDY.index("[model]") : STUDY.index("[inputs]")]
+    good, poor = (declared.replace("[model]", f"[models.{name}]") for name in ("good", "poor"))
+    both = good + poor.replace("simulate", "broken")
+    text = STUDY.replace(declared, both) + '[failures]\nat_most = "5 %"\n'
+    (tmp_path / "study.toml").write_text(text)
+    assert "some: by poor, " in command_line("study", "study.toml").err
 
 
 def test_inadmissible_points_are_no_losses(folder: Path) -> None:
@@ -194,3 +207,28 @@ def test_a_share_is_not_exceeded_by_rounding() -> None:
     assert Losses(0.29, 100).add(piece) == 29
     with pytest.raises(TooManyLostError, match="29 of 100 runs were lost so far"):
         Losses(0.28, 100).add(piece)
+
+
+def test_a_run_that_comes_twice_is_lost_once() -> None:
+    status = np.array([Status.FAILED, Status.OK], dtype=np.int8)
+    pieces = [Piece(start, Results({}, status, {0: "why"})) for start in (0, 0, 2)]
+    losses = Losses(0.5, 4)
+    assert [losses.add(piece) for piece in pieces] == [1, 0, 1]
+    assert losses.statuses == {Status.FAILED: 2}
+
+
+def test_lost_runs_are_made_again_when_their_cause_has_passed(
+    command_line: Command, tmp_path: Path
+) -> None:
+    source = "import pathlib\ndef simulate(x):\n    if pathlib.Path(__file__).with_name('down')"
+    source += ".exists() and x > 0:\n        raise OSError('no licence')\n    return {'y': x}\n"
+    (tmp_path / "model.py").write_text(source)
+    (tmp_path / "study.toml").write_text(STUDY + '[failures]\nat_most = "5 %"\n')
+    (tmp_path / "down").touch()
+    assert command_line("study", "study.toml").code == 3
+    (tmp_path / "down").unlink()
+    assert command_line("study", "study.toml").code == 3, "they are kept as they were"
+    outcome = command_line("study", "study.toml", "--lost-again")
+    assert outcome.code == 0
+    runs = uqpen.open_archive(tmp_path / "archives" / "study.nc")["runs/some"]
+    assert (runs["status"].values == Status.OK).all()

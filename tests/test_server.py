@@ -318,3 +318,6 @@ class TestCommand:
         done = command_line("serve", "study.nc:chaos")
         assert done.code == 2
         assert done.err == 'study.nc: no surrogate "chaos"; none is known\n'
+        done = command_line("serve", "study.nc")
+        told = "study.nc: holds no surrogate, and nothing else of it can be served\n"
+        assert (done.code, done.err) == (2, told)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from uqpen.archive.read import open_archive
     from uqpen.archive.write import write
     from uqpen.errors import UqpenError
+    from uqpen.figures.page import figure
     from uqpen.head_to_head.contest import compare
     from uqpen.making.make import make_archive
     from uqpen.study.load import load_study, parse_study
@@ -23,6 +24,7 @@ __all__ = [
     "Study",
     "UqpenError",
     "compare",
+    "figure",
     "load_study",
     "make_archive",
     "open_archive",
@@ -38,6 +40,7 @@ _HOMES = {
     "Study": "uqpen.study.study",
     "UqpenError": "uqpen.errors",
     "compare": "uqpen.head_to_head.contest",
+    "figure": "uqpen.figures.page",
     "load_study": "uqpen.study.load",
     "make_archive": "uqpen.making.make",
     "open_archive": "uqpen.archive.read",

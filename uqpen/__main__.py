@@ -1,7 +1,38 @@
-"""``python -m uqpen``."""
+"""``uqpen`` and ``python -m uqpen``: the command line, which takes a moment to load."""
 
 from __future__ import annotations
 
-from uqpen.cli.main import main
+import signal
+import sys
 
-main()
+__all__ = ["main"]
+
+_INTERRUPTED = 130
+
+
+def main() -> None:
+    """Run the command line, and leave with its exit code; 130 at Ctrl-C, however early it comes."""
+    try:
+        from uqpen.cli.main import main as run
+
+        run()
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted\n")
+        _leave_nobody()
+        sys.exit(_INTERRUPTED)
+    except SystemExit as left:
+        if left.code == _INTERRUPTED:
+            _leave_nobody()
+        raise
+
+
+def _leave_nobody() -> None:
+    """Ignore Ctrl-C from now on, and end the processes that it has kept us from ending."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if "multiprocessing" in sys.modules:
+        for child in sys.modules["multiprocessing"].active_children():
+            child.kill()
+
+
+if __name__ == "__main__":
+    main()

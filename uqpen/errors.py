@@ -14,6 +14,7 @@
     ├── WorkerError (RuntimeError)       processes that cannot be started
     ├── ClusterError (RuntimeError)      a cluster that cannot be reached, or is no more
     ├── TooManyLostError (RuntimeError)  more runs were lost than a study allows
+    ├── FigureError (ValueError)         a figure that cannot be drawn or written
     ├── KeptRunsError (ValueError)       runs kept from before that a study would not make
     └── ArchiveError (OSError)           a file that cannot be written, or is not an archive
 
@@ -31,6 +32,7 @@ __all__ = [
     "ArchiveError",
     "ClusterError",
     "ConstraintError",
+    "FigureError",
     "KeptRunsError",
     "ModelError",
     "Problem",
@@ -149,6 +151,10 @@ class ClusterError(UqpenError, RuntimeError):
 
 class TooManyLostError(UqpenError, RuntimeError):
     """More runs were lost than a study allows."""
+
+
+class FigureError(UqpenError, ValueError):
+    """A figure that cannot be drawn of an archive, or not be written."""
 
 
 class KeptRunsError(UqpenError, ValueError):

@@ -149,8 +149,12 @@ def runs_of_design(
 
     def made(points: xr.Dataset, number: int) -> Runs:
         """The runs of a round, by model."""
-        return {
-            name: evaluate(
+        return {name: of_model(name, points, number) for name in study.models}
+
+    def of_model(name: str, points: xr.Dataset, number: int) -> xr.Dataset:
+        variant = study.models[name]
+        try:
+            return evaluate(
                 Evaluator(variant.model, study.constraints),
                 points.assign(variant.given),
                 _display_units(study),
@@ -159,8 +163,8 @@ def runs_of_design(
                 keeper=keeper_of(name, number),
                 failures=study.failures,
             )
-            for name, variant in study.models.items()
-        }
+        except TooManyLostError as error:
+            raise TooManyLostError(f"by {name}, {error}" if name else str(error)) from None
 
     rounds = list(_rounds(design.rounds(study.law, stream), made))
     sampling = {SAMPLING: str(design.sampling)}

@@ -363,3 +363,47 @@ def _read(descriptor: int) -> bytes:
         return os.read(descriptor, 10_000)
     except OSError:  # the other end is closed
         return b""
+
+
+def test_ctrl_c_before_the_program_is_loaded_leaves_with_130(tmp_path: Path) -> None:
+    (tmp_path / "click.py").write_text("raise KeyboardInterrupt\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "uqpen", "study", "some.toml"],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
+
+
+def test_a_folder_that_has_been_removed_is_told(command_line: Command, tmp_path: Path) -> None:
+    tmp_path.rmdir()
+    outcome = command_line("study", "some.toml")
+    assert outcome.code == 2
+    assert outcome.err == "the folder that you stand in is not there any more\n"
+
+
+def test_ctrl_c_again_and_again_leaves_with_130_and_no_traceback(tmp_path: Path) -> None:
+    """Some of them come while workers are ended, and while Python itself ends."""
+    (tmp_path / "model.py").write_text(
+        "import time\ndef f(x):\n    print('run', flush=True)\n    time.sleep(0.05)\n"
+        "    return {'y': x}\n"
+    )
+    (tmp_path / "study.toml").write_text(
+        'seed = 1\n[model]\npython = "model.py:f"\ninputs = { x = "1" }\noutputs = { y = "1" }\n'
+        '[inputs]\nx = "0 ± 1"\n[designs.some]\nkind = "monte-carlo"\nruns = 1000\n'
+    )
+    line = [sys.executable, "-m", "uqpen", "study", "study.toml", "--workers", "2"]
+    with subprocess.Popen(
+        line, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "run\n"
+        while process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            time.sleep(0.01)
+        said = process.stderr.read() if process.stderr is not None else ""
+    assert process.returncode == 130
+    assert said.startswith("interrupted")
+    assert "Traceback" not in said

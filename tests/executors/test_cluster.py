@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -77,6 +78,17 @@ x = "0 ± 1"
 [designs.some]
 kind = "monte-carlo"
 runs = 60
+"""
+
+# It tells how many runs have begun.
+COUNTED = """\
+import pathlib, time
+
+def simulate(x):
+    with pathlib.Path(__file__).with_name("calls").open("a") as calls:
+        calls.write("call\\n")
+    time.sleep(0.05)
+    return {"y": x**3}
 """
 
 
@@ -191,11 +203,7 @@ def test_runs_that_go_wrong_in_any_way_cost_themselves_only(mixed: Path, two: Cl
 def test_a_worker_that_is_killed_in_mid_study_loses_nothing(
     tmp_path: Path, dask: Dask, two: Cluster
 ) -> None:
-    counted = "import pathlib, time\ncalls = pathlib.Path(__file__).with_name('calls')\n"
-    body = "    with calls.open('a') as f: f.write('call\\n')\n    time.sleep(0.05)\n"
-    (tmp_path / "slow.py").write_text(
-        f"{counted}def simulate(x):\n{body}    return {{'y': x**3}}\n"
-    )
+    (tmp_path / "slow.py").write_text(COUNTED)
     (tmp_path / "study.toml").write_text(SLOW)
     third = dask.worker("--no-nanny")
     two._client.wait_for_workers(3, timeout=60)
@@ -252,6 +260,30 @@ def test_a_study_on_a_cluster_from_the_command_line(command_line: Command, dask:
     both = command_line("study", "study.toml", "--scheduler", "x", "--workers", "2")
     assert both.code == 2
     assert "--workers and --scheduler exclude each other" in both.err
+
+
+def test_a_scheduler_that_goes_away_costs_no_finished_run(tmp_path: Path) -> None:
+    calls = tmp_path / "calls"
+    (tmp_path / "slow.py").write_text(COUNTED)
+    (tmp_path / "study.toml").write_text(SLOW)
+    dask = Dask(tmp_path)
+    try:
+        dask.worker("--no-nanny")
+        while not dask.file.exists():
+            time.sleep(0.05)
+        line = [sys.executable, "-m", "uqpen", "study", "study.toml", "--scheduler"]
+        study = subprocess.Popen(
+            [*line, str(dask.file)], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+        )
+        while not calls.exists() or len(calls.read_text().split()) < 30:
+            time.sleep(0.01)
+    finally:
+        dask.end()
+    said = study.communicate(timeout=60)[1].splitlines()
+    assert study.returncode == 2
+    assert said[-2] == "the Dask scheduler has gone away, or dropped the runs it was given"
+    assert re.fullmatch(r"\d+ runs are kept; the same command goes on from there", said[-1])
+    assert not any("distributed" in line for line in said)
 
 
 def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -266,6 +266,45 @@ def test_ctrl_c_leaves_with_130_and_no_process(tmp_path: Path) -> None:
         assert said == b"interrupted: nothing was written\n"
 
 
+LAUNCHER = """\
+import subprocess
+
+def f(x):
+    print("run", flush=True)
+    subprocess.run(["sleep", "60"])
+"""
+
+# Neither a thread nor a handler of Python's gets a turn meanwhile.
+BUSY_IN_C = "def f(x):\n    print('run', flush=True)\n    7 ** 3**18\n"
+
+
+def limited(folder: Path, source: str, limit: str) -> subprocess.Popen[bytes]:
+    """A study of two runs under a limit on time, when its first run has begun."""
+    models = f'[model]\ntime_limit = "{limit}"\n{MODEL}'
+    (folder / "mine.toml").write_text(study(folder, source, runs=2, models=models))
+    line = [sys.executable, "-m", "uqpen", "study", "mine.toml"]
+    process = subprocess.Popen(line, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout is not None
+    assert process.stdout.readline().startswith(b"run")
+    return process
+
+
+def test_what_a_run_has_started_ends_with_its_time(tmp_path: Path) -> None:
+    with limited(tmp_path, LAUNCHER, "0.3 s") as process:
+        # Nothing ends before the last process that could write to it.
+        said = process.communicate(timeout=20)[0].decode()
+    assert process.returncode == 3
+    assert "2 timed out" in said
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends when the run does")
+@pytest.mark.parametrize("source", [LAUNCHER, BUSY_IN_C])
+def test_a_run_ends_with_a_program_that_is_killed(tmp_path: Path, source: str) -> None:
+    with limited(tmp_path, source, "50 s") as process:
+        process.kill()
+        process.communicate(timeout=5)
+
+
 @pytest.mark.parametrize("workers", ["0", "-1", "two", "1.5"])
 def test_a_number_of_workers_that_is_none_leaves_with_2(tmp_path: Path, workers: str) -> None:
     done = command(tmp_path, "study", "mine.toml", "--workers", workers)

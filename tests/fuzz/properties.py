@@ -29,6 +29,8 @@ ARCHIVE_COMMANDS = (
     "show {file}",
     "show --all {file}",
     "show --json {file}",
+    "figure {file} --list",
+    "figure {file} cdf histogram methods -o figure.png",
     "verify {file}",
     "verify --runs 5 {file}",
     "diff {file} {other}",

@@ -18,13 +18,15 @@ import numpy as np
 import pytest
 
 import uqpen
-from uqpen.errors import ArchiveError, KeptRunsError, TooManyLostError
+from uqpen.errors import ArchiveError, KeptRunsError, ModelError, TooManyLostError
 from uqpen.evaluation import Progress
 from uqpen.executors.processes import processes
 from uqpen.executors.work import Piece
+from uqpen.making.journal import Journal
 from uqpen.making.lock import locked
 from uqpen.making.part import DamagedPartError, Part, read_part, write_part
 from uqpen.model import Results
+from uqpen.study.study import Study
 
 ROOT = Path(__file__).parents[2]
 
@@ -203,7 +205,7 @@ def test_what_decides_no_run_keeps_those_that_are_done(folder: Path, old: str, n
             'constraints.keep was not there, is ["x < 2"]',
         ),
         ("study.toml", 'z = "m"', 'z = "cm"', 'model.outputs.z was "m", is "cm"'),
-        ("model.py", "x * y", "y * x", "file model.py was "),
+        ("model.py", "x * y", "y * x", "file model.py has changed"),
     ],
 )
 def test_runs_that_the_study_would_not_make_are_refused(
@@ -330,6 +332,150 @@ def test_runs_of_several_models_and_of_vectorized_ones_are_kept(tmp_path: Path) 
     assert make(tmp_path, progress=progress) == expected
     assert progress.before == [3000, 1024]
     assert calls(tmp_path) == 2 * whole_batches + 1
+
+
+def test_runs_that_the_study_does_not_have_any_more_stay(folder: Path) -> None:
+    interrupt(folder, 40)
+    text = (folder / "study.toml").read_text()
+    change(folder, "[designs.one]", "[designs.first]")
+    progress = Told()
+    make(folder, progress=progress)
+    parts = folder / "study.nc.parts"
+    assert progress.before == [9], "those of the other design"
+    assert progress.warnings == [
+        f"{parts}: still holds runs of one, which this study does not have; "
+        "remove them if they are wanted no more"
+    ]
+    (folder / "study.toml").write_text(text)
+    progress = Told()
+    make(folder, progress=progress)
+    assert (progress.before, progress.warnings) == ([30], [])
+    assert not parts.exists()
+
+
+def test_runs_of_a_model_that_gets_a_name_stay(folder: Path) -> None:
+    interrupt(folder, 21)
+    change(folder, "[model]", "[models.a]")
+    progress = Told()
+    make(folder, progress=progress)
+    assert "still holds runs of one, which" in progress.warnings[0]
+    change(folder, "[models.a]", "[model]")
+    progress = Told()
+    make(folder, progress=progress)
+    assert progress.before == [20]
+
+
+def test_runs_without_a_record_are_made_again(folder: Path, whole: bytes) -> None:
+    interrupt(folder, 21)
+    (folder / "study.nc.parts" / "runs" / "one" / "made_of.json").unlink()
+    progress = Told()
+    assert make(folder, progress=progress) == whole
+    assert progress.before == []
+    assert "made_of.json: is damaged; the runs of one are made again" in progress.warnings[0]
+
+
+def test_a_record_without_runs_refuses_nothing(folder: Path) -> None:
+    interrupt(folder, 21)
+    (folder / "study.nc.parts" / "runs" / "one" / "0_000000.npz").unlink()
+    change(folder, "seed = 11", "seed = 12")
+    interrupt(folder, 40)
+    progress = Told()
+    make(folder, progress=progress)
+    assert progress.before == [18]
+
+
+def test_what_others_put_beside_kept_runs_stays(folder: Path, whole: bytes) -> None:
+    interrupt(folder, 21)
+    parts = folder / "study.nc.parts"
+    for name in ("notes.txt", "notes.tmp", "runs/one/0_notes.npz"):
+        (parts / name).write_text("mine")
+    (parts / "runs/one/0_000007.npz").mkdir()
+    progress = Told()
+    assert make(folder, progress=progress) == whole
+    assert progress.before == [20]
+    assert {file.name for file in parts.iterdir()} == {"notes.txt", "notes.tmp"}
+
+
+def test_a_file_in_place_of_the_folder_is_told_before_a_run(folder: Path) -> None:
+    (folder / "study.nc.parts").write_text("mine")
+    for fresh in (False, True):
+        with pytest.raises(ArchiveError, match=r"study\.nc\.parts: is no folder"):
+            make(folder, fresh=fresh)
+    assert not (folder / "calls").exists()
+
+
+def test_kept_runs_may_lie_behind_a_link(folder: Path, whole: bytes) -> None:
+    interrupt(folder, 21)
+    parts = folder / "study.nc.parts"
+    parts.rename(folder / "elsewhere")
+    parts.symlink_to("elsewhere")
+    progress = Told()
+    assert make(folder, progress=progress) == whole
+    assert progress.before == [20]
+    assert list((folder / "elsewhere").iterdir()) == []
+    interrupt(folder, 90)
+    assert make(folder, fresh=True) == whole
+
+
+def test_another_module_that_a_run_imports_is_told_with_what_to_do(folder: Path) -> None:
+    (folder / "late.py").write_text("factor = 1\n")
+    change(folder, '"z": x * y', '"z": x * y * __import__("late").factor', "model.py")
+    interrupt(folder, 21)
+    (folder / "late.py").write_text("factor = 2\n")
+    for _ in range(2):
+        with pytest.raises(ModelError) as told:
+            make(folder)
+        assert str(told.value).startswith('"late.py" was changed while the study ran: ')
+        assert str(told.value).endswith("change it back, or start over with --fresh")
+    make(folder, fresh=True)
+
+
+def test_ctrl_c_while_the_archive_is_written_keeps_all_runs(
+    folder: Path, whole: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uqpen.making.kept_runs._PATIENCE", 1e9)  # none is kept before the end
+    with monkeypatch.context() as patch:
+        patch.setattr("uqpen.making.make.write", _interrupted)
+        with pytest.raises(KeyboardInterrupt, match="70 runs are kept; the same command goes on"):
+            make(folder)
+    assert make(folder) == whole
+    assert calls(folder) == 70
+
+
+def _interrupted(*arguments: object) -> None:
+    raise KeyboardInterrupt
+
+
+def test_a_log_that_cannot_be_written_hides_no_reason(folder: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        _ended_without_a_log(uqpen.load_study(folder / "study.toml"), folder / "log")
+
+
+def _ended_without_a_log(study: Study, log: Path) -> None:
+    with Journal(log, study, Progress()):
+        log.unlink()
+        log.mkdir()
+        raise KeyboardInterrupt
+
+
+def test_an_archive_behind_a_link_is_written_where_it_lies(folder: Path, whole: bytes) -> None:
+    (folder / "far").mkdir()
+    (folder / "study.nc").symlink_to("far/study.nc")
+    assert make(folder) == whole
+    assert (folder / "study.nc").is_symlink()
+    assert [file.name for file in (folder / "far").iterdir()] == ["study.nc"]
+
+
+def test_a_name_that_is_too_long_is_told(folder: Path) -> None:
+    study = uqpen.load_study(folder / "study.toml")
+    with pytest.raises(ArchiveError, match="cannot be written: File name too long"):
+        uqpen.make_archive(study, folder / f"{'n' * 300}.nc")
+
+
+def test_a_file_in_place_of_the_archive_s_folder_is_told(folder: Path) -> None:
+    study = uqpen.load_study(folder / "study.toml")
+    with pytest.raises(ArchiveError, match=r"cannot be written: .*model\.py is not a folder"):
+        uqpen.make_archive(study, folder / "model.py" / "study.nc")
 
 
 def test_two_processes_do_not_make_one_archive(folder: Path) -> None:

@@ -332,6 +332,14 @@ def test_an_output_that_cannot_be_read_is_a_failed_run(
     assert found == (Status.FAILED, reason)
 
 
+def test_a_program_that_is_run_by_one_that_is_not_there_is_a_failed_run(home: Path) -> None:
+    (home / "solver").write_text("#!/no/such/python3\n")
+    (home / "solver").chmod(0o755)
+    results = run(model_of(home, 'command = ["./solver", "{inputs}"]'))
+    told = "cannot be started: what its first line names to run it with is not there"
+    assert results.reasons[0] == told
+
+
 def test_a_program_for_another_machine_is_a_failed_run(home: Path) -> None:
     (home / "solver").write_bytes(b"\x7fELF nothing")
     (home / "solver").chmod(0o755)
@@ -388,6 +396,31 @@ def test_what_a_good_run_leaves_running_is_ended(home: Path) -> None:
     script = f"sleep 300 & echo $! > {home / 'log'}; echo '{{\"stress\": 1}}'"
     assert outcome(home, script) == (Status.OK, "")
     assert ends(int((home / "log").read_text()))
+
+
+JUST_STARTED = """\
+import shutil, subprocess, sys
+from pathlib import Path
+from uqpen.models.command.guard import guard
+
+folder = Path(sys.argv[1])
+try:
+    with guard(folder):
+        print(subprocess.Popen(["sleep", "300"], cwd=folder, start_new_session=True).pid)
+        raise KeyboardInterrupt
+finally:
+    shutil.rmtree(folder)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not tell of folders")
+def test_a_program_ends_that_was_just_being_started(tmp_path: Path) -> None:
+    folder = tmp_path / "a run"
+    folder.mkdir()
+    words = [sys.executable, "-c", JUST_STARTED, str(folder)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert "KeyboardInterrupt" in done.stderr
+    assert ends(int(done.stdout))
 
 
 INTERRUPTED = """\

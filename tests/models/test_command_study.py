@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 from collections.abc import Callable
@@ -71,6 +72,34 @@ def test_an_archive_brings_its_program_along_but_only_runs_it_if_trusted(
     trusted = command_line("verify", "beam.nc", "--trust")
     assert trusted.code == 0
     assert "50 of 50 repeated: bit-equal" in trusted.said
+
+
+def test_what_is_kept_of_failed_runs_lies_beside_the_archive_of_a_rerun(
+    beam: Path, command_line: Callable[..., Any]
+) -> None:
+    (beam.parent / "solver").write_text("#!/bin/sh\necho no licence >&2\nexit 1\n")
+    command_line("study", str(beam), "-o", "beam.nc")
+    shutil.rmtree(beam.parent)
+    command_line("rerun", "beam.nc", "--trust", "-o", "again/other.nc")
+    folders = list(Path("again/other_runs").iterdir())
+    assert len(folders) == 50
+    assert (folders[0] / "stderr").read_text() == "no licence\n"
+
+
+def test_another_program_of_the_same_name_is_told(
+    beam: Path, command_line: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = Path("beam-solver").absolute()
+    shutil.copy(beam.parent / "solver", program)
+    monkeypatch.setenv("PATH", str(program.parent), prepend=os.pathsep)
+    beam.write_text(beam.read_text().replace("./solver", "beam-solver"))
+    command_line("study", str(beam), "-o", "beam.nc")
+    assert "another than then" not in command_line("verify", "beam.nc", "--trust").said
+    with program.open("a") as script:
+        script.write("# a newer version\n")
+    checked = command_line("verify", "beam.nc", "--trust")
+    assert re.search(r"another than then: beam-solver beam.dat \w{8} \(here \w{8}\)", checked.said)
+    assert checked.code == 0
 
 
 def test_a_program_that_is_changed_while_the_study_runs_stops_it(beam: Path) -> None:

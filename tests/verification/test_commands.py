@@ -14,6 +14,7 @@ import xarray as xr
 
 import uqpen as package
 from uqpen.archive.netcdf import put
+from uqpen.executors.processes import Pool
 from uqpen.verification.repetition import Runs, drawn_runs
 
 INPUTS = """
@@ -392,6 +393,21 @@ class TestRerun:
         assert 'there is no file "own.py"' in done.err
 
 
+def test_runs_are_repeated_on_the_workers_that_were_asked_for(
+    uqpen: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    class Watched(Pool):
+        def __call__(self, work: Any, batches: Any, pickled: bytes = b"") -> Any:
+            asked.append("workers")
+            return super().__call__(work, batches, pickled)
+
+    monkeypatch.setattr("uqpen.executors.processes.Pool", Watched)
+    assert uqpen("verify", "plain.nc", "--workers", "2").code == 0
+    assert asked
+
+
 def test_the_runs_that_are_repeated_are_the_same_each_time() -> None:
     study = package.parse_study(PLAIN)
     runs = xr.Dataset(coords={"run": np.arange(1000)})
@@ -405,3 +421,10 @@ def test_the_runs_that_are_repeated_are_the_same_each_time() -> None:
 def drawn_by_design(study: package.Study, runs: Runs, number: int) -> dict[str, list[int]]:
     drawn = drawn_runs(study, runs, number)
     return {design: positions.tolist() for _, design, positions in drawn}
+
+
+@pytest.mark.parametrize("command", ["verify", "rerun", "serve"])
+def test_a_folder_that_is_not_there_is_told(made: Path, uqpen: Command, command: str) -> None:
+    done = uqpen(command, "own.nc", "--folder", "nowhere")
+    assert done.code == 2
+    assert "Directory 'nowhere' does not exist" in done.err

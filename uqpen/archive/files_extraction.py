@@ -130,8 +130,6 @@ def _put(content: bytes, path: Path, name: str) -> None:
     try:
         with path.open("xb") as stream:
             stream.write(content)
-        # Any may be a program, and nobody executes one that is not trusted.
-        path.chmod(0o700)
         # One may be a model's program; nothing here executes it.
         path.chmod(0o700)
     except FileExistsError:

@@ -25,16 +25,20 @@ def prepare_destination(path: Path) -> None:
     ArchiveError
         If `path` is a folder or a file of another kind, or its folder cannot be written to.
     """
-    if path.is_dir():
-        raise ArchiveError(f"{path}: is a folder; name a file, such as {path / 'study.nc'}")
-    if path.exists() and not (path.is_file() and is_archive(path)):
-        raise ArchiveError(f"{path}: is not an archive of uqpen's, so it is not overwritten")
     try:
+        if path.is_dir():
+            raise ArchiveError(f"{path}: is a folder; name a file, such as {path / 'study.nc'}")
+        if path.exists() and not (path.is_file() and is_archive(path)):
+            raise ArchiveError(f"{path}: is not an archive of uqpen's, so it is not overwritten")
         path.parent.mkdir(parents=True, exist_ok=True)
         _remove_leftovers(path)
         trial = _part(path)
         trial.touch()
         trial.unlink()
+    except ArchiveError:
+        raise
+    except FileExistsError:
+        raise ArchiveError(f"{path}: cannot be written: {path.parent} is not a folder") from None
     except OSError as error:
         raise ArchiveError(f"{path}: cannot be written: {error.strerror}") from None
 
@@ -54,7 +58,7 @@ def write(tree: xr.DataTree, path: Path) -> None:
     try:
         put(sealed(tree), part)
         append_checksum(part)
-        part.replace(path)
+        part.replace(os.path.realpath(path))
     except (OSError, RuntimeError) as error:
         # The NetCDF library reports a full disk as a RuntimeError about HDF.
         if isinstance(error, RuntimeError) and not str(error).startswith("NetCDF:"):
@@ -66,12 +70,15 @@ def write(tree: xr.DataTree, path: Path) -> None:
 
 
 def _part(path: Path) -> Path:
-    return path.with_name(f".{path.name}.{os.getpid()}.part")
+    """Where the archive is written first: beside what a link leads to, which it then replaces."""
+    place = Path(os.path.realpath(path))
+    return place.with_name(f".{place.name}.{os.getpid()}.part")
 
 
 def _remove_leftovers(path: Path) -> None:
     """Remove the parts that processes have left that were killed while they wrote."""
-    for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
+    place = Path(os.path.realpath(path))
+    for part in place.parent.glob(f".{glob.escape(place.name)}.*.part"):
         process = part.suffixes[-2].removeprefix(".")
         if process.isdecimal() and not _is_running(int(process)):
             part.unlink(missing_ok=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+from pathlib import Path
 
 import click
 
@@ -20,6 +21,7 @@ COMMANDS = {
     "study": "uqpen.cli.study:study",
     "check": "uqpen.cli.check:check",
     "show": "uqpen.cli.show:show",
+    "figure": "uqpen.cli.figure:figure",
     "compare": "uqpen.cli.compare:compare",
     "verify": "uqpen.cli.verify:verify",
     "diff": "uqpen.cli.diff:diff",
@@ -71,6 +73,11 @@ def main() -> None:
 
 def _run(arguments: list[str]) -> int:
     """The exit code of a command, after telling what went wrong."""
+    try:
+        Path.cwd()
+    except OSError:
+        click.echo("the folder that you stand in is not there any more", err=True)
+        return ExitCode.MISTAKE
     try:
         # Not the group's own `main`, which takes a closed pipe for an error.
         with uqpen.make_context("uqpen", arguments) as context:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.workers import Where
+from uqpen.cli.workers import Start, Where
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,7 +24,7 @@ def make(
     here: Path,
     archive: Path,
     *,
-    fresh: bool,
+    start: Start,
     where: Where,
     show: Callable[[xr.DataTree], None] = lambda tree: None,
 ) -> ExitCode:
@@ -38,8 +38,8 @@ def make(
         Where the user stands.
     archive : Path
         The archive, as the user calls it.
-    fresh : bool
-        Whether runs that were kept are made again.
+    start : Start
+        What becomes of runs that were kept.
     where : Where
         Where its runs are made.
     show : callable
@@ -53,7 +53,7 @@ def make(
     try:
         with where.map() as spread, progress() as reporter:
             path = here / archive
-            tree = make_archive(study, path, map=spread, fresh=fresh, progress=reporter)
+            tree = make_archive(study, path, map=spread, progress=reporter, **start._asdict())
     except KeyboardInterrupt as interrupt:
         click.echo(": ".join(["interrupted", *map(str, interrupt.args)]), err=True)
         return ExitCode.INTERRUPTED

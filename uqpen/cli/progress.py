@@ -20,6 +20,9 @@ __all__ = ["progress"]
 # Warnings that are shown; the log beside an archive holds more.
 _MOST_WARNINGS = 5
 
+# Of a design's name on a line of 80 characters, which is to tell more.
+_LONGEST_NAME = 24
+
 
 @contextmanager
 def progress() -> Iterator[Progress]:
@@ -88,7 +91,7 @@ class _Bar(_Told):
     def design(self, name: str, runs: int) -> None:
         super().design(name, runs)
         self._bar.remove_task(self._task)
-        self._task = self._bar.add_task(name, total=runs)
+        self._task = self._bar.add_task(_short(name), total=runs)
         self._lost = 0
 
     def found(self, runs: int) -> None:
@@ -97,7 +100,7 @@ class _Bar(_Told):
 
     def advance(self, runs: int, lost: int, under_way: int) -> None:
         self._lost += lost
-        told = [self._design]
+        told = [_short(self._design)]
         if self._lost:
             told.append(f"{grouped(self._lost)} lost")
         if under_way:
@@ -107,6 +110,15 @@ class _Bar(_Told):
     def analysing(self) -> None:
         self._bar.remove_task(self._task)
         self._task = self._bar.add_task("analysing", total=None)
+
+
+def _short(name: str) -> str:
+    """A name, cut where it would take the line for itself.
+
+    >>> _short("a_latin_hypercube_of_the_rod")
+    'a_latin_hypercube_of_th…'
+    """
+    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
 
 
 class _Lines(_Told):

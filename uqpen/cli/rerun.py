@@ -8,7 +8,7 @@ import click
 
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import printable
-from uqpen.cli.workers import Where, fresh_option, workers_option
+from uqpen.cli.workers import Start, Where, start_option, workers_option
 
 __all__ = ["rerun"]
 
@@ -25,13 +25,13 @@ __all__ = ["rerun"]
 @click.option("--trust", is_flag=True, help="Execute models that ARCHIVE names and that are code.")
 @click.option(
     "--folder",
-    type=click.Path(path_type=Path),
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="Take the files that its study names from here.  [default: those that it keeps]",
 )
-@fresh_option
+@start_option
 @workers_option
 def rerun(
-    archive: Path, copy: Path | None, trust: bool, folder: Path | None, fresh: bool, where: Where
+    archive: Path, copy: Path | None, trust: bool, folder: Path | None, start: Start, where: Where
 ) -> ExitCode:
     """Run the study whose text ARCHIVE holds, and write an archive of its own.
 
@@ -45,7 +45,7 @@ def rerun(
     from uqpen.cli.making import make
     from uqpen.cli.screen import output
     from uqpen.verification.archived import refuse_foreign_models
-    from uqpen.verification.restored import restored_study
+    from uqpen.verification.restored import keeping_runs, restored_study
 
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
@@ -58,7 +58,11 @@ def rerun(
     with restored_study(tree, folder, trust=trust) as restored:
         for line in restored.differing:
             click.echo(printable(f"not the archive's file: {line}"), err=True)
-        code = make(restored.study, here, copy, fresh=fresh, where=where)
+        study = restored.study
+        if restored.has_kept_files:
+            # The folder of its files is there for the moment alone.
+            study = keeping_runs(study, here / copy.with_name(f"{copy.stem}_runs"))
+        code = make(study, here, copy, start=start, where=where)
     if code is not ExitCode.INTERRUPTED:
         command = shlex.join(["uqpen", "diff", str(archive), str(copy)])
         output().print(f"compare: {command}", soft_wrap=True, markup=False, highlight=False)

@@ -35,7 +35,7 @@ __all__ = ["offers", "serve"]
 )
 @click.option(
     "--folder",
-    type=click.Path(path_type=Path),
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="Take the files that an archive's study names from here.  [default: those that it keeps]",
 )
 def serve(model: str, named: str | None, port: int, host: str, folder: Path | None) -> None:
@@ -136,6 +136,8 @@ def _of_archive(path: Path, label: str, named: tuple[str, ...], folder: Path | N
         for model, told in models_in(tree).items()
         for name in names_in(told, SURROGATES)
     }
+    if not found and not label:
+        raise UnknownNameError(f"{path}: holds no surrogate, and nothing else of it can be served")
     if not found or (label and label not in found):
         raise UnknownNameError(f'{path}: no surrogate "{label}"; {choices(label, found)}')
     # Nothing that the archive names is executed: only what is admissible is asked of its models.

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.workers import Where, fresh_option, workers_option
+from uqpen.cli.workers import Start, Where, start_option, workers_option
 
 __all__ = ["study"]
 
@@ -21,9 +21,9 @@ __all__ = ["study"]
     type=click.Path(path_type=Path),
     help="The archive to write.  [default: archives/<study>.nc]",
 )
-@fresh_option
+@start_option
 @workers_option
-def study(file: Path, archive: Path | None, fresh: bool, where: Where) -> ExitCode:
+def study(file: Path, archive: Path | None, start: Start, where: Where) -> ExitCode:
     """Make the runs of the study FILE, analyse them, and write everything into one archive.
 
     Runs that are done are kept beside the archive until it is there: if this is interrupted in
@@ -39,4 +39,4 @@ def study(file: Path, archive: Path | None, fresh: bool, where: Where) -> ExitCo
     here = Path.cwd()
     loaded = load_study(file)
     archive = archive or Path("archives") / f"{loaded.name}.nc"
-    return make(loaded, here, archive, fresh=fresh, where=where, show=show_tables)
+    return make(loaded, here, archive, start=start, where=where, show=show_tables)

@@ -23,7 +23,7 @@ __all__ = ["verify"]
 @click.option("--trust", is_flag=True, help="Execute models that ARCHIVE names and that are code.")
 @click.option(
     "--folder",
-    type=click.Path(path_type=Path),
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="Take the files that its study names from here.  [default: those that it keeps]",
 )
 @workers_option

@@ -1,4 +1,4 @@
-"""``--workers`` and ``--scheduler``: where the runs of a command are made."""
+"""Options of commands that make runs: where they are made, and which of them again."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import click
 if TYPE_CHECKING:
     from uqpen.evaluation import Map
 
-__all__ = ["Where", "fresh_option", "workers_option"]
+__all__ = ["Start", "Where", "start_option", "workers_option"]
 
 _WORKERS = click.option(
     "--workers",
@@ -41,9 +41,39 @@ def workers_option(command: Callable[..., Any]) -> Callable[..., Any]:
     return told
 
 
-fresh_option = click.option(
+_FRESH = click.option(
     "--fresh", is_flag=True, help="Make all runs anew, those too that an earlier start has kept."
 )
+_LOST_AGAIN = click.option(
+    "--lost-again", is_flag=True, help="Make those runs anew that were kept, but were lost."
+)
+
+
+class Start(NamedTuple):
+    """What becomes of runs that an earlier start has kept.
+
+    Attributes
+    ----------
+    fresh : bool
+        All are made again.
+    lost_again : bool
+        Those are that were lost.
+    """
+
+    fresh: bool
+    lost_again: bool
+
+
+def start_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """A command that is told what becomes of runs that are kept, as its argument `start`."""
+
+    @_FRESH
+    @_LOST_AGAIN
+    @functools.wraps(command)
+    def told(*arguments: Any, fresh: bool, lost_again: bool, **options: Any) -> Any:
+        return command(*arguments, start=Start(fresh, lost_again), **options)
+
+    return told
 
 
 class Where(NamedTuple):

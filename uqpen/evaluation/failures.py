@@ -48,9 +48,12 @@ class Losses:
     runs: int
     statuses: Counter[Status] = field(default_factory=Counter)
     reasons: Counter[str] = field(default_factory=Counter)
+    counted: set[int] = field(default_factory=set)
 
     def add(self, piece: Piece) -> int:
-        """Count those of a piece; how many it has.
+        """Count those of a piece that are new; how many it has.
+
+        A batch of a vectorised model is made again as a whole where some of it is missing.
 
         Raises
         ------
@@ -58,7 +61,12 @@ class Losses:
             If there are now more than are allowed.
         """
         status = piece.results.status
-        lost = np.flatnonzero(status > Status.INADMISSIBLE).tolist()
+        lost = [
+            run
+            for run in np.flatnonzero(status > Status.INADMISSIBLE).tolist()
+            if piece.start + run not in self.counted
+        ]
+        self.counted.update(piece.start + run for run in lost)
         self.statuses.update(Status(int(status[run])) for run in lost)
         self.reasons.update(piece.results.reasons[run] for run in lost)
         # 29 of 100 are no more than 0.29, whatever that times 100 is.

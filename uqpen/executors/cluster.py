@@ -48,7 +48,8 @@ def cluster(scheduler: str) -> Iterator[Cluster]:
             'a Dask cluster needs the extra "cluster": pip install "uqpen[cluster]"'
         ) from None
     # What becomes of a connection is told by errors; its log would stand in the tables.
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in ("distributed", "distributed.client"):  # the second has a level of its own
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     is_file = "://" not in scheduler
     if is_file and not Path(scheduler).is_file():
         raise ClusterError(

@@ -135,7 +135,11 @@ class Worker:
         self.kill()
 
     def kill(self) -> None:
-        """End it, whatever it does."""
+        """End it, whatever it does, and what its run has started."""
+        # If it has ended already, its number may be that of another group.
+        if sys.platform != "win32" and self._process.pid and self._process.is_alive():
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._process.pid, signal.SIGKILL)
         self._process.kill()
         self._process.join()
         self.connection.close()
@@ -146,6 +150,7 @@ def _serve(connection: Connection[Any, Any]) -> None:
     signal.signal(signal.SIGINT, lambda *_: os._exit(_INTERRUPTED))
     if sys.platform != "win32":
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+    _lead_group()
     threading.Thread(target=_leave_with_parent, daemon=True).start()
     set_supervised()
     # A model with noise of its own must not find the same noise in every worker.
@@ -157,11 +162,30 @@ def _serve(connection: Connection[Any, Any]) -> None:
             connection.send(_done(connection, known, *message))
 
 
+def _lead_group() -> None:
+    """Make what runs start one group with this process, so that both can be ended at once."""
+    parent = multiprocessing.parent_process()
+    if sys.platform == "win32" or parent is None:
+        return
+    os.setsid()
+    if sys.platform == "linux":
+        import fcntl
+
+        # Compiled code may let no thread of ours run: then the system ends the group, by a signal
+        # when the pipe from the parent is closed.
+        fcntl.fcntl(parent.sentinel, fcntl.F_SETOWN, -os.getpid())
+        fcntl.fcntl(parent.sentinel, fcntl.F_SETSIG, signal.SIGKILL)
+        flags = fcntl.fcntl(parent.sentinel, fcntl.F_GETFL)
+        fcntl.fcntl(parent.sentinel, fcntl.F_SETFL, flags | os.O_ASYNC)
+
+
 def _leave_with_parent() -> None:
     """End this process in the middle of a run, if the one that wants its results has ended."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
+        if sys.platform != "win32":
+            os.killpg(0, signal.SIGKILL)
         os._exit(_ORPHANED)
 
 

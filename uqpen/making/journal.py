@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import platform
 import time
@@ -57,12 +58,14 @@ class Journal(Progress):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._finish()
-        for warning, count in self._warnings.items():
-            self.say(f"warning: {warning}" + f" ({count} times)" * (count > 1))
-        if kind is not None:
-            text = " ".join(str(error).split())
-            self.say(f"ended early: {kind.__name__}" + f": {text}" * bool(text))
+        # What has ended it is told, even if the disk has no room for that.
+        with contextlib.suppress(*([] if kind is None else [ArchiveError])):
+            self._finish()
+            for warning, count in self._warnings.items():
+                self.say(f"warning: {warning}" + f" ({count} times)" * (count > 1))
+            if kind is not None:
+                text = " ".join(str(error).split())
+                self.say(f"ended early: {kind.__name__}" + f": {text}" * bool(text))
 
     def say(self, text: str) -> None:
         """Write a line.

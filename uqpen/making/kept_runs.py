@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
+import contextlib
 import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from textwrap import shorten
-from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +16,7 @@ from uqpen.evaluation import Progress
 from uqpen.evaluation.keeper import Keeper
 from uqpen.executors.work import Piece
 from uqpen.labels import MODELS, RUNS, Status
+from uqpen.making.made_of import RECORD, as_record, changes, read_record
 from uqpen.making.part import (
     TEMPORARY,
     DamagedPartError,
@@ -33,7 +32,7 @@ Columns = Mapping[str, npt.NDArray[np.float64]]
 # What decides the runs of each design, by model and design.
 MadeOf = Mapping[tuple[str, str], Mapping[str, str]]
 
-_RECORD = "made_of.json"
+_NUMBER = "[0-9]" * 6
 
 # So many times as long as keeping took is waited before the next time, that it takes a sixth of
 # all at most. It takes about a millisecond: so a run of more than 5 ms is kept at once.
@@ -41,6 +40,8 @@ _PATIENCE = 5
 
 # A part grows, written anew each time, until it has been written so often or holds so many runs.
 _MOST_WRITTEN, _MOST_RUNS = 64, 8192
+
+_LOST = tuple(status for status in Status if status > Status.INADMISSIBLE)
 
 _MOST_TOLD = 6
 
@@ -79,34 +80,55 @@ class KeptRuns:
         """
         for (model, design), made_of in self._made_of.items():
             folder = self._folder_of(model, design)
-            if not (folder / _RECORD).is_file():
+            if not any(folder.glob("*.npz")):
+                # What an earlier start was about to keep, of another study perhaps.
+                _remove(folder)
                 continue
-            before = _read(folder / _RECORD)
+            before = read_record(folder / RECORD)
             if before is None:
                 # Without it nobody can tell what its runs are of.
-                told = f"{folder / _RECORD}: is damaged; the runs of {design} are made again"
-                self._progress.warned(told)
-                shutil.rmtree(folder)
+                record = folder / RECORD
+                self._progress.warned(f"{record}: is damaged; the runs of {design} are made again")
+                _remove(folder)
                 continue
-            changes = [change for change in _changes(before, made_of) if not _is_limit(change.key)]
-            if changes:
-                raise KeptRunsError(self._refusal(design, [change.text for change in changes]))
+            told = [each.text for each in changes(before, made_of) if not each.is_of_limit]
+            if told:
+                raise KeptRunsError(_refusal(self.folder, design, told))
             if before != made_of:
-                self._forget_late(folder, made_of)
+                self._forget(folder, [Status.TIMED_OUT])
+                self._note(folder, made_of)
 
     def clean(self) -> None:
-        """Remove what an earlier start was about to write when it was ended."""
-        for file in self.folder.rglob(f"*{TEMPORARY}"):
-            file.unlink(missing_ok=True)
+        """Remove what an earlier start was about to write when it was ended.
+
+        Raises
+        ------
+        ArchiveError
+            If something else stands where runs are kept.
+        """
+        if self.folder.exists() and not self.folder.is_dir():
+            raise ArchiveError(f"{self.folder}: is no folder: runs are kept in one of this name")
+        for ending in (".npz", RECORD):
+            for file in self.folder.rglob(f"*{ending}{TEMPORARY}"):
+                _remove(file)
 
     def remove(self) -> None:
-        """Remove all of it: it is in the archive now, or wanted no more."""
+        """Remove all runs: they are wanted no more."""
+        for folder in (RUNS, MODELS):
+            _remove(self.folder / folder)
+
+    def finish(self) -> None:
+        """Remove what is in the archive now; runs that this study does not have stay there."""
         self._open.clear()
-        try:
-            if self.folder.exists():
-                shutil.rmtree(self.folder)
-        except OSError as error:
-            raise ArchiveError(f"{self.folder}: cannot be removed: {error.strerror}") from None
+        for model, design in self._made_of:
+            _remove(self._folder_of(model, design))
+        for file in sorted(self.folder.rglob(RECORD)):
+            whose = " of ".join(file.parent.relative_to(self.folder).parts[::-2])
+            self._progress.warned(
+                f"{self.folder}: still holds runs of {whose}, which this study does not have; "
+                "remove them if they are wanted no more"
+            )
+        _remove_empty(self.folder)
 
     def keeper(self, design: str, model: str, number: int) -> Keeper:
         """Who keeps the runs of a round of a design by a model."""
@@ -127,11 +149,11 @@ class KeptRuns:
             part = read_part(file)
         except DamagedPartError:
             self._progress.warned(f"{file}: is damaged; its runs are made again")
-            file.unlink()
+            _remove(file)
             return None
         if not part.are_of(columns):
-            changes = ["its points: has a file changed that the study names?"]
-            raise KeptRunsError(self._refusal(file.parent.name, changes))
+            change = "its points: has a file changed that the study names?"
+            raise KeptRunsError(_refusal(self.folder, file.parent.name, [change]))
         self.runs += len(part.runs)
         return part
 
@@ -153,39 +175,38 @@ class KeptRuns:
             for kept in self._open:
                 self.runs += kept.write()
         except OSError as error:
-            raise ArchiveError(
-                f"{self.folder}: runs that are done cannot be kept: {error.strerror}\n"
-                "  those kept before stay there, and the same command goes on from them"
-            ) from None
+            raise _unkept(self.folder, error) from None
         self._last = time.monotonic()
         self._cost = self._last - began
 
-    def _forget_late(self, folder: Path, made_of: Mapping[str, str]) -> None:
-        """Keep the runs of a design under a new limit, but for those that were ended for time."""
-        for file in sorted(folder.glob("*.npz")):
-            try:
-                part = read_part(file).without(Status.TIMED_OUT)
-            except DamagedPartError:
-                continue  # it will be told when it is looked into
-            if part is None:
-                file.unlink()
-            else:
-                write_part(file, part)
-        put_file(folder / _RECORD, _as_record(made_of))
+    def forget_lost(self) -> None:
+        """Have the runs made again that were kept as lost; inadmissible points are no such."""
+        for model, design in self._made_of:
+            self._forget(self._folder_of(model, design), _LOST)
+
+    def _forget(self, folder: Path, statuses: Collection[Status]) -> None:
+        """Keep the runs of a design but for those that ended so."""
+        try:
+            for file in sorted(folder.glob("*.npz")):
+                with contextlib.suppress(DamagedPartError):  # told when it is looked into
+                    part = read_part(file).without(statuses)
+                    if part is None:
+                        file.unlink()
+                    else:
+                        write_part(file, part)
+        except OSError as error:
+            raise _unkept(self.folder, error) from None
+
+    def _note(self, folder: Path, made_of: Mapping[str, str]) -> None:
+        """Have the record beside runs say what decides them now."""
+        try:
+            put_file(folder / RECORD, as_record(made_of))
+        except OSError as error:
+            raise _unkept(self.folder, error) from None
 
     def _folder_of(self, model: str, design: str) -> Path:
         root = self.folder / MODELS / model if model else self.folder
         return root / RUNS / design
-
-    def _refusal(self, design: str, changes: list[str]) -> str:
-        more = len(changes) - _MOST_TOLD
-        lines = [*changes[:_MOST_TOLD], *([f"and {more} more"] if more > 0 else [])]
-        listing = "\n".join(f"  {line}" for line in lines)
-        return (
-            f"{self.folder}: holds runs of {design} that this study would not make; "
-            f"what has changed:\n{listing}\n"
-            "change it back to go on from them, or start over with --fresh"
-        )
 
 
 class _KeptDesign(Keeper):
@@ -204,7 +225,7 @@ class _KeptDesign(Keeper):
         self._number = 0
 
     def found(self, inputs: Columns) -> Iterator[Piece]:
-        for file in sorted(self._folder.glob(f"{self.round}_*.npz")):
+        for file in sorted(self._folder.glob(f"{self.round}_{_NUMBER}.npz")):
             part = self._kept.found(file, inputs)
             if part is not None:
                 yield from part.pieces()
@@ -221,9 +242,9 @@ class _KeptDesign(Keeper):
         if not self._unwritten:
             return 0
         self._folder.mkdir(parents=True, exist_ok=True)
-        record = self._folder / _RECORD
+        record = self._folder / RECORD
         if not record.exists():
-            put_file(record, _as_record(self._made_of))
+            put_file(record, as_record(self._made_of))
         part = Part.of(self._columns, self._pieces)
         write_part(self._folder / f"{self.round}_{self._number:06d}.npz", part)
         self._written += 1
@@ -234,32 +255,43 @@ class _KeptDesign(Keeper):
         return written
 
 
-def _read(record: Path) -> dict[str, str] | None:
-    """What decided the runs beside a record; None of one that is damaged."""
+def _refusal(folder: Path, design: str, changed: list[str]) -> str:
+    more = len(changed) - _MOST_TOLD
+    lines = [*changed[:_MOST_TOLD], *([f"and {more} more"] if more > 0 else [])]
+    listing = "\n".join(f"  {line}" for line in lines)
+    return (
+        f"{folder}: holds runs of {design} that this study would not make; "
+        f"what has changed:\n{listing}\n"
+        "change it back to go on from them, or start over with --fresh"
+    )
+
+
+def _unkept(folder: Path, error: OSError) -> ArchiveError:
+    return ArchiveError(
+        f"{folder}: runs that are done cannot be kept: {error.strerror}\n"
+        "  those kept before stay there, and the same command goes on from them"
+    )
+
+
+def _remove(path: Path) -> None:
+    """Remove a file, or a folder with all that it holds, if it is there.
+
+    Raises
+    ------
+    ArchiveError
+        If that cannot be done.
+    """
     try:
-        content: Any = json.loads(record.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return None
-    return content if isinstance(content, dict) else None
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise ArchiveError(f"{path}: cannot be removed: {error.strerror}") from None
 
 
-def _as_record(made_of: Mapping[str, str]) -> bytes:
-    return json.dumps(made_of, indent=1).encode()
-
-
-class _Change(NamedTuple):
-    """Something that decides runs and is not what it was: its key, and what a person reads."""
-
-    key: str
-    text: str
-
-
-def _changes(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[_Change]:
-    for key in {**before, **now}:
-        if before.get(key) != now.get(key):
-            was, is_now = (shorten(str(each.get(key, "not there")), 60) for each in (before, now))
-            yield _Change(key, f"{key} was {was}, is {is_now}")
-
-
-def _is_limit(key: str) -> bool:
-    return key.startswith("model") and key.endswith(".time_limit")
+def _remove_empty(root: Path) -> None:
+    """Remove a folder and those within it, as far as nothing is in them."""
+    for folder in sorted([root, *root.rglob("*/")], reverse=True):
+        with contextlib.suppress(OSError):  # it is not empty, or not there
+            folder.rmdir()

@@ -7,7 +7,7 @@ from pathlib import Path
 import xarray as xr
 
 from uqpen.archive.write import prepare_destination, write
-from uqpen.errors import ArchiveError, TooManyLostError
+from uqpen.errors import ArchiveError, ClusterError, TooManyLostError
 from uqpen.evaluation import Map, Progress
 from uqpen.making.journal import Journal
 from uqpen.making.kept_runs import KeptRuns
@@ -25,6 +25,7 @@ def make_archive(
     *,
     map: Map = map,
     fresh: bool = False,
+    lost_again: bool = False,
     progress: Progress | None = None,
 ) -> xr.DataTree:
     """Make the runs of a study, analyse them, and write the archive.
@@ -43,6 +44,8 @@ def make_archive(
         Like the built-in: where batches of runs are made. It cannot change a result.
     fresh : bool
         Whether runs that were kept are removed, and made again.
+    lost_again : bool
+        Whether only those of them are that were lost.
     progress : Progress, optional
         Told how far it is.
 
@@ -70,14 +73,20 @@ def make_archive(
             for design in study.designs
         }
         kept = KeptRuns(_beside(path, "parts"), made_of, journal)
+        kept.clean()
         if fresh:
             kept.remove()
-        kept.clean()
         kept.refuse_others()
-        tree = _made(study, map, journal, kept)
-        _write(tree, path, kept)
+        if lost_again:
+            kept.forget_lost()
+        try:
+            tree = _made(study, map, journal, kept)
+            _write(tree, path, kept)
+        except KeyboardInterrupt:
+            told = f"{kept.runs} runs are kept; the same command goes on from there"
+            raise KeyboardInterrupt(told if kept.runs else "nothing was written") from None
         journal.say(f"{path.name}: is written")
-        kept.remove()
+        kept.finish()
     return tree
 
 
@@ -85,14 +94,17 @@ def _made(study: Study, map: Map, journal: Journal, kept: KeptRuns) -> xr.DataTr
     """What a study tells; the runs that are done are kept if it comes to no end."""
     try:
         return run(study, map=map, progress=journal, keepers=kept.keeper)
-    except KeyboardInterrupt:
-        kept.keep()
-        told = f"{kept.runs} runs are kept; the same command goes on from there"
-        raise KeyboardInterrupt(told if kept.runs else "nothing was written") from None
     except TooManyLostError as error:
         kept.keep()
-        told = f"{kept.runs} runs are kept; with a larger share the same command goes on from there"
+        told = (
+            f"{kept.runs} runs are kept: with a larger share the same command goes on from them,\n"
+            "with --lost-again it makes the lost ones of them again"
+        )
         raise TooManyLostError(f"{error}\n{told}") from None
+    except ClusterError as error:
+        kept.keep()
+        told = f"{kept.runs} runs are kept; the same command goes on from there"
+        raise ClusterError(f"{error}\n{told}" if kept.runs else str(error)) from None
     except BaseException:
         kept.keep()
         raise
@@ -106,6 +118,9 @@ def _write(tree: xr.DataTree, path: Path, kept: KeptRuns) -> None:
         kept.keep()
         told = f"all {kept.runs} runs are kept; the same command goes on from there"
         raise ArchiveError(f"{error}\n{told}") from None
+    except BaseException:
+        kept.keep()
+        raise
 
 
 def _beside(path: Path, ending: str) -> Path:

@@ -7,7 +7,7 @@ import hashlib
 import io
 import os
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -69,9 +69,9 @@ class Part:
             for name, values in self.inputs.items()
         )
 
-    def without(self, status: Status) -> Part | None:
+    def without(self, statuses: Collection[Status]) -> Part | None:
         """Its runs but for those that ended so; None where no other is left."""
-        at = np.flatnonzero(self.results.status != status)
+        at = np.flatnonzero(~np.isin(self.results.status, list(statuses)))
         inputs = {name: values[at] for name, values in self.inputs.items()}
         return Part(self.runs[at], inputs, _some(self.results, at)) if at.size else None
 

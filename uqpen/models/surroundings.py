@@ -96,7 +96,8 @@ class Surroundings:
             if record not in self._imported:
                 raise ModelError(
                     f'"{name}" was changed while the study ran: its runs were made with '
-                    "different versions of it, so nothing can be told of them; run the study again"
+                    "different versions of it, so nothing can be told of them; change it back, "
+                    "or start over with --fresh"
                 )
 
     def files(self) -> tuple[FileRead, ...]:

@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqpen.archive.files import FILES
 from uqpen.archive.read import group
-from uqpen.evaluation import Evaluator, Map, Progress, evaluate
+from uqpen.evaluation import Evaluator, Failures, Map, Progress, evaluate
 from uqpen.labels import CONTENT, MODELS, RUN, RUNS, STATUS
 from uqpen.model import Output
 from uqpen.streams import Stream
@@ -70,7 +70,14 @@ def repeated_runs(
         variant, made = study.models[model], runs[model][design]
         inputs = {name: made.variables[name] for name in inputs_of(study, made)}
         points = xr.Dataset(inputs, {RUN: made.variables[RUN]}).isel({RUN: positions})
-        again = evaluate(Evaluator(variant.model, study.constraints), points, {}, progress=progress)
+        again = evaluate(
+            Evaluator(variant.model, study.constraints),
+            points,
+            {},
+            map=map,
+            progress=progress,
+            failures=Failures(study.failures.retry),
+        )
         archived = made.isel({RUN: positions})
         found += _of_runs(_called(model, design), archived, again, variant.model.outputs)
     repeated = sum(len(positions) for _, _, positions in chosen)

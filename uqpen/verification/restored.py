@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,10 +16,11 @@ from uqpen.archive.files import FILES, KeptFile, kept_files, names_of
 from uqpen.archive.files_extraction import extracted
 from uqpen.archive.read import group
 from uqpen.errors import ArchiveError, StudyError, UqpenError
+from uqpen.models.command.model import Command
 from uqpen.study.study import Study
 from uqpen.verification.archived import archived_study
 
-__all__ = ["Restored", "restored_study"]
+__all__ = ["Restored", "keeping_runs", "restored_study"]
 
 
 class Restored(NamedTuple):
@@ -79,6 +81,25 @@ def restored_study(tree: xr.DataTree, folder: Path | None, *, trust: bool) -> It
             advice = "named by an absolute path, and another file now (--folder: take it anyway)"
             raise ArchiveError("\n".join([*differing.values(), advice]))
         yield Restored(study, True, [])
+
+
+def keeping_runs(study: Study, folder: Path) -> Study:
+    """A study whose programs leave in a folder what is kept of their runs.
+
+    Parameters
+    ----------
+    study : Study
+        Programs of several models get a folder each within that.
+    folder : Path
+        It is made when there is something to keep.
+    """
+    models = {
+        name: replace(variant, model=variant.model.keeping_in(folder / name))
+        if isinstance(variant.model, Command)
+        else variant
+        for name, variant in study.models.items()
+    }
+    return replace(study, models=models)
 
 
 def _differing(study: Study, files: Sequence[KeptFile], folder: Path | None) -> dict[str, str]:

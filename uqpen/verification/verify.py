@@ -35,7 +35,8 @@ _OF_LOADED = ("model_name",)
 
 # What tells one version of a model from another, which has parts of its own.
 _SOURCE = "model_source_sha256"
-_OF_VERSIONS = ("model_version", _SOURCE, "model_program_sha256")
+_PROGRAM = "model_program_sha256"
+_OF_VERSIONS = ("model_version", _SOURCE, _PROGRAM)
 
 
 class _Allowed(NamedTuple):
@@ -206,7 +207,11 @@ def _repeated(
             yield _not_trusted(foreign)
         else:
             _prepare(study, progress)
-            yield repeated_runs(study, runs, number, allowed.tolerance, map=map, progress=progress)
+            tolerance = allowed.tolerance
+            if others := list(_other_programs(study, tree)):
+                tolerance = TOLERANCE
+                yield Part("program", Verdict.CLOSE, f"another than then: {', '.join(others)}")
+            yield repeated_runs(study, runs, number, tolerance, map=map, progress=progress)
             if FILES not in tree.children:
                 yield from _sources(study, tree)
         progress.analysing()
@@ -214,6 +219,15 @@ def _repeated(
         yield repeated_statistics(
             study, tree, runs, allowed.tolerance, besides, is_earlier=allowed.is_earlier
         )
+
+
+def _other_programs(study: Study, tree: xr.DataTree) -> Iterator[str]:
+    """The programs from elsewhere that go by the same name here and are others."""
+    for name, held in models_in(tree).items():
+        model, made_with = study.models[name].model, str(held.attrs.get(_PROGRAM, ""))
+        here = model.identity().get(_PROGRAM.removeprefix("model_"), "")
+        if here != made_with:
+            yield f"{model.name} {made_with[:8]} (here {here[:8]})"
 
 
 def _sources(study: Study, tree: xr.DataTree) -> Iterator[Part]:

@@ -29,10 +29,11 @@ if [ "$group" != 0 ]; then
     kill -KILL -- "-$group"
 fi
 for entry in /proc/[0-9]*/cwd; do
-    if [ "$entry" -ef "$folder" ]; then
+    case $(readlink "$entry") in
+    "$folder" | "$folder (deleted)")
         process=${entry%/cwd}
         kill -KILL "${process#/proc/}"
-    fi
+    esac
 done
 rm -rf -- "$folder"
 """

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import shlex
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -34,6 +35,10 @@ __all__ = ["INPUTS", "OUTCOME", "OUTPUTS", "Command", "Kept"]
 INPUTS, OUTPUTS, OUTCOME = "inputs.json", "outputs.json", "outcome.txt"
 
 _PATHS = {"inputs": INPUTS, "outputs": OUTPUTS}
+
+
+# The file was there when the study was read; the system means the program that it is to be run by.
+_NO_INTERPRETER = "cannot be started: what its first line names to run it with is not there"
 
 
 class Kept(NamedTuple):
@@ -133,6 +138,10 @@ class Command(Model):
     def identity(self) -> dict[str, str]:
         return {"name": self.name, **(self.program.identity() if self.program else {})}
 
+    def keeping_in(self, folder: Path) -> Command:
+        """The same, but what is kept of runs is kept in another folder."""
+        return replace(self, kept=self.kept._replace(folder=folder))
+
     def _found(self) -> Program:
         if self.program is None:
             raise ModelError(f"{self.name} is not executed without --trust")
@@ -151,6 +160,8 @@ class Command(Model):
                     keep_folder(folder, self.kept.folder / called(inputs), {OUTCOME: note})
                 return outcome
         except OSError as error:  # a disk that is full, a program for another machine
+            if error.filename == str(program.executed.read.path) and error.errno == errno.ENOENT:
+                return _Outcome({}, Status.FAILED, _NO_INTERPRETER)
             reason = f"cannot be started: {error.strerror or type(error).__name__}"
             return _Outcome({}, Status.FAILED, reason)
 

@@ -99,7 +99,8 @@ class Program:
             if file.is_changed():
                 raise ModelError(
                     f'"{file.name}" was changed while the study ran: its runs were made with '
-                    "different versions of it, so nothing can be told of them; run the study again"
+                    "different versions of it, so nothing can be told of them; change it back, "
+                    "or start over with --fresh"
                 )
 
 
