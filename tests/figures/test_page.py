@@ -1,0 +1,208 @@
+"""Figures of all archives: their texts, what is missing, and the files that they become."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.errors import FigureError, UnknownNameError
+from uqpen.figures import FIGURES
+from uqpen.figures.file import KINDS, written
+from uqpen.figures.page import available, figure, panels
+from uqpen.figures.texts import plain, typeset
+from uqpen.labels import HEAD_TO_HEAD, KIND
+from uqpen.lookup import resolve
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+BEAM = {"cdf", "exceedance", "histogram", "scatter", "methods", "sensitivity", "losses"}
+
+Archives = dict[str, xr.DataTree]
+Command = Callable[..., Any]
+
+
+def test_what_is_in_the_family_says_what_it_shows() -> None:
+    table = re.findall(r"^\| `([\w-]+)` \|", (DOCS / "figures.md").read_text(), re.MULTILINE)
+    assert table == list(FIGURES)
+    for reference in FIGURES.values():
+        assert len(resolve(reference).__doc__.splitlines()[0]) <= 62, reference
+
+
+def test_the_pictures_of_the_docs_are_there_and_small() -> None:
+    text = (DOCS / "figures.md").read_text()
+    shown = re.findall(r"\]\((\w+\.svg)\)", text)
+    assert len(shown) == 3
+    for name in (*shown, "concrete.svg"):
+        assert (DOCS / name).stat().st_size < 150_000
+
+
+class TestTexts:
+    def test_a_hostile_title_is_only_text(self, archives: Archives) -> None:
+        page = figure(archives["beam"], "histogram")
+        title = page.get_suptitle()
+        assert title.startswith("$5 and $6: \\frac{1}{0} \\x1b[31m --> <script>")
+        content = written(page, "svg")
+        ET.fromstring(content)
+        assert b"<script" not in content
+
+    def test_control_characters_are_spelled_out_and_length_is_bounded(self) -> None:
+        assert plain("a\nb\x1b\u202ec") == "a\\nb\\x1b\\u202ec"
+        assert plain("x" * 100, 10) == "xxxxxxxxx…"
+
+    def test_powers_of_units_are_raised(self) -> None:
+        assert typeset("W m-2 K-1") == "W m⁻² K⁻¹"
+        assert typeset("g/cm^3") == "g/cm³"
+        assert typeset("1000 m") == "1000 m"
+
+
+class TestMessages:
+    def test_what_there_is_stands_in_place_of_what_is_missing(self, archives: Archives) -> None:
+        with pytest.raises(FigureError) as error:
+            figure(archives["lost"], "cdf")
+        assert str(error.value) == (
+            'the archive has nothing for the figure "cdf", as no run came back; '
+            "it has: scatter, losses"
+        )
+
+    def test_of_what_it_has_nothing(self, archives: Archives) -> None:
+        with pytest.raises(FigureError, match='figure "scatter" of "trajectories"; it has: cdf'):
+            figure(archives["schema_2"], "scatter", source="trajectories")
+
+    @pytest.mark.parametrize(
+        ("name", "asked", "message"),
+        [
+            ("cdff", {}, 'no figure "cdff"; did you mean "cdf"? known: cdf, '),
+            ("cdf", {"output": "z"}, 'the archive has no output "z"; known: y'),
+            ("cdf", {"source": "report_"}, 'no source "report_"; did you mean "report"? known: '),
+            ("cdf", {"model": "one"}, 'the archive has no model "one"; none is known'),
+        ],
+    )
+    def test_an_unknown_name(
+        self, archives: Archives, name: str, asked: dict[str, str], message: str
+    ) -> None:
+        with pytest.raises(UnknownNameError, match=re.escape(message)):
+            figure(archives["schema_2"], name, **asked)
+
+    def test_methods_head_to_head_have_none(self) -> None:
+        with pytest.raises(FigureError, match="no figures of an archive of methods head to head"):
+            available(xr.DataTree(xr.Dataset(attrs={KIND: HEAD_TO_HEAD})))
+
+    def test_without_matplotlib(self, archives: Archives, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setitem(sys.modules, "matplotlib.style", None)
+        assert "cdf" in available(archives["beam"]), "to list them takes no package"
+        with pytest.raises(FigureError, match=r'"pip install uqpen\[figures\]" does it'):
+            figure(archives["beam"], "cdf")
+
+
+class TestMany:
+    def test_of_many_runs_few_are_drawn_and_all_are_counted(self, study_of: Any) -> None:
+        law = '[designs.some]\nkind = "monte-carlo"\nruns = 200_000'
+        tree = uqpen.run(study_of("a * b", law, a=(0, 1), b=(0, 1)))
+        page = figure(tree, "scatter", "histogram", "cdf")
+        first, *_, histogram, _ = page.axes
+        assert len(first.lines[0].get_xdata()) == 1000
+        assert histogram.patches[0].get_data().values.sum() == 200_000
+        notes = page.legends[0].get_title().get_text()
+        assert "1 000 of 200 000 runs that came back" in notes
+        assert len(written(page, "svg")) < 800_000
+
+    def test_of_many_panels_a_page_shows_some(self, study_of: Any) -> None:
+        inputs = {f"x{number}": (0, 1) for number in range(30)}
+        design = '[designs.some]\nkind = "monte-carlo"\nruns = 300'
+        tree = uqpen.run(study_of(" + ".join(inputs), design, **inputs))
+        assert len(panels(tree, "scatter")) == 30
+        page = figure(tree, "scatter")
+        assert len(page.axes) == 24
+        assert "the first 24 of 30 panels" in page.legends[0].get_title().get_text()
+        (indices,) = figure(tree, "sensitivity").axes
+        assert len(indices.get_yticklabels()) == 15, "those with the largest estimates"
+
+
+class TestFiles:
+    @pytest.fixture
+    def beam(self, archives: Archives, tmp_path: Path) -> Path:
+        path = tmp_path / "beam.nc"
+        uqpen.write(archives["beam"], path)
+        return path
+
+    def test_the_same_bytes_each_time_wherever_it_is_made(
+        self, archives: Archives, beam: Path, tmp_path: Path
+    ) -> None:
+        here = {}
+        for kind in KINDS:
+            path = tmp_path / f"here.{kind}"
+            figure(archives["beam"], "cdf").save(path)
+            here[kind] = path.read_bytes()
+            told = rb"CreationDate|dc:date|atplotlib v|Software"
+            assert not re.search(told, here[kind]), "no time and no version"
+        settings = tmp_path / "matplotlibrc"
+        settings.write_text("font.size: 20\nlines.linewidth: 9\nsvg.fonttype: none\n")
+        code = (
+            "import sys; from uqpen.cli.main import uqpen\n"
+            "for kind in sys.argv[2:]:\n"
+            "    command = ['figure', sys.argv[1], 'cdf', '-o', f'there.{kind}']\n"
+            "    uqpen(command, standalone_mode=False)\n"
+            "assert 'matplotlib.pyplot' not in sys.modules\n"
+        )
+        elsewhere = {**os.environ, "MATPLOTLIBRC": str(settings), "PYTHONHASHSEED": "7"}
+        command = [sys.executable, "-c", code, str(beam), *KINDS]
+        subprocess.run(command, check=True, cwd=tmp_path, env=elsewhere, capture_output=True)
+        for kind, content in here.items():
+            assert (tmp_path / f"there.{kind}").read_bytes() == content, kind
+
+    def test_they_are_listed_and_drawn(self, beam: Path, command_line: Command) -> None:
+        listed = command_line("figure", str(beam), "--list")
+        assert listed.code == 0
+        assert [row.split()[0] for row in listed.out.splitlines()] == [
+            name for name in FIGURES if name in BEAM
+        ]
+        assert command_line("figure", str(beam)).out == listed.out
+        assert max(map(len, listed.out.splitlines())) <= 80
+        done = command_line("figure", str(beam), "methods")
+        assert (done.code, done.out) == (0, "figure: methods.svg\n")
+        assert Path("methods.svg").is_file()
+
+    def test_a_file_is_replaced_or_left_alone(self, beam: Path, command_line: Command) -> None:
+        Path("mine.png").write_text("earlier")
+        refused = command_line("figure", str(beam), "surrogate", "-o", "mine.png")
+        assert refused.code == 2
+        assert "nothing for the figure" in refused.err
+        assert Path("mine.png").read_text() == "earlier"
+        assert command_line("figure", str(beam), "losses", "-o", "mine.png").code == 0
+        assert Path("mine.png").read_bytes().startswith(b"\x89PNG")
+        assert sorted(path.name for path in Path().iterdir()) == ["beam.nc", "mine.png"]
+
+    @pytest.mark.parametrize(
+        ("file", "message"),
+        [
+            ("a.gif", "a.gif: found the ending .gif; expected .svg, .pdf, .png\n"),
+            ("a", "a: found the ending none; expected .svg, .pdf, .png\n"),
+            ("beam.nc/a.svg", "beam.nc/a.svg: cannot be written: beam.nc is no folder\n"),
+        ],
+    )
+    def test_a_file_that_cannot_be(
+        self, beam: Path, command_line: Command, file: str, message: str
+    ) -> None:
+        done = command_line("figure", str(beam), "losses", "-o", file)
+        assert (done.code, done.out, done.err) == (2, "", message)
+        assert [path.name for path in Path().iterdir()] == ["beam.nc"]
+
+    def test_a_notebook_shows_them(self, archives: Archives) -> None:
+        assert figure(archives["beam"], "losses")._repr_svg_().startswith("<?xml")
+
+
+def test_a_constant_output_is_drawn(study_of: Any) -> None:
+    tree = uqpen.run(study_of("2 + 0 * x", x=(0, 1)))
+    for name in available(tree):
+        assert all(np.isfinite(axes.get_xlim()).all() for axes in figure(tree, name).axes)

@@ -1,0 +1,235 @@
+"""What is drawn is what the archive holds, in the units that stand on the axes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+
+import uqpen
+from uqpen.figures import FIGURES
+from uqpen.figures.page import available, panels
+from uqpen.figures.scatter import thinned
+from uqpen.figures.style import style
+from uqpen.figures.velocity_profile import profile
+
+Archives = dict[str, xr.DataTree]
+
+
+def drawn(tree: xr.DataTree, name: str, **asked: Any) -> list[Axes]:
+    return uqpen.figure(tree, name, **asked).axes
+
+
+def line(axes: Axes, label: str) -> Line2D:
+    (found,) = [each for each in axes.lines if each.get_label() == label]
+    return found
+
+
+def filled(told: Any) -> np.ndarray:
+    """Estimates of an archive with their bounds, as `dots` returns them."""
+    bounds = np.asarray(told)
+    return np.where(np.isnan(bounds), bounds[:, :1], bounds)
+
+
+def dots(axes: Axes) -> list[tuple[float, float, float]]:
+    """Each dot's estimate and bounds; the estimate in place of a bound that is none."""
+    found = []
+    for container in axes.containers:
+        (x,) = container.lines[0].get_xdata()
+        bars = container.lines[2]
+        lower, upper = bars[0].get_segments()[0][:, 0] if bars else (x, x)
+        found.append((float(x), float(lower), float(upper)))
+    return found
+
+
+# What each has something for; "schema_1" is like "schema_2".
+EXPECTED = {
+    "beam": {"cdf", "exceedance", "histogram", "scatter", "methods", "sensitivity", "losses"},
+    "lost": {"scatter", "losses"},
+    "rods": set(FIGURES) - {"responses", "surrogate", "losses"},
+    "schema_2": set(FIGURES) - {"models", "trajectory", "velocity-profile"},
+    "schema_2_several": {"cdf", "exceedance", "histogram", "scatter", "methods", "models"},
+}
+
+
+def test_each_archive_has_the_figures_that_it_can_have(archives: Archives) -> None:
+    found = {name: set(available(archives[name])) for name in EXPECTED}
+    assert found == EXPECTED
+
+
+def test_every_figure_of_every_archive_has_named_axes_and_plain_texts(archives: Archives) -> None:
+    for archive, tree in archives.items():
+        for name in available(tree):
+            page = uqpen.figure(tree, name)
+            for axes in page.axes:
+                where = (archive, name, axes.get_title(loc="left"))
+                assert axes.get_xlabel(), where
+                assert axes.get_ylabel() or len(axes.get_yticks()), where
+            with style():  # in which it is written
+                assert not any(text.get_parse_math() for text in page.findobj(Text))
+
+
+class TestDistributions:
+    def test_the_function_and_its_band_are_those_of_the_archive(self, archives: Archives) -> None:
+        cdfs = archives["beam"]["cdfs/only"]
+        (axes,) = drawn(archives["beam"], "cdf")
+        shown = line(axes, "only")
+        # A point at each end takes the function to where the axis ends.
+        np.testing.assert_allclose(shown.get_xdata()[1:-1], 1e3 * cdfs["deflection"], rtol=1e-12)
+        np.testing.assert_array_equal(shown.get_ydata()[1:-1], cdfs["deflection_band"][:, 0])
+        (band,) = axes.collections
+        corners = band.get_paths()[0].vertices[:, 1]
+        assert set(cdfs["deflection_band"].values[:, 1:].ravel()) <= set(corners)
+        assert axes.get_xlabel() == "deflection [mm]"
+
+    def test_beyond_the_last_run_the_band_is_as_wide_as_before(self, archives: Archives) -> None:
+        (axes,) = drawn(archives["beam"], "cdf")
+        half = 1 - archives["beam"]["cdfs/only"]["deflection_band"].values[-1, 1]
+        (band,) = axes.collections
+        right = band.get_paths()[0].vertices
+        at_end = right[np.isclose(right[:, 0], axes.get_xlim()[1]), 1]
+        assert (at_end.min(), at_end.max()) == pytest.approx((1 - half, 1))
+
+    def test_thresholds_are_where_they_were_written(self, archives: Archives) -> None:
+        (axes,) = drawn(archives["rods"], "exceedance", output="penetration_depth")
+        marked = [each.get_xdata()[0] for each in axes.lines if each.get_linestyle() == "--"]
+        assert marked == pytest.approx([60, 90])
+        assert [each.get_text() for each in axes.texts] == ["60 cm", "90 cm"]
+
+    def test_one_far_away_is_told_and_does_not_stretch_the_axis(self, study_of: Any) -> None:
+        text = "[outputs.y]\nexceeds = [0.5, 0.501, 1000]"
+        page = uqpen.figure(uqpen.run(study_of("x", text, x=(0, 1))), "exceedance")
+        assert page.axes[0].get_xlim()[1] < 2
+        assert [each.get_text() for each in page.axes[0].texts] == ["0.5"], "no room for 0.501"
+        notes = page.legends[0].get_title().get_text().splitlines()
+        assert notes[0] == "asked for beyond the axis of y: 1000"
+
+    def test_what_is_asked_for_has_its_interval(self, archives: Archives) -> None:
+        (axes,) = drawn(archives["beam"], "exceedance")
+        asked = archives["beam"]["exceedance/only"]["deflection"].values[0]
+        (point,) = axes.containers
+        low, high = point.lines[2][0].get_segments()[0][:, 1]
+        assert (point.lines[0].get_ydata()[0], low, high) == pytest.approx(tuple(asked))
+
+    def test_a_surrogate_says_why_it_has_no_band(self, archives: Archives) -> None:
+        (panel,) = panels(archives["schema_2"], "cdf", source="chaos")
+        from matplotlib.figure import Figure
+
+        notes = panel.on(Figure().add_subplot())
+        assert notes[0].startswith("no band of chaos: ")
+
+
+class TestEstimates:
+    def test_methods_are_the_moments_of_all_sources(self, archives: Archives) -> None:
+        tree = archives["schema_2"]
+        axes = drawn(tree, "methods")[0]
+        rows = [each.get_text() for each in axes.get_yticklabels()]
+        told = [tree["moments"][name]["y_mean"].values for name in rows]
+        np.testing.assert_allclose(dots(axes), filled(told))
+
+    def test_a_dot_without_an_interval_is_hollow_and_said_to_be(self, archives: Archives) -> None:
+        page = uqpen.figure(archives["schema_2"], "methods")
+        rows = [each.get_text() for each in page.axes[0].get_yticklabels()]
+        (dot,) = page.axes[0].containers[rows.index("report")].lines[:1]
+        assert dot.get_markerfacecolor() == "white"
+        notes = page.legends[0].get_title().get_text().splitlines()
+        assert notes[:2] == ["bars: 95 % intervals", "hollow: no interval"]
+
+    def test_indices_are_those_of_the_archive(self, archives: Archives) -> None:
+        tree = archives["schema_2"]
+        axes = drawn(tree, "sensitivity", source="blocks")[0]
+        told = tree["sensitivity/blocks"]
+        expected = np.concatenate([told["y_first_order"], told["y_total_order"]])
+        np.testing.assert_allclose(dots(axes), filled(expected))
+        assert [each.get_text() for each in axes.get_yticklabels()] == ["x1", "x2", "x3"]
+
+    def test_responses_are_magnitudes_in_per_cent(self, archives: Archives) -> None:
+        tree = archives["schema_2"]
+        axes = drawn(tree, "responses", source="steps")[0]
+        told = 100 * np.abs(tree["sensitivity/steps"]["y_response"].values[:, 0])
+        assert [dot[0] for dot in dots(axes)] == pytest.approx(told[np.isfinite(told)])
+
+    def test_losses_have_their_probabilities(self, archives: Archives) -> None:
+        first, inputs = drawn(archives["beam"], "losses")
+        np.testing.assert_allclose(dots(first), [archives["beam"]["statuses/only"]["failed"]])
+        told = archives["beam"]["losses/only"]["larger"].values[:, 0]
+        assert [dot[0] for dot in dots(inputs)][:2] == pytest.approx(told)
+
+
+class TestRuns:
+    def test_points_are_runs_and_lost_ones_stand_at_the_foot(self, archives: Archives) -> None:
+        runs = archives["beam"]["runs/only"]
+        axes = drawn(archives["beam"], "scatter")[0]
+        points, lost = axes.lines
+        is_ok = runs["status"].values == 0
+        np.testing.assert_allclose(points.get_xdata(), runs["load"].values[is_ok] / 1e3)
+        np.testing.assert_allclose(points.get_ydata(), 1e3 * runs["deflection"].values[is_ok])
+        np.testing.assert_allclose(lost.get_xdata(), runs["load"].values[~is_ok] / 1e3)
+        assert lost.get_ydata().max() < 0.05
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("load [kN]", "deflection [mm]")
+
+    def test_a_histogram_counts_all_runs_that_came_back(self, archives: Archives) -> None:
+        (axes,) = drawn(archives["beam"], "histogram")
+        counted = axes.patches[0].get_data().values.sum()
+        assert counted == (archives["beam"]["runs/only"]["status"].values == 0).sum()
+        moments, quantiles = (archives["beam"][f"{kind}/only"] for kind in ("moments", "quantiles"))
+        mean = 1e3 * moments["deflection_mean"].values[0]
+        assert line(axes, "mean").get_xdata()[0] == pytest.approx(mean)
+        median = 1e3 * quantiles["deflection"].values[1, 0]
+        assert line(axes, "median").get_xdata()[0] == pytest.approx(median)
+
+    def test_runs_are_thinned_the_same_each_time(self) -> None:
+        runs = xr.Dataset({"x": ("run", np.arange(10_000))})
+        chosen = thinned(runs, 100)["x"].values
+        assert len(set(chosen)) == 100
+        assert (np.diff(chosen) > 0).all()
+        np.testing.assert_array_equal(chosen, thinned(runs, 100)["x"].values)
+
+    def test_a_surrogate_is_held_against_its_check_runs(self, archives: Archives) -> None:
+        tree = archives["schema_2"]
+        (axes,) = drawn(tree, "surrogate")
+        truth, guess = axes.lines[1].get_data()
+        told = tree["surrogates/chaos"]["y_coefficient"].attrs["check_q2_of_output"]
+        unexplained = np.mean((truth - guess) ** 2) / np.var(truth, ddof=1)
+        assert 1 - unexplained == pytest.approx(told)
+        assert len(truth) == (tree["runs/monte_carlo"]["status"].values == 0).sum()
+
+
+class TestSeveralModels:
+    def test_each_has_its_function_and_band(self, archives: Archives) -> None:
+        tree = archives["rods"]
+        (axes,) = drawn(tree, "models", output="penetration_depth")
+        assert len(axes.collections) == 3
+        for name in ("original", "smoothed", "rigid"):
+            told = 100 * tree[f"models/{name}/cdfs/latin"]["penetration_depth"].values
+            np.testing.assert_allclose(line(axes, name).get_xdata()[1 : len(told) + 1], told)
+
+    def test_their_courses_stand_together(self, archives: Archives) -> None:
+        tree = archives["rods"]
+        axes = {each.get_ylabel(): each for each in drawn(tree, "trajectory")}
+        assert set(axes) == {"time since impact [ms]", "u, v [m s⁻¹]", "L [m]", "s [mm]"}
+        for name in ("original", "smoothed"):
+            told = tree[f"models/{name}/trajectory"]
+            shown = line(axes["s [mm]"], name)
+            np.testing.assert_allclose(shown.get_ydata(), 1e3 * told["plastic_extent"])
+            np.testing.assert_allclose(shown.get_xdata(), 100 * told["penetration_depth"])
+
+    def test_there_is_no_figure_of_models_of_a_single_one(self, archives: Archives) -> None:
+        assert "models" not in available(archives["beam"])
+        assert "models" in available(archives["rods"])
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.5, 1.0])
+def test_a_velocity_profile_is_v_then_u_then_nothing(smoothing: float) -> None:
+    u, v, s, R, S = 900.0, 1300.0, 0.003, 0.017, 0.1
+    places, velocities = profile((u, v), s, (R, S, smoothing))
+    at = dict(zip(places.round(12).tolist(), velocities.tolist(), strict=True))
+    assert at[-s] == pytest.approx(v)
+    assert at[0.0] == pytest.approx(u)
+    assert at[round(S - R, 12)] == pytest.approx(0, abs=1e-9)
+    assert (np.diff(velocities) <= 1e-9).all()

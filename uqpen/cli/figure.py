@@ -1,0 +1,51 @@
+"""``uqpen figure``: a figure of an archive, as a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+__all__ = ["figure"]
+
+
+@click.command(short_help="Draw a figure of what an archive holds.")
+@click.argument("archive", type=click.Path(path_type=Path))
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+@click.option(
+    "-o",
+    "file",
+    type=click.Path(path_type=Path),
+    help="File that ends in .svg, .pdf or .png; without it NAME.svg.",
+)
+@click.option("--list", "is_list", is_flag=True, help="List the figures that ARCHIVE has.")
+@click.option("--output", help="Show this output alone.")
+@click.option("--source", help="Show this design, surrogate or publication.")
+@click.option("--model", help="Show this one of several models.")
+def figure(
+    archive: Path,
+    names: tuple[str, ...],
+    file: Path | None,
+    is_list: bool,
+    output: str | None,
+    source: str | None,
+    model: str | None,
+) -> None:
+    """Draw the figure NAME of ARCHIVE, or several on a page; nothing is run.
+
+    Without NAME, or with --list, the figures are listed that ARCHIVE has.
+    """
+    from uqpen.archive.read import open_archive
+    from uqpen.cli.printable import printable
+    from uqpen.figures.file import format_of
+    from uqpen.figures.page import available
+    from uqpen.figures.page import figure as drawn
+
+    if is_list or not names:
+        for known, shows in available(open_archive(archive)).items():
+            click.echo(f"{known:18}{shows}")
+        return
+    path = file or Path(f"{names[0]}.svg")
+    format_of(path)
+    drawn(open_archive(archive), *names, output=output, source=source, model=model).save(path)
+    click.echo(f"figure: {printable(str(path))}")

@@ -1,0 +1,162 @@
+"""One distribution function, and how it is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.figures.style import Look
+from uqpen.figures.texts import plain
+from uqpen.labels import INTERVAL_LEVEL, NOTE
+from uqpen.summary.digits import percent
+from uqpen.units import Scale
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Curve", "draw_band", "draw_curve", "span"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# Fewer runs or different values than this are drawn as steps.
+_FEW = 500
+# Of what is drawn with a thin line, every so many ranks are shown, the first and the last too.
+_STRIDE = 4
+# How much further than 99 % of all values a tail may go before the axis leaves it out.
+_LONG = 0.35
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A distribution function of one source.
+
+    Parameters
+    ----------
+    name : str
+        Of the source, or the model.
+    values : ndarray of shape (rank,)
+        In the unit that is shown.
+    band : ndarray of shape (rank, bound)
+        The function there, with its simultaneous bounds.
+    level : float
+        Of the band; NaN without one.
+    note : str
+        Why there is none.
+    runs : int
+        That it is made of.
+    """
+
+    name: str
+    values: FloatArray
+    band: FloatArray
+    level: float
+    note: str
+    runs: int
+
+    @classmethod
+    def of(cls, name: str, cdfs: xr.Dataset, output: str, measure: Scale) -> Curve:
+        """The function of an output out of a group of an archive."""
+        band = cdfs[f"{output}_band"]
+        return cls(
+            name,
+            np.asarray(measure.from_si(cdfs[output].values), dtype=np.float64),
+            np.asarray(band.values, dtype=np.float64),
+            float(band.attrs.get(INTERVAL_LEVEL, np.nan)),
+            str(band.attrs.get(NOTE, "")),
+            int(cdfs.attrs.get("runs_used", 0)),
+        )
+
+    def up_to(self, lower: float, upper: float) -> Curve:
+        """The same, continued to where an axis begins and ends: nothing below, nothing above.
+
+        The band is of the whole function, so it goes on with the width that it has.
+        """
+        values, band = self.values, self.band
+        if lower < values[0]:
+            values = np.concatenate([[lower], values])
+            width = band[0, 2] - band[0, 0]
+            band = np.concatenate([[[0.0, width * 0, width]], band])
+        if values[-1] < upper:
+            values = np.concatenate([values, [upper]])
+            band = np.concatenate([band, band[-1:]])
+        return replace(self, values=values, band=band)
+
+    def thinned(self) -> Curve:
+        """The same at fewer ranks, as a thin line needs no more."""
+        if self.is_stepped:
+            return self
+        return replace(self, values=self.values[::_STRIDE], band=self.band[::_STRIDE])
+
+    @property
+    def is_stepped(self) -> bool:
+        """Whether so few values are told apart that steps between them can be seen."""
+        return self.runs < _FEW or np.unique(self.values).size < _FEW
+
+    @property
+    def has_band(self) -> bool:
+        """Whether it says how sure it is."""
+        return bool(np.isfinite(self.band[:, 1:]).any())
+
+
+def draw_curve(
+    axes: Axes, curve: Curve, appearance: Look, *, is_thick: bool, exceeding: bool = False
+) -> None:
+    """Draw the function, or what it leaves to 1."""
+    heights = 1 - curve.band[:, 0] if exceeding else curve.band[:, 0]
+    axes.plot(
+        curve.values,
+        heights,
+        color=appearance.colour,
+        linestyle="-" if is_thick else appearance.line,
+        linewidth=1.5 if is_thick else 0.9,
+        drawstyle="steps-post" if curve.is_stepped else "default",
+        label=plain(curve.name, 40),
+    )
+
+
+def draw_band(axes: Axes, curve: Curve, colour: str, *, exceeding: bool = False) -> Iterator[str]:
+    """Draw the simultaneous band, or say why there is none."""
+    if not curve.has_band:
+        yield f"no band of {plain(curve.name, 40)}: {plain(curve.note or 'none is told')}"
+        return
+    bounds = 1 - curve.band if exceeding else curve.band
+    axes.fill_between(
+        curve.values,
+        bounds[:, 1],
+        bounds[:, 2],
+        step="post" if curve.is_stepped else None,
+        color=colour,
+        alpha=0.35,
+        linewidth=0,
+        label=f"simultaneous {percent(curve.level)} band of {plain(curve.name, 40)}",
+    )
+
+
+def span(every: Sequence[FloatArray], marked: Sequence[float] = ()) -> tuple[float, float, bool]:
+    """Where an axis of values begins and ends, and whether it leaves a long tail out.
+
+    Parameters
+    ----------
+    every : sequence of ndarray
+        Each as likely as the others; NaN among them are not counted.
+    marked : sequence of float
+        Values that have to be on it.
+    """
+    ends = np.array([_ends(values) for values in every])
+    lower, upper = min([*ends[:, 0], *marked]), max([*ends[:, 1], *marked])
+    margin = 0.03 * (upper - lower) or 0.05 * abs(upper) or 1.0
+    lower, upper = float(lower - margin), float(upper + margin)
+    return lower, upper, bool((ends[:, 2] < lower).any() or (ends[:, 3] > upper).any())
+
+
+def _ends(values: FloatArray) -> tuple[float, float, float, float]:
+    """Where all but a long tail lies, and where all lies."""
+    finite = values[np.isfinite(values)]
+    lowest, low, high, highest = np.quantile(finite, [0, 0.005, 0.995, 1])
+    reach = _LONG * (high - low)
+    return max(lowest, low - reach), min(highest, high + reach), lowest, highest

@@ -1,0 +1,28 @@
+"""A figure that knows how it is shown in a notebook, and how it is kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from uqpen.figures.file import save, written
+
+__all__ = ["Drawing"]
+
+
+class Drawing(Figure):
+    """A figure of matplotlib's, outside of `pyplot`."""
+
+    def save(self, path: str | Path) -> None:
+        """Write it to a file that ends in .svg, .pdf or .png; the same bytes each time.
+
+        Raises
+        ------
+        FigureError
+            If the name has another ending, or the file cannot be written.
+        """
+        save(self, path)
+
+    def _repr_svg_(self) -> str:
+        return written(self, "svg").decode("utf-8")

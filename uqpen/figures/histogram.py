@@ -1,0 +1,118 @@
+"""How the runs of a design are distributed, with what is told of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.archive.read import group
+from uqpen.figures.curves import span
+from uqpen.figures.estimates import interval
+from uqpen.figures.panel import Panel
+from uqpen.figures.part import Part
+from uqpen.figures.style import BLACK, VERMILION
+from uqpen.figures.texts import plain
+from uqpen.labels import INTERVAL_LEVEL, MOMENTS, QUANTILES, SHARES
+from uqpen.summary.digits import grouped, percent
+from uqpen.summary.table import quantile_label
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["histogram"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_MOST_BINS, _FEWEST_BINS = 70, 8
+# A bin's opacity and that of an interval's shade, which is seen on top of it.
+_LIGHT, _SHADE = 0.45, 0.2
+
+
+def histogram(part: Part) -> Iterator[Panel]:
+    """Runs of one design, with mean and quantiles."""
+    design = next((name for name in part.samples if part.came_back(name)), None)
+    if design is None:
+        return
+    for output in part.numbers:
+        values = part.measure(output).from_si(part.runs(design)[output].values)
+        finite = values[np.isfinite(values)]
+        counted = f"{grouped(finite.size)} run{'s' * (finite.size > 1)}"
+        title = part.titled(f"{output}: {counted} of {design}")
+        if finite.size:
+            yield Panel(title, partial(_draw, part, output, design, finite))
+    for output in part.kinds:
+        shares = group(part.tree, SHARES, design).get(output)
+        if shares is not None and np.isfinite(shares.values[:, 0]).any():
+            labels = tuple(map(str, shares[f"{output}_category_label"].values))
+            title = part.titled(f"{output}: shares, {design}")
+            yield Panel(title, partial(_draw_shares, part, output, design, shares), rows=labels)
+
+
+def _draw(part: Part, output: str, design: str, values: FloatArray, axes: Axes) -> Iterator[str]:
+    lower, upper, is_cut = span([values])
+    bins = min(_MOST_BINS, max(_FEWEST_BINS, int(2 * values.size ** (1 / 2.5))))
+    counts, edges = np.histogram(values, bins=bins, range=(lower, upper))
+    axes.stairs(
+        counts, edges, fill=True, color=part.look(design).colour, alpha=_LIGHT, label="runs"
+    )
+    axes.set(xlabel=part.axis(output), ylabel="runs in a bin", xlim=(lower, upper), ylim=(0, None))
+    if is_cut:
+        outside = values.size - int(counts.sum())
+        if outside:
+            yield f"{output}: {grouped(outside)} runs lie outside of the axis"
+    marks = list(_marks(part, output, design))
+    lacks = [_mark(axes, *mark, part, output) for mark in marks]
+    levels = {each[-1].attrs[INTERVAL_LEVEL] for each in marks if INTERVAL_LEVEL in each[-1].attrs}
+    if not all(lacks) and levels:
+        yield f"shades: {percent(max(levels))} intervals of what the lines mark"
+    if any(lacks):
+        yield f"no interval: {', '.join(dict.fromkeys(filter(None, lacks)))}"
+
+
+def _marks(part: Part, output: str, design: str) -> Iterator[tuple[str, str, object, xr.DataArray]]:
+    """What is marked: its name, colour, line and estimate."""
+    mean = group(part.tree, MOMENTS, design).get(f"{output}_mean")
+    if mean is not None:
+        yield "mean", VERMILION, (0, (5, 1.5)), mean
+    quantiles = group(part.tree, QUANTILES, design).get(output)
+    if quantiles is not None:
+        for position, p in enumerate(quantiles[f"{output}_probability"].values.tolist()):
+            line = "-" if p == 0.5 else (0, (1, 1.2))
+            yield quantile_label(p), BLACK, line, quantiles[position]
+
+
+def _mark(
+    axes: Axes,
+    name: str,
+    colour: str,
+    line: object,
+    estimate: xr.DataArray,
+    part: Part,
+    output: str,
+) -> str:
+    """A line at an estimate, its interval shaded; the name of one that has none."""
+    bounds = part.measure(output).from_si(estimate.values)
+    axes.axvline(bounds[0], color=colour, linestyle=line, linewidth=1.2, label=plain(name))
+    if not np.isfinite(bounds[1:]).all():
+        return name
+    axes.axvspan(*bounds[1:], color=colour, alpha=_SHADE, linewidth=0)
+    return ""
+
+
+def _draw_shares(
+    part: Part, output: str, design: str, shares: xr.DataArray, axes: Axes
+) -> Iterator[str]:
+    colour = part.look(design).colour
+    for row, bounds in enumerate(shares.values):
+        has_interval = bool(np.isfinite(bounds[1:]).any())
+        error = interval(bounds) if has_interval else None
+        axes.barh(row, bounds[0], height=0.6, color=colour, alpha=_LIGHT)
+        axes.errorbar(bounds[:1], [row], xerr=error, fmt="none", color=BLACK, capsize=3)
+    axes.set(xlabel=f"share of {plain(output, 40)}", xlim=(0, 1))
+    if not np.isfinite(shares.values[:, 1:]).any():
+        yield "shares have no interval"

@@ -1,0 +1,218 @@
+"""Panels laid out on a page, with one legend and one set of notes below them."""
+
+from __future__ import annotations
+
+import itertools
+import textwrap
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import xarray as xr
+
+from uqpen.archive.read import models_in
+from uqpen.errors import ArchiveError, FigureError
+from uqpen.figures import FIGURES
+from uqpen.figures.needs import faults
+from uqpen.figures.panel import LONGEST_ROW, Panel
+from uqpen.figures.part import Part, part_of
+from uqpen.figures.style import required, style
+from uqpen.figures.texts import plain
+from uqpen.labels import HEAD_TO_HEAD, KIND
+from uqpen.lookup import resolve_name
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from uqpen.figures.drawing import Drawing
+
+__all__ = ["available", "figure", "panels"]
+
+# Inches, and characters to an inch of the notes.
+_WIDTHS = {1: 4.6, 2: 7.2, 3: 9.2, 4: 11.4}
+# Of a panel's title in a line, by the number of columns.
+_TITLE = {1: 52, 2: 44, 3: 36, 4: 34}
+_CHARACTERS = 17
+_HEAD = 0.3
+# Of more panels a page shows the first, and says so.
+_MOST_PANELS = 24
+
+
+def figure(
+    tree: xr.DataTree,
+    name: str,
+    *others: str,
+    output: str | None = None,
+    source: str | None = None,
+    model: str | None = None,
+) -> Drawing:
+    """A figure of an archive, or several on a page.
+
+    Parameters
+    ----------
+    tree : DataTree
+        What `run` returns, or `open_archive` reads.
+    name, *others : str
+        Of those that are `available`.
+    output : str, optional
+        The only output to show; all without it.
+    source : str, optional
+        The design, surrogate or publication to show, or to show with its band; without it one
+        that suits the figure.
+    model : str, optional
+        Which of several models; the first without it.
+
+    Returns
+    -------
+    Drawing
+        A figure of matplotlib's; a notebook shows it, and its `save` writes it to a file.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such figure, output, source or model.
+    FigureError
+        If the archive has nothing for it, or matplotlib is not installed.
+    ArchiveError
+        If it lacks what figures go by.
+    """
+    found = [
+        panel
+        for each in (name, *others)
+        for panel in panels(tree, each, output=output, source=source, model=model)
+    ]
+    required()
+    return _laid_out(found, str(tree.attrs.get("title", "")))
+
+
+def panels(
+    tree: xr.DataTree,
+    name: str,
+    *,
+    output: str | None = None,
+    source: str | None = None,
+    model: str | None = None,
+) -> list[Panel]:
+    """The panels of a figure, each to be drawn onto axes of one's own by its method `on`.
+
+    Parameters and errors are those of `figure`.
+    """
+    part = _part(tree, output, source, model)
+    found = list(resolve_name(FIGURES, name, "figure")(part))
+    if not found:
+        asked = " and ".join(f'"{each}"' for each in (output, source, model) if each)
+        of = f" of {asked}" if asked else ""
+        has = ", ".join(_names(_part(tree, None, None, model))) or "none"
+        lost = "" if any(map(part.came_back, part.designs)) else ", as no run came back"
+        found_none = f'the archive has nothing for the figure "{name}"{of}{lost}; it has: {has}'
+        raise FigureError(found_none)
+    return found
+
+
+def available(tree: xr.DataTree) -> dict[str, str]:
+    """The figures that an archive has something for, and what each shows."""
+    return _names(_part(tree, None, None, None))
+
+
+def _part(tree: xr.DataTree, output: str | None, source: str | None, model: str | None) -> Part:
+    if tree.attrs.get(KIND) == HEAD_TO_HEAD:
+        raise FigureError("there are no figures of an archive of methods head to head")
+    for each in models_in(tree).values():
+        if fault := next(faults(each), None):
+            raise ArchiveError(f"the archive is damaged: {fault}")
+    return part_of(tree, output, source, model)
+
+
+def _names(part: Part) -> dict[str, str]:
+    found = {}
+    for name in FIGURES:
+        make = resolve_name(FIGURES, name, "figure")
+        if next(iter(make(part)), None) is not None:
+            found[name] = (make.__doc__ or "").partition("\n")[0].removesuffix(".")
+    return found
+
+
+def _laid_out(found: Sequence[Panel], title: str) -> Drawing:
+    from uqpen.figures.drawing import Drawing
+
+    shown = found[:_MOST_PANELS]
+    columns, rows = _rows(shown)
+    heights = [max(panel.height for panel in row) for row in rows]
+    with style():
+        page = Drawing(layout="constrained")
+        grid = page.add_gridspec(len(rows), columns, height_ratios=heights)
+        notes: dict[str, None] = {}
+        for place, panel, left in _placed(rows):
+            axes = page.add_subplot(grid[place])
+            notes |= dict.fromkeys(panel.on(axes))
+            has_rows = left is None or not panel.rows or panel.rows != left.rows
+            _fit(axes, panel, columns, has_rows=has_rows)
+        if len(shown) < len(found):
+            notes |= {f"the first {len(shown)} of {len(found)} panels; ask for one output": None}
+        below = _legend(page, list(notes), columns)
+        page.set_size_inches(_WIDTHS[columns], sum(heights) + below + _HEAD)
+        page.suptitle(plain(title, int(13 * _WIDTHS[columns])), x=0.01, ha="left", parse_math=False)
+    return page
+
+
+def _fit(axes: Axes, panel: Panel, columns: int, *, has_rows: bool) -> None:
+    """Break what is too long for its place; rows are named once where they are the same."""
+    longest = min(max(map(len, panel.rows), default=0), LONGEST_ROW)
+    across = _TITLE[columns] - longest // columns
+    axes.set_title(_broken(panel.title, across, 3), parse_math=False)
+    axes.set_xlabel(_broken(axes.get_xlabel(), across, 2), parse_math=False)
+    axes.set_ylabel(_broken(axes.get_ylabel(), int(10 * panel.height), 2), parse_math=False)
+    if not has_rows:
+        axes.tick_params(labelleft=False)
+
+
+def _broken(text: str, width: int, most: int) -> str:
+    """A text in lines, cut where there would be too many."""
+    return "\n".join(textwrap.wrap(plain(text, 200), width, max_lines=most, placeholder="…"))
+
+
+def _rows(shown: Sequence[Panel]) -> tuple[int, list[list[Panel]]]:
+    """How many columns there are, and which panels stand in each row."""
+    groups = [list(group) for _, group in itertools.groupby(shown, lambda panel: panel.group)]
+    columns = 1 if len(shown) == 1 else 2 if len(shown) <= 4 else 3
+    if len(groups) > 1 and (most := max(map(len, groups))) in (1, 2, 4):
+        columns = max(2, most)
+    rows = [
+        group[start : start + columns]
+        for group in groups
+        for start in range(0, len(group), columns)
+    ]
+    return columns, rows
+
+
+def _placed(
+    rows: Sequence[Sequence[Panel]],
+) -> Iterator[tuple[tuple[int, int], Panel, Panel | None]]:
+    """Each panel with its row and column, and what stands to the left of it."""
+    for row, panels_of_row in enumerate(rows):
+        for column, panel in enumerate(panels_of_row):
+            yield (row, column), panel, panels_of_row[column - 1] if column else None
+
+
+def _legend(page: Drawing, notes: list[str], columns: int) -> float:
+    """Put the legend of all panels below them, the notes above its entries; its height."""
+    handles: dict[str, Any] = {}
+    for axes in page.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    width = int(_WIDTHS[columns] * _CHARACTERS)
+    lines = [line for note in notes for line in textwrap.wrap(plain(note, 300), width)]
+    if not handles and not lines:
+        return 0.0
+    longest = max(map(len, handles), default=1)
+    across = max(1, min(len(handles), width // (longest + 7)))
+    legend = page.legend(
+        handles.values(),
+        handles.keys(),
+        loc="outside lower left",
+        ncols=across,
+        title="\n".join(lines) or None,
+        alignment="left",
+    )
+    for text in (*legend.get_texts(), legend.get_title()):
+        text.set_parse_math(False)
+    return 0.16 * (len(lines) + -(-len(handles) // across)) + 0.15

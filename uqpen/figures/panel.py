@@ -1,0 +1,70 @@
+"""A panel of a figure: a title, and how the rest is drawn onto axes."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from uqpen.figures.style import style
+from uqpen.figures.texts import plain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["LONGEST_ROW", "Panel"]
+
+# Characters of a row's name that are shown.
+LONGEST_ROW = 28
+
+
+@dataclass(frozen=True)
+class Panel:
+    """What can be drawn onto axes.
+
+    Parameters
+    ----------
+    title : str
+        Plain text, above the axes.
+    draw : callable
+        Draws onto axes, and returns what a reader must know of it.
+    height : float
+        In inches.
+    rows : tuple of str
+        What stands along the vertical axis, where that has names in place of numbers.
+    group : str
+        Panels of another group begin a row of their own.
+    """
+
+    title: str
+    draw: Callable[[Axes], Iterable[str]]
+    height: float = 2.5
+    rows: tuple[str, ...] = ()
+    group: str = ""
+
+    def on(self, axes: Axes) -> tuple[str, ...]:
+        """Draw onto axes of the caller's own.
+
+        Returns
+        -------
+        tuple of str
+            What a reader must know, to stand below the figure.
+        """
+        from matplotlib.text import Text
+
+        with style(), warnings.catch_warnings():
+            # A character that the font lacks is drawn as a box.
+            warnings.filterwarnings("ignore", "Glyph", UserWarning)
+            axes.set_title(plain(self.title), parse_math=False)
+            if self.rows:
+                axes.set_yticks(
+                    range(len(self.rows)), [plain(row, LONGEST_ROW) for row in self.rows]
+                )
+                axes.set_ylim(len(self.rows) - 0.5, -0.5)
+                axes.tick_params(axis="y", length=0)
+                axes.grid(visible=False, axis="y")
+            notes = tuple(self.draw(axes))
+            for text in axes.findobj(Text):
+                text.set_parse_math(False)
+        return notes

@@ -1,0 +1,40 @@
+"""Texts of an archive as they stand in a figure: plain, short, and with units as they are set."""
+
+from __future__ import annotations
+
+import re
+
+from uqpen.summary.digits import SUPERSCRIPTS
+from uqpen.units import DIMENSIONLESS
+
+__all__ = ["plain", "typeset", "with_unit"]
+
+_LONGEST = 80
+
+_POWER = re.compile(r"(?<=[A-Za-z)])\^?(-?\d+)")
+
+
+def plain(text: str, longest: int = _LONGEST) -> str:
+    """A text in one line, its control characters spelled out, and cut where it is too long."""
+    shown = "".join(
+        character
+        if character.isprintable()
+        else character.encode("unicode_escape", "replace").decode("ascii")
+        for character in text.replace("\u202f", " ")
+    )
+    return shown if len(shown) <= longest else f"{shown[: longest - 1]}…"
+
+
+def typeset(unit: str) -> str:
+    """A unit with its powers raised.
+
+    >>> typeset("kg m-3"), typeset("g/cm^3")
+    ('kg m⁻³', 'g/cm³')
+    """
+    return _POWER.sub(lambda match: match[1].translate(SUPERSCRIPTS), unit)
+
+
+def with_unit(title: str, unit: str) -> str:
+    """What an axis says: a quantity and, in brackets, its unit, if it has one."""
+    head = plain(title, 50)
+    return head if unit == DIMENSIONLESS else f"{head} [{plain(typeset(unit), 30)}]"

@@ -1,0 +1,99 @@
+"""The velocity along the axis of an eroding rod and of its target, at some depths.
+
+References
+----------
+Soleng, H. H. & Svinsås, E. (2001). Penetration modelling with uncertainty quantification using the
+Walker-Anderson model. FFI/RAPPORT-2000/05876. Its equation numbers stand in brackets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.archive.read import group
+from uqpen.figures.panel import Panel
+from uqpen.figures.part import Part
+from uqpen.figures.style import GREY, look
+from uqpen.labels import TRAJECTORY
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["profile", "velocity_profile"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_NEEDED = ("nose_velocity", "tail_velocity", "plastic_extent")
+_NOMINAL = ("crater_radius", "plasticity_radius", "smoothing")
+# Parts of the depth at which the rod has stopped eroding.
+_DEPTHS = (0.1, 0.5, 0.9)
+_POINTS = 200
+
+
+def velocity_profile(part: Part) -> Iterator[Panel]:
+    """Velocity along the axis of an eroding rod and its target."""
+    course = group(part.tree, TRAJECTORY)
+    has_all = all(name in course for name in _NEEDED) and all(
+        f"nominal_{name}" in course.attrs for name in _NOMINAL
+    )
+    if has_all and (course["plastic_extent"].values > 0).any():
+        yield Panel(part.titled("velocity along the axis"), partial(_draw, course), height=3.0)
+
+
+def profile(
+    velocities: tuple[float, float], s: float, nominal: tuple[float, float, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Distances from the nose, m, and the velocities there, m s-1.
+
+    Parameters
+    ----------
+    velocities : tuple of float
+        u of the nose and v of the tail, m s-1.
+    s : float
+        Extent of plastic flow in the rod, m.
+    nominal : tuple of float
+        R, S (m) and ε.
+    """
+    u, v = velocities
+    R, S, epsilon = nominal
+    inside = np.linspace(-s, 0.0, _POINTS)
+    power = s * (-inside / s) ** (2 / epsilon) if epsilon else np.zeros_like(inside)
+    in_rod = u + (u - v) / (s * (2 - epsilon)) * (2 * inside + epsilon * power)  # (2.4)
+    r = np.linspace(R, S, _POINTS)
+    in_target = u * ((S / r) ** 2 - 1) / ((S / R) ** 2 - 1)  # (2.6)
+    ends = ([-2 * s], [S - R + s])
+    places = np.concatenate([ends[0], inside, r - R, ends[1]])
+    return places, np.concatenate([[v], in_rod, in_target, [0.0]])
+
+
+def _draw(course: xr.Dataset, axes: Axes) -> Iterator[str]:
+    (along,) = course.dims
+    depth = course[str(along)].values
+    extent = course["plastic_extent"].values
+    eroding = depth[extent > 0].max()
+    R, S, epsilon = (float(course.attrs[f"nominal_{name}"]) for name in _NOMINAL)
+    axes.axvline(0, color=GREY, linewidth=0.8)
+    for number, fraction in enumerate(_DEPTHS):
+        at = int(np.argmin(np.abs(depth - fraction * eroding)))
+        u, v = (float(course[name].values[at]) for name in _NEEDED[:2])
+        places, velocities = profile((u, v), float(extent[at]), (R, S, epsilon))
+        appearance = look(number)
+        axes.plot(
+            1e3 * places,
+            velocities,
+            color=appearance.colour,
+            linestyle=appearance.line,
+            label=f"nose at a depth of {1e3 * depth[at]:.0f} mm",
+        )
+    axes.set(xlabel="distance ahead of the nose [mm]", ylabel="velocity [m s⁻¹]")
+    axes.set_ylim(0, 1.1 * float(course["tail_velocity"].max()))
+    across = axes.get_xaxis_transform()
+    for text, side, shift in (("rod", "right", -4), ("target", "left", 4)):
+        axes.annotate(text, (0, 1), (shift, -1), across, "offset points", ha=side, va="top")
+    yield "at the nominal inputs"
