@@ -26,6 +26,9 @@ _AHEAD = 16
 # How long it may take to reach the scheduler, in seconds.
 _PATIENCE = 15
 
+# Who logs what becomes of connections; the second has a level of its own.
+_LOGS = ("distributed", "distributed.client", "tornado.application")
+
 
 @contextmanager
 def cluster(scheduler: str) -> Iterator[Cluster]:
@@ -48,7 +51,7 @@ def cluster(scheduler: str) -> Iterator[Cluster]:
             'a Dask cluster needs the extra "cluster": pip install "uqpen[cluster]"'
         ) from None
     # What becomes of a connection is told by errors; its log would stand in the tables.
-    for name in ("distributed", "distributed.client"):  # the second has a level of its own
+    for name in _LOGS:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     is_file = "://" not in scheduler
     if is_file and not Path(scheduler).is_file():
