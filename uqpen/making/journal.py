@@ -82,11 +82,6 @@ class Journal(Progress):
         except OSError as error:
             raise ArchiveError(f"{self._path}: cannot be written: {error.strerror}") from None
 
-    @property
-    def warnings(self) -> int:
-        """How many different warnings there were."""
-        return len(self._warnings)
-
     def preparing(self, model: str) -> None:
         self._told.preparing(model)
 
