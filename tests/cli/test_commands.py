@@ -399,7 +399,8 @@ def test_ctrl_c_again_and_again_leaves_with_130_and_no_traceback(tmp_path: Path)
         line, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
-        assert process.stdout.readline() == "run\n"
+        # What two workers print at once may stand on one line.
+        assert process.stdout.readline().startswith("run")
         while process.poll() is None:
             process.send_signal(signal.SIGINT)
             time.sleep(0.01)
