@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from uqpen.figures.page import figure
     from uqpen.head_to_head.contest import compare
     from uqpen.making.make import make_archive
+    from uqpen.report.page import write_report
     from uqpen.study.load import load_study, parse_study
     from uqpen.study.study import Study
     from uqpen.workflow import run
@@ -31,6 +32,7 @@ __all__ = [
     "parse_study",
     "run",
     "write",
+    "write_report",
 ]
 
 __version__ = "0.1.0"
@@ -47,6 +49,7 @@ _HOMES = {
     "parse_study": "uqpen.study.load",
     "run": "uqpen.workflow",
     "write": "uqpen.archive.write",
+    "write_report": "uqpen.report.page",
 }
 
 

@@ -15,6 +15,7 @@
     ├── ClusterError (RuntimeError)      a cluster that cannot be reached, or is no more
     ├── TooManyLostError (RuntimeError)  more runs were lost than a study allows
     ├── FigureError (ValueError)         a figure that cannot be drawn or written
+    ├── ReportError (ValueError)         a report that cannot be written
     ├── KeptRunsError (ValueError)       runs kept from before that a study would not make
     └── ArchiveError (OSError)           a file that cannot be written, or is not an archive
 
@@ -37,6 +38,7 @@ __all__ = [
     "ModelError",
     "Problem",
     "QuantityError",
+    "ReportError",
     "SettingsError",
     "StudyError",
     "TableError",
@@ -155,6 +157,10 @@ class TooManyLostError(UqpenError, RuntimeError):
 
 class FigureError(UqpenError, ValueError):
     """A figure that cannot be drawn of an archive, or not be written."""
+
+
+class ReportError(UqpenError, ValueError):
+    """A report that cannot be written."""
 
 
 class KeptRunsError(UqpenError, ValueError):

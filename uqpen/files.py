@@ -1,12 +1,14 @@
-"""Files that a study names, as they stood when they were read."""
+"""Files as they stood when they were read, and files that are written whole or not at all."""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["LARGEST", "FileRead"]
+__all__ = ["LARGEST", "FileRead", "replace_file"]
 
 # An archive keeps what is larger by its hash alone: sources and measurements are far smaller, and
 # whoever has more than that in a table has it elsewhere as well.
@@ -39,3 +41,25 @@ class FileRead:
         """A file with what was read from it."""
         kept = content if len(content) <= LARGEST else None
         return cls(path, hashlib.sha256(content).hexdigest(), len(content), kept)
+
+
+def replace_file(path: Path, content: bytes) -> None:
+    """Put a file in the place of whatever stood there, in one step; folders are made.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; nothing is left of it then, and what stood there stays. Its
+        ``strerror`` can be shown to a user.
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_bytes(content)
+        part.replace(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            part.unlink()
+        is_file = isinstance(error, FileExistsError | NotADirectoryError)
+        reason = f"{path.parent} is no folder" if is_file else error.strerror
+        raise OSError(error.errno, reason) from None

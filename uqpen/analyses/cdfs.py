@@ -24,7 +24,7 @@ from uqpen.labels import (
     RANK,
 )
 
-__all__ = ["RANKS", "cdf"]
+__all__ = ["RANKS", "cdf", "cdf_at"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -63,6 +63,24 @@ def cdf(sample: Sample, question: Question) -> Iterator[tuple[str, xr.DataArray]
         attributes["long_name"] = f"probability that {title} lies below a value, {which}"
         array = xr.DataArray(estimate, {BOUND: list(BOUNDS)}, (RANK, BOUND), attrs=attributes)
         yield f"{name}_{suffix}", array.assign_coords(coordinate)
+
+
+def cdf_at(sample: Sample, values: FloatArray) -> xr.DataArray:
+    """The distribution function at values of one's own, with the simultaneous band there.
+
+    Parameters
+    ----------
+    sample : Sample
+    values : ndarray, shape (value,)
+        In SI units.
+
+    Returns
+    -------
+    DataArray
+        Along ``value`` and ``bound``: what the archive's function is at those of its ranks.
+    """
+    _, (estimate, attributes) = _bands(sample, values)
+    return xr.DataArray(estimate, {BOUND: list(BOUNDS)}, ("value", BOUND), attrs=attributes)
 
 
 def _bands(sample: Sample, values: FloatArray) -> tuple[Band, Band]:

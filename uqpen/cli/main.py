@@ -21,6 +21,7 @@ COMMANDS = {
     "study": "uqpen.cli.study:study",
     "check": "uqpen.cli.check:check",
     "show": "uqpen.cli.show:show",
+    "report": "uqpen.cli.report:report",
     "figure": "uqpen.cli.figure:figure",
     "compare": "uqpen.cli.compare:compare",
     "verify": "uqpen.cli.verify:verify",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
@@ -16,7 +16,21 @@ if TYPE_CHECKING:
 
     from uqpen.study.study import Study
 
-__all__ = ["make"]
+__all__ = ["Made", "make"]
+
+
+class Made(NamedTuple):
+    """What came of making an archive.
+
+    Attributes
+    ----------
+    code : ExitCode
+    tree : DataTree or None
+        What it holds; None where it was not made.
+    """
+
+    code: ExitCode
+    tree: xr.DataTree | None
 
 
 def make(
@@ -27,7 +41,7 @@ def make(
     start: Start,
     where: Where,
     show: Callable[[xr.DataTree], None] = lambda tree: None,
-) -> ExitCode:
+) -> Made:
     """Make the archive of a study, and tell what came of it.
 
     Parameters
@@ -56,10 +70,10 @@ def make(
             tree = make_archive(study, path, map=spread, progress=reporter, **start._asdict())
     except KeyboardInterrupt as interrupt:
         click.echo(": ".join(["interrupted", *map(str, interrupt.args)]), err=True)
-        return ExitCode.INTERRUPTED
+        return Made(ExitCode.INTERRUPTED, None)
     show(tree)
     output().print(f"archive: {archive}", soft_wrap=True, markup=False, highlight=False)
     if has_lost_all(tree):
         click.echo("a design lost all of its runs", err=True)
-        return ExitCode.LOST
-    return ExitCode.DONE
+        return Made(ExitCode.LOST, tree)
+    return Made(ExitCode.DONE, tree)

@@ -21,9 +21,12 @@ __all__ = ["study"]
     type=click.Path(path_type=Path),
     help="The archive to write.  [default: archives/<study>.nc]",
 )
+@click.option("--report", "is_reported", is_flag=True, help="Write its report beside it, too.")
 @start_option
 @workers_option
-def study(file: Path, archive: Path | None, start: Start, where: Where) -> ExitCode:
+def study(
+    file: Path, archive: Path | None, is_reported: bool, start: Start, where: Where
+) -> ExitCode:
     """Make the runs of the study FILE, analyse them, and write everything into one archive.
 
     Runs that are done are kept beside the archive until it is there: if this is interrupted in
@@ -32,6 +35,7 @@ def study(file: Path, archive: Path | None, start: Start, where: Where) -> ExitC
     Leaves with 3 if a design lost all of its runs.
     """
     from uqpen.cli.making import make
+    from uqpen.cli.report import name_report, write_beside
     from uqpen.cli.screen import show_tables
     from uqpen.study.load import load_study
 
@@ -39,4 +43,10 @@ def study(file: Path, archive: Path | None, start: Start, where: Where) -> ExitC
     here = Path.cwd()
     loaded = load_study(file)
     archive = archive or Path("archives") / f"{loaded.name}.nc"
-    return make(loaded, here, archive, start=start, where=where, show=show_tables)
+    made = make(loaded, here, archive, start=start, where=where, show=show_tables)
+    if made.tree is not None:
+        if is_reported:
+            write_beside(made.tree, here, archive)
+        else:
+            name_report(archive)
+    return made.code

@@ -24,7 +24,7 @@ from uqpen.summary.digits import percent, sensible
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["cdf", "exceedance"]
+__all__ = ["CUT", "cdf", "curves_of", "ends_of", "exceedance", "thresholds_of"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -35,25 +35,25 @@ _FAR = 1.5
 # The part of an axis that a value takes which is written upright.
 _ROOM = 0.03
 
-_CUT = "axes end where all but 1 % lies inside"
+CUT = "axes end where all but 1 % lies inside"
 
 
 def cdf(part: Part) -> Iterator[Panel]:
     """Distribution functions of all sources, one with its band."""
     for output in part.numbers:
-        if curves := _curves(part, output):
+        if curves := curves_of(part, output):
             yield Panel(part.titled(output), partial(_draw_cdf, part, output, curves))
 
 
 def exceedance(part: Part) -> Iterator[Panel]:
     """Probability of exceeding each value, and those asked for."""
     for output in part.numbers:
-        if curves := _curves(part, output):
+        if curves := curves_of(part, output):
             title = part.titled(f"{output}, by {curves[0].name}")
             yield Panel(title, partial(_draw_exceedance, part, output, curves[0]))
 
 
-def _curves(part: Part, output: str) -> list[Curve]:
+def curves_of(part: Part, output: str) -> list[Curve]:
     """The distribution functions of all sources; first that of the one asked for, or a design."""
     found = [
         Curve.of(source, group(part.tree, CDFS, source), output, part.measure(output))
@@ -68,7 +68,7 @@ def _curves(part: Part, output: str) -> list[Curve]:
 
 
 def _draw_cdf(part: Part, output: str, curves: list[Curve], axes: Axes) -> Iterator[str]:
-    lower, upper, is_cut = _ends(part, output, curves[0])
+    lower, upper, is_cut = ends_of(part, output, curves[0])
     banded = curves[0].up_to(lower, upper)
     yield from draw_band(axes, banded, part.look(banded.name).colour)
     draw_curve(axes, banded, part.look(banded.name), is_thick=True)
@@ -79,12 +79,12 @@ def _draw_cdf(part: Part, output: str, curves: list[Curve], axes: Axes) -> Itera
     axes.set(xlim=(lower, upper), ylim=(0, 1))
     yield from _mark(axes, part, output, at_foot=True)
     if is_cut:
-        yield _CUT
+        yield CUT
 
 
 def _draw_exceedance(part: Part, output: str, curve: Curve, axes: Axes) -> Iterator[str]:
     appearance = part.look(curve.name)
-    lower, upper, is_cut = _ends(part, output, curve)
+    lower, upper, is_cut = ends_of(part, output, curve)
     curve = curve.up_to(lower, upper)
     yield from draw_band(axes, curve, appearance.colour, exceeding=True)
     draw_curve(axes, curve, appearance, is_thick=True, exceeding=True)
@@ -107,7 +107,7 @@ def _draw_exceedance(part: Part, output: str, curve: Curve, axes: Axes) -> Itera
     else:
         axes.set_ylim(0, 1)
     if is_cut:
-        yield _CUT
+        yield CUT
 
 
 def _draw_asked(axes: Axes, asked: xr.DataArray, part: Part, output: str) -> None:
@@ -133,7 +133,7 @@ def _draw_asked(axes: Axes, asked: xr.DataArray, part: Part, output: str) -> Non
         )
 
 
-def _thresholds(part: Part, output: str) -> dict[str, float]:
+def thresholds_of(part: Part, output: str) -> dict[str, float]:
     """The values whose exceedance the study asks for, as written, in the unit that is shown."""
     for _, figures in part.told(EXCEEDANCE):
         if output in figures:
@@ -152,7 +152,7 @@ def _mark(axes: Axes, part: Part, output: str, *, at_foot: bool) -> Iterator[str
     """A line at each value asked for, with the value as it was written where there is room."""
     lower, upper = axes.get_xlim()
     beyond, last = [], -np.inf
-    for written, place in sorted(_thresholds(part, output).items(), key=lambda each: each[1]):
+    for written, place in sorted(thresholds_of(part, output).items(), key=lambda each: each[1]):
         if not lower <= place <= upper:
             beyond.append(plain(written, 20))
             continue
@@ -178,13 +178,13 @@ def _write_along(axes: Axes, place: float, text: str, *, at_foot: bool) -> None:
     )
 
 
-def _ends(part: Part, output: str, curve: Curve) -> tuple[float, float, bool]:
+def ends_of(part: Part, output: str, curve: Curve) -> tuple[float, float, bool]:
     """Where the axis ends: where the tail has all but ended, but after the values asked for.
 
     Not after those so far away that nothing could be seen of the rest.
     """
     lower, upper, _ = span([curve.values])
     reach = _FAR * (upper - lower)
-    asked = _thresholds(part, output).values()
+    asked = thresholds_of(part, output).values()
     near = [place for place in asked if lower - reach <= place <= upper + reach]
     return span([curve.values], near)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
-import os
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uqpen.errors import FigureError
 from uqpen.figures.style import style
+from uqpen.files import replace_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,14 +68,7 @@ def save(page: Figure, path: str | Path) -> None:
     """
     path = Path(path)
     content = written(page, format_of(path))
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(content)
-        part.replace(path)
+        replace_file(path, content)
     except OSError as error:
-        with contextlib.suppress(OSError):
-            part.unlink()
-        is_file = isinstance(error, FileExistsError)
-        reason = f"{path.parent} is no folder" if is_file else error.strerror
-        raise FigureError(f"{path}: cannot be written: {reason}") from None
+        raise FigureError(f"{path}: cannot be written: {error.strerror}") from None

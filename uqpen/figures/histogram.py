@@ -24,9 +24,10 @@ from uqpen.summary.table import quantile_label
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["histogram"]
+__all__ = ["binned", "histogram", "marks_of"]
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 _MOST_BINS, _FEWEST_BINS = 70, 8
 # A bin's opacity and that of an interval's shade, which is seen on top of it.
@@ -53,19 +54,24 @@ def histogram(part: Part) -> Iterator[Panel]:
             yield Panel(title, partial(_draw_shares, part, output, design, shares), rows=labels)
 
 
-def _draw(part: Part, output: str, design: str, values: FloatArray, axes: Axes) -> Iterator[str]:
-    lower, upper, is_cut = span([values])
+def binned(values: FloatArray) -> tuple[IntArray, FloatArray]:
+    """How many values lie in each bin, and the bins' edges, which leave long tails out."""
+    lower, upper, _ = span([values])
     bins = min(_MOST_BINS, max(_FEWEST_BINS, int(2 * values.size ** (1 / 2.5))))
     counts, edges = np.histogram(values, bins=bins, range=(lower, upper))
+    return counts.astype(np.int64), edges
+
+
+def _draw(part: Part, output: str, design: str, values: FloatArray, axes: Axes) -> Iterator[str]:
+    counts, edges = binned(values)
+    lower, upper, outside = edges[0], edges[-1], values.size - int(counts.sum())
     axes.stairs(
         counts, edges, fill=True, color=part.look(design).colour, alpha=_LIGHT, label="runs"
     )
     axes.set(xlabel=part.axis(output), ylabel="runs in a bin", xlim=(lower, upper), ylim=(0, None))
-    if is_cut:
-        outside = values.size - int(counts.sum())
-        if outside:
-            yield f"{output}: {grouped(outside)} runs lie outside of the axis"
-    marks = list(_marks(part, output, design))
+    if outside:
+        yield f"{output}: {grouped(outside)} runs lie outside of the axis"
+    marks = list(marks_of(part, output, design))
     lacks = [_mark(axes, *mark, part, output) for mark in marks]
     levels = {each[-1].attrs[INTERVAL_LEVEL] for each in marks if INTERVAL_LEVEL in each[-1].attrs}
     if not all(lacks) and levels:
@@ -74,7 +80,9 @@ def _draw(part: Part, output: str, design: str, values: FloatArray, axes: Axes) 
         yield f"no interval: {', '.join(dict.fromkeys(filter(None, lacks)))}"
 
 
-def _marks(part: Part, output: str, design: str) -> Iterator[tuple[str, str, object, xr.DataArray]]:
+def marks_of(
+    part: Part, output: str, design: str
+) -> Iterator[tuple[str, str, object, xr.DataArray]]:
     """What is marked: its name, colour, line and estimate."""
     mean = group(part.tree, MOMENTS, design).get(f"{output}_mean")
     if mean is not None:

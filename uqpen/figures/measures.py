@@ -20,7 +20,7 @@ from uqpen.summary.table import Conversion
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Series", "panel_of", "series"]
+__all__ = ["Series", "panel_of", "series", "shown_inputs"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -65,6 +65,14 @@ def panel_of(
     convert: Conversion,
 ) -> Panel:
     """A panel with a row for each input, and in that a dot for each series."""
+    inputs, note = shown_inputs(found)
+    height = _FRAME + len(inputs) * (_GAP + _ROW * len(found))
+    draw = partial(_draw, part, axis, found, inputs, note, convert)
+    return Panel(title, draw, height, inputs)
+
+
+def shown_inputs(found: Sequence[Series]) -> tuple[tuple[str, ...], str]:
+    """The inputs with the largest estimates, in the study's order, and what is said if not all."""
     largest: dict[str, float] = {}
     for each in found:
         sizes = np.nan_to_num(np.abs(each.array.values[:, 0])).tolist()
@@ -72,12 +80,9 @@ def panel_of(
             largest[name] = max(size, largest.get(name, 0.0))
     kept = sorted(largest, key=lambda name: -largest[name])[:_MOST_INPUTS]
     inputs = tuple(name for name in largest if name in kept)
-    note = ""
-    if len(inputs) < len(largest):
-        note = f"the {len(inputs)} inputs with the largest estimates, of {len(largest)}"
-    height = _FRAME + len(inputs) * (_GAP + _ROW * len(found))
-    draw = partial(_draw, part, axis, found, inputs, note, convert)
-    return Panel(title, draw, height, inputs)
+    if len(inputs) == len(largest):
+        return inputs, ""
+    return inputs, f"the {len(inputs)} inputs with the largest estimates, of {len(largest)}"
 
 
 def _draw(

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from uqpen.figures.drawing import Drawing
 
-__all__ = ["available", "figure", "panels"]
+__all__ = ["available", "check", "figure", "panels"]
 
 # Inches, and characters to an inch of the notes.
 _WIDTHS = {1: 4.6, 2: 7.2, 3: 9.2, 4: 11.4}
@@ -113,12 +113,25 @@ def available(tree: xr.DataTree) -> dict[str, str]:
     return _names(_part(tree, None, None, None))
 
 
-def _part(tree: xr.DataTree, output: str | None, source: str | None, model: str | None) -> Part:
+def check(tree: xr.DataTree) -> None:
+    """Hold an archive against what figures go by.
+
+    Raises
+    ------
+    FigureError
+        If it is one of methods head to head.
+    ArchiveError
+        If it lacks anything.
+    """
     if tree.attrs.get(KIND) == HEAD_TO_HEAD:
         raise FigureError("there are no figures of an archive of methods head to head")
     for each in models_in(tree).values():
         if fault := next(faults(each), None):
             raise ArchiveError(f"the archive is damaged: {fault}")
+
+
+def _part(tree: xr.DataTree, output: str | None, source: str | None, model: str | None) -> Part:
+    check(tree)
     return part_of(tree, output, source, model)
 
 

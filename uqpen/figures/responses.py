@@ -11,11 +11,11 @@ from uqpen.figures.measures import panel_of, series
 from uqpen.figures.panel import Panel
 from uqpen.figures.part import Part
 
-__all__ = ["responses"]
+__all__ = ["RESPONSES", "magnitudes", "responses"]
 
 FloatArray = npt.NDArray[np.float64]
 
-_KINDS = (
+RESPONSES = (
     ("response", "response", "|response| [%]"),
     ("contribution", "response × uncertainty", "|response × uncertainty| [%]"),
 )
@@ -24,13 +24,13 @@ _KINDS = (
 def responses(part: Part) -> Iterator[Panel]:
     """Relative responses to the inputs, and × uncertainty."""
     for output in part.numbers:
-        for suffix, label, axis in _KINDS:
+        for suffix, label, axis in RESPONSES:
             if found := series(part, output, ((suffix, "", "o"),)):
                 title = part.titled(f"{output}: {label}")
-                yield panel_of(part, title, axis, found, _magnitudes)
+                yield panel_of(part, title, axis, found, magnitudes)
 
 
-def _magnitudes(bounds: FloatArray) -> FloatArray:
+def magnitudes(bounds: FloatArray) -> FloatArray:
     """In per cent; of a negative estimate the bounds change their places."""
     if bounds[0] < 0:
         bounds = -bounds[[0, 2, 1]]

@@ -13,34 +13,35 @@ from uqpen.figures.part import Part
 from uqpen.labels import SENSITIVITY
 from uqpen.summary.table import unchanged
 
-__all__ = ["sensitivity"]
+__all__ = ["EFFECTS", "INDICES", "best", "effect_on", "sensitivity"]
 
-_INDICES = (
+INDICES = (
     ("first_order", "first order", "o"),
     ("total_order", "total order", "s"),
     ("shapley", "Shapley effect", "D"),
 )
-_EFFECTS = (("mu_star", "mean |effect|", "o"), ("sigma", "sd of effects", "^"))
+EFFECTS = (("mu_star", "mean |effect|", "o"), ("sigma", "sd of effects", "^"))
 
 
 def sensitivity(part: Part) -> Iterator[Panel]:
     """Each input's share of the variance, and its effects."""
     for output in part.numbers:
-        if found := _best(part, series(part, output, _INDICES)):
+        if found := best(part, series(part, output, INDICES)):
             title = part.titled(f"{output}: shares of its variance")
             yield panel_of(part, title, "share of the variance", found, unchanged)
     for output in part.numbers:
-        if found := series(part, output, _EFFECTS):
+        if found := series(part, output, EFFECTS):
             title = part.titled(f"{output}: elementary effects")
             convert = part.measure(output).difference_from_si
-            yield panel_of(part, title, _effect_on(part, output), found, convert)
+            yield panel_of(part, title, effect_on(part, output), found, convert)
 
 
-def _effect_on(part: Part, output: str) -> str:
+def effect_on(part: Part, output: str) -> str:
+    """What an axis of elementary effects says."""
     return f"effect on {part.axis(output)}"
 
 
-def _best(part: Part, found: list[Series]) -> list[Series]:
+def best(part: Part, found: list[Series]) -> list[Series]:
     """Without what plain samples tell, unless it is asked for or there is nothing else."""
     made_for = [each for each in found if not part.is_plain(each.source)]
     if part.source is not None or made_for or not found:

@@ -23,7 +23,7 @@ from uqpen.surrogates.restoring import from_dataset
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["surrogate"]
+__all__ = ["predicted", "quality", "surrogate", "tested_by"]
 
 _MOST_RUNS = 1000
 
@@ -36,14 +36,19 @@ def surrogate(part: Part) -> Iterator[Panel]:
     """
     for name in names_in(part.tree, SURROGATES):
         made = group(part.tree, SURROGATES, name)
-        check = str(made.attrs.get("check", ""))
-        design = check if check in part.designs else str(made.attrs["design"])
+        design = tested_by(part, made)
         if part.source not in (None, name) or not part.came_back(design):
             continue
         for output in str(made.attrs["outputs"]).split():
             if output in part.numbers:
-                title = part.titled(f"{output} by {name}: {_quality(made, output)}")
+                title = part.titled(f"{output} by {name}: {quality(made, output)}")
                 yield Panel(title, partial(_draw, part, name, design, output), height=3.0)
+
+
+def tested_by(part: Part, made: xr.Dataset) -> str:
+    """The design that a surrogate is compared with: its check, or that it was fitted to."""
+    check = str(made.attrs.get("check", ""))
+    return check if check in part.designs else str(made.attrs["design"])
 
 
 def _draw(part: Part, name: str, design: str, output: str, axes: Axes) -> Iterator[str]:
@@ -52,7 +57,7 @@ def _draw(part: Part, name: str, design: str, output: str, axes: Axes) -> Iterat
     runs = runs.isel({RUN: np.flatnonzero(runs[STATUS].values == Status.OK)})
     shown = thinned(runs, _MOST_RUNS)
     truth = part.measure(output).from_si(shown[output].values)
-    guess = part.measure(output).from_si(_predicted(made, name, shown, output))
+    guess = part.measure(output).from_si(predicted(made, name, shown, output))
     ends = np.array([min(truth.min(), guess.min()), max(truth.max(), guess.max())])
     colour = part.look(name).colour
     axes.plot(ends, ends, color=GREY, linewidth=0.9, label="surrogate = model")
@@ -65,7 +70,14 @@ def _draw(part: Part, name: str, design: str, output: str, axes: Axes) -> Iterat
     yield f"{name}: {counted} runs of {design}, {whose}"
 
 
-def _predicted(made: xr.Dataset, name: str, runs: xr.Dataset, output: str) -> np.ndarray:
+def predicted(made: xr.Dataset, name: str, runs: xr.Dataset, output: str) -> np.ndarray:
+    """What a surrogate says of runs, in the SI unit of the output.
+
+    Raises
+    ------
+    ArchiveError
+        If the surrogate is not whole.
+    """
     try:
         model = from_dataset(made, name)
     except (KeyError, TypeError, ValueError) as error:
@@ -75,7 +87,7 @@ def _predicted(made: xr.Dataset, name: str, runs: xr.Dataset, output: str) -> np
     return model.evaluate(inputs).outputs[output]
 
 
-def _quality(made: xr.Dataset, output: str) -> str:
+def quality(made: xr.Dataset, output: str) -> str:
     """How well it fits, as its table has it."""
     told = made[f"{output}_coefficient"].attrs
     for of, key in (("check runs", "check_q2_of_output"), ("runs left out", "q2")):

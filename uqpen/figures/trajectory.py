@@ -20,7 +20,7 @@ from uqpen.units import DIMENSIONLESS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["trajectory"]
+__all__ = ["called", "courses_of", "shared_panels", "shown_unit", "symbol", "trajectory"]
 
 # Quantities of one unit share a panel unless one is this much smaller than the other.
 _ALIKE = 8.0
@@ -31,20 +31,25 @@ _FEW = 0.02
 
 def trajectory(part: Part) -> Iterator[Panel]:
     """The course at the nominal inputs; several models' together."""
-    courses = {
+    courses = courses_of(part)
+    if not courses:
+        return
+    first = next(iter(courses.values()))
+    for names in shared_panels(first):
+        titles = "; ".join(called(first[name]) for name in names)
+        yield Panel(titles, partial(_draw, part, courses, names))
+
+
+def courses_of(part: Part) -> dict[str, xr.Dataset]:
+    """The course of each model that tells one."""
+    return {
         each.model: told
         for each in (part.others if part.model else [part])
         if (told := group(each.tree, TRAJECTORY))
     }
-    if not courses:
-        return
-    first = next(iter(courses.values()))
-    for names in _panels(first):
-        titles = "; ".join(_called(first[name]) for name in names)
-        yield Panel(titles, partial(_draw, part, courses, names))
 
 
-def _panels(course: xr.Dataset) -> list[list[str]]:
+def shared_panels(course: xr.Dataset) -> list[list[str]]:
     """Quantities that can be read off the same axis."""
     found: list[list[str]] = []
     for name, variable in course.data_vars.items():
@@ -63,14 +68,15 @@ def _reach(array: xr.DataArray) -> float:
     return float(np.nanmax(np.abs(array.values), initial=0.0)) or 1.0
 
 
-def _called(array: xr.DataArray) -> str:
+def called(array: xr.DataArray) -> str:
+    """What a quantity of a course is called."""
     return str(array.attrs.get("long_name", array.name))
 
 
-def _symbol(array: xr.DataArray) -> str:
+def symbol(array: xr.DataArray) -> str:
     """The short symbol that ends what a quantity is called, or all of that without one."""
-    text, _, symbol = _called(array).rpartition(", ")
-    return symbol if text and len(symbol) <= 2 else _called(array)
+    text, _, symbol = called(array).rpartition(", ")
+    return symbol if text and len(symbol) <= 2 else called(array)
 
 
 def _draw(
@@ -79,7 +85,7 @@ def _draw(
     every = [each.model for each in part.others]
     first = next(iter(courses.values()))
     along = str(next(iter(first.dims)))
-    unit, factor = _shown(first[names[0]])
+    unit, factor = shown_unit(first[names[0]])
     for model, course in courses.items():
         depth = part.measure(along).from_si(course[along].values)
         for number, name in enumerate(names):
@@ -93,9 +99,9 @@ def _draw(
                 label=_label(course, model, names, number),
             )
             if number and model:
-                yield f"thin lines: {_called(course[name])}"
-    axes.set_xlabel(with_unit(_called(first[along]), part.unit(along)))
-    axes.set_ylabel(with_unit(", ".join(_symbol(first[name]) for name in names), unit))
+                yield f"thin lines: {called(course[name])}"
+    axes.set_xlabel(with_unit(called(first[along]), part.unit(along)))
+    axes.set_ylabel(with_unit(", ".join(symbol(first[name]) for name in names), unit))
     axes.set(xlim=(0, None), ylim=(0, None))
     if lacking := [name for name in every if name not in courses]:
         yield f"no course is told by {', '.join(map(plain, lacking))}"
@@ -106,10 +112,10 @@ def _label(course: xr.Dataset, model: str, names: list[str], number: int) -> str
     """What the legend says of a line; None where it is told by the title or another panel."""
     if model:
         return None if number else plain(model, 40)
-    return plain(_called(course[names[number]]), 60) if len(names) > 1 else None
+    return plain(called(course[names[number]]), 60) if len(names) > 1 else None
 
 
-def _shown(array: xr.DataArray) -> tuple[str, float]:
+def shown_unit(array: xr.DataArray) -> tuple[str, float]:
     """The unit to show a quantity in, and how many of it are one SI unit."""
     unit = str(array.attrs.get("units", DIMENSIONLESS))
     if unit in _SMALLER and _reach(array) < _FEW:

@@ -1,0 +1,173 @@
+"use strict";
+(() => {
+  const charts = JSON.parse(document.getElementById("data").textContent);
+  const root = document.documentElement;
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const coarse = window.matchMedia("(pointer: coarse)").matches;
+  const plots = [...document.querySelectorAll(".plot")];
+  const COLOURS = new Set(["color", "fillcolor"]);
+
+  const isDark = () => (root.dataset.theme ? root.dataset.theme === "dark" : dark.matches);
+
+  // A colour is a source's number or a name; the style sheet has it.
+  function looked(style, colour, opacity) {
+    const name = typeof colour === "number" ? `--s${colour % 10}` : `--${colour}`;
+    const hex = style.getPropertyValue(name).trim();
+    if (opacity === undefined) return hex;
+    const [r, g, b] = [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
+    return `rgba(${r},${g},${b},${opacity})`;
+  }
+
+  function coloured(style, value, key) {
+    if (COLOURS.has(key)) return looked(style, value, key === "fillcolor" ? 0.3 : undefined);
+    if (Array.isArray(value)) return value.map((each) => coloured(style, each));
+    if (value !== null && typeof value === "object") {
+      return Object.fromEntries(
+        Object.entries(value).map(([name, each]) => [name, coloured(style, each, name)]),
+      );
+    }
+    return value;
+  }
+
+  function axis(style, told) {
+    const title = { ...told.title, standoff: 8 };
+    return {
+      automargin: true, zeroline: false, showline: true, ticks: "outside", ticklen: 4,
+      linecolor: looked(style, "quiet"), tickcolor: looked(style, "quiet"),
+      gridcolor: looked(style, "grid"), exponentformat: "power", nticks: 7,
+      ...told, title,
+    };
+  }
+
+  function layout(style, chart) {
+    return {
+      height: chart.height,
+      margin: { l: 50, r: 14, t: 10, b: 42 },
+      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+      font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: looked(style, "ink") },
+      hoverlabel: {
+        align: "left", bgcolor: looked(style, "raised"), bordercolor: looked(style, "quiet"),
+        font: { color: looked(style, "ink"), size: 13 },
+      },
+      hovermode: "closest", hoverdistance: 30, showlegend: false, bargap: 0,
+      dragmode: coarse ? false : "zoom",
+      xaxis: axis(style, chart.x),
+      yaxis: { ...axis(style, chart.y), ...(chart.y.ticktext ? { showgrid: false } : {}) },
+      shapes: coloured(style, chart.shapes),
+    };
+  }
+
+  const CONFIGURATION = { displayModeBar: false, responsive: true, doubleClick: "reset" };
+
+  function draw(plot) {
+    const style = getComputedStyle(root);
+    const chart = charts[plot.dataset.chart];
+    plot.dataset.drawn = isDark() ? "dark" : "light";
+    return Plotly.react(plot, coloured(style, chart.traces), layout(style, chart), CONFIGURATION);
+  }
+
+  // Readings of a threshold.
+  const percent = (value, places) => (100 * value).toFixed(places);
+
+  function asPercent(estimate, lower, upper) {
+    if (lower === null || upper === null) return `${percent(estimate, 2)} %`;
+    const half = Math.max(estimate - lower, upper - estimate) * 100;
+    const places = half > 0 ? Math.min(8, Math.max(0, 1 - Math.floor(Math.log10(half)))) : 2;
+    return `${percent(estimate, places)} % (${percent(lower, places)} … ${percent(upper, places)} %)`;
+  }
+
+  function threshold(form) {
+    const chart = charts[form.dataset.chart];
+    const plot = document.getElementById(`plot-${form.dataset.chart}`);
+    const [number, slider] = form.querySelectorAll("input");
+    const [first, step] = [Number(form.dataset.first), Number(form.dataset.step)];
+    const decimals = Number(form.dataset.decimals);
+    const last = chart.bounds.length - 1;
+    const unit = form.querySelector("span").textContent;
+    const line = chart.shapes.push({
+      type: "line", yref: "paper", y0: 0, y1: 1, x0: first, x1: first,
+      line: { color: "accent", width: 2 },
+    }) - 1;
+    const value = (position) => first + position * step;
+
+    function show(position) {
+      const place = Math.min(last, Math.max(0, position));
+      const at = value(place);
+      const text = at.toFixed(decimals);
+      const [p, lower, upper] = chart.bounds[place];
+      slider.value = place;
+      slider.setAttribute("aria-valuetext", `${text} ${unit}`);
+      number.value = text;
+      form.querySelector(".readout").textContent =
+        `P(at most ${text} ${unit}) = ${asPercent(p, lower, upper)}; ` +
+        `P(more) = ${asPercent(1 - p, upper === null ? null : 1 - upper, lower === null ? null : 1 - lower)}`;
+      chart.shapes[line].x0 = chart.shapes[line].x1 = at;
+      if (plot.dataset.drawn) {
+        Plotly.relayout(plot, { [`shapes[${line}].x0`]: at, [`shapes[${line}].x1`]: at });
+      }
+    }
+
+    slider.addEventListener("input", () => show(Number(slider.value)));
+    number.addEventListener("change", () => show(Math.round((Number(number.value) - first) / step)));
+    form.addEventListener("submit", (event) => event.preventDefault());
+    show(Number(slider.value));
+    return (at) => show(Math.round((at - first) / step));
+  }
+
+  const moved = new Map(
+    [...document.querySelectorAll(".reading")].map((form) => [form.dataset.chart, threshold(form)]),
+  );
+
+  function begin(plot) {
+    if (plot.dataset.drawn) return;
+    draw(plot);
+    const move = moved.get(plot.dataset.chart);
+    if (move) plot.on("plotly_click", (event) => move(event.points[0].x));
+  }
+
+  // Charts are drawn when they come near, and the others while there is nothing else to do.
+  const watcher = new IntersectionObserver(
+    (seen) => seen.filter((each) => each.isIntersecting).forEach((each) => begin(each.target)),
+    { rootMargin: "400px" },
+  );
+  plots.forEach((plot) => watcher.observe(plot));
+  const idle = window.requestIdleCallback || ((task) => setTimeout(task, 30));
+  const waiting = [...plots];
+  const next = () => {
+    const plot = waiting.shift();
+    if (plot === undefined) {
+      root.dataset.ready = "yes";
+      return;
+    }
+    begin(plot);
+    idle(next);
+  };
+  idle(next);
+
+  // The theme follows the system until the button is pressed.
+  const button = document.getElementById("theme");
+  const redraw = () => plots.filter((plot) => plot.dataset.drawn).forEach(draw);
+  const name = () => { button.textContent = isDark() ? "Light" : "Dark"; };
+  button.hidden = false;
+  name();
+  button.addEventListener("click", () => {
+    root.dataset.theme = isDark() ? "light" : "dark";
+    name();
+    redraw();
+  });
+  dark.addEventListener("change", () => { name(); redraw(); });
+
+  // Paper is white, and has a width of its own.
+  let before;
+  window.addEventListener("beforeprint", () => {
+    before = root.dataset.theme;
+    root.dataset.theme = "light";
+    document.body.style.width = "180mm";
+    plots.forEach((plot) => { begin(plot); draw(plot); Plotly.relayout(plot, { width: plot.clientWidth }); });
+  });
+  window.addEventListener("afterprint", () => {
+    if (before === undefined) delete root.dataset.theme; else root.dataset.theme = before;
+    document.body.style.width = "";
+    redraw();
+  });
+})();

@@ -1,0 +1,200 @@
+"""What a section of the report is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from uqpen.report.marks import Shape, Trace
+from uqpen.summary.table import OutputTable
+
+__all__ = ["Axis", "Block", "Chart", "Charts", "Heading", "Key", "Listing", "Quote", "Reading"]
+__all__ += ["Remarks", "Table", "Text"]
+
+
+class Block:
+    """A part of a section; its class's name chooses how the template sets it."""
+
+    @property
+    def kind(self) -> str:
+        """What the template calls it."""
+        return type(self).__name__.lower()
+
+
+@dataclass(frozen=True)
+class Heading(Block):
+    """A heading below that of the section; what follows is of one output, or one model."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Text(Block):
+    """A paragraph."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Quote(Block):
+    """Sentences to be quoted, each complete by itself."""
+
+    sentences: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Remarks(Block):
+    """A list of what must be known, one line each, below a few words that say of what."""
+
+    head: str
+    lines: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Listing(Block):
+    """A text as it stands in a file."""
+
+    title: str
+    text: str
+    is_folded: bool = False
+
+
+@dataclass(frozen=True)
+class Table(Block):
+    """A table with its notes; folded, a line that opens it stands in its place."""
+
+    table: OutputTable
+    is_folded: bool = False
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An axis of a chart.
+
+    Parameters
+    ----------
+    title : str
+        With the unit in brackets.
+    ends : tuple of float, optional
+        Where it begins and ends; without them, where the data do.
+    rows : tuple of str
+        Names in place of numbers: of the rows 0, 1, … from the top.
+    is_logarithmic : bool
+    """
+
+    title: str
+    ends: tuple[float, float] | None = None
+    rows: tuple[str, ...] = ()
+    is_logarithmic: bool = False
+
+
+@dataclass(frozen=True)
+class Key:
+    """An entry of a legend.
+
+    Parameters
+    ----------
+    text : str
+    series : int or str
+        What tells its colour, see `marks`.
+    mark : str
+        ``"line"``, ``"band"``, ``"bar"``, or the name of a marker.
+    dash : str
+        Of a line.
+    """
+
+    text: str
+    series: int | str
+    mark: str
+    dash: str = "solid"
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A threshold that is moved over a distribution function, and what is read off there.
+
+    Parameters
+    ----------
+    output, unit : str
+        What is compared with the threshold, and the unit of both.
+    source : str
+        Whose function it is.
+    level : float
+        Of the simultaneous band; NaN where there is none.
+    note : str
+        Why there is none.
+    first, step : float
+        The first threshold, and how far apart they are.
+    decimals : int
+        To write them with.
+    start : int
+        Which one is shown first.
+    bounds : sequence of sequence of float
+        At each, the probability of lying at or below, and the ends of the band; None for none.
+    """
+
+    output: str
+    unit: str
+    source: str
+    level: float
+    note: str
+    first: float
+    step: float
+    decimals: int
+    start: int
+    bounds: Sequence[Sequence[float | None]]
+
+
+@dataclass(frozen=True)
+class Chart(Block):
+    """A chart, drawn by the page's script, with what it says to who cannot see it.
+
+    Parameters
+    ----------
+    title : str
+    summary : str
+        What is seen in it, for those who do not see it.
+    x, y : Axis
+    traces : tuple
+        See `marks`.
+    shapes : tuple
+        Lines and shades behind the traces.
+    keys : tuple of Key
+        The legend.
+    notes : tuple of str
+        What a reader must know.
+    tables : tuple of OutputTable
+        The numbers behind it.
+    height : int
+        In CSS pixels.
+    reading : Reading, optional
+    """
+
+    title: str
+    summary: str
+    x: Axis
+    y: Axis
+    traces: tuple[Trace, ...]
+    shapes: tuple[Shape, ...] = ()
+    keys: tuple[Key, ...] = ()
+    notes: tuple[str, ...] = ()
+    tables: tuple[OutputTable, ...] = ()
+    height: int = 300
+    reading: Reading | None = None
+
+
+@dataclass(frozen=True)
+class Charts(Block):
+    """Charts side by side, as many in a row as there is room for, under one legend.
+
+    Parameters
+    ----------
+    charts : tuple of Chart
+    keys, notes, tables
+        Of all of them together.
+    """
+
+    charts: tuple[Chart, ...]
+    keys: tuple[Key, ...] = ()
+    notes: tuple[str, ...] = ()
+    tables: tuple[OutputTable, ...] = ()

@@ -1,0 +1,276 @@
+"""How each output is distributed: its distribution function, its histogram, its quantiles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.analyses.cdfs import cdf_at
+from uqpen.analyses.quantiles import quantiles
+from uqpen.archive.read import group
+from uqpen.figures.curves import Curve
+from uqpen.figures.distributions import CUT, curves_of, ends_of, thresholds_of
+from uqpen.figures.histogram import binned, marks_of
+from uqpen.figures.part import Part
+from uqpen.labels import INTERVAL_LEVEL, NOTE, SHARES
+from uqpen.report.blocks import Axis, Block, Chart, Heading, Key, Reading, Table
+from uqpen.report.evidence import called, leading, question_of, sample_of
+from uqpen.report.marks import DASHES, Shape, Trace, band, bars, dots, line, shade, upright, written
+from uqpen.summary.digits import grouped, percent, sensible
+from uqpen.summary.statistics_rows import add_shares
+from uqpen.summary.table import OutputTable, quantile_label
+
+__all__ = ["distributions"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# Quantiles in the table, where the runs tell them.
+_QUANTILES = (0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)
+# Thresholds between the ends of an axis, at the least.
+_STEPS = 250
+# Probabilities at which the numbers behind a distribution function are shown.
+_SHOWN = np.linspace(0, 1, 21)
+
+
+def distributions(part: Part) -> Iterator[Block]:
+    """Distribution function with its band, histogram and quantiles of each output."""
+    design = leading(part)
+    if design is None:
+        return
+    for output in part.numbers:
+        if curves := _curves(part, output, design):
+            yield Heading(called(part, output))
+            yield _cdf(part, output, curves)
+            yield _histogram(part, output, design)
+            yield Table(_quantile_table(part, output, design))
+    for output in part.kinds:
+        if output in group(part.tree, SHARES, design):
+            yield Heading(called(part, output))
+            yield _shares(part, output, design)
+
+
+def _curves(part: Part, output: str, design: str) -> list[Curve]:
+    """The functions that all sources tell, that of the leading design first."""
+    found = curves_of(part, output)
+    return sorted(found, key=lambda curve: curve.name != design)
+
+
+def _cdf(part: Part, output: str, curves: list[Curve]) -> Chart:
+    lower, upper, is_cut = ends_of(part, output, curves[0])
+    first = curves[0].thinned().up_to(lower, upper)
+    traces: list[Trace] = []
+    keys: list[Key] = []
+    if first.has_band:
+        edges = np.asarray(first.band[:, 1]), np.asarray(first.band[:, 2])
+        series = part.sources.index(first.name)
+        traces += band(first.values, *edges, series, is_stepped=first.is_stepped)
+        text = f"simultaneous {percent(first.level)} band of {first.name}"
+        keys.append(Key(text, series, "band"))
+    for position, curve in enumerate(curves):
+        thin = first if not position else curve.thinned().up_to(lower, upper)
+        series = part.sources.index(curve.name)
+        dash = "solid" if not position else DASHES[series % len(DASHES)]
+        traces.append(_function(part, output, thin, series, dash, is_first=not position))
+        keys.append(Key(curve.name, series, "line", dash))
+    asked = thresholds_of(part, output)
+    return Chart(
+        title=f"Probability that {_title(part, output)} is at most x",
+        summary=_summary(part, output, curves[0]),
+        x=Axis(part.axis(output), (lower, upper)),
+        y=Axis("P(at most x)", (0.0, 1.0)),
+        traces=tuple(traces),
+        shapes=tuple(upright(place, "quiet", "dot") for place in asked.values()),
+        keys=tuple(keys),
+        notes=(CUT,) if is_cut else (),
+        tables=(_cdf_table(part, output, curves[0]),),
+        height=380,
+        reading=_reading(part, output, curves[0], (lower, upper)),
+    )
+
+
+def _title(part: Part, output: str) -> str:
+    return str(part.described(output).get("long_name", output))
+
+
+def _function(
+    part: Part, output: str, curve: Curve, series: int, dash: str, *, is_first: bool
+) -> Trace:
+    unit = written(part.unit(output)) if part.unit(output) != "1" else ""
+    hover = f"{written(curve.name, 40)}<br>P(at most %{{x:.4~g}} {unit}) = %{{y:.4~f}}"
+    beside = []
+    if is_first and curve.has_band:
+        hover += "<br>band %{customdata[0]:.4~f} … %{customdata[1]:.4~f}"
+        beside = [curve.band[:, 1], curve.band[:, 2]]
+    return line(
+        curve.values,
+        curve.band[:, 0],
+        series,
+        hover=hover,
+        name=curve.name,
+        beside=beside,
+        dash=dash,
+        width=2.5 if is_first else 1.5,
+        is_stepped=curve.is_stepped,
+    )
+
+
+def _summary(part: Part, output: str, curve: Curve) -> str:
+    """The function in a sentence."""
+    low, middle, high = np.interp([0.05, 0.5, 0.95], curve.band[:, 0], curve.values)
+    unit = part.unit(output)
+    said = "" if unit == "1" else f" {unit}"
+    return (
+        f"By {curve.name} it rises from 5 % at {low:.4g}{said} through one half at "
+        f"{middle:.4g}{said} to 95 % at {high:.4g}{said}. The table below has the numbers."
+    )
+
+
+def _cdf_table(part: Part, output: str, curve: Curve) -> OutputTable:
+    """The function at some probabilities, with its band."""
+    title = f"Distribution function by {curve.name}, with its simultaneous band"
+    table = OutputTable(title, [part.axis(output), "P(at most)", "band"])
+    ranks = np.unique(np.round(_SHOWN * (curve.values.size - 1)).astype(np.int64))
+    for rank in ranks.tolist():
+        estimate, lower, upper = curve.band[rank]
+        ends = f"{lower:.4f} … {upper:.4f}" if curve.has_band else "–"
+        cells = [f"{curve.values[rank]:.4g}", f"{estimate:.4f}", ends]
+        table.rows.append((percent(round(rank / (curve.values.size - 1), 6)), cells))
+    if not curve.has_band:
+        table.mark(f"no band: {curve.note}")
+    return table
+
+
+def _reading(part: Part, output: str, curve: Curve, ends: tuple[float, float]) -> Reading | None:
+    """What is read off at thresholds that are round numbers."""
+    step, decimals = _step(*ends)
+    first = math.ceil(ends[0] / step)
+    last = math.floor(ends[1] / step)
+    places = np.round(step * np.arange(first, last + 1), decimals)
+    sample = sample_of(part, curve.name, output)
+    in_si = np.array([part.measure(output).to_si(place) for place in places.tolist()])
+    told = cdf_at(sample, in_si)
+    asked = list(thresholds_of(part, output).values())
+    begin = asked[0] if asked else float(np.interp(0.95, curve.band[:, 0], curve.values))
+    start = int(np.clip(round(begin / step) - first, 0, places.size - 1))
+    unit = part.unit(output)
+    return Reading(
+        output=output,
+        unit="" if unit == "1" else unit,
+        source=curve.name,
+        level=float(told.attrs.get(INTERVAL_LEVEL, math.nan)),
+        note=str(told.attrs.get(NOTE, "")),
+        first=float(f"{first * step:.12g}"),
+        step=float(f"{step:.12g}"),
+        decimals=decimals,
+        start=start,
+        bounds=[_exact(row) for row in told.values.tolist()],
+    )
+
+
+def _exact(row: list[float]) -> list[float | None]:
+    return [round(value, 9) if math.isfinite(value) else None for value in row]
+
+
+def _step(lower: float, upper: float) -> tuple[float, int]:
+    """A round distance between thresholds, and the decimals that it takes."""
+    finest = (upper - lower) / _STEPS
+    power = math.floor(math.log10(finest))
+    step = next(factor * 10.0**power for factor in (5, 2, 1) if factor * 10.0**power <= finest)
+    return step, max(0, -math.floor(math.log10(step) + 1e-9))
+
+
+def _histogram(part: Part, output: str, design: str) -> Chart:
+    values = part.measure(output).from_si(sample_of(part, design, output).values)
+    counts, edges = binned(values)
+    outside = values.size - int(counts.sum())
+    marked = [(name, estimate) for name, _, _, estimate in marks_of(part, output, design)]
+    shapes, keys, lacks = _marked(part, output, marked)
+    unit = part.unit(output)
+    notes = []
+    if outside:
+        notes.append(f"{grouped(outside)} runs lie outside of the axis.")
+    if len(lacks) < len(marked):
+        level = max(float(e.attrs.get(INTERVAL_LEVEL, 0)) for _, e in marked)
+        notes.append(f"Shades: {percent(level)} intervals of what the lines mark.")
+    if lacks:
+        notes.append(f"No interval: {', '.join(lacks)}.")
+    highest = int(np.argmax(counts))
+    return Chart(
+        title=f"{grouped(values.size)} runs of {design}",
+        summary=f"The fullest bin, with {grouped(int(counts[highest]))} runs, lies between "
+        f"{edges[highest]:.4g} and {edges[highest + 1]:.4g} {unit}.",
+        x=Axis(part.axis(output), (float(edges[0]), float(edges[-1]))),
+        y=Axis("runs in a bin"),
+        traces=(
+            bars(
+                edges,
+                counts,
+                part.sources.index(design),
+                hover="%{customdata[0]} … %{customdata[1]}<br>%{y} runs",
+            ),
+        ),
+        shapes=tuple(shapes),
+        keys=(Key("runs", part.sources.index(design), "bar"), *keys),
+        notes=tuple(notes),
+        height=280,
+    )
+
+
+def _marked(
+    part: Part, output: str, marked: list[tuple[str, xr.DataArray]]
+) -> tuple[list[Shape], list[Key], list[str]]:
+    """Lines at estimates and shades of their intervals; what has none."""
+    shapes: list[Shape] = []
+    keys: list[Key] = []
+    lacks: list[str] = []
+    for name, estimate in marked:
+        bounds = part.measure(output).from_si(estimate.values)
+        series, dash = (1, "dash") if name == "mean" else ("ink", "solid")
+        dash = "dot" if series == "ink" and name != "median" else dash
+        if np.isfinite(bounds[1:]).all():
+            shapes.append(shade(float(bounds[1]), float(bounds[2]), series))
+        else:
+            lacks.append(name)
+        shapes.append(upright(float(bounds[0]), series, dash))
+        keys.append(Key(f"{name} {sensible(*bounds)}", series, "line", dash))
+    return shapes, keys, lacks
+
+
+def _quantile_table(part: Part, output: str, design: str) -> OutputTable:
+    """Quantiles and their intervals, worked out from the archive's runs."""
+    convert = part.measure(output).from_si
+    asked = question_of(part, output, _QUANTILES)
+    ((_, told),) = quantiles(sample_of(part, design, output), asked)
+    table = OutputTable(f"Quantiles by {design}", [part.axis(output)])
+    for position, p in enumerate(_QUANTILES):
+        table.rows.append((quantile_label(p), [table.cell(told[position], convert)]))
+    return table
+
+
+def _shares(part: Part, output: str, design: str) -> Chart:
+    shares = group(part.tree, SHARES, design)[output]
+    labels = tuple(map(str, shares[f"{output}_category_label"].values))
+    table = OutputTable(f"Shares by {design}", [design])
+    add_shares(table, part.tree, output)
+    said = [f"{label}: {cells[0]}" for label, cells in table.rows]
+    return Chart(
+        title=f"How often each kind of {_title(part, output)} comes about, by {design}",
+        summary="; ".join(said),
+        x=Axis("share", (0.0, 1.0)),
+        y=Axis("", rows=labels),
+        traces=(
+            dots(
+                shares.values,
+                np.arange(len(labels)),
+                part.sources.index(design),
+                hovers=said,
+                name=design,
+            ),
+        ),
+        tables=(table,),
+        height=90 + 34 * len(labels),
+    )

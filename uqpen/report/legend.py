@@ -1,0 +1,37 @@
+"""What stands in a legend for a mark, as Plotly draws it."""
+
+from __future__ import annotations
+
+__all__ = ["OUTLINES", "STROKES", "colour"]
+
+# SVG paths of markers, and dashes of lines.
+OUTLINES = {
+    "circle": "M-5,0a5,5 0 1,0 10,0a5,5 0 1,0 -10,0z",
+    "square": "M-4.5,-4.5h9v9h-9z",
+    "triangle-up": "M0,-5.5L5,4H-5z",
+    "diamond": "M0,-6L6,0L0,6L-6,0z",
+    "triangle-down": "M0,5.5L5,-4H-5z",
+    "pentagon": "M0,-5.5L5.2,-1.7L3.2,4.5H-3.2L-5.2,-1.7z",
+    "hexagon": "M0,-5.5L4.8,-2.7V2.7L0,5.5L-4.8,2.7V-2.7z",
+    "star-diamond": "M0,-6L1.8,-1.8L6,0L1.8,1.8L0,6L-1.8,1.8L-6,0L-1.8,-1.8z",
+    "triangle-left": "M-5.5,0L4,-5V5z",
+    "triangle-right": "M5.5,0L-4,-5V5z",
+    "x": "M-4,-6L0,-2L4,-6L6,-4L2,0L6,4L4,6L0,2L-4,6L-6,4L-2,0L-6,-4z",
+}
+STROKES = {
+    "solid": "none",
+    "dash": "8 5",
+    "dot": "2 3",
+    "dashdot": "8 3 2 3",
+    "6px,3px": "6 3",
+    "longdashdot": "11 3 2 3",
+    "4px,4px": "4 4",
+    "longdash": "11 4",
+    "2px,5px": "2 5",
+    "8px,2px,2px,2px": "8 2 2 2",
+}
+
+
+def colour(series: int | str) -> str:
+    """The name of a colour in the style sheet."""
+    return f"s{series % 10}" if isinstance(series, int) else series
