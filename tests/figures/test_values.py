@@ -213,7 +213,7 @@ class TestSeveralModels:
         tree = archives["rods"]
         axes = {each.get_ylabel(): each for each in drawn(tree, "trajectory")}
         assert set(axes) == {"time since impact [ms]", "u, v [m s⁻¹]", "L [m]", "s [mm]"}
-        for name in ("original", "smoothed"):
+        for name in ("original", "smoothed", "rigid"):
             told = tree[f"models/{name}/trajectory"]
             shown = line(axes["s [mm]"], name)
             np.testing.assert_allclose(shown.get_ydata(), 1e3 * told["plastic_extent"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from uqpen.errors import TrajectoryError
 from uqpen.evaluation import Evaluator
 from uqpen.labels import Status
 from uqpen.lookup import resolve
@@ -181,8 +182,26 @@ def test_the_course_of_a_run_is_a_dataset_against_depth() -> None:
     )
 
 
-def test_the_rigid_rod_has_no_course() -> None:
-    assert RigidPenetration().trajectory(ROD) is None
+def test_the_course_of_a_rigid_rod_ends_where_the_run_does() -> None:
+    model = RigidPenetration()
+    course = model.trajectory(ROD)
+    assert set(course) == set(WalkerAnderson().trajectory(ROD))
+    depth = course["penetration_depth"].values
+    run = model.evaluate({name: np.array([value]) for name, value in ROD.items()})
+    assert depth[[0, -1]].tolist() == [0, run.outputs["penetration_depth"][0]]
+    assert course["nose_velocity"].values[0] == pytest.approx(ROD["impact_velocity"])
+    assert course["nose_velocity"].values[-1] == 0
+    np.testing.assert_array_equal(course["nose_velocity"], course["tail_velocity"])
+    assert set(course["length"].values) == {ROD["projectile_length"]}
+    # dz = u dt, by the trapezoidal rule, of which the square root at the end spoils the last bit.
+    time, velocity = course["time"].values, course["nose_velocity"].values
+    passed = np.concatenate([[0], np.cumsum(np.diff(time) * (velocity[1:] + velocity[:-1]) / 2)])
+    np.testing.assert_allclose(passed, depth, atol=1e-5)
+
+
+def test_a_course_of_impossible_size_is_refused() -> None:
+    with pytest.raises(TrajectoryError, match="too large or too small"):
+        RigidPenetration().trajectory(ROD | {"impact_velocity": 1e200})
 
 
 def test_the_ishigami_function_has_its_known_values() -> None:

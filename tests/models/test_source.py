@@ -59,6 +59,7 @@ class TestBuiltIn:
             ("walker-anderson", "eroding_rod", True),
             ("walker-anderson", "tsitouras", True),
             ("walker-anderson", "rod_trajectory", True),
+            ("rigid-penetration", "rod_course", True),
             ("walker-anderson", "rigid_penetration", False),
             ("walker-anderson", "source", False),
             ("rigid-penetration", "rod_and_target", True),

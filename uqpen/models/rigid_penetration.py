@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
+from uqpen.errors import TrajectoryError
 from uqpen.model import Arrays, BoolArray, Results
 from uqpen.models import rod_and_target
+from uqpen.models.rod_course import DEPTHS, Trajectory, as_dataset, while_rigid
 from uqpen.models.source import BuiltIn
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 __all__ = ["RigidPenetration"]
+
+FloatArray = npt.NDArray[np.float64]
 
 
 class RigidPenetration(BuiltIn):
@@ -34,12 +43,7 @@ class RigidPenetration(BuiltIn):
 
     def evaluate(self, inputs: Arrays) -> Results:
         L = inputs["projectile_length"]
-        R, S = inputs["crater_radius"], inputs["plasticity_radius"]
-        density_ratio = inputs["projectile_density"] / inputs["target_density"]
-        resistance = (
-            14 / 3 * inputs["target_yield_limit"] / inputs["target_density"] * np.log(S / R)
-        )
-        inertia = density_ratio * L + R * (S - R) / (S + R)
+        inertia, resistance = _constants(inputs)
         # (2.16) with u = v and no erosion, integrated over depth down to u = 0.
         depth = inertia * np.log1p(inputs["impact_velocity"] ** 2 / resistance)
         return Results.all_ok(
@@ -50,3 +54,26 @@ class RigidPenetration(BuiltIn):
                 "termination": np.full_like(depth, rod_and_target.Termination.RIGID),
             }
         )
+
+    def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset:
+        """The course of one run against depth, as that of `walker-anderson`."""
+        arrays = {name: np.array([value], dtype=np.float64) for name, value in inputs.items()}
+        with np.errstate(all="ignore"):
+            inertia, resistance = (value.item() for value in _constants(arrays))
+            rest = self.evaluate(arrays).outputs["penetration_depth"].item()
+        if not 0 < rest < np.inf:
+            raise TrajectoryError("inputs too large or too small")
+        depth = np.linspace(0.0, rest, DEPTHS)
+        time, velocity = while_rigid(depth, rest, inputs["impact_velocity"], inertia, resistance)
+        length = np.full_like(depth, inputs["projectile_length"])
+        still = np.zeros_like(depth)
+        return as_dataset(Trajectory(depth, time, velocity, velocity, length, still))
+
+
+def _constants(inputs: Arrays) -> tuple[FloatArray, FloatArray]:
+    """The inertia, m, and the target's resistance, m2 s-2."""
+    R, S = inputs["crater_radius"], inputs["plasticity_radius"]
+    density_ratio = inputs["projectile_density"] / inputs["target_density"]
+    resistance = 14 / 3 * inputs["target_yield_limit"] / inputs["target_density"] * np.log(S / R)
+    inertia = density_ratio * inputs["projectile_length"] + R * (S - R) / (S + R)
+    return inertia, resistance

@@ -21,10 +21,10 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.errors import TrajectoryError
+from uqpen.models.rod_course import DEPTHS, Trajectory, while_rigid
 
 __all__ = [
     "Rod",
-    "Trajectory",
     "erosion_slopes",
     "integrate_erosion",
     "rod_in_target",
@@ -35,31 +35,6 @@ FloatArray = npt.NDArray[np.float64]
 Vector = tuple[float, float, float, float]
 
 _MOST_EVALUATIONS = 200_000
-
-
-class Trajectory(NamedTuple):
-    """The course of a run; arrays of shape (depth,).
-
-    Attributes
-    ----------
-    depth : ndarray
-        z of the nose, m, evenly from 0 to where it comes to rest.
-    time : ndarray
-        Since impact, s.
-    nose_velocity, tail_velocity : ndarray
-        u, v, m s-1.
-    length : ndarray
-        L of the rod, m.
-    plastic_extent : ndarray
-        s of plastic flow in the rod, m.
-    """
-
-    depth: FloatArray
-    time: FloatArray
-    nose_velocity: FloatArray
-    tail_velocity: FloatArray
-    length: FloatArray
-    plastic_extent: FloatArray
 
 
 class Rod(NamedTuple):
@@ -76,7 +51,7 @@ class Rod(NamedTuple):
     impact_velocity: float  # v0, m s-1
 
 
-def trajectory(rod: Rod, *, depths: int = 401, tolerance: float = 1e-10) -> Trajectory:
+def trajectory(rod: Rod, *, depths: int = DEPTHS, tolerance: float = 1e-10) -> Trajectory:
     """Follow one run from impact to rest.
 
     Parameters
@@ -106,7 +81,7 @@ def trajectory(rod: Rod, *, depths: int = 401, tolerance: float = 1e-10) -> Traj
     depth = np.linspace(0.0, rest, depths)
     eroding = depth < z
     during = _while_eroding(solution, depth[eroding], rod)
-    time, velocity = _while_rigid(depth[~eroding], rest, u, inertia, rod.resistance)
+    time, velocity = while_rigid(depth[~eroding], rest, u, inertia, rod.resistance)
     length = np.full_like(time, L)
     # A rod that stops while it erodes keeps its plastic extent; else x is 0.
     extent = np.full_like(time, rod.plastic_scale * x if u == 0 else 0.0)
@@ -268,16 +243,3 @@ def _time_at(depth: FloatArray, solution: Any) -> FloatArray:
         short = solution.sol(middle)[3] < depth
         early, late = np.where(short, middle, early), np.where(short, late, middle)
     return late
-
-
-def _while_rigid(
-    depth: FloatArray, rest: float, u0: float, inertia: float, resistance: float
-) -> tuple[FloatArray, FloatArray]:
-    """Time since erosion ended and velocity of a rigid rod that stops at the depth `rest`.
-
-    With u = v, (2.16) is 2 K du/dt = -(u² + B), K the inertia and B the resistance.
-    """
-    u = np.sqrt(resistance * np.expm1((rest - depth) / inertia))
-    root = math.sqrt(resistance)
-    time = 2 * inertia / root * (math.atan(u0 / root) - np.arctan(u / root))
-    return time, u

@@ -22,18 +22,6 @@ __all__ = ["WalkerAnderson"]
 
 _UNSOLVED = "the integration did not reach the end of erosion within its steps"
 
-# What the course of a run stands against: not "depth", which CF keeps for water.
-_DEPTH = "penetration_depth"
-
-# What the course of a run is made of: variable, unit, what a person reads.
-_COURSE = (
-    ("time", "s", "time since impact"),
-    ("nose_velocity", "m s-1", "velocity of the projectile's nose, u"),
-    ("tail_velocity", "m s-1", "velocity of the projectile's tail, v"),
-    ("length", "m", "length of the projectile, L"),
-    ("plastic_extent", "m", "extent of plastic flow in the projectile, s"),
-)
-
 
 @dataclass(frozen=True)
 class WalkerAnderson(BuiltIn):
@@ -102,8 +90,7 @@ class WalkerAnderson(BuiltIn):
             ``time``, ``nose_velocity``, ``tail_velocity``, ``length`` and ``plastic_extent`` along
             ``penetration_depth``, from the surface to where the rod stops.
         """
-        import xarray as xr
-
+        from uqpen.models.rod_course import as_dataset
         from uqpen.models.rod_trajectory import rod_in_target, trajectory
 
         scalars = {name: np.asarray(value, dtype=np.float64) for name, value in inputs.items()}
@@ -112,14 +99,7 @@ class WalkerAnderson(BuiltIn):
             course = trajectory(rod_in_target(**constants))
         except (OverflowError, ZeroDivisionError) as error:
             raise TrajectoryError(f"inputs too large or too small: {error}") from None
-        described = {"units": "m", "long_name": "depth of the projectile's nose, z"}
-        return xr.Dataset(
-            {
-                name: (_DEPTH, getattr(course, name), {"units": unit, "long_name": long_name})
-                for name, unit, long_name in _COURSE
-            },
-            {_DEPTH: (_DEPTH, course.depth, described)},
-        )
+        return as_dataset(course)
 
 
 def _rod(inputs: Arrays) -> Arrays:
