@@ -108,8 +108,15 @@ def _faults_of_methods(tree: xr.DataTree) -> Iterator[str]:
         if not _is_like(methods, name, dimensions, kind):
             yield f"/{METHODS}: no {name} along {', '.join(dimensions)}"
             noted = True
-    if not noted and ((methods["runs"] > 0) & (methods["replicates"] < 1)).any():
+    if noted:
+        return
+    if ((methods["runs"] > 0) & (methods["replicates"] < 1)).any():
         yield f"/{METHODS}: runs without replicates"
+    budgets = methods[BUDGET].values
+    if not (budgets.size and methods[METHOD].size):
+        yield f"/{METHODS}: no method that was given runs"
+    elif budgets[0] < 1 or (budgets[1:] <= budgets[:-1]).any():
+        yield f"/{METHODS}: numbers of runs that do not ascend from 1"
 
 
 def _is_like(dataset: xr.Dataset, name: str, dimensions: tuple[str, ...], kind: str) -> bool:

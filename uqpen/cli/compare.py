@@ -53,6 +53,7 @@ def compare(
     """
     from uqpen.archive.write import prepare_destination, write
     from uqpen.cli.head_to_head_screen import progress, show_comparison
+    from uqpen.cli.report import name_report
     from uqpen.cli.screen import output
     from uqpen.head_to_head.contest import compare, refuse
     from uqpen.head_to_head.terms import BUDGETS, REPEATS, Terms
@@ -79,6 +80,7 @@ def compare(
         return ExitCode.INTERRUPTED
     show_comparison(tree)
     output().print(f"archive: {archive}", soft_wrap=True, markup=False, highlight=False)
+    name_report(archive)
     if not has_reference(tree):
         click.echo("the reference lost all of its runs", err=True)
         return ExitCode.LOST

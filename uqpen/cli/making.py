@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import click
 
@@ -16,21 +16,7 @@ if TYPE_CHECKING:
 
     from uqpen.study.study import Study
 
-__all__ = ["Made", "make"]
-
-
-class Made(NamedTuple):
-    """What came of making an archive.
-
-    Attributes
-    ----------
-    code : ExitCode
-    tree : DataTree or None
-        What it holds; None where it was not made.
-    """
-
-    code: ExitCode
-    tree: xr.DataTree | None
+__all__ = ["make"]
 
 
 def make(
@@ -41,7 +27,7 @@ def make(
     start: Start,
     where: Where,
     show: Callable[[xr.DataTree], None] = lambda tree: None,
-) -> Made:
+) -> ExitCode:
     """Make the archive of a study, and tell what came of it.
 
     Parameters
@@ -70,10 +56,10 @@ def make(
             tree = make_archive(study, path, map=spread, progress=reporter, **start._asdict())
     except KeyboardInterrupt as interrupt:
         click.echo(": ".join(["interrupted", *map(str, interrupt.args)]), err=True)
-        return Made(ExitCode.INTERRUPTED, None)
+        return ExitCode.INTERRUPTED
     show(tree)
     output().print(f"archive: {archive}", soft_wrap=True, markup=False, highlight=False)
     if has_lost_all(tree):
         click.echo("a design lost all of its runs", err=True)
-        return Made(ExitCode.LOST, tree)
-    return Made(ExitCode.DONE, tree)
+        return ExitCode.LOST
+    return ExitCode.DONE

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-__all__ = ["name_report", "report", "write_beside"]
+__all__ = ["name_report", "report", "write_report_of"]
 
 
 @click.command(short_help="Write a page that shows what an archive holds.")
@@ -26,32 +22,29 @@ def report(archive: Path, file: Path | None) -> None:
 
     It opens in any browser, without a network.
     """
-    from uqpen.archive.read import open_archive
-    from uqpen.report.page import write_report
-
-    path = file or _beside(archive)
-    tree = open_archive(archive)
-    if path.exists() and path.samefile(archive):
-        raise click.UsageError(f"{path}: is the archive itself, which is not overwritten")
-    write_report(tree, path)
-    _tell(str(path))
+    write_report_of(archive, Path(), file)
 
 
-def write_beside(tree: xr.DataTree, here: Path, archive: Path) -> None:
-    """Write the page of an archive that was just made beside it, and say where.
+def write_report_of(archive: Path, here: Path, file: Path | None = None) -> None:
+    """Write the report of an archive, and say where.
 
     Parameters
     ----------
-    tree : DataTree
-        What the archive holds.
+    archive : Path
+        As the user calls it.
     here : Path
         Where the user stands.
-    archive : Path
-        The archive, as the user calls it.
+    file : Path, optional
+        Of the page, as the user calls it; beside the archive without it.
     """
+    from uqpen.archive.read import open_archive
     from uqpen.report.page import write_report
 
-    path = _beside(archive)
+    stem = archive.stem if archive.suffix == ".nc" else archive.name
+    path = file or archive.with_name(f"{stem}.html")
+    tree = open_archive(here / archive)
+    if (here / path).exists() and (here / path).samefile(here / archive):
+        raise click.UsageError(f"{path}: is the archive itself, which is not overwritten")
     write_report(tree, here / path)
     _tell(str(path))
 
@@ -61,11 +54,6 @@ def name_report(archive: Path) -> None:
     import shlex
 
     _tell(shlex.join(["uqpen", "report", str(archive)]))
-
-
-def _beside(archive: Path) -> Path:
-    stem = archive.stem if archive.suffix == ".nc" else archive.name
-    return archive.with_name(f"{stem}.html")
 
 
 def _tell(what: str) -> None:

@@ -62,8 +62,8 @@ def rerun(
         if restored.has_kept_files:
             # The folder of its files is there for the moment alone.
             study = keeping_runs(study, here / copy.with_name(f"{copy.stem}_runs"))
-        made = make(study, here, copy, start=start, where=where)
-    if made.tree is not None:
+        code = make(study, here, copy, start=start, where=where)
+    if code is not ExitCode.INTERRUPTED:
         command = shlex.join(["uqpen", "diff", str(archive), str(copy)])
         output().print(f"compare: {command}", soft_wrap=True, markup=False, highlight=False)
-    return made.code
+    return code

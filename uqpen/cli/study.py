@@ -35,7 +35,7 @@ def study(
     Leaves with 3 if a design lost all of its runs.
     """
     from uqpen.cli.making import make
-    from uqpen.cli.report import name_report, write_beside
+    from uqpen.cli.report import name_report, write_report_of
     from uqpen.cli.screen import show_tables
     from uqpen.study.load import load_study
 
@@ -43,10 +43,10 @@ def study(
     here = Path.cwd()
     loaded = load_study(file)
     archive = archive or Path("archives") / f"{loaded.name}.nc"
-    made = make(loaded, here, archive, start=start, where=where, show=show_tables)
-    if made.tree is not None:
+    code = make(loaded, here, archive, start=start, where=where, show=show_tables)
+    if code is not ExitCode.INTERRUPTED:
         if is_reported:
-            write_beside(made.tree, here, archive)
+            write_report_of(archive, here)
         else:
             name_report(archive)
-    return made.code
+    return code

@@ -22,15 +22,16 @@ from uqpen.summary.table import unchanged
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["losses"]
+__all__ = ["CHANCES", "losses", "lost_of"]
 
-_CHANCES = (("larger", "larger"), ("further_out", "further out"))
+# What is told of the inputs of lost runs, and what a person reads.
+CHANCES = (("larger", "larger"), ("further_out", "further out"))
 
 
 def losses(part: Part) -> Iterator[Panel]:
     """Runs lost to what, and which inputs go with that."""
     designs = [name for name in part.designs if part.source in (None, name)]
-    lost = [design for design in designs if _lost(part, design)]
+    lost = [design for design in designs if lost_of(part, design)]
     if lost:
         title = part.titled("runs that were lost")
         height = 0.9 + 0.3 * len(lost)
@@ -38,7 +39,7 @@ def losses(part: Part) -> Iterator[Panel]:
     for design in designs:
         if design in names_in(part.tree, LOSSES):
             told = group(part.tree, LOSSES, design)
-            if not any(np.isfinite(told[name].values[:, 0]).any() for name, _ in _CHANCES):
+            if not any(np.isfinite(told[name].values[:, 0]).any() for name, _ in CHANCES):
                 continue
             inputs = tuple(map(str, told[INPUT].values))
             title = part.titled(f"{design}: inputs of lost runs")
@@ -46,7 +47,8 @@ def losses(part: Part) -> Iterator[Panel]:
             yield Panel(title, partial(_draw_places, told), height, inputs)
 
 
-def _lost(part: Part, design: str) -> dict[Status, int]:
+def lost_of(part: Part, design: str) -> dict[Status, int]:
+    """How many runs of a design were lost in which way; only ways that some were."""
     counts = status_counts(group(part.tree, RUNS, design))
     return {status: n for status, n in counts.items() if n and status is not Status.OK}
 
@@ -56,7 +58,7 @@ def _draw_shares(part: Part, designs: list[str], axes: Axes) -> Iterator[str]:
     named: set[Status] = set()
     for row, design in enumerate(designs):
         told = group(part.tree, STATUSES, design)
-        lost = _lost(part, design)
+        lost = lost_of(part, design)
         for number, (status, count) in enumerate(lost.items()):
             share = count / group(part.tree, RUNS, design).sizes[RUN]
             known = told.get(status.meaning)
@@ -77,7 +79,7 @@ def _draw_shares(part: Part, designs: list[str], axes: Axes) -> Iterator[str]:
 def _draw_places(told: xr.Dataset, axes: Axes) -> Iterator[str]:
     axes.axvline(0.5, color=GREY, linewidth=0.8)
     dots = []
-    for number, (name, label) in enumerate(_CHANCES):
+    for number, (name, label) in enumerate(CHANCES):
         for row, chance in enumerate(told[name]):
             if np.isfinite(chance.values[0]):
                 place = row + 0.3 * (number - 0.5)

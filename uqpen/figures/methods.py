@@ -18,7 +18,7 @@ from uqpen.summary.table import Conversion, exceedance_label, quantile_label, un
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["methods"]
+__all__ = ["Statistic", "methods", "statistics"]
 
 _ROW, _FRAME = 0.19, 0.75
 
@@ -26,7 +26,7 @@ _ROW, _FRAME = 0.19, 0.75
 def methods(part: Part) -> Iterator[Panel]:
     """Means, quantiles, probabilities: what each source says."""
     for output in (*part.numbers, *part.kinds):
-        found = list(_statistics(part, output))
+        found = list(statistics(part, output))
         rows = tuple(name for name in part.sources if any(name in each.told for each in found))
         for each in found:
             if each.told:
@@ -35,9 +35,24 @@ def methods(part: Part) -> Iterator[Panel]:
                 yield Panel(title, partial(_draw, part, each, rows), height, rows, output)
 
 
-class _Statistic(NamedTuple):
-    """A statistic of an output: its name, axis, conversion, and what each source estimates."""
+class Statistic(NamedTuple):
+    """A statistic of an output, and what all sources tell of it.
 
+    Attributes
+    ----------
+    kind : str
+        The group that it stands in.
+    label : str
+        What it is called in tables.
+    axis : str
+        What an axis of it says.
+    convert : callable
+        From SI to the unit that it is shown in.
+    estimates : mapping of str to DataArray
+        By source; along ``bound``.
+    """
+
+    kind: str
     label: str
     axis: str
     convert: Conversion
@@ -49,8 +64,8 @@ class _Statistic(NamedTuple):
         return {s: e for s, e in self.estimates.items() if np.isfinite(e.values[0])}
 
 
-def _statistics(part: Part, output: str) -> Iterator[_Statistic]:
-    """Each statistic of an output."""
+def statistics(part: Part, output: str) -> Iterator[Statistic]:
+    """Mean, standard deviation, quantiles, probabilities and shares of an output."""
     measure, axis = part.measure(output), part.axis(output)
     moments: tuple[tuple[str, str, Conversion], ...] = (
         ("mean", "mean", measure.from_si),
@@ -60,7 +75,7 @@ def _statistics(part: Part, output: str) -> Iterator[_Statistic]:
         told = part.told(MOMENTS)
         name = f"{output}_{suffix}"
         found = {s: group[name] for s, group in told if name in group}
-        yield _Statistic(label, axis, convert, found)
+        yield Statistic(MOMENTS, label, axis, convert, found)
     entries: tuple[tuple[str, str, str, Conversion], ...] = (
         (QUANTILES, "probability", axis, measure.from_si),
         (EXCEEDANCE, "threshold", "probability", unchanged),
@@ -71,7 +86,7 @@ def _statistics(part: Part, output: str) -> Iterator[_Statistic]:
         for position, called in enumerate(_called(arrays, f"{output}_{along}")):
             label = _label(kind, called)
             entry = {s: array[position] for s, array in arrays.items()}
-            yield _Statistic(label, shown, convert, entry)
+            yield Statistic(kind, label, shown, convert, entry)
 
 
 def _label(kind: str, called: Any) -> str:
@@ -87,7 +102,7 @@ def _called(arrays: Mapping[str, xr.DataArray], coordinate: str) -> list[Any]:
     return [] if first is None else list(first[coordinate].values.tolist())
 
 
-def _draw(part: Part, statistic: _Statistic, rows: tuple[str, ...], axes: Axes) -> Iterator[str]:
+def _draw(part: Part, statistic: Statistic, rows: tuple[str, ...], axes: Axes) -> Iterator[str]:
     axes.set_xlabel(statistic.axis)
     axes.locator_params(axis="x", nbins=3)
     dots = [

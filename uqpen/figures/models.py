@@ -18,23 +18,27 @@ from uqpen.labels import CDFS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["models"]
+__all__ = ["curves_of_models", "models"]
 
 
 def models(part: Part) -> Iterator[Panel]:
     """Distribution functions by each of several models."""
     if not part.model:
         return
-    source = part.source or next(iter(names_in(part.tree, CDFS)), None)
+    source = part.source or next(iter(names_in(part.tree, CDFS)), "")
     for output in part.numbers:
-        curves = [
-            Curve.of(each.model, told, output, part.measure(output))
-            for each in part.others
-            if source is not None and output in (told := group(each.tree, CDFS, source))
-        ]
-        curves = [curve for curve in curves if np.isfinite(curve.values).any()]
-        if curves:
+        if curves := curves_of_models(part, output, source):
             yield Panel(f"{output}, by {source}", partial(_draw, part, output, curves))
+
+
+def curves_of_models(part: Part, output: str, source: str) -> list[Curve]:
+    """The distribution functions of an output that the models tell by one source."""
+    curves = [
+        Curve.of(each.model, told, output, part.measure(output))
+        for each in part.others
+        if output in (told := group(each.tree, CDFS, source))
+    ]
+    return [curve for curve in curves if np.isfinite(curve.values).any()]
 
 
 def _draw(part: Part, output: str, curves: list[Curve], axes: Axes) -> Iterator[str]:

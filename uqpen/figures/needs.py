@@ -26,7 +26,7 @@ from uqpen.labels import (
     TRAJECTORY,
 )
 
-__all__ = ["faults"]
+__all__ = ["faults", "faults_of_levels"]
 
 
 def faults(tree: xr.DataTree) -> Iterator[str]:
@@ -49,7 +49,7 @@ def faults(tree: xr.DataTree) -> Iterator[str]:
             is_design = name in designs
             yield from (f"/{kind}/{name}: {fault}" for fault in check(told, outputs, is_design))
     yield from (f"/{TRAJECTORY}: {fault}" for fault in _faults_of_course(tree, known))
-    yield from _faults_of_levels(tree)
+    yield from faults_of_levels(tree)
 
 
 def _described(runs: xr.Dataset) -> dict[str, bool]:
@@ -120,7 +120,8 @@ def _faults_of_course(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[str
             yield f"{name} is no number"
 
 
-def _faults_of_levels(tree: xr.DataTree) -> Iterator[str]:
+def faults_of_levels(tree: xr.DataTree) -> Iterator[str]:
+    """Intervals whose level is no probability, a line each."""
     for node in tree.subtree:
         for name, variable in node.data_vars.items():
             level = variable.attrs.get(INTERVAL_LEVEL, 0.95)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,7 @@ from uqpen.summary.digits import grouped
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["scatter", "thinned"]
+__all__ = ["jittered", "kinds_of", "scatter", "thinned"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -106,17 +106,26 @@ def _draw(
 
 def _heights(axes: Axes, part: Part, output: str, runs: xr.Dataset) -> FloatArray:
     """Where each run stands; those of one kind beside each other, so that they can be seen."""
-    array = runs[output]
     if output in part.numbers:
-        heights: FloatArray = part.measure(output).from_si(array.values)
+        heights: FloatArray = part.measure(output).from_si(runs[output].values)
         return heights
-    told: dict[Any, Any] = dict(array.attrs)
+    kinds = kinds_of(runs[output])
+    axes.set_yticks(range(len(kinds)), [plain(label, 20) for label in kinds.values()])
+    axes.set_ylim(-0.6, len(kinds) - 0.4)
+    return jittered(runs[output].values, kinds)
+
+
+def kinds_of(output: xr.DataArray) -> dict[int, str]:
+    """What the kinds of an output are called, by their codes; not that of lost runs."""
+    told: dict[Any, Any] = dict(output.attrs)
     codes = np.asarray(told["flag_values"]).tolist()
-    labels = list(map(str, np.atleast_1d(told.get("flag_labels", told["flag_meanings"].split()))))
-    shown = [position for position, label in enumerate(labels) if label != "lost"]
-    axes.set_yticks(range(len(shown)), [plain(labels[position], 20) for position in shown])
-    axes.set_ylim(-0.6, len(shown) - 0.4)
-    row_of = {codes[position]: row for row, position in enumerate(shown)}
-    rows = np.array([row_of.get(code, np.nan) for code in array.values.tolist()])
+    labels = map(str, np.atleast_1d(told.get("flag_labels", told["flag_meanings"].split())))
+    return {code: label for code, label in zip(codes, labels, strict=True) if label != "lost"}
+
+
+def jittered(codes: npt.NDArray[np.integer], kinds: Iterable[int]) -> FloatArray:
+    """The row of each run's kind, and up to a quarter beside it, so that many can be seen."""
+    row_of = {code: row for row, code in enumerate(kinds)}
+    rows = np.array([row_of.get(code, np.nan) for code in codes.tolist()])
     golden = (np.arange(rows.size) * 0.6180339887498949) % 1
     return rows + 0.5 * (golden - 0.5)

@@ -13,7 +13,7 @@ from uqpen.figures.part import Part
 from uqpen.labels import SENSITIVITY
 from uqpen.summary.table import unchanged
 
-__all__ = ["EFFECTS", "INDICES", "best", "effect_on", "sensitivity"]
+__all__ = ["EFFECTS", "INDICES", "best", "sensitivity"]
 
 INDICES = (
     ("first_order", "first order", "o"),
@@ -33,11 +33,10 @@ def sensitivity(part: Part) -> Iterator[Panel]:
         if found := series(part, output, EFFECTS):
             title = part.titled(f"{output}: elementary effects")
             convert = part.measure(output).difference_from_si
-            yield panel_of(part, title, effect_on(part, output), found, convert)
+            yield panel_of(part, title, _effect_on(part, output), found, convert)
 
 
-def effect_on(part: Part, output: str) -> str:
-    """What an axis of elementary effects says."""
+def _effect_on(part: Part, output: str) -> str:
     return f"effect on {part.axis(output)}"
 
 

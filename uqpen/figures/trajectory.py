@@ -75,8 +75,8 @@ def called(array: xr.DataArray) -> str:
 
 def symbol(array: xr.DataArray) -> str:
     """The short symbol that ends what a quantity is called, or all of that without one."""
-    text, _, symbol = called(array).rpartition(", ")
-    return symbol if text and len(symbol) <= 2 else called(array)
+    text, _, short = called(array).rpartition(", ")
+    return short if text and len(short) <= 2 else called(array)
 
 
 def _draw(

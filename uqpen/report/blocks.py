@@ -76,16 +76,20 @@ class Axis:
     title : str
         With the unit in brackets.
     ends : tuple of float, optional
-        Where it begins and ends; without them, where the data do.
+        Where it begins and ends, of a logarithmic one as powers of ten; without them, where the
+        data do.
     rows : tuple of str
         Names in place of numbers: of the rows 0, 1, … from the top.
     is_logarithmic : bool
+    ticks : tuple of (float, str)
+        The only places that are marked, and what stands there.
     """
 
     title: str
     ends: tuple[float, float] | None = None
     rows: tuple[str, ...] = ()
     is_logarithmic: bool = False
+    ticks: tuple[tuple[float, str], ...] = ()
 
 
 @dataclass(frozen=True)

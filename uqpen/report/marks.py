@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from uqpen.figures.texts import plain
 
-__all__ = ["DASHES", "MARKERS", "Shape", "Trace", "band", "bars", "dots", "line", "points"]
-__all__ += ["rounded", "shade", "upright", "written"]
+__all__ = ["DASHES", "MARKERS", "Shape", "Trace", "band", "bars", "dots", "level", "line"]
+__all__ += ["points", "rounded", "shade", "upright", "written"]
 
 Trace = dict[str, Any]
 Shape = dict[str, Any]
@@ -184,19 +184,19 @@ def dots(
     """
     across = "y" if along == "x" else "x"
     estimates = bounds[:, 0]
-    sides = np.maximum(np.nan_to_num([estimates - bounds[:, 1], bounds[:, 2] - estimates]), 0.0)
+    sides = np.maximum([estimates - bounds[:, 1], bounds[:, 2] - estimates], 0.0)
     has_any = [bool(np.isfinite(each).any()) for each in bounds[:, 1:]]
     return {
         "type": "scatter",
         "mode": "markers",
         "name": written(name),
-        along: rounded(estimates),
+        along: rounded(estimates, 9),
         across: rounded(places),
         f"error_{along}": {
             "type": "data",
             "symmetric": False,
-            "array": rounded(sides[1]),
-            "arrayminus": rounded(sides[0]),
+            "array": _lengths(sides[1]),
+            "arrayminus": _lengths(sides[0]),
             "color": series,
             "thickness": 1.6,
             "width": 4,
@@ -209,6 +209,11 @@ def dots(
         "text": [written(each, 200) for each in hovers],
         "hoverinfo": "text",
     }
+
+
+def _lengths(sides: Numbers) -> list[float | str]:
+    # Plotly takes None for 0, and draws the end of a bar there.
+    return ["none" if length is None else length for length in rounded(sides)]
 
 
 def bars(edges: Numbers, counts: Numbers, series: int | str, *, hover: str) -> Trace:
@@ -235,6 +240,20 @@ def upright(x: float, series: int | str, dash: str = "solid") -> Shape:
         "y0": 0,
         "y1": 1,
         "line": {"color": series, "dash": dash, "width": 1.5},
+    }
+
+
+def level(y: float, series: int | str, dash: str = "solid") -> Shape:
+    """A thin line from the left of a chart to its right."""
+    return {
+        "type": "line",
+        "xref": "paper",
+        "x0": 0,
+        "x1": 1,
+        "y0": y,
+        "y1": y,
+        "line": {"color": series, "dash": dash, "width": 1},
+        "layer": "below",
     }
 
 

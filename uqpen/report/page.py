@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import jinja2
 import xarray as xr
@@ -16,10 +18,13 @@ from uqpen.archive.read import models_in
 from uqpen.errors import ReportError
 from uqpen.figures.page import check
 from uqpen.figures.part import Part
+from uqpen.figures.texts import plain
 from uqpen.files import replace_file
+from uqpen.labels import HEAD_TO_HEAD, KIND
 from uqpen.lookup import resolve
-from uqpen.report import SECTIONS
+from uqpen.report import SECTIONS, SECTIONS_OF_COMPARISON
 from uqpen.report.blocks import Block, Chart, Charts, Heading
+from uqpen.report.head_to_head.contest import check_comparison
 from uqpen.report.legend import OUTLINES, STROKES, colour
 from uqpen.report.plotted import as_json
 from uqpen.summary.digits import percent
@@ -28,6 +33,12 @@ __all__ = ["page", "write_report"]
 
 _ASSETS = files("uqpen.report") / "assets"
 _LIBRARY = files("uqpen.report") / "vendored" / "plotly-basic.min.js"
+
+# Control characters, what turns texts around, halves of pairs, and what is no character.
+_UNFIT = re.compile(
+    "[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u061c\\u200e\\u200f\\u202a-\\u202e\\u2066-\\u2069"
+    "\\ud800-\\udfff\\ufdd0-\\ufdef\\ufffe\\uffff]"
+)
 
 
 @dataclass(frozen=True)
@@ -58,7 +69,7 @@ def write_report(tree: xr.DataTree, path: str | Path) -> None:
     ArchiveError
         If the archive lacks what the report goes by.
     """
-    content = page(tree).encode("utf-8", "replace")
+    content = page(tree).encode("utf-8")
     try:
         replace_file(Path(path), content)
     except OSError as error:
@@ -77,8 +88,7 @@ def page(tree: xr.DataTree) -> str:
     ArchiveError
         If the archive lacks what the report goes by.
     """
-    check(tree)
-    sections = [section for name in SECTIONS if (section := _filled(tree, name)).blocks]
+    sections = [section for section in _sections(tree) if section.blocks]
     charts = [chart for section in sections for chart in _charts(section.blocks)]
     style, script = ((_ASSETS / name).read_text("utf-8") for name in ("page.css", "page.js"))
     library = _LIBRARY.read_text("utf-8")
@@ -88,11 +98,12 @@ def page(tree: xr.DataTree) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
+        finalize=_legible,
     )
     environment.globals |= {"id": id, "level": percent, "colour": colour}
     environment.globals |= {"strokes": STROKES, "outlines": OUTLINES}
     return environment.get_template("page.html").render(
-        title=str(tree.attrs.get("title", "")),
+        title=_title(tree),
         sections=sections,
         numbers={id(chart): number for number, chart in enumerate(charts)},
         data=as_json(charts),
@@ -103,14 +114,31 @@ def page(tree: xr.DataTree) -> str:
     )
 
 
+def _sections(tree: xr.DataTree) -> Iterator[_Filled]:
+    """All sections for an archive of its kind, some of which may be empty."""
+    if tree.attrs.get(KIND) != HEAD_TO_HEAD:
+        check(tree)
+        yield from (_filled(tree, name) for name in SECTIONS)
+        return
+    check_comparison(tree)
+    for name, section in SECTIONS_OF_COMPARISON.items():
+        yield _Filled(name, section.title, section.lead, tuple(resolve(section.make)(tree)))
+
+
+def _title(tree: xr.DataTree) -> str:
+    title = str(tree.attrs.get("title", "")).strip() or "A study without a title"
+    return f"{title}: methods head to head" if tree.attrs.get(KIND) == HEAD_TO_HEAD else title
+
+
 def _filled(tree: xr.DataTree, name: str) -> _Filled:
     """A section of all models of an archive."""
     section = SECTIONS[name]
     make = resolve(section.make)
     blocks: list[Block] = []
-    for model in models_in(tree):
+    models = list(models_in(tree))
+    for model in models[:1] if section.is_common else models:
         found = list(make(Part(tree, model)))
-        if found and model:
+        if found and model and not section.is_common:
             blocks.append(Heading(model))
         blocks += found
     return _Filled(name, section.title, section.lead, tuple(blocks))
@@ -122,6 +150,13 @@ def _charts(blocks: Iterable[Block]) -> Iterator[Chart]:
             yield block
         elif isinstance(block, Charts):
             yield from block.charts
+
+
+def _legible(value: Any) -> Any:
+    """A text of which a page can show each character; others are spelled out."""
+    if not isinstance(value, str) or hasattr(value, "__html__"):
+        return value
+    return _UNFIT.sub(lambda found: plain(found[0]), value.replace("\r\n", "\n"))
 
 
 def _hash(text: str) -> str:

@@ -11,12 +11,41 @@ from uqpen.report.marks import written
 
 __all__ = ["as_json"]
 
+# A list that is longer is written once.
+_SHORT = 50
+
 
 def as_json(charts: Sequence[Chart]) -> str:
     """All charts of a page; a text that ends no script, whatever it holds."""
-    content = [_plotted(chart) for chart in charts]
+    content = _once([_plotted(chart) for chart in charts])
     text = json.dumps(content, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("-->", "--\\u003e")
+
+
+def _once(charts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The same with each long list of the traces once; later ones say where it stands.
+
+    Charts side by side have the same runs along an axis. The page's script puts the lists back.
+    """
+    places: dict[str, tuple[int, int, str]] = {}
+
+    def kept(key: str, value: Any, chart: int, trace: int) -> Any:
+        if not isinstance(value, list) or len(value) <= _SHORT:
+            return value
+        own = chart, trace, key
+        first = places.setdefault(json.dumps(value), own)
+        return value if first == own else {"same": first}
+
+    return [
+        chart
+        | {
+            "traces": [
+                {key: kept(key, value, number, position) for key, value in trace.items()}
+                for position, trace in enumerate(chart["traces"])
+            ]
+        }
+        for number, chart in enumerate(charts)
+    ]
 
 
 def _plotted(chart: Chart) -> dict[str, Any]:
@@ -39,8 +68,12 @@ def _axis(axis: Axis) -> dict[str, Any]:
         told["type"] = "log"
     if axis.ends is not None:
         told["range"] = axis.ends
+    if axis.ticks:
+        told["tickvals"] = [place for place, _ in axis.ticks]
+        told["ticktext"] = [written(text, 28) for _, text in axis.ticks]
     if axis.rows:
         told["tickvals"] = list(range(len(axis.rows)))
         told["ticktext"] = [written(row, 28) for row in axis.rows]
         told["range"] = (len(axis.rows) - 0.5, -0.5)
+        told["showgrid"] = False
     return told

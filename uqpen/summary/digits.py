@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["SUPERSCRIPTS", "grouped", "held", "percent", "sensible"]
+__all__ = ["SUPERSCRIPTS", "alike", "grouped", "held", "percent", "sensible"]
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -55,6 +55,23 @@ def held(estimate: float, upper: float) -> str:
     return figures.write(f"{figures(estimate)}, at most {figures(upper)}")
 
 
+def alike(estimate: float, lower: float, upper: float, *others: float) -> tuple[str, ...]:
+    """An estimate, the ends of its interval, and other values, in the digits of `sensible`.
+
+    Each stands by itself, as in a sentence.
+
+    >>> alike(0.49274, 0.49004, 0.49544, 0.5)
+    ('0.4927', '0.4900', '0.4954', '0.5000')
+    """
+    values = (estimate, lower, upper, *others)
+    sides = (side for side in (estimate - lower, upper - estimate) if not math.isnan(side))
+    half = max(sides, default=math.nan)
+    if not 0 < half < math.inf:
+        return tuple(map(_alone, values))
+    figures = _Figures(estimate, half)
+    return tuple(_alone(each) if each == 0 else figures.whole(each) for each in values)
+
+
 def grouped(number: int) -> str:
     """A whole number with thin spaces between thousands."""
     return f"{number:,}".replace(",", "\u202f")
@@ -82,6 +99,11 @@ class _Figures:
 
     def __call__(self, value: float) -> str:
         return "?" if math.isnan(value) else f"{value / self._power:.{self._places}f}"
+
+    def whole(self, value: float) -> str:
+        """A value with its power of ten."""
+        power = f"×10{str(self.exponent).translate(SUPERSCRIPTS)}" if self.exponent else ""
+        return f"{self(value)}{power}"
 
     def write(self, body: str) -> str:
         """The body with the power of ten that its figures leave out."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,20 +26,26 @@ from uqpen.summary.head_to_head_entries import Entry, entries
 from uqpen.summary.table import NOTHING, OutputTable
 
 __all__ = [
+    "IS_DOUBTFUL",
+    "IS_LEVEL",
     "LEGEND",
+    "WINS",
     "Contest",
     "contests",
     "has_reference",
+    "joined",
     "methods_table",
+    "percentage",
+    "standing",
     "standings_table",
 ]
 
-_WINS, _IS_LEVEL, _IS_DOUBTFUL = "*", "=", "?"
+WINS, IS_LEVEL, IS_DOUBTFUL = "*", "=", "?"
 
 LEGEND = (
     "Figures are root mean squares of errors in % of the reference (of the standard deviation, "
-    f"where that is about 0). {_WINS} leads all other single sets by more than the noise, "
-    f"{_IS_LEVEL} is level with the best, {_IS_DOUBTFUL} is ahead for reasons that leave a doubt; "
+    f"where that is about 0). {WINS} leads all other single sets by more than the noise, "
+    f"{IS_LEVEL} is level with the best, {IS_DOUBTFUL} is ahead for reasons that leave a doubt; "
     "a factor's 95 % interval is in brackets."
 )
 
@@ -50,14 +56,27 @@ class Contest:
 
     Parameters
     ----------
+    entry : Entry
     table : OutputTable
         A row for each method, a column for each budget, the slope last.
-    sentences : tuple of str
-        The verdicts.
+    verdicts : tuple of str
+        Those among single sets.
+    notes : tuple of str
+        What must be known of them.
+    among_replicated : tuple of str
+        The verdicts among replicated sets in one sentence; none where there are no replicates.
     """
 
+    entry: Entry
     table: OutputTable
-    sentences: tuple[str, ...]
+    verdicts: tuple[str, ...]
+    notes: tuple[str, ...]
+    among_replicated: tuple[str, ...]
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """All of them, as they stand below the table."""
+        return (*self.verdicts, *self.notes, *self.among_replicated)
 
 
 def methods_table(tree: xr.DataTree) -> OutputTable:
@@ -96,9 +115,9 @@ def standings_table(tree: xr.DataTree) -> OutputTable:
     for source, variants in zip(methods["source"].values, methods["contests"].values, strict=True):
         if SINGLE not in str(variants).split():
             continue
-        marks = [[_mark(str(source), *contest) for contest in contests] for contests in found]
+        marks = [[standing(str(source), *contest) for contest in contests] for contests in found]
         columns = [[row[column] for row in marks] for column in range(len(budgets))]
-        cells = [f"{marked.count(_WINS)} + {marked.count(_IS_LEVEL)}" for marked in columns]
+        cells = [f"{marked.count(WINS)} + {marked.count(IS_LEVEL)}" for marked in columns]
         table.rows.append((str(source), cells))
     return table
 
@@ -113,29 +132,38 @@ def _contest(entry: Entry) -> Contest:
         name = str(methods["source"].values[position])
         is_single = SINGLE in str(methods["contests"].values[position]).split()
         cells = [
-            _percentage(float(error)) + (_mark(name, *contest) if is_single else " ")
+            percentage(float(error)) + (standing(name, *contest) if is_single else " ")
             for error, contest in zip(errors.values[position, :, 0], entry.contests, strict=True)
         ]
         table.rows.append((label, [*cells, _slope(slopes.values[position].tolist())]))
-    return Contest(table, tuple(_sentences(entry, budgets)))
-
-
-def _sentences(entry: Entry, budgets: list[int]) -> Iterator[str]:
-    """The verdicts among single sets, what to know of them, and those among replicated ones."""
     levels, texts, notes = (
         entry.of(VERDICTS, f"_{what}").values.tolist() for what in ("level", "verdict", "note")
     )
-    yield from _of_single_sets(levels[0], texts[0], budgets)
-    for note, where in _gathered([(note,) if note else () for note in notes[0]], budgets):
+    has_replicates = methods["contests"].isin([REPLICATED]).any()
+    return Contest(
+        entry,
+        table,
+        tuple(_of_single_sets(levels[0], texts[0], budgets)),
+        tuple(_notes(notes[0], budgets)),
+        tuple(_among_replicated(levels[1], budgets)) if has_replicates else (),
+    )
+
+
+def _notes(notes: list[str], budgets: list[int]) -> Iterator[str]:
+    """What the reference's own error means for the verdicts, a sentence for each remark."""
+    for note, where in _gathered([(note,) if note else () for note in notes], budgets):
         if note:
             yield f"at {_listed(where)} runs, {note[0]}"
+
+
+def _among_replicated(levels: list[str], budgets: list[int]) -> Iterator[str]:
+    """All verdicts among replicated sets in one sentence, where there is one."""
     told = [
-        f"{_joined(level)} {'are level' if len(level) > 1 else 'is ahead'} at {_listed(where)}"
-        for level, where in _gathered(levels[1], budgets)
+        f"{joined(level)} {'are level' if len(level) > 1 else 'is ahead'} at {_listed(where)}"
+        for level, where in _gathered(levels, budgets)
         if level
     ]
-    has_replicates = entry.tree.children[METHODS]["contests"].isin([REPLICATED]).any()
-    if told and has_replicates:
+    if told:
         yield f"{REPLICATED}: {'; '.join(told)} runs"
 
 
@@ -144,7 +172,7 @@ def _of_single_sets(levels: list[str], texts: list[str], budgets: list[int]) -> 
     ties = [(names, where) for names, where in _gathered(levels, budgets) if len(names) > 1]
     tied = {budget for _, where in ties for budget in where}
     sentences = [
-        (where[0], f"at {_listed(where)} runs {_joined(names)} are level") for names, where in ties
+        (where[0], f"at {_listed(where)} runs {joined(names)} are level") for names, where in ties
     ]
     sentences += [
         (budget, text) for budget, text in zip(budgets, texts, strict=True) if budget not in tied
@@ -182,7 +210,7 @@ def _shape(runs: int, replicates: int) -> str:
     return grouped(runs) if replicates == 1 else f"{replicates} × {grouped(runs // replicates)}"
 
 
-def _percentage(error: float) -> str:
+def percentage(error: float) -> str:
     """A relative error in per cent, in two digits."""
     value = 100 * error
     if math.isnan(value):
@@ -190,14 +218,14 @@ def _percentage(error: float) -> str:
     return f"{value:.0f}" if value >= 9.95 else f"{value:#.2g}"
 
 
-def _mark(name: str, level: str, lowest: float) -> str:
+def standing(name: str, level: str, lowest: float) -> str:
     """What is put behind an error; `lowest` is the lower bound of the lead."""
     names = level.split()
     if name not in names:
         return " "
     if len(names) > 1:
-        return _IS_LEVEL
-    return _IS_DOUBTFUL if math.isnan(lowest) else _WINS
+        return IS_LEVEL
+    return IS_DOUBTFUL if math.isnan(lowest) else WINS
 
 
 def _slope(bounds: list[float]) -> str:
@@ -212,6 +240,7 @@ def _listed(budgets: list[int]) -> str:
     return ", ".join(map(grouped, budgets))
 
 
-def _joined(names: tuple[str, ...]) -> str:
+def joined(names: Sequence[str]) -> str:
+    """Names as a sentence lists them."""
     *most, last = names
     return f"{', '.join(most)} and {last}" if most else last

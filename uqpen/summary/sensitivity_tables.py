@@ -14,7 +14,7 @@ from uqpen.labels import INPUT, LARGEST_CONTRIBUTION, PAIR, RUNS, SAMPLING, SENS
 from uqpen.summary.table import NOTHING, OutputTable, unchanged
 from uqpen.units import DIMENSIONLESS, Scale, scale
 
-__all__ = ["sensitivity_tables"]
+__all__ = ["named_tables", "sensitivity_tables"]
 
 
 class _Measure(NamedTuple):
@@ -50,16 +50,17 @@ _ASSOCIATIONS = (
 )
 
 _TABLES = (
-    ("shares of its variance", _INDICES),
-    ("responses to its inputs", _RESPONSES),
-    ("elementary effects", _EFFECTS),
+    ("shares", "shares of its variance", _INDICES),
+    ("responses", "responses to its inputs", _RESPONSES),
+    ("effects", "elementary effects", _EFFECTS),
 )
 _MORE_TABLES = (
     (
+        "shares of the logarithm",
         "shares of its logarithm's variance",
         tuple(each._replace(suffix=f"log_{each.suffix}") for each in _INDICES),
     ),
-    ("association with its inputs", _ASSOCIATIONS),
+    ("associations", "association with its inputs", _ASSOCIATIONS),
 )
 
 
@@ -82,7 +83,15 @@ def sensitivity_tables(
     everything : bool
         Whether to show all that there is.
     """
-    for title, measures in (*_TABLES, *(_MORE_TABLES if everything else ())):
+    for _, table in named_tables(tree, output, unit, everything=everything):
+        yield table
+
+
+def named_tables(
+    tree: xr.DataTree, output: str, unit: str, *, everything: bool = False
+) -> Iterator[tuple[str, OutputTable]]:
+    """The same, each after what it is of, such as "shares", "responses" or "effects"."""
+    for name, title, measures in (*_TABLES, *(_MORE_TABLES if everything else ())):
         columns = list(_columns(tree, output, measures))
         if measures is _INDICES and not everything:
             columns = _best(tree, columns)
@@ -91,13 +100,14 @@ def sensitivity_tables(
             table = _table(f"{output}: {title}{measured}", columns, scale(unit))
             if measures is _INDICES:
                 _add_claims(table, tree, output)
-            yield table
+            yield name, table
     for source in names_in(tree, SENSITIVITY):
         answers = group(tree, SENSITIVITY, source)
-        if (name := f"{output}_second_order") in answers:
-            yield _pairs_table(output, source, answers[name])
+        if (pairs := f"{output}_second_order") in answers:
+            yield "pairs", _pairs_table(output, source, answers[pairs])
     if everything:
-        yield from _exceedance_tables(tree, output)
+        for table in _exceedance_tables(tree, output):
+            yield "exceedance", table
 
 
 def _exceedance_tables(tree: xr.DataTree, output: str) -> Iterator[OutputTable]:

@@ -39,7 +39,7 @@ from uqpen.summary.table import (
 )
 from uqpen.units import Scale
 
-__all__ = ["StatisticsRows", "add_shares", "add_statuses", "lost", "runs_spent"]
+__all__ = ["StatisticsRows", "add_runs", "add_shares", "add_statuses", "lost", "runs_spent"]
 
 
 @dataclass(frozen=True)
@@ -101,13 +101,19 @@ class StatisticsRows:
         return held(estimate, upper) + mark
 
 
-def runs_spent(tree: xr.DataTree, source: str) -> str:
+def runs_spent(tree: xr.DataTree, source: str) -> int | None:
     """How many runs a source took: a design its own, a surrogate those it was made of."""
     told_by = group(tree, SURROGATES, source)
     if RUNS_SPENT in told_by.attrs:
-        return grouped(int(told_by.attrs[RUNS_SPENT]))
+        return int(told_by.attrs[RUNS_SPENT])
     runs = group(tree, RUNS, source)
-    return grouped(runs.sizes[RUN]) if runs else NOTHING
+    return int(runs.sizes[RUN]) if runs else None
+
+
+def add_runs(table: OutputTable, tree: xr.DataTree) -> None:
+    """A row of how many runs each source took."""
+    spent = [runs_spent(tree, source) for source in table.columns]
+    table.rows.append(("runs", [NOTHING if runs is None else grouped(runs) for runs in spent]))
 
 
 def lost(tree: xr.DataTree, source: str, table: OutputTable) -> str:

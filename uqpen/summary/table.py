@@ -17,6 +17,7 @@ __all__ = [
     "Conversion",
     "OutputTable",
     "exceedance_label",
+    "figure_text",
     "output_names",
     "quantile_label",
     "remark",
@@ -60,13 +61,14 @@ class OutputTable:
 
     def cell(self, array: xr.DataArray | None, convert: Conversion) -> str:
         """An estimate in the digits that it has, with the mark of what must be known of it."""
-        if array is None:
-            return NOTHING
-        text = sensible(*(float(value) for value in convert(array.values)))
-        label = told(array, INTERVAL_LABEL)
-        if label in (REFUSED, UNCHECKED):
-            text = f"{text} {label}"
-        return text + self.mark(remark(array))
+        return NOTHING if array is None else figure_text(array, convert) + self.mark(remark(array))
+
+
+def figure_text(array: xr.DataArray, convert: Conversion) -> str:
+    """An estimate in the digits that it has, with the verdict on it if that is against it."""
+    text = sensible(*(float(value) for value in convert(array.values)))
+    label = told(array, INTERVAL_LABEL)
+    return f"{text} {label}" if label in (REFUSED, UNCHECKED) else text
 
 
 def unchanged(values: Any) -> Any:

@@ -15,15 +15,15 @@ from uqpen.summary.loss_tables import loss_tables
 from uqpen.summary.sensitivity_tables import sensitivity_tables
 from uqpen.summary.statistics_rows import (
     StatisticsRows,
+    add_runs,
     add_shares,
     add_statuses,
     lost,
-    runs_spent,
 )
 from uqpen.summary.table import NOTHING, OutputTable, output_names
 from uqpen.units import DIMENSIONLESS, scale
 
-__all__ = ["output_tables"]
+__all__ = ["difference_tables", "fit_table", "output_tables", "statistics_table"]
 
 _NOT_FITTED = "_not_fitted"
 
@@ -42,7 +42,7 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
         head = f"{name}: " if name else ""
         first = group(model, RUNS, names_in(model, RUNS)[0])
         for output in output_names(first):
-            if table := _statistics_table(model, output, first[output].attrs):
+            if table := statistics_table(model, output, first[output].attrs):
                 yield replace(table, title=head + table.title)
             unit = str(first[output].attrs.get("display_units", DIMENSIONLESS))
             for table in sensitivity_tables(model, output, unit, everything=everything):
@@ -50,23 +50,37 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
         for table in loss_tables(model):
             yield replace(table, title=head + table.title)
         for surrogate in names_in(model, SURROGATES):
-            table = _fit_table(surrogate, group(model, SURROGATES, surrogate))
+            table = fit_table(surrogate, group(model, SURROGATES, surrogate))
             yield replace(table, title=head + table.title)
-    for other in names_in(tree, DIFFERENCES):
-        yield from _difference_tables(tree, other)
+    yield from difference_tables(tree)
 
 
-def _statistics_table(
+def statistics_table(
     tree: xr.DataTree, name: str, described: Mapping[str, Any]
 ) -> OutputTable | None:
-    """The statistics of one output, from all sources that have any."""
+    """The statistics of one output, from all sources that have any.
+
+    Parameters
+    ----------
+    tree : DataTree
+        What an archive tells of one model.
+    name : str
+        The output's.
+    described : mapping
+        Its attributes.
+
+    Returns
+    -------
+    OutputTable or None
+        None where no source has any.
+    """
     kind = SHARES if "flag_meanings" in described else MOMENTS
     sources = _sources(tree, kind, name)
     if not sources:
         return None
     unit = _shown_unit(described)
     table = OutputTable(_with_unit(name, unit), sources)
-    table.rows.append(("runs", [runs_spent(tree, source) for source in sources]))
+    add_runs(table, tree)
     table.rows.append(("lost", [lost(tree, source, table) for source in sources]))
     add_statuses(table, tree)
     if kind == SHARES:
@@ -76,7 +90,13 @@ def _statistics_table(
     return table
 
 
-def _difference_tables(tree: xr.DataTree, other: str) -> Iterator[OutputTable]:
+def difference_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
+    """How the other models of an archive differ from its first, a table for each output of each."""
+    for other in names_in(tree, DIFFERENCES):
+        yield from _differences(tree, other)
+
+
+def _differences(tree: xr.DataTree, other: str) -> Iterator[OutputTable]:
     """How another model's outputs differ from the first's, a table for each output."""
     pairs = tree.children[DIFFERENCES].children[other]
     runs = models_in(tree)[other]
@@ -109,7 +129,7 @@ _OF_FIT = (
 )
 
 
-def _fit_table(name: str, made: xr.Dataset) -> OutputTable:
+def fit_table(name: str, made: xr.Dataset) -> OutputTable:
     """How well a surrogate fits each output, or why it could not be fitted."""
     title = f"{name}: fit to {made.attrs['runs_used']} runs, check by {made.attrs['check']}"
     table = OutputTable(title, [label for _, label in _OF_FIT])

@@ -2,12 +2,23 @@
 (() => {
   const charts = JSON.parse(document.getElementById("data").textContent);
   const root = document.documentElement;
+  root.dataset.script = "runs";
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const coarse = window.matchMedia("(pointer: coarse)").matches;
   const plots = [...document.querySelectorAll(".plot")];
   const COLOURS = new Set(["color", "fillcolor"]);
 
+  // A list that several traces have is written in the first of them.
+  for (const trace of charts.flatMap((chart) => chart.traces)) {
+    for (const [key, value] of Object.entries(trace)) {
+      if (value === null || value.same === undefined) continue;
+      const [chart, position, name] = value.same;
+      trace[key] = charts[chart].traces[position][name];
+    }
+  }
+
   const isDark = () => (root.dataset.theme ? root.dataset.theme === "dark" : dark.matches);
+  const theme = () => (isDark() ? "dark" : "light");
 
   // A colour is a source's number or a name; the style sheet has it.
   function looked(style, colour, opacity) {
@@ -31,15 +42,19 @@
 
   function axis(style, told) {
     const title = { ...told.title, standoff: 8 };
+    const isWide = told.type === "log" && told.range && told.range[1] - told.range[0] >= 2;
     return {
       automargin: true, zeroline: false, showline: true, ticks: "outside", ticklen: 4,
       linecolor: looked(style, "quiet"), tickcolor: looked(style, "quiet"),
       gridcolor: looked(style, "grid"), exponentformat: "power", nticks: 7,
-      ...told, title,
+      ...(isWide ? { dtick: 1 } : {}), ...told, title,
     };
   }
 
-  function layout(style, chart) {
+  function layout(style, chart, width) {
+    // Numbers stand upright, as many as there is room for beside the names of rows.
+    const room = width - (chart.y.ticktext ? 130 : 60);
+    const upright = chart.x.ticktext ? {} : { tickangle: 0, nticks: Math.min(7, Math.max(3, Math.floor(room / 48))) };
     return {
       height: chart.height,
       margin: { l: 50, r: 14, t: 10, b: 42 },
@@ -51,19 +66,21 @@
       },
       hovermode: "closest", hoverdistance: 30, showlegend: false, bargap: 0,
       dragmode: coarse ? false : "zoom",
-      xaxis: axis(style, chart.x),
-      yaxis: { ...axis(style, chart.y), ...(chart.y.ticktext ? { showgrid: false } : {}) },
+      xaxis: { ...axis(style, chart.x), ...upright },
+      yaxis: axis(style, chart.y),
       shapes: coloured(style, chart.shapes),
     };
   }
 
   const CONFIGURATION = { displayModeBar: false, responsive: true, doubleClick: "reset" };
 
-  function draw(plot) {
+  function draw(plot, isPrinted = false) {
     const style = getComputedStyle(root);
     const chart = charts[plot.dataset.chart];
-    plot.dataset.drawn = isDark() ? "dark" : "light";
-    return Plotly.react(plot, coloured(style, chart.traces), layout(style, chart), CONFIGURATION);
+    plot.dataset.drawn = theme();
+    const width = plot.clientWidth;
+    const set = { ...layout(style, chart, width), ...(isPrinted ? { width } : {}) };
+    return Plotly.react(plot, coloured(style, chart.traces), set, CONFIGURATION);
   }
 
   // Readings of a threshold.
@@ -108,7 +125,10 @@
     }
 
     slider.addEventListener("input", () => show(Number(slider.value)));
-    number.addEventListener("change", () => show(Math.round((Number(number.value) - first) / step)));
+    number.addEventListener("change", () => {
+      const typed = number.value === "" ? value(Number(slider.value)) : Number(number.value);
+      show(Math.round((typed - first) / step));
+    });
     form.addEventListener("submit", (event) => event.preventDefault());
     show(Number(slider.value));
     return (at) => show(Math.round((at - first) / step));
@@ -119,10 +139,11 @@
   );
 
   function begin(plot) {
-    if (plot.dataset.drawn) return;
+    if (plot.dataset.drawn === theme()) return;
+    const isFirst = !plot.dataset.drawn;
     draw(plot);
     const move = moved.get(plot.dataset.chart);
-    if (move) plot.on("plotly_click", (event) => move(event.points[0].x));
+    if (move && isFirst) plot.on("plotly_click", (event) => move(event.points[0].x));
   }
 
   // Charts are drawn when they come near, and the others while there is nothing else to do.
@@ -131,8 +152,11 @@
     { rootMargin: "400px" },
   );
   plots.forEach((plot) => watcher.observe(plot));
-  const idle = window.requestIdleCallback || ((task) => setTimeout(task, 30));
-  const waiting = [...plots];
+  const idle = (task) => {
+    if (window.requestIdleCallback) window.requestIdleCallback(task, { timeout: 60 });
+    else setTimeout(task, 30);
+  };
+  let waiting = [...plots];
   const next = () => {
     const plot = waiting.shift();
     if (plot === undefined) {
@@ -146,7 +170,16 @@
 
   // The theme follows the system until the button is pressed.
   const button = document.getElementById("theme");
-  const redraw = () => plots.filter((plot) => plot.dataset.drawn).forEach(draw);
+  const isSeen = (plot) => {
+    const { top, bottom } = plot.getBoundingClientRect();
+    return top < window.innerHeight && bottom > 0;
+  };
+  const redraw = () => {
+    plots.filter(isSeen).forEach(begin);
+    if (root.dataset.ready) idle(next);
+    delete root.dataset.ready;
+    waiting = [...plots];
+  };
   const name = () => { button.textContent = isDark() ? "Light" : "Dark"; };
   button.hidden = false;
   name();
@@ -162,12 +195,12 @@
   window.addEventListener("beforeprint", () => {
     before = root.dataset.theme;
     root.dataset.theme = "light";
-    document.body.style.width = "180mm";
-    plots.forEach((plot) => { begin(plot); draw(plot); Plotly.relayout(plot, { width: plot.clientWidth }); });
+    root.dataset.printed = "yes";
+    plots.forEach((plot) => { begin(plot); draw(plot, true); });
   });
   window.addEventListener("afterprint", () => {
     if (before === undefined) delete root.dataset.theme; else root.dataset.theme = before;
-    document.body.style.width = "";
-    redraw();
+    delete root.dataset.printed;
+    plots.forEach((plot) => { draw(plot); Plotly.Plots.resize(plot); });
   });
 })();

@@ -7,21 +7,21 @@ from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
 from uqpen.analyses.cdfs import cdf_at
 from uqpen.analyses.quantiles import quantiles
 from uqpen.archive.read import group
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import CUT, curves_of, ends_of, thresholds_of
-from uqpen.figures.histogram import binned, marks_of
 from uqpen.figures.part import Part
 from uqpen.labels import INTERVAL_LEVEL, NOTE, SHARES
-from uqpen.report.blocks import Axis, Block, Chart, Heading, Key, Reading, Table
-from uqpen.report.evidence import called, leading, question_of, sample_of
-from uqpen.report.marks import DASHES, Shape, Trace, band, bars, dots, line, shade, upright, written
-from uqpen.summary.digits import grouped, percent, sensible
-from uqpen.summary.statistics_rows import add_shares
+from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, Key, Reading, Table
+from uqpen.report.marks import DASHES, Trace, upright
+from uqpen.report.sections.evidence import called, leading, question_of, sample_of, titled
+from uqpen.report.sections.exceedance import exceedance
+from uqpen.report.sections.functions import band_of, function_of
+from uqpen.report.sections.histograms import histogram, shares
+from uqpen.summary.digits import percent
 from uqpen.summary.table import OutputTable, quantile_label
 
 __all__ = ["distributions"]
@@ -45,12 +45,12 @@ def distributions(part: Part) -> Iterator[Block]:
         if curves := _curves(part, output, design):
             yield Heading(called(part, output))
             yield _cdf(part, output, curves)
-            yield _histogram(part, output, design)
+            yield Charts((histogram(part, output, design), exceedance(part, output, curves[0])))
             yield Table(_quantile_table(part, output, design))
     for output in part.kinds:
         if output in group(part.tree, SHARES, design):
             yield Heading(called(part, output))
-            yield _shares(part, output, design)
+            yield shares(part, output, design)
 
 
 def _curves(part: Part, output: str, design: str) -> list[Curve]:
@@ -62,23 +62,24 @@ def _curves(part: Part, output: str, design: str) -> list[Curve]:
 def _cdf(part: Part, output: str, curves: list[Curve]) -> Chart:
     lower, upper, is_cut = ends_of(part, output, curves[0])
     first = curves[0].thinned().up_to(lower, upper)
-    traces: list[Trace] = []
+    lead = part.sources.index(first.name)
+    traces: list[Trace] = list(band_of(first, lead))
     keys: list[Key] = []
     if first.has_band:
-        edges = np.asarray(first.band[:, 1]), np.asarray(first.band[:, 2])
-        series = part.sources.index(first.name)
-        traces += band(first.values, *edges, series, is_stepped=first.is_stepped)
         text = f"simultaneous {percent(first.level)} band of {first.name}"
-        keys.append(Key(text, series, "band"))
-    for position, curve in enumerate(curves):
-        thin = first if not position else curve.thinned().up_to(lower, upper)
+        keys.append(Key(text, lead, "band"))
+    traces.append(function_of(first, part.unit(output), lead, "solid", width=2.5))
+    keys.append(Key(first.name, lead, "line"))
+    for curve in curves[1:]:
         series = part.sources.index(curve.name)
-        dash = "solid" if not position else DASHES[series % len(DASHES)]
-        traces.append(_function(part, output, thin, series, dash, is_first=not position))
+        dash = DASHES[series % len(DASHES)]
+        drawn = curve.thinned().up_to(lower, upper)
+        unit = part.unit(output)
+        traces.append(function_of(drawn, unit, series, dash, width=1.5, has_band=False))
         keys.append(Key(curve.name, series, "line", dash))
     asked = thresholds_of(part, output)
     return Chart(
-        title=f"Probability that {_title(part, output)} is at most x",
+        title=f"Probability that {titled(part, output)} is at most x",
         summary=_summary(part, output, curves[0]),
         x=Axis(part.axis(output), (lower, upper)),
         y=Axis("P(at most x)", (0.0, 1.0)),
@@ -89,32 +90,6 @@ def _cdf(part: Part, output: str, curves: list[Curve]) -> Chart:
         tables=(_cdf_table(part, output, curves[0]),),
         height=380,
         reading=_reading(part, output, curves[0], (lower, upper)),
-    )
-
-
-def _title(part: Part, output: str) -> str:
-    return str(part.described(output).get("long_name", output))
-
-
-def _function(
-    part: Part, output: str, curve: Curve, series: int, dash: str, *, is_first: bool
-) -> Trace:
-    unit = written(part.unit(output)) if part.unit(output) != "1" else ""
-    hover = f"{written(curve.name, 40)}<br>P(at most %{{x:.4~g}} {unit}) = %{{y:.4~f}}"
-    beside = []
-    if is_first and curve.has_band:
-        hover += "<br>band %{customdata[0]:.4~f} … %{customdata[1]:.4~f}"
-        beside = [curve.band[:, 1], curve.band[:, 2]]
-    return line(
-        curve.values,
-        curve.band[:, 0],
-        series,
-        hover=hover,
-        name=curve.name,
-        beside=beside,
-        dash=dash,
-        width=2.5 if is_first else 1.5,
-        is_stepped=curve.is_stepped,
     )
 
 
@@ -183,63 +158,6 @@ def _step(lower: float, upper: float) -> tuple[float, int]:
     return step, max(0, -math.floor(math.log10(step) + 1e-9))
 
 
-def _histogram(part: Part, output: str, design: str) -> Chart:
-    values = part.measure(output).from_si(sample_of(part, design, output).values)
-    counts, edges = binned(values)
-    outside = values.size - int(counts.sum())
-    marked = [(name, estimate) for name, _, _, estimate in marks_of(part, output, design)]
-    shapes, keys, lacks = _marked(part, output, marked)
-    unit = part.unit(output)
-    notes = []
-    if outside:
-        notes.append(f"{grouped(outside)} runs lie outside of the axis.")
-    if len(lacks) < len(marked):
-        level = max(float(e.attrs.get(INTERVAL_LEVEL, 0)) for _, e in marked)
-        notes.append(f"Shades: {percent(level)} intervals of what the lines mark.")
-    if lacks:
-        notes.append(f"No interval: {', '.join(lacks)}.")
-    highest = int(np.argmax(counts))
-    return Chart(
-        title=f"{grouped(values.size)} runs of {design}",
-        summary=f"The fullest bin, with {grouped(int(counts[highest]))} runs, lies between "
-        f"{edges[highest]:.4g} and {edges[highest + 1]:.4g} {unit}.",
-        x=Axis(part.axis(output), (float(edges[0]), float(edges[-1]))),
-        y=Axis("runs in a bin"),
-        traces=(
-            bars(
-                edges,
-                counts,
-                part.sources.index(design),
-                hover="%{customdata[0]} … %{customdata[1]}<br>%{y} runs",
-            ),
-        ),
-        shapes=tuple(shapes),
-        keys=(Key("runs", part.sources.index(design), "bar"), *keys),
-        notes=tuple(notes),
-        height=280,
-    )
-
-
-def _marked(
-    part: Part, output: str, marked: list[tuple[str, xr.DataArray]]
-) -> tuple[list[Shape], list[Key], list[str]]:
-    """Lines at estimates and shades of their intervals; what has none."""
-    shapes: list[Shape] = []
-    keys: list[Key] = []
-    lacks: list[str] = []
-    for name, estimate in marked:
-        bounds = part.measure(output).from_si(estimate.values)
-        series, dash = (1, "dash") if name == "mean" else ("ink", "solid")
-        dash = "dot" if series == "ink" and name != "median" else dash
-        if np.isfinite(bounds[1:]).all():
-            shapes.append(shade(float(bounds[1]), float(bounds[2]), series))
-        else:
-            lacks.append(name)
-        shapes.append(upright(float(bounds[0]), series, dash))
-        keys.append(Key(f"{name} {sensible(*bounds)}", series, "line", dash))
-    return shapes, keys, lacks
-
-
 def _quantile_table(part: Part, output: str, design: str) -> OutputTable:
     """Quantiles and their intervals, worked out from the archive's runs."""
     convert = part.measure(output).from_si
@@ -249,28 +167,3 @@ def _quantile_table(part: Part, output: str, design: str) -> OutputTable:
     for position, p in enumerate(_QUANTILES):
         table.rows.append((quantile_label(p), [table.cell(told[position], convert)]))
     return table
-
-
-def _shares(part: Part, output: str, design: str) -> Chart:
-    shares = group(part.tree, SHARES, design)[output]
-    labels = tuple(map(str, shares[f"{output}_category_label"].values))
-    table = OutputTable(f"Shares by {design}", [design])
-    add_shares(table, part.tree, output)
-    said = [f"{label}: {cells[0]}" for label, cells in table.rows]
-    return Chart(
-        title=f"How often each kind of {_title(part, output)} comes about, by {design}",
-        summary="; ".join(said),
-        x=Axis("share", (0.0, 1.0)),
-        y=Axis("", rows=labels),
-        traces=(
-            dots(
-                shares.values,
-                np.arange(len(labels)),
-                part.sources.index(design),
-                hovers=said,
-                name=design,
-            ),
-        ),
-        tables=(table,),
-        height=90 + 34 * len(labels),
-    )

@@ -1,0 +1,103 @@
+"""Archives that only reports are tried on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+
+STUDIES = Path(__file__).parents[2] / "studies"
+
+# The runs of the concrete study, and as many as tests need.
+FEWER = {
+    "runs = 10_000": "runs = 400",
+    "runs = 8_192": "runs = 256",
+    "base = 8_192": "base = 64",
+    "trajectories = 50": "trajectories = 6",
+    "runs = 500": "runs = 80",
+}
+
+
+@pytest.fixture(scope="session")
+def concrete() -> xr.DataTree:
+    """The concrete study, of fewer runs."""
+    text = (STUDIES / "concrete.toml").read_text()
+    for many, few in FEWER.items():
+        assert many in text
+        text = text.replace(many, few)
+    return uqpen.run(uqpen.parse_study(text))
+
+
+@pytest.fixture(scope="session")
+def wide(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
+    """A study of 24 inputs, each with a name of 24 characters."""
+    names = [f"heat_transfer_in_layer_{letter}" for letter in "abcdefghijklmnopqrstuvwx"]
+    folder = tmp_path_factory.mktemp("wide")
+    body = " + ".join(f"{place} * {name}" for place, name in enumerate(names, 1))
+    source = f"def warm({', '.join(names)}):\n    return {{'temperature_of_outer_wall': {body}}}\n"
+    (folder / "wall.py").write_text(source)
+    units = [f'{name} = "W m-2 K-1"' for name in names]
+    laws = [f'{name} = "(1 ± 0.1) W m-2 K-1"' for name in names]
+    text = [
+        "seed = 1",
+        '[model]\npython = "wall.py:warm"\nvectorized = true',
+        *("[model.inputs]", *units),
+        '[model.outputs]\ntemperature_of_outer_wall = "K"',
+        *("[inputs]", *laws),
+        '[designs.monte_carlo]\nkind = "monte-carlo"\nruns = 300',
+        '[designs.trajectories]\nkind = "morris"\ntrajectories = 4',
+    ]
+    return uqpen.run(uqpen.parse_study("\n".join(text), folder=folder))
+
+
+# What a page must show as it stands, by the names that it takes the place of; a name of a variable
+# or a group holds no slash.
+DESIGN = "<u onclick=hacked=1>%{z}"
+NAMES = {"load": "<img src=x onerror=hacked=1>", "deflection": "<b>%{x}&amp;<i>"}
+TEXT = (
+    "</script><script>hacked=1</script><img src=x onerror=hacked=1>"
+    '<a href="javascript:hacked=1">a</a> %{y} &lt; $\\frac{1}{0}$ \x00\x1b\u202e'
+)
+
+
+@pytest.fixture(scope="session")
+def hostile(archives: Mapping[str, xr.DataTree]) -> xr.DataTree:
+    """The beam, every text and name of which means harm."""
+    nodes = {
+        "/".join(map(_renamed, node.path.split("/"))): _harming(node.to_dataset(inherit=False))
+        for node in archives["beam"].subtree
+    }
+    tree = xr.DataTree.from_dict(nodes)
+    for name in ("title", "study_text", "study_name", "model_name", "platform"):
+        tree.attrs[name] += TEXT
+    return tree
+
+
+def _harming(told: xr.Dataset) -> xr.Dataset:
+    """A group with all its names and texts replaced."""
+    names = [str(name) for name in {*told.variables, *told.dims}]
+    told = told.rename({name: _renamed(name) for name in names if _renamed(name) != name})
+    for name, variable in told.variables.items():
+        for key, text in variable.attrs.items():
+            if isinstance(text, str):
+                variable.attrs[key] = _renamed(text) + TEXT * (key in ("long_name", "note"))
+        if variable.dtype.kind in "OU":
+            texts = [_renamed(text) for text in variable.values.ravel().tolist()]
+            if name in ("lost_reason", "content"):
+                texts = [text + TEXT for text in texts]
+            filled = np.array(texts, dtype=object).reshape(variable.shape)
+            told[name] = variable.copy(data=filled)
+    return told
+
+
+def _renamed(text: str) -> str:
+    if text == "only":
+        return DESIGN
+    for name, other in NAMES.items():
+        text = text.replace(name, other)
+    return text

@@ -1,0 +1,206 @@
+"""The answer: sentences with the archive's numbers, where they come from, what limits them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.archive.read import group
+from uqpen.figures.part import Part
+from uqpen.report.blocks import Block, Quote, Remarks, Text
+from uqpen.report.sections.answer import answer
+from uqpen.study.study import Study
+from uqpen.summary.digits import alike
+
+GENERAL = (
+    "An interval on this page tells the error of sampling alone: not how far the model is from "
+    "reality, nor whether the inputs have the laws that the study assumes.",
+    "Each of them holds by itself, at the level that it names; that all hold at once is less "
+    "likely. A tail that no run has met cannot be seen in any.",
+)
+
+DESIGNS = {
+    "morris": 'kind = "morris"\ntrajectories = 4',
+    "quadrature": 'kind = "quadrature"\norder = 3',
+    "saltelli": 'kind = "saltelli"\nbase = 64',
+    "monte_carlo": 'kind = "monte-carlo"\nruns = 5',
+}
+
+
+def _texts(blocks: list[Block]) -> list[str]:
+    """All sentences, with plain spaces."""
+    found: list[str] = []
+    for block in blocks:
+        match block:
+            case Quote(sentences):
+                found += sentences
+            case Text(text):
+                found.append(text)
+            case Remarks(head, lines):
+                found += (head, *lines)
+    return [text.replace("\u00a0", " ").replace("\u202f", " ") for text in found]
+
+
+def _told(tree: xr.DataTree, model: str = "") -> list[str]:
+    return _texts(list(answer(Part(tree, model))))
+
+
+def test_every_sentence_stands_by_itself(archives: Mapping[str, xr.DataTree]) -> None:
+    tree = archives["schema_2"]
+    assert _told(tree) == [
+        "With 95 % confidence, y stays at or below 11.5 in at least 80 % of all admissible cases "
+        "(the estimate of that value is 5.9).",
+        "The probability that y exceeds 10, given admissible inputs, is 5 % (0 % to 26 %, 95 % "
+        "interval).",
+        "The median of y is 3.6 (0.9 to 5.9, 95 % interval): half of all admissible cases stay at "
+        "or below it.",
+        "This comes from monte_carlo: the first design of the study whose runs are a sample of "
+        "the inputs. It was chosen by its place in the study, not by what it says. Of its 20 runs "
+        "of the model ishigami 0.1.0, 19 came back.",
+        "What other designs estimate, by runs of their own",
+        "Y, value not exceeded in 80 % of cases: 5.5 to 7.2 by 2 other designs, 5.9 by "
+        "monte_carlo.",
+        "Y, P(> 10): 0 % to 6 % by 2 other designs, 5 % by monte_carlo.",
+        "Y, median: 2.8 to 4.5 by 2 other designs, 3.6 by monte_carlo.",
+        "What to keep in mind",
+        "1 of the 20 points of monte_carlo was inadmissible, so outside of what the model or the "
+        "study allows, the probability of which is 5 % (0 % to 25 %, 95 % interval). All figures "
+        "are conditional on admissible inputs.",
+        *GENERAL,
+    ]
+    held = group(tree, "holds", "monte_carlo")["y"].values[0]
+    assert (f"{held[0]:.1f}", f"{held[2]:.1f}") == ("5.9", "11.5")
+    exceeded = group(tree, "exceedance", "monte_carlo")["y"].values[0]
+    assert [f"{100 * bound:.0f}" for bound in exceeded] == ["5", "0", "26"]
+
+
+def test_lost_runs_and_notes_are_told(archives: Mapping[str, xr.DataTree]) -> None:
+    said = _told(archives["beam"])
+    assert said[:2] == [
+        "The probability that deflection exceeds 2 mm is 100 % (74 % to 100 %, 95 % interval). "
+        "The estimate leaves out 18.3 % of the admissible runs, which did not come back.",
+        "The median of deflection is 3.66 mm (3.52 mm to 3.91 mm, 95 % interval): half of all "
+        "cases stay at or below it. The estimate leaves out 18.3 % of the admissible runs, which "
+        "did not come back.",
+    ]
+    assert said[3:] == [
+        "What to keep in mind",
+        "Deflection, P(> 2 mm): the 22 missing runs are counted both ways.",
+        "18.3 % of the admissible runs did not come back (22 failed). All estimates are of those "
+        "that did, and are off as far as the others would have given other results.",
+        *GENERAL,
+    ]
+
+
+def test_where_no_run_came_back_there_is_no_answer(archives: Mapping[str, xr.DataTree]) -> None:
+    (block,) = answer(Part(archives["lost"], ""))
+    assert block == Text(
+        "No run came back: there is no answer. All 120 were lost. The reason: “ValueError: too "
+        "heavy” (failed, 120 runs). Once the model is mended, or its time limit raised, or the "
+        "inputs are within what it allows, run the study again; the archive keeps the inputs of "
+        "every lost run, so that one can be tried alone."
+    )
+
+
+def test_of_several_models_each_has_its_answer(archives: Mapping[str, xr.DataTree]) -> None:
+    tree = archives["rods"]
+    first, other = _told(tree, "original"), _told(tree, "rigid")
+    assert "The probability that depth of penetration exceeds 60 cm is 11.0 % " in first[0]
+    assert "The probability that depth of penetration exceeds 60 cm is 100.0 % " in other[0]
+    assert any(text.startswith("How erosion ends: “v = u” in 63.0 % of all") for text in first)
+    assert any(text.startswith("How erosion ends: “rigid” in 100.0 % of all") for text in other)
+    # A note stands once, with all that it is of.
+    assert (
+        "How erosion ends, share of “rigid”, “v = u”, “u = 0”: conservative: the interval may be "
+        "wider than it need be."
+    ) in other
+    # What holds for the whole page is said once.
+    assert set(GENERAL) <= set(first)
+    assert not set(GENERAL) & set(other)
+
+
+@pytest.mark.parametrize(
+    ("design", "said"),
+    [
+        (
+            "morris",
+            [
+                "No design of this study is a sample of its inputs: nothing is told of how the "
+                "outputs are distributed, and no probability. What its designs were made for "
+                "stands below."
+            ],
+        ),
+        (
+            "quadrature",
+            [
+                "By the integration rule some, the mean of y is 1.5 (without an interval: an "
+                "integration rule has no scatter; its error is not told)."
+            ],
+        ),
+        (
+            "saltelli",
+            [
+                "This comes from some: it was made for sensitivity indices, but two of its "
+                "matrices are a sample of the inputs, and the study has no other sample of which "
+                "any run came back."
+            ],
+        ),
+        (
+            "monte_carlo",
+            [
+                "In 99 % of all cases y stays at or below",
+                "by estimate, which has no upper bound: an upper bound takes at least 299 runs.",
+                "What the archive tells of 1 more figure of these outputs stands below.",
+            ],
+        ),
+    ],
+)
+def test_what_a_design_cannot_tell_is_said(
+    study_of: Callable[..., Study], design: str, said: list[str]
+) -> None:
+    asked = '[outputs.y]\nhold = [0.99]\nexceeds = ["1", "2", "3"]'
+    text = f"{asked}\n[designs.some]\n{DESIGNS[design]}"
+    told = " ".join(_told(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))))
+    for each in said:
+        assert each in told
+
+
+def test_only_some_of_many_outputs_have_sentences(tmp_path: Path) -> None:
+    names = [f"y{number}" for number in range(8)]
+    results = ", ".join(f'"{name}": x' for name in names)
+    (tmp_path / "many.py").write_text(f"def f(x):\n    return {{{results}}}\n")
+    outputs = "\n".join(f'{name} = "1"' for name in names)
+    tree = uqpen.run(
+        uqpen.parse_study(
+            f'seed = 1\n[model]\npython = "many.py:f"\n[model.inputs]\nx = "1"\n'
+            f"[model.outputs]\n{outputs}\n"
+            "[inputs]\nx = { uniform = { lower = 0, upper = 1 } }\n"
+            '[outputs.y7]\nexceeds = ["0.5"]\n'
+            '[designs.some]\nkind = "monte-carlo"\nruns = 20',
+            folder=tmp_path,
+        )
+    )
+    told = _told(tree)
+    # What was asked comes first.
+    assert told[0].startswith("The probability that y7 exceeds 0.5 is ")
+    assert sum(text.startswith("The median of ") for text in told) == 6
+    assert "What the archive tells of 2 more outputs stands below." in told
+
+
+@pytest.mark.parametrize(
+    ("bounds", "texts"),
+    [
+        ((0.49274, 0.49004, 0.49544, 0.5), ("0.4927", "0.4900", "0.4954", "0.5000")),
+        ((0.0, 0.0, 0.0369), ("0", "0", "0.037")),
+        ((3.51234567, float("nan"), float("nan")), ("3.512", "–", "–")),
+        ((1.234e-7, 1.134e-7, 1.334e-7), ("1.23×10⁻⁷", "1.13×10⁻⁷", "1.33×10⁻⁷")),
+    ],
+)
+def test_figures_in_a_sentence_have_sensible_digits(
+    bounds: tuple[float, ...], texts: tuple[str, ...]
+) -> None:
+    assert alike(*bounds) == texts

@@ -1,0 +1,176 @@
+"""The last section: the study, its files, inputs, designs, warnings, and what made the archive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from uqpen.archive.read import group
+from uqpen.figures.part import Part
+from uqpen.report.blocks import Block, Heading, Listing, Remarks, Table, Text
+from uqpen.report.sections.archive import archive
+from uqpen.report.sections.doubts import doubts
+from uqpen.summary.table import OutputTable
+
+
+def _tables(blocks: Iterable[Block]) -> dict[str, OutputTable]:
+    return {block.table.title: block.table for block in blocks if isinstance(block, Table)}
+
+
+def _listings(blocks: Iterable[Block]) -> dict[str, Listing]:
+    return {block.title: block for block in blocks if isinstance(block, Listing)}
+
+
+def test_the_study_comes_first_word_for_word(archives: Mapping[str, xr.DataTree]) -> None:
+    tree = archives["schema_2"]
+    first, *_ = archive(Part(tree, ""))
+    assert first == Listing("The study: schema_2", tree.attrs["study_text"])
+
+
+def test_inputs_are_told_as_run_and_as_written(archives: Mapping[str, xr.DataTree]) -> None:
+    tree = archives["beam"]
+    table = _tables(archive(Part(tree, "")))["Inputs, over the runs of only, lost ones among them"]
+    loads = group(tree, "runs", "only")["load"].values / 1e3
+    assert table.rows == [
+        (
+            "load [kN]",
+            [
+                "load",
+                f"{np.median(loads):.4g}",
+                f"{loads.min():.4g} … {loads.max():.4g}",
+                "uniform: (lower: 10 kN, upper: 20 kN)",
+            ],
+        ),
+        ("span [m]", ["span", "2.994", "2.804 … 3.256", "(3 ± 0.1) m"]),
+    ]
+
+
+def test_designs_say_what_they_are_for(archives: Mapping[str, xr.DataTree]) -> None:
+    table = _tables(archive(Part(archives["schema_2"], "")))["Designs"]
+    assert table.columns == ["points", "runs", "came back", "replicates", "made for"]
+    told = {name: [cells[0], *cells[1:3], cells[-1]] for name, cells in table.rows}
+    assert told == {
+        "monte_carlo": ["independent", "20", "19", "a sample of the inputs; checks chaos"],
+        "latin_hypercube": [
+            "stratified",
+            "16",
+            "16",
+            "a sample of the inputs, spread evenly; trains chaos",
+        ],
+        "blocks": [
+            "pick-freeze",
+            "40",
+            "40",
+            "Sobol' indices; two of its matrices are a sample of the inputs",
+        ],
+        "trajectories": [
+            "trajectories",
+            "20",
+            "20",
+            "a screening of the inputs by elementary effects; no sample",
+        ],
+        "steps": ["steps", "7", "7", "responses at the nominal point; no sample"],
+    }
+
+
+def test_what_made_it_is_told_whole(archives: Mapping[str, xr.DataTree]) -> None:
+    tree = archives["schema_2"]
+    blocks = list(archive(Part(tree, "")))
+    told = {name: cells[0] for name, cells in _tables(blocks)["What made this archive"].rows}
+    assert told["seed"] == "11"
+    assert told["SHA-256 of the study's text"] == tree.attrs["study_sha256"]
+    assert told["model name"] == "ishigami"
+    assert told["model source SHA-256"] == tree.attrs["model_source_sha256"]
+    assert told["version of numpy"] == tree.attrs["version_numpy"]
+    assert told["schema of the archive"] == "2"
+    listings = _listings(blocks)
+    assert "uqpen verify ARCHIVE\n" in listings["Commands"].text
+    hashes = listings["SHA-256 of the content of each of the archive's groups"]
+    assert hashes.text == tree.attrs["content_sha256"]
+    assert hashes.is_folded
+
+
+def test_what_several_models_share_is_told_once(archives: Mapping[str, xr.DataTree]) -> None:
+    blocks = list(archive(Part(archives["schema_2_several"], "one")))
+    headings = [block.text for block in blocks if isinstance(block, Heading)]
+    assert headings == ["one", "other", "The archive of all models"]
+    titles = [block.table.title for block in blocks if isinstance(block, Table)]
+    of_model = ["Model", "Inputs, over the runs of monte_carlo, lost ones among them", "Designs"]
+    assert titles == [
+        "Files that the study names",
+        *of_model,
+        *of_model,
+        "What made this archive",
+    ]
+    # A model may be given an input of its own.
+    other = _tables(blocks)["Inputs, over the runs of monte_carlo, lost ones among them"]
+    assert other.rows[0] == ("x1", ["x1", "0.5", "–", "0.5"])
+    files = _tables(blocks)["Files that the study names"]
+    assert [label for label, _ in files.rows] == [
+        "cubic.py",
+        "measured.csv",
+        "points.csv",
+        "powers.py",
+    ]
+    assert files.rows[3][1] == [
+        "92",
+        "in the archive",
+        "efd270c3e2a06418ec4762b2a25d4e4e3fee097dcd07c45b82dc7db007fc444c",
+    ]
+    kept = _listings(blocks)["powers.py"]
+    assert kept.is_folded
+    assert kept.text.endswith("def cube(x: float) -> float:\n    return x**3\n")
+
+
+def test_warnings_are_counted(archives: Mapping[str, xr.DataTree]) -> None:
+    assert doubts(archives["beam"])[:3] == (
+        "only: 18.3 % of the admissible runs did not come back.",
+        "4 figures: only 98 runs: it may cover less often than it says",
+        "4 figures: fewer than 200 runs do not show a heavy tail; see the correlations of ranks",
+    )
+    told = doubts(archives["schema_2"])
+    assert told[0] == "38 figures: 16 runs are too few"
+    assert "10 figures: refused: beyond all outputs that the surrogate was fitted to" in told
+    # What is published elsewhere, and what vouches for a surrogate, is no warning.
+    assert not any("published" in line or "inside" in line for line in told)
+
+
+def test_warnings_come_before_provenance(archives: Mapping[str, xr.DataTree]) -> None:
+    blocks = list(archive(Part(archives["beam"], "")))
+    (place,) = [n for n, block in enumerate(blocks) if isinstance(block, Remarks)]
+    after = blocks[place + 1]
+    assert isinstance(after, Table)
+    assert after.table.title == "What made this archive"
+
+
+@pytest.mark.parametrize("text", ["no TOML [", 'inputs = "none"', "a = " + "[" * 9_999])
+def test_a_study_that_cannot_be_read_is_shown_all_the_same(
+    archives: Mapping[str, xr.DataTree], text: str
+) -> None:
+    tree = archives["beam"].copy()
+    tree.attrs = {**tree.attrs, "study_text": text}
+    blocks = list(archive(Part(tree, "")))
+    assert blocks[0] == Listing("The study: study", text)
+    inputs = _tables(blocks)["Inputs, over the runs of only, lost ones among them"]
+    assert [cells[-1] for _, cells in inputs.rows] == ["–", "–"]
+
+
+def test_long_texts_are_cut_and_say_so(archives: Mapping[str, xr.DataTree]) -> None:
+    tree = archives["beam"].copy()
+    tree.attrs = {**tree.attrs, "study_text": "#" * 30_000}
+    first, *_ = archive(Part(tree, ""))
+    assert first == Listing(
+        "The study: study (the first 20\u202f000 of 30\u202f000 characters)", "#" * 20_000
+    )
+
+
+def test_texts_of_many_files_are_left_in_the_archive(archives: Mapping[str, xr.DataTree]) -> None:
+    tree = archives["schema_2_several"].copy()
+    files = group(tree, "files")
+    many = xr.concat([files] * 3, "file")
+    tree["files"] = xr.DataTree(many)
+    blocks = list(archive(Part(tree, "one")))
+    assert Text("The archive has the texts of 2 more files, which are not shown here.") in blocks

@@ -1,0 +1,83 @@
+"""``uqpen report``, and the page that ``uqpen study`` writes or names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import xarray as xr
+
+import uqpen
+
+Command = Callable[..., Any]
+
+STUDY = """
+title = "Sum of two"
+seed = 1
+[model]
+use = "ishigami"
+[inputs]
+x1 = 1.0
+x2 = { uniform = { lower = 0, upper = 1 } }
+x3 = { uniform = { lower = 0, upper = 1 } }
+[designs.some]
+kind = "monte-carlo"
+runs = 50
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    path = tmp_path / "sum.toml"
+    path.write_text(STUDY)
+    return path
+
+
+def test_a_study_ends_with_the_line_that_writes_its_report(
+    command_line: Command, study: Path, tmp_path: Path
+) -> None:
+    done = command_line("study", "sum.toml")
+    assert done.out.endswith("archive: archives/sum.nc\nreport: uqpen report archives/sum.nc\n")
+    assert not (tmp_path / "archives/sum.html").exists()
+    done = command_line("report", "archives/sum.nc")
+    assert (done.code, done.out, done.err) == (0, "report: archives/sum.html\n", "")
+    page = (tmp_path / "archives/sum.html").read_text()
+    assert page.startswith("<!DOCTYPE html>")
+    assert "<h1>Sum of two</h1>" in page
+
+
+def test_a_study_can_write_its_report_at_once(
+    command_line: Command, study: Path, tmp_path: Path
+) -> None:
+    done = command_line("study", "sum.toml", "--report", "-o", "there/my archive.nc")
+    assert done.out.endswith("report: there/my archive.html\n")
+    at_once = (tmp_path / "there/my archive.html").read_bytes()
+    command_line("report", "there/my archive.nc", "-o", "later.html")
+    assert (tmp_path / "later.html").read_bytes() == at_once
+
+
+class TestMistakes:
+    def test_the_archive_is_not_overwritten(
+        self, command_line: Command, archives: dict[str, xr.DataTree], tmp_path: Path
+    ) -> None:
+        uqpen.write(archives["beam"], tmp_path / "beam.nc")
+        before = (tmp_path / "beam.nc").read_bytes()
+        done = command_line("report", "beam.nc", "-o", "./beam.nc")
+        assert done.code == 2
+        assert "beam.nc: is the archive itself, which is not overwritten" in done.err
+        assert (tmp_path / "beam.nc").read_bytes() == before
+
+    def test_a_file_that_is_no_archive_is_told(self, command_line: Command, study: Path) -> None:
+        done = command_line("report", "sum.toml")
+        assert (done.code, done.err) == (2, "sum.toml: is not an archive of uqpen's\n")
+
+    def test_a_page_that_cannot_be_written_is_told(
+        self, command_line: Command, archives: dict[str, xr.DataTree], tmp_path: Path
+    ) -> None:
+        uqpen.write(archives["beam"], tmp_path / "beam.nc")
+        (tmp_path / "file").touch()
+        done = command_line("report", "beam.nc", "-o", "file/page.html")
+        assert (done.code, done.out) == (2, "")
+        assert done.err == "file/page.html: cannot be written: file is no folder\n"

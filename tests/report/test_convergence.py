@@ -1,0 +1,158 @@
+"""How estimates settle, as the page has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.figures.part import Part
+from uqpen.report.blocks import Block, Chart, Charts, Heading, Remarks, Text
+from uqpen.report.sections.convergence import convergence
+
+Archives = Mapping[str, xr.DataTree]
+
+LINE = """
+seed = 3
+[model]
+use = "ishigami"
+[inputs]
+x1 = { uniform = { lower = -3, upper = 3 } }
+x2 = { uniform = { lower = -3, upper = 3 } }
+x3 = 1
+"""
+
+
+def told(tree: xr.DataTree, model: str = "") -> list[Block]:
+    return list(convergence(Part(tree, model)))
+
+
+def charts(blocks: list[Block]) -> list[Charts]:
+    return [block for block in blocks if isinstance(block, Charts)]
+
+
+def bounds(chart: Chart) -> np.ndarray:
+    """Estimates with their bounds, as they are drawn."""
+    (trace,) = chart.traces
+    y = np.array(trace["y"], dtype=float)
+    below, above = (np.array(trace["error_y"][side], float) for side in ("arrayminus", "array"))
+    return np.column_stack([y, y - below, y + above])
+
+
+def of(design: str) -> xr.DataTree:
+    return uqpen.run(uqpen.parse_study(f"{LINE}\n[designs.some]\n{design}"))
+
+
+def test_which_design_it_is_of_and_how_to_read_it(concrete: xr.DataTree) -> None:
+    text, remarks, heading, *_ = told(concrete)
+    assert text == Text(
+        "By monte_carlo, the design that the answers come from, the first of the study whose runs "
+        "are a sample of the input law. Its 400 runs are independent draws, and each part is the "
+        "first so many of these."
+    )
+    assert isinstance(remarks, Remarks)
+    assert remarks.lines == (
+        "Each point's runs are among those of the next, so points are not independent of each "
+        "other: they stray less than separate samples would.",
+        "An interval covers at its level for a number of runs that is fixed beforehand. Making "
+        "runs until it looks good is another procedure, and with that it covers less often.",
+    )
+    assert heading == Heading("depth of penetration (penetration_depth)")
+
+
+def test_the_last_dots_are_the_archives_figures(concrete: xr.DataTree) -> None:
+    depth, residue, end, kinds = charts(told(concrete))
+    assert [each.title for each in depth.charts] == ["mean", "median", "P(> 60 cm)"]
+    assert [each.title for each in residue.charts] == ["mean", "median"]
+    assert [each.title for each in end.charts] == ["mean", "median"]
+    assert [each.title for each in kinds.charts] == ["share v = u", "share u = 0", "share rigid"]
+    mean, median, exceeding = depth.charts
+    assert mean.traces[0]["x"] == [20, 30, 50, 100, 200, 300, 400]
+    expected = [
+        concrete["moments/monte_carlo"]["penetration_depth_mean"],
+        concrete["quantiles/monte_carlo"]["penetration_depth"][1],
+        concrete["exceedance/monte_carlo"]["penetration_depth"][0],
+    ]
+    for chart, array in zip((mean, median, exceeding), expected, strict=True):
+        assert bounds(chart)[-1] == pytest.approx(array.values, rel=1e-5)
+        (guide,) = chart.shapes
+        assert guide["y0"] == guide["y1"] == array.values[0]
+    assert [each.y.title for each in depth.charts] == ["mean [m]", "median [m]", "P(> 60 cm)"]
+    assert [key.text for key in depth.keys] == ["with its 95 % interval", "by all runs"]
+
+
+def test_the_table_has_the_same_figures(concrete: xr.DataTree, archives: Archives) -> None:
+    depth = charts(told(concrete))[0]
+    (table,) = depth.tables
+    assert table.title == "depth of penetration by monte_carlo, by its runs so far"
+    assert table.columns == ["mean [m]", "median [m]", "P(> 60 cm)"]
+    labels, cells = zip(*table.rows, strict=True)
+    assert labels == ("20", "30", "50", "100", "200", "300", "400")
+    hovers = depth.charts[0].traces[0]["text"]
+    for label, (cell, *_), hover in zip(labels, cells, hovers, strict=True):
+        assert hover == f"{label} runs: {cell.rstrip(' ¹²³⁴⁵⁶⁷⁸⁹⁰')} m"
+
+
+def test_replicates_are_not_divided(archives: Archives) -> None:
+    text, *_ = blocks = told(archives["rods"], "smoothed")
+    assert text == Text(
+        "By latin, the design that the answers come from, the first of the study whose runs are a "
+        "sample of the input law. Its 100 runs are 10 independent replicates, and each part is the "
+        "first so many of these: less than a whole replicate would not be a sample of the same "
+        "kind."
+    )
+    depth = charts(blocks)[0].charts[0]
+    assert depth.traces[0]["x"] == [20, 30, 40, 50, 70, 100]
+    archived = archives["rods"]["models/smoothed/moments/latin"]["penetration_depth_mean"]
+    assert bounds(depth)[-1] == pytest.approx(archived.values * 100, rel=1e-5)
+
+
+def test_an_axis_cuts_off_what_is_far_too_wide() -> None:
+    tree = of('kind = "latin-hypercube"\nruns = 4000\nreplicates = 200')
+    mean = charts(told(tree))[0].charts[0]
+    drawn = bounds(mean)
+    assert mean.y.ends is not None
+    lower, upper = mean.y.ends
+    assert lower < drawn[:, 0].min()
+    assert drawn[:, 0].max() < upper
+    assert drawn[0, 2] > upper
+    # Twelve half-widths on either side of the last one at the most, and a margin.
+    half = drawn[-1, 2] - drawn[-1, 0]
+    assert upper - lower < 1.101 * 24 * half
+    assert mean.notes == ("The widest intervals go on beyond the axis; the table has their ends.",)
+
+
+@pytest.mark.parametrize(
+    ("design", "reason"),
+    [
+        (
+            'kind = "latin-hypercube"\nruns = 60\nreplicates = 1',
+            "its points are one stratified set, and no part of that is a smaller such set.",
+        ),
+        ('kind = "monte-carlo"\nruns = 20', "it has only 20 runs."),
+    ],
+)
+def test_what_cannot_be_divided_says_why(design: str, reason: str) -> None:
+    assert told(of(design)) == [
+        Text(
+            "How the answers settle cannot be shown by some, the design that they come from: "
+            + reason
+        )
+    ]
+
+
+def test_pick_freeze_blocks_are_told_where_there_is_no_other_sample() -> None:
+    text, *_ = told(of('kind = "saltelli"\nbase = 64'))
+    assert text == Text(
+        "By some, the design that the answers come from, as no other design's runs are a sample "
+        "of the input law. Its 128 runs that are a sample are 16 independent replicates, and each "
+        "part is the first so many of these: less than a whole replicate would not be a sample "
+        "of the same kind."
+    )
+
+
+def test_nothing_is_told_where_all_runs_were_lost(archives: Archives) -> None:
+    assert told(archives["lost"]) == []

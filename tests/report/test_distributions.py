@@ -1,0 +1,121 @@
+"""Distribution functions on the page: what is drawn, and what a threshold reads off."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from uqpen.figures.part import Part
+from uqpen.intervals import dkw_half_width
+from uqpen.report.blocks import Block, Chart, Charts, Heading, Table
+from uqpen.report.sections.distributions import distributions
+from uqpen.report.sections.models import models
+
+Archives = dict[str, xr.DataTree]
+
+
+def charts(blocks: list[Block]) -> Iterator[Chart]:
+    for block in blocks:
+        if isinstance(block, Chart):
+            yield block
+        if isinstance(block, Charts):
+            yield from block.charts
+
+
+@pytest.fixture
+def beam(archives: Archives) -> list[Block]:
+    return list(distributions(Part(archives["beam"], "")))
+
+
+def deflections(tree: xr.DataTree) -> np.ndarray:
+    """Of the runs that came back, in mm."""
+    runs = tree["runs/only"]
+    return 1000 * runs["deflection"].values[runs["status"].values == 0]
+
+
+class TestTheThreshold:
+    def test_it_reads_off_the_share_of_the_runs(
+        self, archives: Archives, beam: list[Block]
+    ) -> None:
+        reading = next(charts(beam)).reading
+        assert reading is not None
+        values = deflections(archives["beam"])
+        half = dkw_half_width(values.size, 0.95)
+        for place, (estimate, lower, upper) in enumerate(reading.bounds):
+            at = round(reading.first + place * reading.step, reading.decimals)
+            share = np.mean(values <= at)
+            assert estimate == pytest.approx(share, abs=1e-9)
+            assert lower == pytest.approx(max(share - half, 0), abs=1e-9)
+            assert upper == pytest.approx(min(share + half, 1), abs=1e-9)
+
+    def test_it_moves_by_round_numbers_over_the_whole_axis(self, beam: list[Block]) -> None:
+        chart = next(charts(beam))
+        reading, ends = chart.reading, chart.x.ends
+        assert reading is not None
+        assert ends is not None
+        assert f"{reading.step:g}"[-1] in "125"
+        assert reading.first / reading.step == pytest.approx(round(reading.first / reading.step))
+        last = reading.first + reading.step * (len(reading.bounds) - 1)
+        assert ends[0] <= reading.first < ends[0] + reading.step
+        assert ends[1] - reading.step < last <= ends[1]
+        assert 250 <= len(reading.bounds) <= 700
+
+    def test_it_begins_where_the_study_asks(self, beam: list[Block]) -> None:
+        reading = next(charts(beam)).reading
+        assert reading is not None
+        assert reading.first + reading.start * reading.step == pytest.approx(2.0)
+        assert (reading.unit, reading.source, reading.level) == ("mm", "only", 0.95)
+
+    def test_points_of_unknown_origin_have_no_band(self, archives: Archives) -> None:
+        tree = archives["beam"].copy(deep=True)
+        tree["runs/only"].attrs["sampling"] = "given"
+        reading = next(charts(list(distributions(Part(tree, ""))))).reading
+        assert reading is not None
+        assert math.isnan(reading.level)
+        assert "independent" in reading.note
+        assert all(bounds[1:] == [None, None] for bounds in reading.bounds)
+
+
+def test_the_tail_is_drawn_run_by_run(archives: Archives, beam: list[Block]) -> None:
+    tail = list(charts(beam))[2]
+    assert tail.title == "Probability that deflection is more than x"
+    values = deflections(archives["beam"])
+    drawn = next(trace for trace in tail.traces if trace.get("name") == "only")
+    # The largest run is exceeded by none, which has no logarithm.
+    np.testing.assert_allclose(drawn["x"], np.sort(values)[:-1], rtol=1e-5)
+    np.testing.assert_allclose(drawn["y"], 1 - np.arange(1, values.size) / values.size, rtol=1e-5)
+
+
+def test_quantiles_have_the_intervals_that_the_archive_gives_them(
+    archives: Archives, beam: list[Block]
+) -> None:
+    (table,) = (block.table for block in beam if isinstance(block, Table))
+    rows = dict(table.rows)
+    assert rows["median"] == ["3.66 (3.52 … 3.91)"]
+    told = 1000 * archives["beam"]["quantiles/only"]["deflection"].values[1]
+    np.testing.assert_allclose(told, [3.66, 3.52, 3.91], atol=0.006)
+    assert rows["99 % quantile"] == ["5.87 (5.17 … ?) ²"]
+    assert table.notes[1] == "98 runs are too few for an upper bound"
+
+
+def test_a_study_that_lost_all_has_no_distributions(archives: Archives) -> None:
+    assert list(distributions(Part(archives["lost"], ""))) == []
+
+
+class TestSeveralModels:
+    def test_their_functions_and_differences_stand_together(self, archives: Archives) -> None:
+        blocks = list(models(Part(archives["rods"], "original")))
+        headings = [block.text for block in blocks if isinstance(block, Heading)]
+        assert headings[0] == "depth of penetration (penetration_depth)"
+        depth = next(charts(blocks))
+        assert [key.text for key in depth.keys] == ["original", "smoothed", "rigid"]
+        assert "by rigid half lies at or below 102.7 cm" in depth.summary
+        titles = [block.table.title for block in blocks if isinstance(block, Table)]
+        assert titles[0] == "smoothed minus original: penetration_depth [cm]"
+
+    def test_one_model_has_nothing_to_differ_from(self, archives: Archives) -> None:
+        assert list(models(Part(archives["beam"], ""))) == []

@@ -1,0 +1,199 @@
+"""Reports as files: complete, the same each time, small, and sound HTML."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Mapping
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.errors import ReportError
+from uqpen.report import SECTIONS
+from uqpen.report.page import page, write_report
+
+VENDORED = Path(uqpen.__file__).parent / "report" / "vendored"
+
+NAMES = ["beam", "lost", "schema_2", "schema_2_several"]
+
+Archives = Mapping[str, xr.DataTree]
+
+
+class Outline(HTMLParser):
+    """What stands in a page, and what is wrong with how its parts are nested."""
+
+    EMPTY = ("meta", "link", "input", "br", "rect", "line", "path")
+    # What ends a paragraph that is open.
+    BLOCKS = ("p", "ul", "ol", "div", "table", "figure", "details", "section", "h2", "h3", "form")
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.faults: list[str] = []
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.labels: list[str] = []
+        self.counts: Counter[str] = Counter()
+        self._open: list[str] = []
+        self.feed(text)
+        self.close()
+        self.faults += [f"<{tag}> is not closed" for tag in self._open]
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        told = dict(attrs)
+        if len(told) < len(attrs):
+            self.faults.append(f"<{tag}> has an attribute twice")
+        if "p" in self._open and tag in self.BLOCKS:
+            self.faults.append(f"<{tag}> in a paragraph")
+        self.counts[tag] += 1
+        self.ids += filter(None, [told.get("id")])
+        self.links += [target for target in [told.get("href")] if target and target != "data:,"]
+        if told.get("role") == "img":
+            self.labels.append(told.get("aria-label") or "")
+        if tag not in self.EMPTY:
+            self._open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in self.EMPTY:
+            self.faults.append(f"<{tag}/> is closed at once")
+
+    def handle_endtag(self, tag: str) -> None:
+        if not self._open or self._open.pop() != tag:
+            self.faults.append(f"</{tag}> at line {self.getpos()[0]} ends something else")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_is_sound(archives: Archives, name: str) -> None:
+    text = page(archives[name])
+    outline = Outline(text)
+    assert outline.faults == []
+    assert [each for each, count in Counter(outline.ids).items() if count > 1] == []
+    assert {link.removeprefix("#") for link in outline.links} <= set(outline.ids)
+    assert outline.counts["caption"] == outline.counts["table"] > 0
+    assert outline.counts["h1"] == 1
+    assert all(re.fullmatch(r"\S.+\. \S.+", label, re.DOTALL) for label in outline.labels)
+    text.encode("utf-8")
+
+
+def test_texts_that_mean_harm_leave_it_sound(hostile: xr.DataTree) -> None:
+    text = page(hostile)
+    outline = Outline(text)
+    assert outline.faults == []
+    assert outline.counts["script"] == 3
+    assert outline.counts["img"] == 0
+    assert re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\ud800-\udfff]", _own(text)) is None
+
+
+def test_what_is_no_text_is_spelled_out(archives: Archives, tmp_path: Path) -> None:
+    tree = archives["lost"].copy()
+    tree.attrs["title"] = "one\x00 two\ud83d three\x1b[31m four\u202e five\x85 six"
+    tree.attrs["study_text"] = "first\r\nsecond\tthird\r"
+    write_report(tree, tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_bytes().decode("utf-8")
+    assert "<title>one\\x00 two\\ud83d three\\x1b[31m four\\u202e five\\x85 six</title>" in text
+    assert "\r" not in _own(text)
+
+
+def test_a_study_without_a_title_has_a_heading(archives: Archives) -> None:
+    tree = archives["lost"].copy()
+    tree.attrs["title"] = " "
+    assert "<h1>A study without a title</h1>" in page(tree)
+
+
+def _own(text: str) -> str:
+    """A page without the library."""
+    return text.replace((VENDORED / "plotly-basic.min.js").read_text("utf-8"), "")
+
+
+class TestSections:
+    def test_those_that_an_archive_has_nothing_for_are_not_there(self, archives: Archives) -> None:
+        text = page(archives["lost"])
+        shown = re.findall(r'<section id="(\w+)"', text)
+        assert shown == re.findall(r'<li><a href="#(\w+)">', text)
+        assert shown == [name for name in SECTIONS if name in shown]
+        assert not {"distributions", "convergence", "course", "surrogates"} & set(shown)
+        assert "losses" in shown
+        assert "distributions" in re.findall(r'<section id="(\w+)"', page(archives["beam"]))
+
+
+class TestBytes:
+    def test_they_are_the_same_each_time_and_in_another_process(
+        self, archives: Archives, tmp_path: Path
+    ) -> None:
+        uqpen.write(archives["schema_2"], tmp_path / "archive.nc")
+        tree = uqpen.open_archive(tmp_path / "archive.nc")
+        for name in ("one", "two"):
+            write_report(tree, tmp_path / f"{name}.html")
+        code = (
+            "import sys, uqpen; from uqpen.report.page import write_report; "
+            "write_report(uqpen.open_archive(sys.argv[1]), sys.argv[2])"
+        )
+        subprocess.run(
+            [sys.executable, "-c", code, tmp_path / "archive.nc", tmp_path / "three.html"],
+            env=os.environ | {"PYTHONHASHSEED": "7", "LC_ALL": "C", "TZ": "Asia/Tokyo"},
+            check=True,
+        )
+        one, two, three = (
+            (tmp_path / f"{name}.html").read_bytes() for name in ("one", "two", "three")
+        )
+        assert one == two
+        assert one == three
+
+    def test_they_do_not_grow_with_the_runs(self) -> None:
+        few, many = (len(page(_ishigami(runs)).encode()) for runs in (2_000, 40_000))
+        assert abs(many - few) < 20_000
+
+    @pytest.mark.parametrize("name", NAMES)
+    def test_there_are_few_enough_to_send(self, archives: Archives, name: str) -> None:
+        assert len(page(archives[name]).encode()) < 2_000_000
+
+
+def _ishigami(runs: int) -> xr.DataTree:
+    """A study of one design, and as many runs of a cheap model."""
+    laws = [f"x{number} = {{ uniform = {{ lower = -3, upper = 3 }} }}" for number in (1, 2, 3)]
+    text = [
+        'seed = 1\n[model]\nuse = "ishigami"',
+        *("[inputs]", *laws),
+        f'[designs.monte_carlo]\nkind = "monte-carlo"\nruns = {runs}',
+    ]
+    return uqpen.run(uqpen.parse_study("\n".join(text)))
+
+
+class TestFile:
+    def test_folders_are_made_and_what_stood_there_is_replaced(
+        self, archives: Archives, tmp_path: Path
+    ) -> None:
+        path = tmp_path / "new" / "page.html"
+        for _ in range(2):
+            write_report(archives["lost"], path)
+        assert [each.name for each in path.parent.iterdir()] == ["page.html"]
+        assert path.read_text("utf-8").startswith("<!DOCTYPE html>")
+
+    def test_a_file_in_place_of_its_folder(self, archives: Archives, tmp_path: Path) -> None:
+        (tmp_path / "file").write_text("mine")
+        path = tmp_path / "file" / "page.html"
+        with pytest.raises(ReportError) as error:
+            write_report(archives["lost"], path)
+        assert str(error.value) == f"{path}: cannot be written: {path.parent} is no folder"
+        assert (tmp_path / "file").read_text() == "mine"
+
+    def test_a_folder_in_its_place(self, archives: Archives, tmp_path: Path) -> None:
+        with pytest.raises(ReportError) as error:
+            write_report(archives["lost"], tmp_path)
+        assert str(error.value) == f"{tmp_path}: cannot be written: Is a directory"
+        assert [*tmp_path.iterdir()] == []
+
+
+def test_the_library_has_its_licence_and_its_version_beside_it() -> None:
+    head = (VENDORED / "plotly-basic.min.js").read_text("utf-8")[:400]
+    version = re.search(r"plotly\.js \(basic - minified\) v(\d+\.\d+\.\d+)", head)
+    assert version
+    licence = (VENDORED / "plotly-basic.LICENSE").read_text("utf-8")
+    assert licence.startswith("MIT License")
+    assert version[1] in (VENDORED / "README.md").read_text("utf-8")

@@ -1,0 +1,150 @@
+"""Charts of the inputs' part in an output, and what is said of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import uqpen
+from uqpen.figures.part import Part
+from uqpen.report.blocks import Block, Chart, Charts, Heading, Table
+from uqpen.report.sections.sensitivity import sensitivity
+from uqpen.summary.digits import sensible
+
+Archives = dict[str, xr.DataTree]
+
+
+def blocks(tree: xr.DataTree, model: str = "") -> list[Block]:
+    return list(sensitivity(Part(tree, model)))
+
+
+def charts(tree: xr.DataTree, model: str = "") -> list[Chart]:
+    found: list[Chart] = []
+    for block in blocks(tree, model):
+        found += block.charts if isinstance(block, Charts) else []
+        found += [block] if isinstance(block, Chart) else []
+    return found
+
+
+def test_estimates_and_bars_are_those_of_the_archive(archives: Archives) -> None:
+    (chart,) = charts(archives["beam"])
+    (trace,) = chart.traces
+    told = archives["beam"]["sensitivity/only"]["deflection_first_order"].values
+    np.testing.assert_allclose(trace["x"], told[:, 0], rtol=1e-5)
+    np.testing.assert_allclose(trace["error_x"]["array"], told[:, 2] - told[:, 0], rtol=1e-5)
+    np.testing.assert_allclose(trace["error_x"]["arrayminus"], told[:, 0] - told[:, 1], rtol=1e-5)
+    assert trace["y"] == [0, 1]
+    assert chart.y.rows == ("load", "span")
+    assert [key.text for key in chart.keys] == ["first order by only"]
+    assert trace["text"][0] == (
+        f"load, first order by only: {sensible(*told[0])} "
+        "(only 98 runs: it may cover less often than it says)"
+    )
+
+
+def test_the_largest_is_named_with_its_interval(archives: Archives) -> None:
+    (chart,) = charts(archives["beam"])
+    told = archives["beam"]["sensitivity/only"]["deflection_first_order"].values
+    assert chart.summary == (
+        f"By only, load has the largest first order: {sensible(*told[0])}; that of span comes "
+        f"next: {sensible(*told[1])}. Its interval overlaps with no other's. "
+        "Of it must be known: only 98 runs: it may cover less often than it says."
+    )
+    assert chart.notes == (
+        "Bars: 95 % intervals, of each estimate by itself.",
+        "Of the intervals of first order by only: only 98 runs: it may cover less often than it "
+        "says.",
+    )
+
+
+def test_intervals_that_overlap_leave_the_order_open(study_of: Any) -> None:
+    text = '[designs.some]\nkind = "monte-carlo"\nruns = 200'
+    (chart,) = charts(uqpen.run(study_of("a + b", text, a=(0, 1), b=(0, 1.01))))
+    assert "Its interval overlaps with that of" in chart.summary
+    assert ", which leaves open which is larger." in chart.summary
+
+
+def test_a_surrogate_is_hollow_and_what_is_refused_is_crossed_out(study_of: Any) -> None:
+    # Of an exponential of such reach, a line through few runs is wrong everywhere.
+    text = """[designs.blocks]
+kind = "saltelli"
+base = 256
+[designs.few]
+kind = "latin-hypercube"
+runs = 30
+[surrogates.flat]
+kind = "polynomial-chaos"
+design = "few"
+order = 1
+"""
+    tree = uqpen.run(study_of("np.exp(3 * a) + b * a", text, a=(0, 1), b=(0, 1)))
+    (chart, *_) = charts(tree)
+    keys = {key.text: key.mark for key in chart.keys}
+    assert keys["total order by blocks"] == "square"
+    assert keys["total order by flat"] == "square-open"
+    told = tree["sensitivity/flat"]["y_total_order"]
+    labels = told.coords["y_total_order_interval_label"].values.tolist()
+    assert "refused" in labels
+    assert keys["refused"] == "x"
+    assert "Crossed out: refused, as independent runs contradict it." in chart.notes
+    (crosses,) = [each for each in chart.traces if each["name"] == "total order by flat, refused"]
+    places = [at for at, label in enumerate(labels) if label == "refused"]
+    np.testing.assert_allclose(crosses["x"], told.values[places, 0], rtol=1e-4)
+    assert "By blocks, a has the largest total order" in chart.summary
+
+
+def test_plain_samples_are_left_to_the_table_where_blocks_tell_more(archives: Archives) -> None:
+    (chart, *_) = charts(archives["schema_2"])
+    assert [key.text for key in chart.keys][:2] == [
+        "first order by blocks",
+        "total order by blocks",
+    ]
+    assert "first order\nlatin_hypercube" in chart.tables[0].columns
+    assert chart.summary.endswith("None has an interval, so nothing tells how sure this order is.")
+    assert chart.notes[0] == (
+        "Hollow, without an interval: first order by blocks, total order by blocks "
+        "(fewer than ten blocks tell of it)."
+    )
+
+
+def test_responses_are_magnitudes_in_per_cent(archives: Archives) -> None:
+    tree = archives["schema_2"]
+    (chart,) = [each for each in charts(tree) if each.title == "Response, near the nominal point"]
+    (trace,) = [each for each in chart.traces if each["name"] == "steps"]
+    told = tree["sensitivity/steps"]["y_response"].values[:, 0]
+    np.testing.assert_allclose(trace["x"], 100 * np.abs(told), rtol=1e-5)
+    assert chart.x.title == "|response| [%]"
+    assert set(trace["marker"]["symbol"]) == {"triangle-down-open"}
+
+
+def test_kinds_of_which_the_same_is_told_share_a_chart(archives: Archives) -> None:
+    found = [each for each in charts(archives["rods"], "original") if "whether it is" in each.title]
+    assert [each.title for each in found] == [
+        "Shares of the variance of whether it is v = u or u = 0"
+    ]
+
+
+def test_what_has_no_chart_is_folded_and_nothing_is_told_without_runs(archives: Archives) -> None:
+    tables = [block for block in blocks(archives["beam"]) if isinstance(block, Table)]
+    assert [table.table.title for table in tables] == [
+        "deflection: shares of its logarithm's variance",
+        "deflection: association with its inputs",
+        "deflection: shares of the variance of exceeding 2 mm",
+    ]
+    assert all(table.is_folded for table in tables)
+    assert not [b for b in blocks(archives["lost"]) if not isinstance(b, (Heading, Table))]
+
+
+def test_of_many_inputs_those_with_the_largest_estimates_are_shown(study_of: Any) -> None:
+    inputs = {f"x{number:02}": (0, 1) for number in range(18)}
+    body = " + ".join(f"{2**number} * {name}" for number, name in enumerate(inputs))
+    text = '[designs.some]\nkind = "monte-carlo"\nruns = 300'
+    (chart,) = charts(uqpen.run(study_of(body, text, **inputs)))
+    assert len(chart.y.rows) == 15
+    assert list(chart.y.rows) == sorted(chart.y.rows), "in the study's order"
+    assert "Shown are the 15 inputs with the largest estimates, of 18; the table has all." in (
+        chart.notes
+    )
+    assert len(chart.tables[0].rows) == 18

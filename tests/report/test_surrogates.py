@@ -1,0 +1,137 @@
+"""Surrogates against their model, run by run and figure by figure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.figures.part import Part
+from uqpen.report.blocks import Block, Charts, Remarks, Table, Text
+from uqpen.report.sections.surrogates import surrogates
+
+Archives = dict[str, xr.DataTree]
+
+FLAT = """[designs.many]
+kind = "monte-carlo"
+runs = 2000
+[designs.few]
+kind = "latin-hypercube"
+runs = 30
+[surrogates.flat]
+kind = "polynomial-chaos"
+design = "few"
+order = 1
+method = "least-squares"
+"""
+
+
+@pytest.fixture
+def tree(study_of: Any) -> xr.DataTree:
+    return uqpen.run(study_of("np.exp(3 * a) + b", FLAT, a=(0, 1), b=(0, 1)))
+
+
+def blocks(tree: xr.DataTree) -> list[Block]:
+    return list(surrogates(Part(tree, "")))
+
+
+def one(tree: xr.DataTree, kind: type) -> Any:
+    (found,) = [block for block in blocks(tree) if isinstance(block, kind)]
+    return found
+
+
+def line_of(tree: xr.DataTree) -> tuple[float, float, float]:
+    """The surrogate y = c + a * slope + b * slope, out of its coefficients."""
+    inputs = tree["runs/few"]
+    columns = np.column_stack([np.ones(30), inputs["a"].values, inputs["b"].values])
+    found, *_ = np.linalg.lstsq(columns, inputs["y"].values, rcond=None)
+    return tuple(found.tolist())
+
+
+def test_points_are_the_model_and_its_surrogate(tree: xr.DataTree) -> None:
+    charts = one(tree, Charts)
+    (chart,) = charts.charts
+    diagonal, cloud, worst = chart.traces
+    assert diagonal["x"] == diagonal["y"]
+    runs = tree["runs/many"]
+    at = cloud["customdata"]
+    assert len(at) == 400
+    c, a, b = line_of(tree)
+    guess = c + a * runs["a"].values + b * runs["b"].values
+    np.testing.assert_allclose(cloud["x"], runs["y"].values[at], rtol=1e-4)
+    np.testing.assert_allclose(cloud["y"], guess[at], rtol=1e-3, atol=1e-3)
+    off = np.abs(guess - runs["y"].values)
+    assert worst["customdata"] == np.sort(np.argsort(-off)[:10]).tolist()
+    assert charts.notes == (
+        "Shown are 400 of 2\u202f000 runs of many, and the 10 with the largest differences; "
+        "it was not fitted to them.",
+    )
+    q2 = float(tree["surrogates/flat"]["y_coefficient"].attrs["check_q2_of_output"])
+    assert chart.title == f"y: Q² {q2:.5g} (check runs)"
+    assert chart.summary.startswith(
+        f"Half of the 2\u202f000 runs differ by at most {np.median(off):.2g}, 95 % by at most "
+        f"{np.quantile(off, 0.95):.2g}, and the largest difference is {off.max():.2g}."
+    )
+
+
+def test_differences_are_of_all_runs(tree: xr.DataTree) -> None:
+    (table,) = one(tree, Charts).tables
+    assert table.title == "Surrogate minus model, in 2\u202f000 runs of many"
+    c, a, b = line_of(tree)
+    runs = tree["runs/many"]
+    off = c + a * runs["a"].values + b * runs["b"].values - runs["y"].values
+    ((label, cells),) = table.rows
+    assert label == "y"
+    assert cells[1] == f"{np.sqrt(np.mean(off**2)):.3g} ¹"
+    assert cells[3] == f"{np.abs(off).max():.3g} ¹"
+
+
+def test_verdicts_are_counted_and_refusals_listed(tree: xr.DataTree) -> None:
+    labels: list[str] = []
+    for kind in ("moments", "quantiles", "exceedance", "sensitivity"):
+        if kind not in tree.children or "flat" not in tree[kind].children:
+            continue
+        for name, array in tree[kind]["flat"].data_vars.items():
+            if "bound" in array.dims and not str(name).endswith("effective_runs"):
+                told = next(
+                    (
+                        array.coords[f"{stem}_interval_label"].values.ravel().tolist()
+                        for stem in (name, *array.dims)
+                        if f"{stem}_interval_label" in array.coords
+                    ),
+                    [array.attrs.get("interval_label")],
+                )
+                labels += told
+    labels.append(tree["cdfs/flat"]["y_band"].attrs["interval_label"])
+    counts = {label: labels.count(label) for label in ("checked", "refused", "unchecked")}
+    assert counts["refused"] > 0
+    assert one(tree, Text).text == (
+        f"Figure by figure, flat was held against independent runs. Of {sum(counts.values())}: "
+        f"{counts['checked']} checked, as the runs' own interval agrees; {counts['refused']} "
+        f"refused; {counts['unchecked']} unchecked, as no runs tell an interval."
+    )
+    lines = one(tree, Remarks).lines
+    assert any(line.startswith("distribution function of y: outside the simul") for line in lines)
+
+
+def test_the_fit_stands_open_and_the_counts_are_folded(tree: xr.DataTree) -> None:
+    fit, verdicts = (block for block in blocks(tree) if isinstance(block, Table))
+    assert fit.table.title == "flat: fit to 30 runs, check by many"
+    assert not fit.is_folded
+    assert verdicts.table.title == "flat: verdicts on its figures"
+    assert verdicts.is_folded
+
+
+def test_without_others_it_is_held_against_the_runs_it_was_fitted_to(study_of: Any) -> None:
+    text = FLAT[FLAT.index("[designs.few]") :]
+    tree = uqpen.run(study_of("a + b", text, a=(0, 1), b=(0, 1)))
+    assert one(tree, Charts).notes == (
+        "Shown are 30 of 30 runs of few; it was fitted to these very runs.",
+    )
+
+
+def test_an_archive_without_surrogates_has_none(archives: Archives) -> None:
+    assert not blocks(archives["beam"])

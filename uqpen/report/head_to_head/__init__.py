@@ -1,0 +1,1 @@
+"""What the page of methods run head to head says."""

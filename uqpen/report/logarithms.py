@@ -1,0 +1,50 @@
+"""Logarithmic axes, with ticks at round numbers that are written out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+
+from uqpen.report.blocks import Axis
+from uqpen.summary.digits import SUPERSCRIPTS, grouped
+
+__all__ = ["logarithmic"]
+
+# Room at either end, and how many times the first value the last one is at least, by tenfolds.
+_MARGIN, _SHORTEST = 0.08, 0.7
+# Ticks at the most, and the steps between powers of ten that are tried.
+_MOST = 6
+_STEPS = ((1, 2, 5), (1, 3), (1,))
+
+
+def logarithmic(title: str, values: Iterable[float]) -> Axis:
+    """A logarithmic axis that holds some values, all of them above zero."""
+    powers = [math.log10(value) for value in values]
+    lower, upper = min(powers), max(powers)
+    margin = max(_MARGIN * (upper - lower), (_SHORTEST - (upper - lower)) / 2, 0.05)
+    ends = (round(lower - margin, 6), round(upper + margin, 6))
+    return Axis(title, ends, is_logarithmic=True, ticks=tuple(_ticks(*ends)))
+
+
+def _ticks(lower: float, upper: float) -> Iterator[tuple[float, str]]:
+    found = [list(_between(lower, upper, steps)) for steps in _STEPS]
+    chosen = next((each for each in found if len(each) <= _MOST), found[-1])
+    for step, power in chosen[:: -(-len(chosen) // _MOST)]:
+        yield float(f"{step}e{power}"), _text(step, power)
+
+
+def _between(lower: float, upper: float, steps: Sequence[int]) -> Iterator[tuple[int, int]]:
+    for power in range(math.floor(lower), math.ceil(upper) + 1):
+        for step in steps:
+            if lower <= math.log10(step) + power <= upper:
+                yield step, power
+
+
+def _text(step: int, power: int) -> str:
+    """A number as it is read: written out as long as it is short."""
+    if 0 <= power < 6:
+        return grouped(step * 10**power)
+    if -5 < power < 0:
+        return f"{step * 10.0**power:.{-power}f}"
+    written = f"10{str(power).translate(SUPERSCRIPTS)}"
+    return written if step == 1 else f"{step}×{written}"

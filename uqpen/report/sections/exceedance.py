@@ -1,0 +1,119 @@
+"""How likely an output is to go beyond a value: its tail, by logarithms."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.analyses.cdfs import cdf_at
+from uqpen.archive.read import group
+from uqpen.figures.curves import Curve
+from uqpen.figures.part import Part
+from uqpen.labels import EXCEEDANCE, INTERVAL_LEVEL
+from uqpen.report.blocks import Axis, Chart, Key
+from uqpen.report.marks import Trace, band, dots, line, written
+from uqpen.report.sections.evidence import sample_of, titled
+from uqpen.summary.digits import percent, sensible
+from uqpen.summary.table import OutputTable, exceedance_label
+
+__all__ = ["exceedance"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# How far below the least probability that runs can tell the axis goes on.
+_BELOW = 0.3
+# Points of the line, at the most.
+_MOST = 200
+
+
+def exceedance(part: Part, output: str, curve: Curve) -> Chart:
+    """The probability of exceeding each value, with those that the study asks for."""
+    series = part.sources.index(curve.name)
+    least = _BELOW / max(curve.runs, 10)
+    values, tail = _tail(part, output, curve)
+    traces: list[Trace] = []
+    keys: list[Key] = []
+    if curve.has_band:
+        lower, upper = (np.maximum(tail[:, side], least) for side in (2, 1))
+        traces += band(values, lower, upper, series, is_stepped=curve.is_stepped)
+        text = f"simultaneous {percent(curve.level)} band"
+        keys.append(Key(text, series, "band"))
+    unit = f" {part.unit(output)}" if part.unit(output) != "1" else ""
+    traces.append(
+        line(
+            values,
+            tail[:, 0],
+            series,
+            hover=f"P(more than %{{x:.4~g}}{written(unit)}) = %{{y:.3~g}}",
+            name=curve.name,
+            is_stepped=curve.is_stepped,
+        )
+    )
+    keys.append(Key(curve.name, series, "line"))
+    asked = group(part.tree, EXCEEDANCE, curve.name).get(output)
+    notes: tuple[str, ...] = ()
+    if asked is not None:
+        traces.append(_asked(part, output, asked))
+        keys.append(Key("asked for beforehand", "ink", "circle"))
+        if INTERVAL_LEVEL in asked.attrs:
+            notes = (f"Bars: {percent(float(asked.attrs[INTERVAL_LEVEL]))} intervals.",)
+    return Chart(
+        title=f"Probability that {titled(part, output)} is more than x",
+        summary=_summary(output, asked, curve),
+        x=Axis(part.axis(output)),
+        y=Axis("P(more than x)", (np.log10(least).item(), 0.0), is_logarithmic=True),
+        traces=tuple(traces),
+        keys=tuple(keys),
+        notes=notes,
+        tables=_tables(curve, output, asked),
+        height=280,
+    )
+
+
+def _tail(part: Part, output: str, curve: Curve) -> tuple[FloatArray, FloatArray]:
+    """Values that lie as far apart as the logarithms of what exceeds them, and that with its band.
+
+    The archive's function has equally spaced ranks, of which few lie in the tail.
+    """
+    sample = sample_of(part, curve.name, output)
+    left = np.arange(1, sample.size + 1)
+    if sample.size > _MOST:
+        left = np.geomspace(1, sample.size, _MOST).round().astype(np.int64)
+    values = np.unique(sample.ordered[sample.size - left])
+    told = 1 - cdf_at(sample, values).values
+    # The largest value leaves nothing above it, which has no logarithm.
+    above = told[:, 0] > 0
+    shown: FloatArray = part.measure(output).from_si(values[above])
+    return shown, told[above]
+
+
+def _asked(part: Part, output: str, asked: xr.DataArray) -> Trace:
+    """The probabilities that the study asks for, where their logarithm is one."""
+    written_ = asked[f"{output}_threshold"].values.tolist()
+    places = part.measure(output).from_si(asked[f"{output}_threshold_value"].values)
+    bounds = asked.values
+    hovers = [
+        f"{exceedance_label(str(text))} = {sensible(*row)}"
+        for text, row in zip(written_, bounds.tolist(), strict=True)
+    ]
+    bounds = np.where(bounds > 0, bounds, np.nan)
+    return dots(bounds, places, "ink", hovers=hovers, name="asked", along="y")
+
+
+def _summary(output: str, asked: xr.DataArray | None, curve: Curve) -> str:
+    if asked is None:
+        return f"It falls from 1 to what {curve.runs} runs of {curve.name} can tell."
+    return "; ".join(cells[0] for _, cells in _rows(output, asked))
+
+
+def _rows(output: str, asked: xr.DataArray) -> list[tuple[str, list[str]]]:
+    labels = [exceedance_label(str(text)) for text in asked[f"{output}_threshold"].values]
+    return [(label, [sensible(*row)]) for label, row in zip(labels, asked.values, strict=True)]
+
+
+def _tables(curve: Curve, output: str, asked: xr.DataArray | None) -> tuple[OutputTable, ...]:
+    if asked is None:
+        return ()
+    title = f"Probabilities asked for, by {curve.name}"
+    return (OutputTable(title, [curve.name], _rows(output, asked)),)
