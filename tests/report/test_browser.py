@@ -1,0 +1,454 @@
+"""Reports as a browser shows them: read, moved, printed, without a script, and meant to harm."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import xarray as xr
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from uqpen.report.page import write_report
+
+FLAGS = [
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+WIDE, MIDDLE, PHONE, NARROW = 1200, 700, 400, 320
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """A browser without a window; of this module alone, as it runs a loop of events."""
+    found = map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))
+    path = next(filter(None, found), None)
+    if path is None:
+        pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
+    flags = [*FLAGS, "--no-sandbox"] if os.geteuid() == 0 else FLAGS
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=path, args=flags)
+        yield started
+        started.close()
+
+
+class Shown(NamedTuple):
+    """A page in the browser, and what it said or asked for that it should not have."""
+
+    page: Page
+    said: list[str]
+
+
+Show = Callable[[str], Page]
+
+
+class Reports:
+    """Reports of archives, each opened when it is asked for, and then kept open."""
+
+    def __init__(self, browser: Browser, folder: Path, tree_of: Callable[[str], Any]) -> None:
+        self._browser = browser
+        self._folder = folder
+        self._tree_of = tree_of
+        self._shown: dict[str, Shown] = {}
+
+    def opened(self, name: str) -> Shown:
+        if name not in self._shown:
+            self._shown[name] = self._open(self.path(name).as_uri())
+        return self._shown[name]
+
+    def path(self, name: str) -> Path:
+        path = self._folder / f"{name}.html"
+        if not path.exists():
+            write_report(self._tree_of(name), path)
+        return path
+
+    def _open(self, address: str) -> Shown:
+        page = self._browser.new_page(viewport={"width": WIDE, "height": 900})
+        said: list[str] = []
+        page.on("console", lambda message: said.append(f"{message.type}: {message.text}"))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("request", lambda asked: said.append(asked.url) if asked.url != address else None)
+        page.goto(address)
+        _wait(page)
+        return Shown(page, said)
+
+
+def _wait(page: Page, theme: str = "light") -> None:
+    """Until all charts are drawn in a theme."""
+    missing = f".plot:not([data-drawn={theme}])"
+    page.wait_for_selector(f"html[data-ready=yes]:not(:has({missing}))", state="attached")
+
+
+@pytest.fixture(scope="module")
+def reports(
+    browser: Browser,
+    archives: Mapping[str, xr.DataTree],
+    request: pytest.FixtureRequest,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Reports:
+    """Of the archives of all tests, and of those of fixtures."""
+
+    def tree_of(name: str) -> Any:
+        return archives[name] if name in archives else request.getfixturevalue(name)
+
+    return Reports(browser, tmp_path_factory.mktemp("reports"), tree_of)
+
+
+@pytest.fixture
+def show(reports: Reports) -> Iterator[Show]:
+    """The report of an archive as if it were just opened; in the end it has said nothing."""
+    seen: list[Shown] = []
+
+    def show(name: str) -> Page:
+        seen.append(reports.opened(name))
+        page = seen[-1].page
+        page.set_viewport_size({"width": WIDE, "height": 900})
+        page.emulate_media(media="screen", color_scheme="light")
+        page.mouse.move(0, 0)
+        page.evaluate("delete document.documentElement.dataset.theme, scrollTo(0, 0)")
+        _wait(page)
+        return page
+
+    yield show
+    assert [line for shown in seen for line in shown.said] == []
+
+
+class Runs:
+    """What the runs of the concrete study's first design say of an output, in SI units."""
+
+    def __init__(self, tree: xr.DataTree) -> None:
+        self.values = tree["runs/monte_carlo/penetration_depth"].values
+        self.half = float(np.sqrt(np.log(2 / 0.05) / (2 * self.values.size)))
+
+    def at_most(self, x: float) -> tuple[float, float, float]:
+        """The share of the runs, and the ends of the band by Dvoretzky, Kiefer, Wolfowitz."""
+        share = float(np.mean(self.values <= x))
+        return share, max(0.0, share - self.half), min(1.0, share + self.half)
+
+
+NUMBER = r"(-?\d+(?:\.\d+)?)"
+READ_OUT = re.compile(
+    rf"P\(at most {NUMBER} m\) = {NUMBER} % \({NUMBER} … {NUMBER} %\); "
+    rf"P\(more\) = {NUMBER} % \({NUMBER} … {NUMBER} %\)"
+)
+
+
+def _read(page: Page) -> tuple[float, list[str]]:
+    """The threshold of the first read-out, and the figures in it."""
+    text = page.locator(".readout").first.inner_text()
+    found = READ_OUT.fullmatch(text)
+    assert found, text
+    return float(found[1]), list(found.groups()[1:])
+
+
+def _holds(page: Page, runs: Runs) -> float:
+    """The threshold that is read off, once all that is said of it is what the runs say."""
+    threshold, figures = _read(page)
+    share, lower, upper = runs.at_most(threshold)
+    exact = [share, lower, upper, 1 - share, 1 - upper, 1 - lower]
+    for figure, each in zip(figures, exact, strict=True):
+        last = 10.0 ** -len(figure.partition(".")[2])
+        assert abs(float(figure) - 100 * each) <= last / 2 + 1e-7, (figures, exact)
+    return threshold
+
+
+class TestReadingOff:
+    """The concrete study's page under pointer and keys."""
+
+    @pytest.fixture
+    def page(self, show: Show) -> Page:
+        return show("concrete")
+
+    @pytest.fixture
+    def runs(self, concrete: xr.DataTree) -> Runs:
+        return Runs(concrete)
+
+    def test_it_begins_where_the_study_asks_and_follows_keys_and_pointer(
+        self, page: Page, runs: Runs
+    ) -> None:
+        slider = page.locator(".reading input[type=range]").first
+        slider.focus()
+        before = _holds(page, runs)
+        assert before == 0.6
+        page.keyboard.press("ArrowRight")
+        step = _holds(page, runs) - before
+        assert step == pytest.approx(
+            float(page.locator(".reading").first.get_attribute("data-step"))
+        )
+        page.keyboard.press("End")
+        assert _holds(page, runs) > before
+        box = slider.bounding_box()
+        page.mouse.click(box["x"] + box["width"] / 4, box["y"] + box["height"] / 2)
+        assert _holds(page, runs) < before
+        number = page.locator(".reading input[type=number]").first.input_value()
+        assert slider.get_attribute("aria-valuetext") == f"{number} m"
+
+    def test_a_threshold_is_typed(self, page: Page, runs: Runs) -> None:
+        number = page.locator(".reading input[type=number]").first
+        for typed, read in {"0.45": 0.45, "": 0.45, "0.50001": 0.5}.items():
+            number.fill(typed)
+            number.press("Enter")
+            assert _holds(page, runs) == read
+        number.fill("1e9")
+        number.press("Tab")
+        assert _holds(page, runs) <= runs.values.max()
+        assert float(number.input_value()) == _read(page)[0]
+
+    def test_a_click_on_the_curve_moves_it_there(self, page: Page, runs: Runs) -> None:
+        x = float(np.quantile(runs.values, 0.3))
+        page.mouse.click(*_on_curve(page, x, 0.3))
+        assert _holds(page, runs) == pytest.approx(x, abs=0.01)
+
+    def test_the_curve_says_its_numbers_under_the_pointer(self, page: Page, runs: Runs) -> None:
+        told = 0
+        for p in np.linspace(0.1, 0.9, 9).tolist():
+            page.mouse.move(*_on_curve(page, float(np.quantile(runs.values, p)), p))
+            text = _hovered(page)
+            name, x, *said = re.fullmatch(HOVERED, text).groups()
+            if name == "monte_carlo":
+                told += 1
+                # As many digits as there are of x leave room for a run more or less.
+                exact = [runs.at_most(float(x) + shift) for shift in (-5e-5, 5e-5)]
+                for figure, low, high in zip(map(float, said), *exact, strict=True):
+                    assert low - 1e-4 <= figure <= high + 1e-4, text
+        assert told > 1, "others of its curves lie nearer to nearly all points"
+
+
+HOVERED = rf"(\w+) P\(at most {NUMBER} m\) = {NUMBER}(?: band {NUMBER} … {NUMBER})?"
+
+
+def _hovered(page: Page) -> str:
+    """What is told under the pointer."""
+    page.wait_for_selector(".hoverlayer .hovertext")
+    return " ".join(page.locator(".hoverlayer .hovertext tspan").all_text_contents())
+
+
+def _on_curve(page: Page, x: float, p: float) -> tuple[float, float]:
+    """Where a point of the first distribution function lies on the screen."""
+    plot = page.locator(".plot:has(~ .reading)").first
+    plot.scroll_into_view_if_needed()
+    charts = json.loads(page.locator("#data").text_content())
+    lower, upper = charts[int(plot.get_attribute("data-chart"))]["x"]["range"]
+    box = plot.locator(".nsewdrag").first.bounding_box()
+    return (
+        box["x"] + box["width"] * (x - lower) / (upper - lower),
+        box["y"] + box["height"] * (1 - p),
+    )
+
+
+@pytest.mark.parametrize("name", ["concrete", "beam", "lost", "wide", "schema_2_several"])
+def test_it_fits_and_is_accessible_in_both_themes(
+    browser: Browser, reports: Reports, name: str
+) -> None:
+    # Charts are images to the guidelines, and have the width of what is around them.
+    page = browser.new_page()
+    page.add_init_script(IDLE)
+    page.goto(reports.path(name).as_uri())
+    faults = []
+    seen = [(WIDE, "light"), (PHONE, "dark"), (WIDE, "dark"), (PHONE, "light")]
+    # Two show every rule at work, as colours do not depend on the width; the others cost time.
+    for width, theme in seen if name == "beam" else seen[:2]:
+        page.set_viewport_size({"width": width, "height": 900})
+        page.emulate_media(color_scheme=theme)
+        faults += [f"{width} {theme}: {fault}" for fault in _inaccessible(page)]
+    page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
+    for width in (WIDE, MIDDLE, PHONE, NARROW):
+        page.set_viewport_size({"width": width, "height": 900})
+        faults += _overflowing(page)
+    page.close()
+    assert faults == []
+
+
+# No chart is drawn.
+IDLE = "window.requestIdleCallback = () => 0; IntersectionObserver.prototype.observe = () => {};"
+
+
+def _inaccessible(page: Page) -> Iterator[str]:
+    """What axe finds against the guidelines."""
+    for violation in Axe().run(page).response["violations"]:
+        for node in violation["nodes"]:
+            yield f"{violation['id']}: {node['html'][:120]} {node['failureSummary']}"
+
+
+# What reaches beyond the page's right edge, other than in what scrolls by itself.
+WIDER = """() => [...document.querySelectorAll("body *")]
+  .filter((each) => each.getBoundingClientRect().right > innerWidth + 1)
+  .filter((each) => !each.closest(".scroll, pre, .plot svg, .skip"))
+  .map((each) => `${each.tagName}.${each.getAttribute("class")} ${each.textContent.slice(0, 9)}`)"""
+
+
+def _overflowing(page: Page) -> Iterator[str]:
+    room, taken = page.evaluate(
+        "[document.documentElement.clientWidth, document.documentElement.scrollWidth]"
+    )
+    if taken > room:
+        yield f"{taken} px in {room} px: {page.evaluate(WIDER)[:3]}"
+
+
+# The colours of lines that are seen, and of texts, and how these stand out from the paper.
+COLOURS = """() => {
+  const all = (selector) =>
+    [...document.querySelectorAll(`.plot svg ${selector}`)].map((each) => getComputedStyle(each));
+  const each = (colours) => [...new Set(colours)].sort();
+  return {
+    paper: [getComputedStyle(document.body).backgroundColor],
+    lines: each(all(".js-line").filter((a) => a.strokeWidth !== "0px").map((a) => a.stroke)),
+    texts: each(all("text").map((a) => a.fill)),
+  };
+}"""
+
+
+def test_charts_follow_the_theme(show: Show) -> None:
+    page = show("beam")
+    light = page.evaluate(COLOURS)
+    page.emulate_media(color_scheme="dark")
+    _wait(page, "dark")
+    dark = page.evaluate(COLOURS)
+    for part, colours in light.items():
+        assert colours
+        assert not {*colours} & {*dark[part]}
+    for colours in (light, dark):
+        (paper,) = colours["paper"]
+        assert all(_contrast(text, paper) >= 4.5 for text in colours["texts"])
+        assert all(_contrast(line, paper) >= 3 for line in colours["lines"])
+    for theme, colours in (("light", light), ("dark", dark), ("light", light)):
+        page.get_by_role("button", name=theme.capitalize()).click()
+        _wait(page, theme)
+        assert page.evaluate(COLOURS) == colours
+
+
+def _contrast(one: str, other: str) -> float:
+    """Of two colours, as the guidelines have it."""
+    low, high = sorted(map(_luminance, (one, other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def _luminance(colour: str) -> float:
+    parts = np.array([int(part) for part in re.findall(r"\d+", colour)[:3]]) / 255
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+FOCUSED = """() => {
+  const at = document.activeElement;
+  const { outlineStyle, outlineWidth } = getComputedStyle(at);
+  const box = at.getBoundingClientRect();
+  return {
+    what: at.className || at.getAttribute("href") || at.type || at.localName,
+    isSeen: outlineStyle !== "none" && parseFloat(outlineWidth) >= 2 && box.right > 0,
+  };
+}"""
+
+
+def test_keys_reach_everything_in_the_order_of_the_page(show: Show) -> None:
+    page = show("beam")
+    page.reload()
+    _wait(page)
+    links = page.locator("nav a").evaluate_all("(all) => all.map((a) => a.getAttribute('href'))")
+    reached = []
+    for _ in range(100):
+        page.keyboard.press("Tab")
+        at = page.evaluate(FOCUSED)
+        if at["what"] == "body":
+            break
+        assert at["isSeen"], at
+        reached.append(at["what"])
+    assert reached[: 2 + len(links)] == ["skip", "button", *links]
+    rest = reached[2 + len(links) :]
+    assert rest.index("number") < rest.index("range") < rest.index("summary")
+    assert "scroll" in rest
+    page.locator(".skip").press("Enter")
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.closest('main') !== null")
+
+
+def test_charts_have_the_width_that_there_is(show: Show) -> None:
+    page = show("beam")
+    page.set_viewport_size({"width": NARROW, "height": 900})
+    page.wait_for_function(FITTING)
+
+
+# Charts that are as wide as their room, to a pixel.
+FITTING = """() => [...document.querySelectorAll(".plot")].every(
+  (plot) => Math.abs(plot.querySelector(".main-svg").clientWidth - plot.clientWidth) <= 1)"""
+
+
+def test_on_paper_it_is_light_and_fits(show: Show) -> None:
+    page = show("beam")
+    light = page.evaluate(COLOURS)
+    page.emulate_media(color_scheme="dark")
+    _wait(page, "dark")
+    dark = page.evaluate(COLOURS)
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    page.emulate_media(media="print")
+    assert page.evaluate(COLOURS) == light
+    for kind in ("nav", "button", "input[type=range]", "details:not([open])"):
+        assert page.locator(f"{kind}:visible").count() == 0, kind
+    # 18 cm, of the 21 cm of a page.
+    assert page.evaluate("document.body.clientWidth") <= 681
+    assert page.evaluate(FITTING)
+    page.emulate_media(media="screen")
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert page.evaluate(COLOURS) == dark
+    page.wait_for_function(FITTING)
+
+
+def test_without_a_script_texts_and_tables_are_there(browser: Browser, reports: Reports) -> None:
+    page = browser.new_page(java_script_enabled=False)
+    page.goto(reports.path("beam").as_uri())
+    assert page.locator("noscript p").is_visible()
+    for kind in (".plot", ".legend", ".reading", "button"):
+        assert page.locator(f"{kind}:visible").count() == 0, kind
+    assert page.locator("section h2:visible").count() == page.locator("nav a").count() > 1
+    assert page.locator("table:visible").count() > 0
+    summary = page.get_by_text("The numbers behind it").first
+    before = page.locator("table:visible").count()
+    summary.click()
+    assert page.locator("table:visible").count() > before
+    page.close()
+
+
+class TestHarm:
+    """A page of an archive every text of which means harm."""
+
+    @pytest.fixture
+    def page(self, show: Show) -> Page:
+        return show("hostile")
+
+    def test_nothing_of_it_is_run_or_loaded(self, page: Page) -> None:
+        assert page.evaluate("typeof hacked") == "undefined"
+        assert (
+            page.locator("main :is(img, script, b, i, [onerror], [href^=javascript])").count() == 0
+        )
+
+    def test_texts_are_seen_as_they_stand(self, page: Page) -> None:
+        harm = (
+            "</script><script>hacked=1</script><img src=x onerror=hacked=1>"
+            '<a href="javascript:hacked=1">a</a> %{y} &lt; $\\frac{1}{0}$ \\x00\\x1b\\u202e'
+        )
+        assert page.title().endswith(harm)
+        assert page.locator("h1").inner_text().endswith(harm)
+
+    def test_charts_show_them_as_they_stand(self, page: Page) -> None:
+        seen = page.locator(".plot svg text").evaluate_all("(all) => all.map((a) => a.textContent)")
+        assert "<b>%{x}&amp;<i></script><script>hacked=1</script>… [mm]" in seen
+        assert "<img src=x onerror=hacked=1>" in seen
+        page.mouse.move(*_on_curve(page, 3.75, 0.5))
+        assert _hovered(page).startswith("<u onclick=hacked=1>%{z} P(at most 3.7")
+
+    def test_policy(self, page: Page) -> None:
+        policy = page.locator("meta[http-equiv=Content-Security-Policy]").get_attribute("content")
+        rules: dict[str, Any] = dict(rule.strip().split(" ", 1) for rule in policy.split(";"))
+        assert rules["default-src"] == "'none'"
+        assert re.fullmatch(r"('sha256-[\w+/=]+' ?)+", rules["script-src"])
