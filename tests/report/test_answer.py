@@ -62,10 +62,10 @@ def test_every_sentence_stands_by_itself(archives: Mapping[str, xr.DataTree]) ->
         "the inputs. It was chosen by its place in the study, not by what it says. Of its 20 runs "
         "of the model ishigami 0.1.0, 19 came back.",
         "What other designs estimate, by runs of their own",
-        "Y, value not exceeded in 80 % of cases: 5.5 to 7.2 by 2 other designs, 5.9 by "
+        "y, value not exceeded in 80 % of cases: 5.5 to 7.2 by 2 other designs, 5.9 by "
         "monte_carlo.",
-        "Y, P(> 10): 0 % to 6 % by 2 other designs, 5 % by monte_carlo.",
-        "Y, median: 2.8 to 4.5 by 2 other designs, 3.6 by monte_carlo.",
+        "y, P(> 10): 0 % to 6 % by 2 other designs, 5 % by monte_carlo.",
+        "y, median: 2.8 to 4.5 by 2 other designs, 3.6 by monte_carlo.",
         "What to keep in mind",
         "1 of the 20 points of monte_carlo was inadmissible, so outside of what the model or the "
         "study allows, the probability of which is 5 % (0 % to 25 %, 95 % interval). All figures "

@@ -7,11 +7,24 @@ import re
 from uqpen.summary.digits import SUPERSCRIPTS
 from uqpen.units import DIMENSIONLESS
 
-__all__ = ["plain", "typeset", "with_unit"]
+__all__ = ["capitalized", "plain", "typeset", "with_unit"]
 
 _LONGEST = 80
 
+_WORD = re.compile(r"\w+")
 _POWER = re.compile(r"(?<=[A-Za-z)])\^?(-?\d+)")
+
+
+def capitalized(text: str) -> str:
+    """A text with a capital, as at the start of a sentence; a symbol stays as it is.
+
+    >>> capitalized("depth of penetration, median"), capitalized("y, median")
+    ('Depth of penetration, median', 'y, median')
+    """
+    first = _WORD.match(text)
+    if first is None or len(first[0]) == 1 or not first[0].isalpha():
+        return text
+    return f"{text[0].upper()}{text[1:]}"
 
 
 def plain(text: str, longest: int = _LONGEST) -> str:

@@ -24,12 +24,16 @@ class Section(NamedTuple):
         What yields its blocks.
     is_common : bool
         Whether it is told once, of all models of an archive together.
+    lacks : str
+        What an archive has none of for which there is nothing to tell; empty where none is
+        expected.
     """
 
     title: str
     lead: str
     make: str
     is_common: bool = False
+    lacks: str = ""
 
 
 # In the order of the page, by the names that links have.
@@ -46,6 +50,7 @@ SECTIONS = {
         "once; move the threshold to read it off. Below it, the runs themselves and their "
         "quantiles.",
         "uqpen.report.sections.distributions:distributions",
+        lacks="runs that are a sample of the inputs and came back",
     ),
     "methods": Section(
         "What each method says, and what it costs",
@@ -73,6 +78,7 @@ SECTIONS = {
         "order adds all that it makes together with others; Shapley effects share that out evenly "
         "among them. Elementary effects and responses say how much the output moves.",
         "uqpen.report.sections.sensitivity:sensitivity",
+        lacks="measures of the inputs' part",
     ),
     "scatter": Section(
         "Outputs against inputs",
@@ -85,12 +91,14 @@ SECTIONS = {
         "What happens within a single run, whose inputs have their nominal values.",
         "uqpen.report.sections.course:course",
         is_common=True,
+        lacks="courses of its models",
     ),
     "surrogates": Section(
         "How good the surrogates are",
         "What a surrogate says of runs against what the model said: the nearer to the line, the "
         "better. A good fit as a whole says little of one figure, so each is judged by itself.",
         "uqpen.report.sections.surrogates:surrogates",
+        lacks="surrogates",
     ),
     "losses": Section(
         "Runs that were lost",

@@ -48,6 +48,7 @@ class Remarks(Block):
 
     head: str
     lines: tuple[str, ...]
+    is_folded: bool = False
 
 
 @dataclass(frozen=True)
@@ -172,6 +173,8 @@ class Chart(Block):
     height : int
         In CSS pixels.
     reading : Reading, optional
+    is_compared : bool
+        Whether a pointer reads off all lines at once.
     """
 
     title: str
@@ -185,6 +188,7 @@ class Chart(Block):
     tables: tuple[OutputTable, ...] = ()
     height: int = 300
     reading: Reading | None = None
+    is_compared: bool = False
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from uqpen.report import SECTIONS, SECTIONS_OF_COMPARISON
 from uqpen.report.blocks import Block, Chart, Charts, Heading
 from uqpen.report.head_to_head.contest import check_comparison
 from uqpen.report.legend import OUTLINES, STROKES, colour
+from uqpen.report.masthead import facts, heading
 from uqpen.report.plotted import as_json
 from uqpen.summary.digits import percent
 
@@ -49,6 +50,7 @@ class _Filled:
     title: str
     lead: str
     blocks: tuple[Block, ...]
+    lacks: str
 
 
 def write_report(tree: xr.DataTree, path: str | Path) -> None:
@@ -88,7 +90,8 @@ def page(tree: xr.DataTree) -> str:
     ArchiveError
         If the archive lacks what the report goes by.
     """
-    sections = [section for section in _sections(tree) if section.blocks]
+    every = list(_sections(tree))
+    sections = [section for section in every if section.blocks]
     charts = [chart for section in sections for chart in _charts(section.blocks)]
     style, script = ((_ASSETS / name).read_text("utf-8") for name in ("page.css", "page.js"))
     library = _LIBRARY.read_text("utf-8")
@@ -103,8 +106,10 @@ def page(tree: xr.DataTree) -> str:
     environment.globals |= {"id": id, "level": percent, "colour": colour}
     environment.globals |= {"strokes": STROKES, "outlines": OUTLINES}
     return environment.get_template("page.html").render(
-        title=_title(tree),
+        title=heading(tree),
+        facts=facts(tree),
         sections=sections,
+        lacks=[section.lacks for section in every if section.lacks and not section.blocks],
         numbers={id(chart): number for number, chart in enumerate(charts)},
         data=as_json(charts),
         style=style,
@@ -122,12 +127,7 @@ def _sections(tree: xr.DataTree) -> Iterator[_Filled]:
         return
     check_comparison(tree)
     for name, section in SECTIONS_OF_COMPARISON.items():
-        yield _Filled(name, section.title, section.lead, tuple(resolve(section.make)(tree)))
-
-
-def _title(tree: xr.DataTree) -> str:
-    title = str(tree.attrs.get("title", "")).strip() or "A study without a title"
-    return f"{title}: methods head to head" if tree.attrs.get(KIND) == HEAD_TO_HEAD else title
+        yield _Filled(name, *section[:2], tuple(resolve(section.make)(tree)), section.lacks)
 
 
 def _filled(tree: xr.DataTree, name: str) -> _Filled:
@@ -141,7 +141,7 @@ def _filled(tree: xr.DataTree, name: str) -> _Filled:
         if found and model and not section.is_common:
             blocks.append(Heading(model))
         blocks += found
-    return _Filled(name, section.title, section.lead, tuple(blocks))
+    return _Filled(name, *section[:2], tuple(blocks), section.lacks)
 
 
 def _charts(blocks: Iterable[Block]) -> Iterator[Chart]:

@@ -56,6 +56,7 @@ def _plotted(chart: Chart) -> dict[str, Any]:
         "x": _axis(chart.x),
         "y": _axis(chart.y),
         "height": chart.height,
+        "hovermode": "x unified" if chart.is_compared else "closest",
     }
     if chart.reading is not None:
         drawn["bounds"] = chart.reading.bounds

@@ -64,7 +64,7 @@
         align: "left", bgcolor: looked(style, "raised"), bordercolor: looked(style, "quiet"),
         font: { color: looked(style, "ink"), size: 13 },
       },
-      hovermode: "closest", hoverdistance: 30, showlegend: false, bargap: 0,
+      hovermode: chart.hovermode, hoverdistance: 30, showlegend: false, bargap: 0,
       dragmode: coarse ? false : "zoom",
       xaxis: { ...axis(style, chart.x), ...upright },
       yaxis: axis(style, chart.y),
@@ -101,6 +101,7 @@
     const decimals = Number(form.dataset.decimals);
     const last = chart.bounds.length - 1;
     const unit = form.querySelector("span").textContent;
+    const called = (text) => (unit ? `${text} ${unit}` : text);
     const line = chart.shapes.push({
       type: "line", yref: "paper", y0: 0, y1: 1, x0: first, x1: first,
       line: { color: "accent", width: 2 },
@@ -113,10 +114,10 @@
       const text = at.toFixed(decimals);
       const [p, lower, upper] = chart.bounds[place];
       slider.value = place;
-      slider.setAttribute("aria-valuetext", `${text} ${unit}`);
+      slider.setAttribute("aria-valuetext", called(text));
       number.value = text;
       form.querySelector(".readout").textContent =
-        `P(at most ${text} ${unit}) = ${asPercent(p, lower, upper)}; ` +
+        `P(at most ${called(text)}) = ${asPercent(p, lower, upper)}; ` +
         `P(more) = ${asPercent(1 - p, upper === null ? null : 1 - upper, lower === null ? null : 1 - lower)}`;
       chart.shapes[line].x0 = chart.shapes[line].x1 = at;
       if (plot.dataset.drawn) {
@@ -167,6 +168,15 @@
     idle(next);
   };
   idle(next);
+
+  // What does not scroll is no stop for the keyboard.
+  const scrolls = [...document.querySelectorAll(".scroll, pre")];
+  const stops = () => scrolls.forEach((each) => {
+    if (each.scrollWidth > each.clientWidth) each.tabIndex = 0; else each.removeAttribute("tabindex");
+  });
+  stops();
+  window.addEventListener("resize", stops);
+  document.addEventListener("toggle", stops, true);
 
   // The theme follows the system until the button is pressed.
   const button = document.getElementById("theme");

@@ -220,4 +220,4 @@ def _verdicts(tree: xr.DataTree) -> Iterator[Block]:
         line = f"{entry.label}: {'; '.join(contest.verdicts)}."
         lines.setdefault(entry.output, []).append(line)
     for output, found in lines.items():
-        yield Remarks(f"In words: {called(tree, output)}", tuple(found))
+        yield Remarks(f"In words: {called(tree, output)}", tuple(found), is_folded=True)

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.figures.texts import capitalized
 from uqpen.labels import ERRORS, ESTIMATES, REPLICATED, SINGLE
 from uqpen.report.blocks import Block, Chart, Charts, Heading, Key, Text
 from uqpen.report.head_to_head.contest import (
@@ -192,7 +193,7 @@ def _notes(
 ) -> Iterator[str]:
     """What must be known of the errors, and the verdicts among replicated sets."""
     entry = contest.entry
-    yield from (_sentence(note) for note in _of_scale(entry))
+    yield from (f"{capitalized(note)}." for note in _of_scale(entry))
     if any(
         (np.isfinite(b[:, 0]) & ~np.isfinite(b[:, 1:]).all(axis=1)).any() for b in told.values()
     ):
@@ -208,9 +209,9 @@ def _notes(
     elif own >= max(float(np.nanmax(b[:, 0], initial=0.0)) for b in told.values()):
         yield f"{shown} is as large as any of these."
     if variant == REPLICATED:
-        yield from map(_sentence, contest.among_replicated)
+        yield from (f"{capitalized(note)}." for note in contest.among_replicated)
     else:
-        yield from map(_sentence, contest.notes)
+        yield from (f"{capitalized(note)}." for note in contest.notes)
 
 
 def _of_scale(entry: Entry) -> Iterator[str]:
@@ -224,10 +225,6 @@ def _of_scale(entry: Entry) -> Iterator[str]:
         yield f"errors are in % of {of}, as the reference is 0"
     else:
         yield "errors are in % of the standard deviation, as the reference is about 0"
-
-
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}."
 
 
 def _table(entry: Entry, variant: str) -> OutputTable:

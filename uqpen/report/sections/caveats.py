@@ -11,6 +11,7 @@ from uqpen.analyses.sample import sample_of_law
 from uqpen.archive.read import group, models_in
 from uqpen.evaluation import status_counts
 from uqpen.figures.part import Part
+from uqpen.figures.texts import capitalized
 from uqpen.labels import (
     CONDITIONAL,
     DEPENDENCE,
@@ -25,7 +26,7 @@ from uqpen.labels import (
     Sampling,
     Status,
 )
-from uqpen.report.sections.quoted import at_start, unbroken
+from uqpen.report.sections.quoted import unbroken
 from uqpen.summary.digits import alike, grouped, percent
 
 __all__ = ["caveats"]
@@ -53,7 +54,7 @@ def caveats(part: Part, design: str) -> Iterator[str]:
         yield _on_inadmissible(part, design, accounts)
     if MISSING in accounts.attrs:
         yield (
-            f"{at_start(str(accounts.attrs[MISSING]))} did not come back "
+            f"{capitalized(str(accounts.attrs[MISSING]))} did not come back "
             f"({', '.join(_counted(part, design))}). All estimates are of those that did, and are "
             "off as far as the others would have given other results."
         )

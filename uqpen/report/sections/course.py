@@ -9,7 +9,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.figures.part import Part
-from uqpen.figures.texts import with_unit
+from uqpen.figures.texts import capitalized, with_unit
 from uqpen.figures.trajectory import called, courses_of, shared_panels, shown_unit, symbol
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Key
 from uqpen.report.marks import DASHES, Trace, line, written
@@ -53,7 +53,7 @@ def _chart(part: Part, courses: Courses, names: list[str]) -> Chart:
         patterns = zip(names, ("solid", "dashed", "dotted", *["dashed"] * len(names)), strict=False)
         notes = [f"{pattern}: {called(first[name])}" for name, pattern in patterns]
     return Chart(
-        title=_capital("; ".join(called(first[name]) for name in names)),
+        title=capitalized("; ".join(called(first[name]) for name in names)),
         summary=" ".join(_said(part, model, told, names) for model, told in courses.items()),
         x=Axis(with_unit(called(first[along]), part.unit(along))),
         y=Axis(with_unit(", ".join(symbol(first[name]) for name in names), unit)),
@@ -63,7 +63,7 @@ def _chart(part: Part, courses: Courses, names: list[str]) -> Chart:
             for number, name in enumerate(names)
             if name in told
         ),
-        notes=(f"{_capital('; '.join(notes))}.",) if notes else (),
+        notes=(f"{capitalized('; '.join(notes))}.",) if notes else (),
         height=250,
     )
 
@@ -113,11 +113,7 @@ def _said(part: Part, model: str, told: xr.Dataset, names: list[str]) -> str:
             ends = f"from {known[0]:.4g} to {known[-1]:.4g} {unit}".rstrip()
             said.append(f"{called(told[name])} goes {ends}, and is {known.max():.4g} at most")
     text = "; ".join(said) or "no values"
-    return f"By {model}, {text}." if model else f"{_capital(text)}."
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
+    return f"By {model}, {text}." if model else f"{capitalized(text)}."
 
 
 def _table(part: Part, model: str, told: xr.Dataset) -> OutputTable:

@@ -8,21 +8,22 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.analyses.cdfs import cdf_at
 from uqpen.analyses.quantiles import quantiles
 from uqpen.archive.read import group
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import CUT, curves_of, ends_of, thresholds_of
 from uqpen.figures.part import Part
-from uqpen.labels import INTERVAL_LEVEL, NOTE, SHARES
+from uqpen.figures.texts import capitalized
+from uqpen.labels import SHARES
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, Key, Reading, Table
 from uqpen.report.marks import DASHES, Trace, upright
 from uqpen.report.sections.evidence import called, leading, question_of, sample_of, titled
 from uqpen.report.sections.exceedance import exceedance
-from uqpen.report.sections.functions import band_of, function_of
+from uqpen.report.sections.functions import Grid, band_of, function_of, read_at
 from uqpen.report.sections.histograms import histogram, shares
 from uqpen.summary.digits import percent
 from uqpen.summary.table import OutputTable, quantile_label
+from uqpen.units import DIMENSIONLESS
 
 __all__ = ["distributions"]
 
@@ -30,8 +31,6 @@ FloatArray = npt.NDArray[np.float64]
 
 # Quantiles in the table, where the runs tell them.
 _QUANTILES = (0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)
-# Thresholds between the ends of an axis, at the least.
-_STEPS = 250
 # Probabilities at which the numbers behind a distribution function are shown.
 _SHOWN = np.linspace(0, 1, 21)
 
@@ -61,35 +60,38 @@ def _curves(part: Part, output: str, design: str) -> list[Curve]:
 
 def _cdf(part: Part, output: str, curves: list[Curve]) -> Chart:
     lower, upper, is_cut = ends_of(part, output, curves[0])
-    first = curves[0].thinned().up_to(lower, upper)
+    grid = Grid.between(lower, upper)
+    first = read_at(part, output, curves[0], grid)
     lead = part.sources.index(first.name)
-    traces: list[Trace] = list(band_of(first, lead))
+    steps = curves[0].is_stepped
+    traces: list[Trace] = list(band_of(first, lead, is_stepped=steps))
     keys: list[Key] = []
     if first.has_band:
         text = f"simultaneous {percent(first.level)} band of {first.name}"
         keys.append(Key(text, lead, "band"))
-    traces.append(function_of(first, part.unit(output), lead, "solid", width=2.5))
+    traces.append(function_of(first, lead, "solid", is_stepped=steps, width=2.5))
     keys.append(Key(first.name, lead, "line"))
     for curve in curves[1:]:
         series = part.sources.index(curve.name)
         dash = DASHES[series % len(DASHES)]
-        drawn = curve.thinned().up_to(lower, upper)
-        unit = part.unit(output)
-        traces.append(function_of(drawn, unit, series, dash, width=1.5, has_band=False))
+        drawn, steps = read_at(part, output, curve, grid), curve.is_stepped
+        traces.append(function_of(drawn, series, dash, is_stepped=steps, width=1.5, has_band=False))
         keys.append(Key(curve.name, series, "line", dash))
-    asked = thresholds_of(part, output)
+    asked = list(thresholds_of(part, output).values())
+    begin = asked[0] if asked else float(np.interp(0.95, curves[0].band[:, 0], curves[0].values))
     return Chart(
         title=f"Probability that {titled(part, output)} is at most x",
         summary=_summary(part, output, curves[0]),
         x=Axis(part.axis(output), (lower, upper)),
         y=Axis("P(at most x)", (0.0, 1.0)),
         traces=tuple(traces),
-        shapes=tuple(upright(place, "quiet", "dot") for place in asked.values()),
+        shapes=tuple(upright(place, "quiet", "dot") for place in asked),
         keys=tuple(keys),
-        notes=(CUT,) if is_cut else (),
+        notes=(f"{capitalized(CUT)}.",) if is_cut else (),
         tables=(_cdf_table(part, output, curves[0]),),
         height=380,
-        reading=_reading(part, output, curves[0], (lower, upper)),
+        is_compared=True,
+        reading=_reading(part, output, first, grid, begin),
     )
 
 
@@ -97,7 +99,7 @@ def _summary(part: Part, output: str, curve: Curve) -> str:
     """The function in a sentence."""
     low, middle, high = np.interp([0.05, 0.5, 0.95], curve.band[:, 0], curve.values)
     unit = part.unit(output)
-    said = "" if unit == "1" else f" {unit}"
+    said = "" if unit == DIMENSIONLESS else f" {unit}"
     return (
         f"By {curve.name} it rises from 5 % at {low:.4g}{said} through one half at "
         f"{middle:.4g}{said} to 95 % at {high:.4g}{said}. The table below has the numbers."
@@ -119,43 +121,25 @@ def _cdf_table(part: Part, output: str, curve: Curve) -> OutputTable:
     return table
 
 
-def _reading(part: Part, output: str, curve: Curve, ends: tuple[float, float]) -> Reading | None:
+def _reading(part: Part, output: str, curve: Curve, grid: Grid, begin: float) -> Reading:
     """What is read off at thresholds that are round numbers."""
-    step, decimals = _step(*ends)
-    first = math.ceil(ends[0] / step)
-    last = math.floor(ends[1] / step)
-    places = np.round(step * np.arange(first, last + 1), decimals)
-    sample = sample_of(part, curve.name, output)
-    in_si = np.array([part.measure(output).to_si(place) for place in places.tolist()])
-    told = cdf_at(sample, in_si)
-    asked = list(thresholds_of(part, output).values())
-    begin = asked[0] if asked else float(np.interp(0.95, curve.band[:, 0], curve.values))
-    start = int(np.clip(round(begin / step) - first, 0, places.size - 1))
     unit = part.unit(output)
     return Reading(
         output=output,
-        unit="" if unit == "1" else unit,
+        unit="" if unit == DIMENSIONLESS else unit,
         source=curve.name,
-        level=float(told.attrs.get(INTERVAL_LEVEL, math.nan)),
-        note=str(told.attrs.get(NOTE, "")),
-        first=float(f"{first * step:.12g}"),
-        step=float(f"{step:.12g}"),
-        decimals=decimals,
-        start=start,
-        bounds=[_exact(row) for row in told.values.tolist()],
+        level=curve.level,
+        note=curve.note,
+        first=float(grid.values[0]),
+        step=grid.step,
+        decimals=grid.decimals,
+        start=int(np.argmin(np.abs(grid.values - begin))),
+        bounds=[_exact(row) for row in curve.band.tolist()],
     )
 
 
 def _exact(row: list[float]) -> list[float | None]:
     return [round(value, 9) if math.isfinite(value) else None for value in row]
-
-
-def _step(lower: float, upper: float) -> tuple[float, int]:
-    """A round distance between thresholds, and the decimals that it takes."""
-    finest = (upper - lower) / _STEPS
-    power = math.floor(math.log10(finest))
-    step = next(factor * 10.0**power for factor in (5, 2, 1) if factor * 10.0**power <= finest)
-    return step, max(0, -math.floor(math.log10(step) + 1e-9))
 
 
 def _quantile_table(part: Part, output: str, design: str) -> OutputTable:

@@ -14,6 +14,7 @@ from uqpen.evaluation import status_counts
 from uqpen.figures.estimates import HOLLOW
 from uqpen.figures.losses import CHANCES, lost_of
 from uqpen.figures.part import Part
+from uqpen.figures.texts import capitalized
 from uqpen.labels import INPUT, INTERVAL_LEVEL, RUN, RUNS, STATUS_TEXT, STATUSES, Status
 from uqpen.report.blocks import Axis, Chart, Key
 from uqpen.report.marks import MARKERS, Trace, dots, upright
@@ -102,7 +103,7 @@ def _notes(part: Part, designs: Sequence[str], bounds: FloatArray) -> Iterator[s
         [each for name in designs for each in group(part.tree, STATUSES, name).values()]
     )
     if not _all_bounded(bounds):
-        yield f"{HOLLOW.capitalize()}; the table says why."
+        yield f"{capitalized(HOLLOW)}; the table says why."
 
 
 def _of_sample(part: Part, designs: Sequence[str]) -> Iterator[str]:
@@ -144,7 +145,7 @@ def places(part: Part, design: str, table: OutputTable) -> Chart | None:
             "Larger, further out: than in a run that came back; further out is from the median.",
             "0.5: the input does not go with the losses.",
             *_levels([told[name] for name, _ in CHANCES]),
-            *([] if _all_bounded(bounds) else [f"{HOLLOW.capitalize()}; the table says why."]),
+            *([] if _all_bounded(bounds) else [f"{capitalized(HOLLOW)}; the table says why."]),
             *([f"{left_out} more inputs are in the table."] if left_out else []),
         ),
         tables=(table,),

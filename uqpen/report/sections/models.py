@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,10 +11,11 @@ from uqpen.figures.curves import Curve, span
 from uqpen.figures.distributions import CUT
 from uqpen.figures.models import curves_of_models
 from uqpen.figures.part import Part
+from uqpen.figures.texts import capitalized
 from uqpen.report.blocks import Axis, Block, Chart, Heading, Key, Table
 from uqpen.report.marks import DASHES, Trace
 from uqpen.report.sections.evidence import called, leading, titled
-from uqpen.report.sections.functions import band_of, function_of
+from uqpen.report.sections.functions import Grid, band_of, function_of, read_at
 from uqpen.summary.digits import percent
 from uqpen.summary.tables import difference_tables
 
@@ -34,21 +36,23 @@ def models(part: Part) -> Iterator[Block]:
 
 
 def _chart(part: Part, output: str, design: str, curves: list[Curve]) -> Chart:
-    names = [each.model for each in part.others]
+    parts = {each.model: each for each in part.others}
     lower, upper, is_cut = span([curve.values for curve in curves])
+    grid = Grid.between(lower, upper)
     traces: list[Trace] = []
     keys: list[Key] = []
     for curve in curves:
-        series = names.index(curve.name)
+        series = list(parts).index(curve.name)
         dash = DASHES[series % len(DASHES)]
-        drawn = curve.thinned().up_to(lower, upper)
-        traces += band_of(drawn, series)
-        traces.append(function_of(drawn, part.unit(output), series, dash))
+        by_design = replace(curve, name=design)
+        drawn = replace(read_at(parts[curve.name], output, by_design, grid), name=curve.name)
+        traces += band_of(drawn, series, is_stepped=curve.is_stepped)
+        traces.append(function_of(drawn, series, dash, is_stepped=curve.is_stepped))
         keys.append(Key(curve.name, series, "line", dash))
     notes = [f"no band of {curve.name}: {curve.note}" for curve in curves if not curve.has_band]
     if banded := [curve for curve in curves if curve.has_band]:
         notes.append(f"Shades: simultaneous {percent(banded[0].level)} bands, each for itself.")
-    notes += [CUT] if is_cut else []
+    notes += [f"{capitalized(CUT)}."] if is_cut else []
     return Chart(
         title=f"Probability that {titled(part, output)} is at most x, by {design}",
         summary="; ".join(
@@ -62,4 +66,5 @@ def _chart(part: Part, output: str, design: str, curves: list[Curve]) -> Chart:
         keys=tuple(keys),
         notes=tuple(notes),
         height=340,
+        is_compared=True,
     )

@@ -12,7 +12,7 @@ import xarray as xr
 
 from uqpen.archive.read import group
 from uqpen.figures.part import Part
-from uqpen.figures.texts import plain, typeset
+from uqpen.figures.texts import capitalized, plain, typeset
 from uqpen.labels import (
     EXCEEDANCE,
     HOLDS,
@@ -28,7 +28,7 @@ from uqpen.summary.digits import alike, percent
 from uqpen.summary.table import exceedance_label, output_names, quantile_label, remark
 from uqpen.units import DIMENSIONLESS
 
-__all__ = ["Quantity", "asked", "at_start", "name_of", "others_of", "unbroken", "usual"]
+__all__ = ["Quantity", "asked", "name_of", "others_of", "unbroken", "usual"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -95,7 +95,7 @@ class Quantity:
     @property
     def heading(self) -> str:
         """Which quantity it is, to stand before a colon."""
-        return f"{at_start(name_of(self.part, self.output))}, {self._label}"
+        return f"{capitalized(name_of(self.part, self.output))}, {self._label}"
 
     @property
     def _label(self) -> str:
@@ -123,11 +123,6 @@ def name_of(part: Part, output: str) -> str:
     titles = [str(runs[name].attrs.get("long_name", name)) for name in output_names(runs)]
     title = str(runs[output].attrs.get("long_name", output))
     return plain(title if titles.count(title) == 1 else f"{title} ({output})")
-
-
-def at_start(text: str) -> str:
-    """A text with a capital, as at the start of a sentence."""
-    return f"{text[:1].upper()}{text[1:]}"
 
 
 def unbroken(text: str) -> str:

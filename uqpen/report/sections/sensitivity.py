@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 
 import numpy as np
 import xarray as xr
@@ -11,7 +12,7 @@ from uqpen.figures.measures import Series, series
 from uqpen.figures.part import Part
 from uqpen.figures.responses import RESPONSES, magnitudes
 from uqpen.figures.sensitivity import EFFECTS, INDICES, best
-from uqpen.figures.texts import with_unit
+from uqpen.figures.texts import capitalized, with_unit
 from uqpen.labels import INPUT, SENSITIVITY
 from uqpen.report.blocks import Block, Chart, Charts, Heading, Table
 from uqpen.report.sections.evidence import called
@@ -57,15 +58,21 @@ def _of_number(part: Part, output: str) -> Iterator[Block]:
         yield measures_chart(part, found, asked, tables.pop("effects", ()))
     if charts := tuple(_responses(part, output)):
         yield Charts(charts, tables=tuple(tables.pop("responses", ())))
-    for each in tables.values():
-        yield from (Table(table, is_folded=True) for table in each)
+    for table in chain.from_iterable(tables.values()):
+        if _tells(table):
+            yield Table(table, is_folded=True)
+
+
+def _tells(table: OutputTable) -> bool:
+    """Whether there is any figure in it."""
+    return any(not cell.startswith(NOTHING) for _, cells in table.rows for cell in cells)
 
 
 def _responses(part: Part, output: str) -> Iterator[Chart]:
     """Responses near the nominal point, and × uncertainty."""
     for suffix, label, axis in RESPONSES:
         if found := series(part, output, ((suffix, "", "o"),)):
-            title = f"{label[0].upper()}{label[1:]}, near the nominal point"
+            title = f"{capitalized(label)}, near the nominal point"
             yield measures_chart(part, found, Asked(title, axis, magnitudes, (label,), "%"))
 
 

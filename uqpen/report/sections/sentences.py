@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqpen.archive.read import group
 from uqpen.figures.part import Part
-from uqpen.figures.texts import plain
+from uqpen.figures.texts import capitalized, plain
 from uqpen.labels import (
     CONDITIONAL,
     EXCEEDANCE,
@@ -21,7 +21,7 @@ from uqpen.labels import (
     SHARES,
     STATUSES,
 )
-from uqpen.report.sections.quoted import Quantity, asked, at_start, name_of, unbroken, usual
+from uqpen.report.sections.quoted import Quantity, asked, name_of, unbroken, usual
 from uqpen.summary.digits import percent
 from uqpen.summary.table import remark
 
@@ -149,7 +149,7 @@ def _on_kinds(part: Part, output: str, design: str) -> Said | None:
         f"{label} in {each.texts(array)[0]} of {of.called} {each.interval(array)}"
         for label, each, array in shown
     ]
-    start = at_start(name_of(part, output))
+    start = capitalized(name_of(part, output))
     notes: dict[str, list[str]] = {}
     for label, _, array in shown:
         if note := _unsaid(array):
