@@ -69,7 +69,11 @@ def test_types_hold() -> None:
 @pytest.mark.parametrize("name", MODULES)
 def test_what_a_module_offers_it_has(name: str) -> None:
     module = importlib.import_module(name)
-    offered = getattr(module, "__all__", [])
+    own = [key for key, value in vars(module).items() if getattr(value, "__module__", "") == name]
+    offered = getattr(module, "__all__", None)
+    if offered is None:
+        assert [key for key in own if not key.startswith("_")] == []
+        return
     missing = [entry for entry in offered if not hasattr(module, entry)]
     assert missing == []
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import os
 from dataclasses import dataclass
@@ -52,6 +53,11 @@ def replace_file(path: Path, content: bytes) -> None:
         If it cannot be written; nothing is left of it then, and what stood there stays. Its
         ``strerror`` can be shown to a user.
     """
+    if path.is_dir():
+        raise OSError(errno.EISDIR, "it is a folder")
+    if path.exists() and not path.is_file():
+        # A device or a pipe, say, which a file would take the place of.
+        raise OSError(errno.EEXIST, "there is something that is no file")
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -126,7 +126,8 @@ class TestVerdict:
         assert found is not None
         assert (found.winner, found.runner_up, found.level) == ("b", "a", ("b",))
         assert found.lead.factor == pytest.approx(math.e)
-        assert sentence(found, 1024) == "at 1\u202f024 runs b leads a 2.7 times (2.0 … 3.6)"
+        told = "at 1\u202f024 runs b leads a by a factor of 2.7 (2.0 … 3.6)"
+        assert sentence(found, 1024) == told
 
     def test_ties_are_named(self) -> None:
         found = judge(self.NAMES, accuracies([0.0, -0.1, 1.0]))
@@ -139,7 +140,7 @@ class TestVerdict:
         assert found is not None
         assert not found.is_decided
         assert sentence(found, 128) == (
-            "at 128 runs b is ahead of a 2.7 times, but few of the repeats decide that"
+            "at 128 runs b is ahead of a by a factor of 2.7, but few of the repeats decide that"
         )
 
     def test_who_is_far_behind_by_few_repeats_is_not_level(self) -> None:

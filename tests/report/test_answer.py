@@ -61,7 +61,7 @@ def test_every_sentence_stands_by_itself(archives: Mapping[str, xr.DataTree]) ->
         "This comes from monte_carlo: the first design of the study whose runs are a sample of "
         "the inputs. It was chosen by its place in the study, not by what it says. Of its 20 runs "
         "of the model ishigami 0.1.0, 19 came back.",
-        "What other designs estimate, by runs of their own",
+        "What other designs estimate, by runs of their own (with their intervals further down)",
         "y, value not exceeded in 80 % of cases: 5.5 to 7.2 by 2 other designs, 5.9 by "
         "monte_carlo.",
         "y, P(> 10): 0 % to 6 % by 2 other designs, 5 % by monte_carlo.",
@@ -82,10 +82,12 @@ def test_lost_runs_and_notes_are_told(archives: Mapping[str, xr.DataTree]) -> No
     said = _told(archives["beam"])
     assert said[:2] == [
         "The probability that deflection exceeds 2 mm is 100 % (74 % to 100 %, 95 % interval). "
-        "The estimate leaves out 18.3 % of the admissible runs, which did not come back.",
+        "The estimate leaves out 18.3 % of the admissible runs, which did not come back; the "
+        "interval allows for whatever they would have given.",
+        # Nothing is claimed of cases in which there is no result.
         "The median of deflection is 3.66 mm (3.52 mm to 3.91 mm, 95 % interval): half of all "
-        "cases stay at or below it. The estimate leaves out 18.3 % of the admissible runs, which "
-        "did not come back.",
+        "cases in which the model gives a result stay at or below it. This leaves out 18.3 % of "
+        "the admissible runs, which did not come back.",
     ]
     assert said[3:] == [
         "What to keep in mind",
@@ -94,6 +96,15 @@ def test_lost_runs_and_notes_are_told(archives: Mapping[str, xr.DataTree]) -> No
         "that did, and are off as far as the others would have given other results.",
         *GENERAL,
     ]
+
+
+def test_a_single_run_is_told_in_the_singular(study_of: Callable[..., Study]) -> None:
+    text = '[designs.some]\nkind = "monte-carlo"\nruns = 1'
+    told = _told(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0))))
+    assert told[1].endswith(
+        "It was chosen by its place in the study, not by what it says. It is a single run of the "
+        "model line.py:f."
+    )
 
 
 def test_where_no_run_came_back_there_is_no_answer(archives: Mapping[str, xr.DataTree]) -> None:

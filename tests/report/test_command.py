@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -64,14 +65,27 @@ class TestMistakes:
     ) -> None:
         uqpen.write(archives["beam"], tmp_path / "beam.nc")
         before = (tmp_path / "beam.nc").read_bytes()
-        done = command_line("report", "beam.nc", "-o", "./beam.nc")
+        done = command_line("report", "beam.nc", "-o", "beam.nc")
         assert done.code == 2
-        assert "beam.nc: is the archive itself, which is not overwritten" in done.err
+        assert done.err == "beam.nc: found the ending .nc; expected .html or .htm\n"
         assert (tmp_path / "beam.nc").read_bytes() == before
 
     def test_a_file_that_is_no_archive_is_told(self, command_line: Command, study: Path) -> None:
         done = command_line("report", "sum.toml")
         assert (done.code, done.err) == (2, "sum.toml: is not an archive of uqpen's\n")
+
+    def test_a_page_takes_the_place_of_files_alone(
+        self, command_line: Command, archives: dict[str, xr.DataTree], tmp_path: Path
+    ) -> None:
+        uqpen.write(archives["beam"], tmp_path / "beam.nc")
+        (tmp_path / "folder.html").mkdir()
+        os.mkfifo(tmp_path / "pipe.html")
+        done = command_line("report", "beam.nc", "-o", "folder.html")
+        assert (done.code, done.err) == (2, "folder.html: cannot be written: it is a folder\n")
+        done = command_line("report", "beam.nc", "-o", "pipe.html")
+        said = "pipe.html: cannot be written: there is something that is no file\n"
+        assert (done.code, done.err) == (2, said)
+        assert (tmp_path / "pipe.html").is_fifo()
 
     def test_a_page_that_cannot_be_written_is_told(
         self, command_line: Command, archives: dict[str, xr.DataTree], tmp_path: Path

@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 import xarray as xr
 
+import uqpen
 from uqpen.figures.part import Part
 from uqpen.intervals import dkw_half_width
-from uqpen.report.blocks import Block, Chart, Charts, Heading, Table
+from uqpen.report.blocks import Block, Chart, Heading, Table, charts_in
 from uqpen.report.sections.distributions import distributions
 from uqpen.report.sections.models import models
+from uqpen.study.study import Study
 
 Archives = dict[str, xr.DataTree]
-
-
-def charts(blocks: list[Block]) -> Iterator[Chart]:
-    for block in blocks:
-        if isinstance(block, Chart):
-            yield block
-        if isinstance(block, Charts):
-            yield from block.charts
 
 
 @pytest.fixture
@@ -41,7 +35,7 @@ class TestTheThreshold:
     def test_it_reads_off_the_share_of_the_runs(
         self, archives: Archives, beam: list[Block]
     ) -> None:
-        reading = next(charts(beam)).reading
+        reading = next(charts_in(beam)).reading
         assert reading is not None
         values = deflections(archives["beam"])
         half = dkw_half_width(values.size, 0.95)
@@ -53,7 +47,7 @@ class TestTheThreshold:
             assert upper == pytest.approx(min(share + half, 1), abs=1e-9)
 
     def test_it_moves_by_round_numbers_over_the_whole_axis(self, beam: list[Block]) -> None:
-        chart = next(charts(beam))
+        chart = next(charts_in(beam))
         reading, ends = chart.reading, chart.x.ends
         assert reading is not None
         assert ends is not None
@@ -65,7 +59,7 @@ class TestTheThreshold:
         assert 250 <= len(reading.bounds) <= 700
 
     def test_it_begins_where_the_study_asks(self, beam: list[Block]) -> None:
-        reading = next(charts(beam)).reading
+        reading = next(charts_in(beam)).reading
         assert reading is not None
         assert reading.first + reading.start * reading.step == pytest.approx(2.0)
         assert (reading.unit, reading.source, reading.level) == ("mm", "only", 0.95)
@@ -73,7 +67,7 @@ class TestTheThreshold:
     def test_points_of_unknown_origin_have_no_band(self, archives: Archives) -> None:
         tree = archives["beam"].copy(deep=True)
         tree["runs/only"].attrs["sampling"] = "given"
-        reading = next(charts(list(distributions(Part(tree, ""))))).reading
+        reading = next(charts_in(distributions(Part(tree, "")))).reading
         assert reading is not None
         assert math.isnan(reading.level)
         assert "independent" in reading.note
@@ -81,13 +75,54 @@ class TestTheThreshold:
 
 
 def test_the_tail_is_drawn_run_by_run(archives: Archives, beam: list[Block]) -> None:
-    tail = list(charts(beam))[2]
+    tail = list(charts_in(beam))[2]
     assert tail.title == "Probability that deflection is more than x"
     values = deflections(archives["beam"])
     drawn = next(trace for trace in tail.traces if trace.get("name") == "only")
     # The largest run is exceeded by none, which has no logarithm.
     np.testing.assert_allclose(drawn["x"], np.sort(values)[:-1], rtol=1e-5)
     np.testing.assert_allclose(drawn["y"], 1 - np.arange(1, values.size) / values.size, rtol=1e-5)
+
+
+def test_what_is_lost_is_told_with_the_curves(beam: list[Block]) -> None:
+    cdf, _, tail = charts_in(beam)
+    note = "Curve and band are of the runs that came back; 18.3 % of the admissible runs did not."
+    assert note in cdf.notes
+    assert note in tail.notes
+
+
+class TestThresholdsFarAway:
+    @pytest.fixture
+    def told(self, study_of: Callable[..., Study]) -> list[Chart]:
+        asked = '[outputs.y]\nexceeds = ["1e9", "1.5", "-1e9"]'
+        text = f'{asked}\n[designs.some]\nkind = "monte-carlo"\nruns = 40'
+        tree = uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 1.0)))
+        return list(charts_in(distributions(Part(tree, ""))))
+
+    def test_the_tail_can_be_seen_all_the_same(self, told: list[Chart]) -> None:
+        (asked,) = (trace for trace in told[2].traces if trace.get("name") == "asked")
+        assert asked["x"] == [1.5]
+        assert told[2].notes[-1] == "In the table alone: P(> 1e9), P(> -1e9)."
+        assert [label for label, _ in told[2].tables[0].rows] == [
+            "P(> 1e9)",
+            "P(> 1.5)",
+            "P(> -1e9)",
+        ]
+
+    def test_the_threshold_begins_at_the_first_on_the_axis(self, told: list[Chart]) -> None:
+        reading = told[0].reading
+        assert reading is not None
+        assert reading.first + reading.start * reading.step == pytest.approx(1.5)
+
+
+def test_of_whole_numbers_the_function_reaches_whole_numbers(
+    study_of: Callable[..., Study],
+) -> None:
+    text = '[designs.some]\nkind = "monte-carlo"\nruns = 40'
+    tree = uqpen.run(study_of("(3 * a) // 1 + 0 * b", text, a=(0.0, 1.0), b=(0.0, 1.0)))
+    cdf, bins, _ = charts_in(distributions(Part(tree, "")))
+    assert "rises from 5 % at 0 through one half at 1 to 95 % at 2." in cdf.summary
+    assert bins.title == "40 runs of some"
 
 
 def test_quantiles_have_the_intervals_that_the_archive_gives_them(
@@ -111,9 +146,11 @@ class TestSeveralModels:
         blocks = list(models(Part(archives["rods"], "original")))
         headings = [block.text for block in blocks if isinstance(block, Heading)]
         assert headings[0] == "depth of penetration (penetration_depth)"
-        depth = next(charts(blocks))
+        depth = next(charts_in(blocks))
         assert [key.text for key in depth.keys] == ["original", "smoothed", "rigid"]
-        assert "by rigid half lies at or below 102.7 cm" in depth.summary
+        assert "By rigid half lies at or below 102.5 cm." in depth.summary
+        depths = archives["rods"]["models/rigid/runs/latin"]["penetration_depth"].values
+        assert np.mean(depths <= 1.0225) >= 0.5 > np.mean(depths <= 1.0215)
         titles = [block.table.title for block in blocks if isinstance(block, Table)]
         assert titles[0] == "smoothed minus original: penetration_depth [cm]"
 

@@ -18,7 +18,18 @@ from uqpen.head_to_head.contest import compare
 from uqpen.head_to_head.terms import Terms
 from uqpen.lookup import resolve
 from uqpen.report import SECTIONS_OF_COMPARISON
-from uqpen.report.blocks import Block, Chart, Charts, Heading, Listing, Quote, Remarks, Table, Text
+from uqpen.report.blocks import (
+    Block,
+    Chart,
+    Charts,
+    Heading,
+    Listing,
+    Quote,
+    Remarks,
+    Table,
+    Text,
+    charts_in,
+)
 from uqpen.report.page import page
 from uqpen.study.load import parse_study
 
@@ -69,7 +80,7 @@ def blocks_of(tree: xr.DataTree, name: str, kind: type[Block] = Block) -> list[A
 
 
 def charts_of(tree: xr.DataTree, name: str) -> list[Chart]:
-    return [chart for block in blocks_of(tree, name, Charts) for chart in block.charts]
+    return list(charts_in(blocks_of(tree, name)))
 
 
 def traced(chart: Chart, name: str) -> dict[str, Any]:
@@ -98,7 +109,9 @@ class TestAnswer:
     def test_each_verdict_stands_in_words(self, tree: xr.DataTree) -> None:
         words = next(b for b in blocks_of(tree, "answer", Remarks) if b.head == "In words: y")
         first, second = tree["verdicts/y/mean_verdict"].values[0]
-        assert re.match(r"at 16 runs latin_hypercube leads monte_carlo [\d.]+ times \(", first)
+        assert re.match(
+            r"at 16 runs latin_hypercube leads monte_carlo by a factor of [\d.]+ \(", first
+        )
         assert words.lines[0] == f"mean: {first}; {second}."
 
     def test_a_chart_marks_who_leads_and_who_is_level(self, tree: xr.DataTree) -> None:

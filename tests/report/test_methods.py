@@ -10,8 +10,8 @@ import xarray as xr
 
 import uqpen
 from uqpen.figures.part import Part
+from uqpen.report.axes import logarithmic
 from uqpen.report.blocks import Block, Chart, Charts, Heading, Table, Text
-from uqpen.report.logarithms import logarithmic
 from uqpen.report.plotted import as_json
 from uqpen.report.sections.methods import methods
 from uqpen.summary.digits import grouped
@@ -49,7 +49,7 @@ def test_each_statistic_has_a_chart_with_a_row_for_each_source(told: list[Block]
         assert each.y.rows == (*SOURCES, "polynomial_chaos", "report")
     assert chart(side_by_side, "mean").x.title == "mean [m]"
     assert chart(side_by_side, "P(> 60 cm)").x.title == "P(> 60 cm)"
-    assert side_by_side.notes == ("Bars are 95 % intervals.",)
+    assert side_by_side.notes == ("Bars: 95 % intervals.",)
     (table,) = side_by_side.tables
     assert table.title == "penetration_depth [m]"
     assert table.rows[0] == ("runs", ["400", "400", "256", "384", "80", "480", "–"])
@@ -89,8 +89,11 @@ def test_a_refused_figure_is_crossed_out(archives: Archives) -> None:
         refused = ["refused" in rows[each.title][columns.index("chaos")]]
         assert [True] * len(crossed) == [one for one in refused if one]
         for trace in crossed:
-            assert trace["marker"]["symbol"] == ["x-thin-open"]
-            assert trace["text"][0].endswith(" refused")
+            assert trace["marker"]["symbol"] == "x-thin-open"
+            assert trace["marker"]["line"] == {"color": "ink", "width": 2}
+            dot = next(dot for dot in each.traces if dot["name"] == "chaos")
+            assert (dot["x"], dot["y"]) == (trace["x"], trace["y"])
+            assert dot["text"][0].endswith(" refused")
 
 
 def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> None:

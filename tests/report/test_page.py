@@ -17,6 +17,7 @@ import xarray as xr
 import uqpen
 from uqpen.errors import ReportError
 from uqpen.report import SECTIONS
+from uqpen.report.masthead import heading
 from uqpen.report.page import page, write_report
 
 VENDORED = Path(uqpen.__file__).parent / "report" / "vendored"
@@ -31,7 +32,8 @@ class Outline(HTMLParser):
 
     EMPTY = ("meta", "link", "input", "br", "rect", "line", "path")
     # What ends a paragraph that is open.
-    BLOCKS = ("p", "ul", "ol", "div", "table", "figure", "details", "section", "h2", "h3", "form")
+    BLOCKS = ("p", "ul", "ol", "div", "table", "figure", "details", "section", "form")
+    HEADINGS = ("h1", "h2", "h3", "h4")
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -39,6 +41,7 @@ class Outline(HTMLParser):
         self.ids: list[str] = []
         self.links: list[str] = []
         self.labels: list[str] = []
+        self.levels: list[int] = []
         self.counts: Counter[str] = Counter()
         self._open: list[str] = []
         self.feed(text)
@@ -49,9 +52,10 @@ class Outline(HTMLParser):
         told = dict(attrs)
         if len(told) < len(attrs):
             self.faults.append(f"<{tag}> has an attribute twice")
-        if "p" in self._open and tag in self.BLOCKS:
+        if "p" in self._open and tag in (*self.BLOCKS, *self.HEADINGS):
             self.faults.append(f"<{tag}> in a paragraph")
         self.counts[tag] += 1
+        self.levels += [int(tag[1])] if tag in self.HEADINGS else []
         self.ids += filter(None, [told.get("id")])
         self.links += [target for target in [told.get("href")] if target and target != "data:,"]
         if told.get("role") == "img":
@@ -77,6 +81,8 @@ def test_it_is_sound(archives: Archives, name: str) -> None:
     assert {link.removeprefix("#") for link in outline.links} <= set(outline.ids)
     assert outline.counts["caption"] == outline.counts["table"] > 0
     assert outline.counts["h1"] == 1
+    steps = zip(outline.levels, outline.levels[1:], strict=False)
+    assert [step for step in steps if step[1] - step[0] > 1] == []
     assert all(re.fullmatch(r"\S.+\. \S.+", label, re.DOTALL) for label in outline.labels)
     text.encode("utf-8")
 
@@ -120,6 +126,14 @@ class TestSections:
         assert not {"distributions", "convergence", "course", "surrogates"} & set(shown)
         assert "losses" in shown
         assert "distributions" in re.findall(r'<section id="(\w+)"', page(archives["beam"]))
+
+
+def test_outputs_stand_below_the_model_that_they_are_of(archives: Archives) -> None:
+    section = page(archives["rods"]).split('<section id="distributions"')[1].split("</section>")[0]
+    found = re.findall(r"<h([34])>(.*?)</h", section)
+    models = [text for level, text in found if level == "3"]
+    assert models == ["original", "smoothed", "rigid"]
+    assert found[1] == ("4", "depth of penetration (penetration_depth)")
 
 
 class TestBytes:
@@ -184,10 +198,18 @@ class TestFile:
         assert (tmp_path / "file").read_text() == "mine"
 
     def test_a_folder_in_its_place(self, archives: Archives, tmp_path: Path) -> None:
+        folder = tmp_path / "page.html"
+        folder.mkdir()
         with pytest.raises(ReportError) as error:
-            write_report(archives["lost"], tmp_path)
-        assert str(error.value) == f"{tmp_path}: cannot be written: Is a directory"
-        assert [*tmp_path.iterdir()] == []
+            write_report(archives["lost"], folder)
+        assert str(error.value) == f"{folder}: cannot be written: it is a folder"
+        assert [*tmp_path.iterdir()] == [folder]
+
+
+def test_an_endless_title_is_cut(archives: Archives) -> None:
+    tree = archives["lost"].copy()
+    tree.attrs["title"] = "x" * 1_000_000
+    assert heading(tree) == f"{'x' * 999}…"
 
 
 def test_the_library_has_its_licence_and_its_version_beside_it() -> None:

@@ -9,7 +9,7 @@ import xarray as xr
 
 import uqpen
 from uqpen.figures.part import Part
-from uqpen.report.blocks import Block, Chart, Charts, Table
+from uqpen.report.blocks import Block, Chart, Table, charts_in
 from uqpen.report.sections.sensitivity import sensitivity
 from uqpen.summary.digits import sensible
 
@@ -21,11 +21,7 @@ def blocks(tree: xr.DataTree, model: str = "") -> list[Block]:
 
 
 def charts(tree: xr.DataTree, model: str = "") -> list[Chart]:
-    found: list[Chart] = []
-    for block in blocks(tree, model):
-        found += block.charts if isinstance(block, Charts) else []
-        found += [block] if isinstance(block, Chart) else []
-    return found
+    return list(charts_in(blocks(tree, model)))
 
 
 def test_estimates_and_bars_are_those_of_the_archive(archives: Archives) -> None:

@@ -72,8 +72,8 @@ def test_points_are_the_model_and_its_surrogate(tree: xr.DataTree) -> None:
     q2 = float(tree["surrogates/flat"]["y_coefficient"].attrs["check_q2_of_output"])
     assert chart.title == f"y: Q² {q2:.5g} (check runs)"
     assert chart.summary.startswith(
-        f"Half of the 2\u202f000 runs differ by at most {np.median(off):.2g}, 95 % by at most "
-        f"{np.quantile(off, 0.95):.2g}, and the largest difference is {off.max():.2g}."
+        f"Half of the 2\u202f000 runs differ by at most {np.median(off):.3g}, 95 % by at most "
+        f"{np.quantile(off, 0.95):.3g}, and the largest difference is {off.max():.3g}."
     )
 
 

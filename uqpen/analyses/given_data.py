@@ -145,7 +145,7 @@ class _Neighbours:
     def _index(self, variable: _Variable, column: int) -> Estimate:
         """The share of a variable's variance that goes when an input is known."""
         if self.sample.size < _FEWEST_RUNS:
-            return Estimate.without_bounds(math.nan, f"{self.sample.size} runs are too few")
+            return Estimate.without_bounds(math.nan, self.sample.too_few)
         if variable.sample.is_constant:
             return Estimate.without_bounds(math.nan, variable.reason_for_constancy)
         if not np.ptp(self.sample.points[self.sample.used, column]) > 0:

@@ -49,7 +49,7 @@ def reason_for_no_measure(sample: Sample, column: int, fewest: int) -> str:
         The runs that the measure needs.
     """
     if sample.size < fewest:
-        return f"{sample.size} runs are too few"
+        return sample.too_few
     if sample.is_constant:
         return "the output does not vary"
     if not np.ptp(sample.points[sample.used, column]) > 0:

@@ -151,7 +151,7 @@ def _half_spread(sample: Sample) -> Estimate:
     value = float(ends[1] / 2 - ends[0] / 2) if sample.size > 1 else math.nan
     reason = sample.reason_for_none
     if not reason and not is_regular(sample, sample.size * _LOW):
-        reason = f"{sample.size} runs are too few"
+        reason = sample.too_few
     if reason:
         return Estimate.without_bounds(value, reason)
     errors, freedoms, _ = zip(*(cdf_error(sample, float(end)) for end in ends), strict=True)

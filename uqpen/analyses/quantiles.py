@@ -133,12 +133,12 @@ def _quantile_estimate(sample: Sample, p: float) -> Estimate:
     ranks = order_statistic_ranks(sample.size, p, LEVEL)
     ends = _at_rank(sample, float(ranks[0])), _at_rank(sample, float(ranks[1]))
     if all(map(math.isnan, ends)):
-        return Estimate.without_bounds(value, f"{sample.size} runs are too few")
+        return Estimate.without_bounds(value, sample.too_few)
     label = "discrete" if sample.plan is Plan.INDEPENDENT else "conservative"
     estimate = Estimate(value, *ends, _ORDER_STATISTICS, label)
     if any(map(math.isnan, ends)):
         side = "a lower" if math.isnan(ends[0]) else "an upper"
-        return estimate.noting(f"{sample.size} runs are too few for {side} bound")
+        return estimate.noting(f"{sample.too_few} for {side} bound")
     return estimate
 
 

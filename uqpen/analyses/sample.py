@@ -139,7 +139,7 @@ class Sample:
         return cls(
             values=values,
             used=used,
-            missing=np.setdiff1d(lost, used),
+            missing=np.setdiff1d(lost, used, assume_unique=True),
             points=np.column_stack([*random.values()]) if random else np.empty((len(status), 0)),
             inputs=tuple(random),
             replicates=replicates,
@@ -204,6 +204,11 @@ class Sample:
         if self.plan is Plan.REPLICATED and self.replicate_count < 2:
             return "the runs that came back are all of one replicate"
         return ""
+
+    @property
+    def too_few(self) -> str:
+        """That there are too few runs, where that is the reason for something."""
+        return "a single run is too few" if self.size == 1 else f"{self.size} runs are too few"
 
     @property
     def freedom(self) -> int:

@@ -40,11 +40,9 @@ def write_report_of(archive: Path, here: Path, file: Path | None = None) -> None
     from uqpen.archive.read import open_archive
     from uqpen.report.page import write_report
 
+    tree = open_archive(here / archive)
     stem = archive.stem if archive.suffix == ".nc" else archive.name
     path = file or archive.with_name(f"{stem}.html")
-    tree = open_archive(here / archive)
-    if (here / path).exists() and (here / path).samefile(here / archive):
-        raise click.UsageError(f"{path}: is the archive itself, which is not overwritten")
     write_report(tree, here / path)
     _tell(str(path))
 

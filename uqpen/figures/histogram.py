@@ -32,6 +32,11 @@ IntArray = npt.NDArray[np.int64]
 _MOST_BINS, _FEWEST_BINS = 70, 8
 # A bin's opacity and that of an interval's shade, which is seen on top of it.
 _LIGHT, _SHADE = 0.45, 0.2
+# Colours and dashes of the lines at what is marked; of others, dots.
+_LINES: dict[str, tuple[str, object]] = {
+    "mean": (VERMILION, (0, (5, 1.5))),
+    "median": (BLACK, "-"),
+}
 
 
 def histogram(part: Part) -> Iterator[Panel]:
@@ -72,39 +77,29 @@ def _draw(part: Part, output: str, design: str, values: FloatArray, axes: Axes) 
     if outside:
         yield f"{output}: {grouped(outside)} runs lie outside of the axis"
     marks = list(marks_of(part, output, design))
-    lacks = [_mark(axes, *mark, part, output) for mark in marks]
-    levels = {each[-1].attrs[INTERVAL_LEVEL] for each in marks if INTERVAL_LEVEL in each[-1].attrs}
+    convert = part.measure(output).from_si
+    lacks = [_mark(axes, name, convert(estimate.values)) for name, estimate in marks]
+    levels = {each.attrs[INTERVAL_LEVEL] for _, each in marks if INTERVAL_LEVEL in each.attrs}
     if not all(lacks) and levels:
         yield f"shades: {percent(max(levels))} intervals of what the lines mark"
     if any(lacks):
         yield f"no interval: {', '.join(dict.fromkeys(filter(None, lacks)))}"
 
 
-def marks_of(
-    part: Part, output: str, design: str
-) -> Iterator[tuple[str, str, object, xr.DataArray]]:
-    """What is marked: its name, colour, line and estimate."""
+def marks_of(part: Part, output: str, design: str) -> Iterator[tuple[str, xr.DataArray]]:
+    """What is marked: its name, and its estimate along ``bound``, in SI units."""
     mean = group(part.tree, MOMENTS, design).get(f"{output}_mean")
     if mean is not None:
-        yield "mean", VERMILION, (0, (5, 1.5)), mean
+        yield "mean", mean
     quantiles = group(part.tree, QUANTILES, design).get(output)
     if quantiles is not None:
         for position, p in enumerate(quantiles[f"{output}_probability"].values.tolist()):
-            line = "-" if p == 0.5 else (0, (1, 1.2))
-            yield quantile_label(p), BLACK, line, quantiles[position]
+            yield quantile_label(p), quantiles[position]
 
 
-def _mark(
-    axes: Axes,
-    name: str,
-    colour: str,
-    line: object,
-    estimate: xr.DataArray,
-    part: Part,
-    output: str,
-) -> str:
+def _mark(axes: Axes, name: str, bounds: FloatArray) -> str:
     """A line at an estimate, its interval shaded; the name of one that has none."""
-    bounds = part.measure(output).from_si(estimate.values)
+    colour, line = _LINES.get(name, (BLACK, (0, (1, 1.2))))
     axes.axvline(bounds[0], color=colour, linestyle=line, linewidth=1.2, label=plain(name))
     if not np.isfinite(bounds[1:]).all():
         return name

@@ -7,7 +7,7 @@ import re
 from uqpen.summary.digits import SUPERSCRIPTS
 from uqpen.units import DIMENSIONLESS
 
-__all__ = ["capitalized", "plain", "typeset", "with_unit"]
+__all__ = ["after_number", "capitalized", "named", "plain", "typeset", "with_unit"]
 
 _LONGEST = 80
 
@@ -45,6 +45,24 @@ def typeset(unit: str) -> str:
     ('kg m⁻³', 'g/cm³')
     """
     return _POWER.sub(lambda match: match[1].translate(SUPERSCRIPTS), unit)
+
+
+def named(title: str, name: str) -> str:
+    """A title and, in brackets, the name that a study gives it, unless that says the same.
+
+    >>> named("wall heat flux", "wall_heat_flux"), named("depth", "h")
+    ('wall heat flux', 'depth (h)')
+    """
+    return title if title.replace(" ", "_") == name else f"{title} ({name})"
+
+
+def after_number(unit: str) -> str:
+    """What stands behind a number in a text: a space and its unit, if it has one.
+
+    >>> after_number("kg m-3"), after_number("1")
+    (' kg m⁻³', '')
+    """
+    return "" if unit == DIMENSIONLESS else f" {plain(typeset(unit), 30)}"
 
 
 def with_unit(title: str, unit: str) -> str:

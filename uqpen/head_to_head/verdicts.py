@@ -115,10 +115,10 @@ def sentence(verdict: Verdict | None, budget: int) -> str:
     if math.isinf(over.factor):
         return f"{where} {verdict.winner} alone is exact"
     if verdict.doubt:
-        seen = f"{verdict.winner} is ahead of {verdict.runner_up} {_figure(over.factor)} times"
-        return f"{where} {seen}, but {verdict.doubt}"
-    times = f"{_figure(over.factor)} times ({_figure(over.lower)} … {_figure(over.upper)})"
-    return f"{where} {verdict.winner} leads {verdict.runner_up} {times}"
+        seen = f"{verdict.winner} is ahead of {verdict.runner_up}"
+        return f"{where} {seen} by a factor of {_figure(over.factor)}, but {verdict.doubt}"
+    factor = f"{_figure(over.factor)} ({_figure(over.lower)} … {_figure(over.upper)})"
+    return f"{where} {verdict.winner} leads {verdict.runner_up} by a factor of {factor}"
 
 
 def remark(error: float, half_width: float) -> str:

@@ -1,8 +1,9 @@
 """The report: one page for a person, made of an archive alone.
 
 A page is made of sections, each a family member that takes a part of an archive and yields the
-blocks that this has something for. What a block looks like is the template's affair, what a chart
-does under a pointer that of the page's script; the chart itself is data.
+blocks that this has something for: those of a study in `sections`, those of methods head to head
+in `head_to_head`. What a block looks like is the template's affair, what a chart does under a
+pointer that of the page's script; the chart itself is data.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ class Section(NamedTuple):
     lead : str
         A paragraph that says what is seen, and how to read it.
     make : str
-        What yields its blocks.
+        Reference to what yields its blocks: a function of a `Part`, or of the archive itself where
+        that is of methods head to head.
     is_common : bool
         Whether it is told once, of all models of an archive together.
     lacks : str
@@ -41,7 +43,8 @@ SECTIONS = {
     "answer": Section(
         "The answer",
         "What the study says of its outputs, in sentences that stand by themselves, each figure "
-        "with its interval. Below them: where they come from, and what to keep in mind.",
+        "with its interval, or why it has none. Below them: where they come from, and what to keep "
+        "in mind.",
         "uqpen.report.sections.answer:answer",
     ),
     "distributions": Section(

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from uqpen.report.marks import Shape, Trace
+from uqpen.report.marks import Trace
+from uqpen.report.shapes import Shape
 from uqpen.summary.table import OutputTable
 
-__all__ = ["Axis", "Block", "Chart", "Charts", "Heading", "Key", "Listing", "Quote", "Reading"]
-__all__ += ["Remarks", "Table", "Text"]
+__all__ = [
+    "Axis",
+    "Block",
+    "Chart",
+    "Charts",
+    "Heading",
+    "Key",
+    "Listing",
+    "Quote",
+    "Reading",
+    "Remarks",
+    "Table",
+    "Text",
+    "charts_in",
+]
 
 
 class Block:
@@ -23,9 +37,17 @@ class Block:
 
 @dataclass(frozen=True)
 class Heading(Block):
-    """A heading below that of the section; what follows is of one output, or one model."""
+    """A heading below that of the section; what follows is of one output, or one model.
+
+    Parameters
+    ----------
+    text : str
+    level : int
+        As HTML counts: 3, or 4 below another.
+    """
 
     text: str
+    level: int = 3
 
 
 @dataclass(frozen=True)
@@ -163,7 +185,7 @@ class Chart(Block):
     traces : tuple
         See `marks`.
     shapes : tuple
-        Lines and shades behind the traces.
+        Lines and shades behind the traces, see `shapes`.
     keys : tuple of Key
         The legend.
     notes : tuple of str
@@ -206,3 +228,12 @@ class Charts(Block):
     keys: tuple[Key, ...] = ()
     notes: tuple[str, ...] = ()
     tables: tuple[OutputTable, ...] = ()
+
+
+def charts_in(blocks: Iterable[Block]) -> Iterator[Chart]:
+    """All charts among blocks, in the order of the page."""
+    for block in blocks:
+        if isinstance(block, Chart):
+            yield block
+        elif isinstance(block, Charts):
+            yield from block.charts

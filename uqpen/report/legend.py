@@ -4,7 +4,8 @@ from __future__ import annotations
 
 __all__ = ["OUTLINES", "STROKES", "colour"]
 
-# SVG paths of markers, and dashes of lines.
+# SVG paths of markers and dashes of lines, by Plotly's names, in the order in which sources take
+# them; the cross is for what is lost or refused.
 OUTLINES = {
     "circle": "M-5,0a5,5 0 1,0 10,0a5,5 0 1,0 -10,0z",
     "square": "M-4.5,-4.5h9v9h-9z",

@@ -1,4 +1,4 @@
-"""Marks of a chart, as Plotly's traces and shapes.
+"""Marks of a chart, as Plotly's traces.
 
 A colour is the number of a source among an archive's, or the name of one of the page's colours; the
 page's script looks it up in the page's style, so that it follows the theme. Texts are escaped for
@@ -14,42 +14,48 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.figures.texts import plain
+from uqpen.report.legend import OUTLINES, STROKES
+from uqpen.report.notes import has_interval
 
-__all__ = ["DASHES", "MARKERS", "Shape", "Trace", "band", "bars", "dots", "level", "line"]
-__all__ += ["points", "rounded", "shade", "upright", "written"]
+__all__ = [
+    "DASHES",
+    "MARKERS",
+    "Trace",
+    "band",
+    "bars",
+    "crosses",
+    "dash_of",
+    "dots",
+    "line",
+    "marker_of",
+    "points",
+    "rounded",
+    "written",
+]
 
+# As Plotly takes them; all are made by the functions below.
 Trace = dict[str, Any]
-Shape = dict[str, Any]
 Numbers = Sequence[float] | npt.NDArray[np.float64] | npt.NDArray[np.int64]
 
-# By the position of a source; as many as there are colours.
-MARKERS = (
-    "circle",
-    "square",
-    "triangle-up",
-    "diamond",
-    "triangle-down",
-    "pentagon",
-    "hexagon",
-    "star-diamond",
-    "triangle-left",
-    "triangle-right",
-)
-DASHES = (
-    "solid",
-    "dash",
-    "dot",
-    "dashdot",
-    "6px,3px",
-    "longdashdot",
-    "4px,4px",
-    "longdash",
-    "2px,5px",
-    "8px,2px,2px,2px",
-)
+# By the position of a source; as many as there are colours. A legend has all of them.
+MARKERS = tuple(marker for marker in OUTLINES if marker != "x")
+DASHES = tuple(STROKES)
+
+# Digits of what has an interval, which may be narrow.
+_EXACT = 9
 
 # Plotly reads these in a text; so they are written in the way that it writes them back from.
 _READ = str.maketrans({"&": "&#38;", "<": "&#60;", ">": "&#62;", "%": "&#37;"})
+
+
+def marker_of(series: int) -> str:
+    """The marker of a source, by its position."""
+    return MARKERS[series % len(MARKERS)]
+
+
+def dash_of(series: int) -> str:
+    """The dashes of a source's line, by its position."""
+    return DASHES[series % len(DASHES)]
 
 
 def written(text: str, longest: int = 80) -> str:
@@ -85,7 +91,8 @@ def line(
     series : int or str
         Its colour.
     hover : str
-        What is shown under a pointer, with Plotly's placeholders; texts in it are `written`.
+        What is shown under a pointer, with Plotly's placeholders; texts in it are `written`. Empty
+        for nothing.
     name : str
         What a test or a reader finds it by.
     beside : sequence of array_like
@@ -109,8 +116,7 @@ def line(
             "width": width,
             "shape": "hv" if is_stepped else "linear",
         },
-        "hovertemplate": f"{hover}<extra></extra>",
-    }
+    } | _under_pointer(hover)
     if beside:
         trace["customdata"] = list(zip(*(rounded(each) for each in beside), strict=True))
     return trace
@@ -139,20 +145,54 @@ def points(
     *,
     hover: str,
     name: str = "",
+    texts: Sequence[str] = (),
+    numbers: Sequence[int] = (),
     marker: str = "circle",
     size: float = 4,
     opacity: float = 0.55,
 ) -> Trace:
-    """Points by themselves."""
-    return {
+    """Points by themselves.
+
+    Parameters
+    ----------
+    x, y : array_like of float
+    series : int or str
+        Their colour.
+    hover : str
+        As of a `line`.
+    name : str
+    texts : sequence of str
+        Plain texts, one for each point: what the placeholder ``text`` stands for.
+    numbers : sequence of int
+        Likewise ``customdata``, such as the place of a run among all.
+    marker : str
+        Of `MARKERS`, or with ``-open`` behind it.
+    size : float
+        In CSS pixels.
+    opacity : float
+    """
+    trace: Trace = {
         "type": "scatter",
         "mode": "markers",
         "name": written(name),
         "x": rounded(x, 5),
         "y": rounded(y, 5),
         "marker": {"color": series, "symbol": marker, "size": size, "opacity": opacity},
-        "hovertemplate": f"{hover}<extra></extra>",
-    }
+    } | _under_pointer(hover)
+    if texts:
+        trace["text"] = [written(each, 200) for each in texts]
+    if numbers:
+        trace["customdata"] = list(numbers)
+    return trace
+
+
+def crosses(estimates: Numbers, places: Numbers, name: str) -> Trace:
+    """What crosses out `dots` that are refused; a pointer still finds these."""
+    trace = points(
+        estimates, places, "ink", hover="", name=name, marker="x-thin-open", size=11, opacity=1
+    )
+    trace["marker"]["line"] = {"color": "ink", "width": 2}
+    return trace | {"x": rounded(estimates, _EXACT)}
 
 
 def dots(
@@ -164,6 +204,7 @@ def dots(
     name: str = "",
     marker: str = "circle",
     along: str = "x",
+    is_joined: bool = False,
 ) -> Trace:
     """Estimates with their intervals; hollow where there is none.
 
@@ -181,16 +222,17 @@ def dots(
         Of `MARKERS`.
     along : str
         Which axis the estimates lie along.
+    is_joined : bool
+        Whether a line goes through them.
     """
     across = "y" if along == "x" else "x"
     estimates = bounds[:, 0]
     sides = np.maximum([estimates - bounds[:, 1], bounds[:, 2] - estimates], 0.0)
-    has_any = [bool(np.isfinite(each).any()) for each in bounds[:, 1:]]
-    return {
+    trace: Trace = {
         "type": "scatter",
         "mode": "markers",
         "name": written(name),
-        along: rounded(estimates, 9),
+        along: rounded(estimates, _EXACT),
         across: rounded(places),
         f"error_{along}": {
             "type": "data",
@@ -204,11 +246,18 @@ def dots(
         "marker": {
             "color": series,
             "size": 8,
-            "symbol": [marker if known else f"{marker}-open" for known in has_any],
+            "symbol": [marker if known else f"{marker}-open" for known in has_interval(bounds)],
         },
         "text": [written(each, 200) for each in hovers],
         "hoverinfo": "text",
     }
+    if is_joined:
+        trace |= {"mode": "lines+markers", "line": {"color": series, "width": 1.3}}
+    return trace
+
+
+def _under_pointer(hover: str) -> Trace:
+    return {"hovertemplate": f"{hover}<extra></extra>"} if hover else {"hoverinfo": "skip"}
 
 
 def _lengths(sides: Numbers) -> list[float | str]:
@@ -227,47 +276,4 @@ def bars(edges: Numbers, counts: Numbers, series: int | str, *, hover: str) -> T
         "customdata": list(zip(rounded(edges[:-1], 4), rounded(edges[1:], 4), strict=True)),
         "marker": {"color": series, "opacity": 0.55},
         "hovertemplate": f"{hover}<extra></extra>",
-    }
-
-
-def upright(x: float, series: int | str, dash: str = "solid") -> Shape:
-    """A line from the foot of a chart to its top."""
-    return {
-        "type": "line",
-        "x0": x,
-        "x1": x,
-        "yref": "paper",
-        "y0": 0,
-        "y1": 1,
-        "line": {"color": series, "dash": dash, "width": 1.5},
-    }
-
-
-def level(y: float, series: int | str, dash: str = "solid") -> Shape:
-    """A thin line from the left of a chart to its right."""
-    return {
-        "type": "line",
-        "xref": "paper",
-        "x0": 0,
-        "x1": 1,
-        "y0": y,
-        "y1": y,
-        "line": {"color": series, "dash": dash, "width": 1},
-        "layer": "below",
-    }
-
-
-def shade(lower: float, upper: float, series: int | str) -> Shape:
-    """What lies between two such lines."""
-    return {
-        "type": "rect",
-        "x0": lower,
-        "x1": upper,
-        "yref": "paper",
-        "y0": 0,
-        "y1": 1,
-        "fillcolor": series,
-        "opacity": 0.25,
-        "line": {"width": 0},
-        "layer": "below",
     }

@@ -5,11 +5,11 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jinja2
 import xarray as xr
@@ -22,8 +22,8 @@ from uqpen.figures.texts import plain
 from uqpen.files import replace_file
 from uqpen.labels import HEAD_TO_HEAD, KIND
 from uqpen.lookup import resolve
-from uqpen.report import SECTIONS, SECTIONS_OF_COMPARISON
-from uqpen.report.blocks import Block, Chart, Charts, Heading
+from uqpen.report import SECTIONS, SECTIONS_OF_COMPARISON, Section
+from uqpen.report.blocks import Block, Heading, charts_in
 from uqpen.report.head_to_head.contest import check_comparison
 from uqpen.report.legend import OUTLINES, STROKES, colour
 from uqpen.report.masthead import facts, heading
@@ -33,6 +33,8 @@ from uqpen.summary.digits import percent
 __all__ = ["page", "write_report"]
 
 _ASSETS = files("uqpen.report") / "assets"
+# So that no study or archive is overwritten by a slip.
+_ENDINGS = (".html", ".htm")
 _LIBRARY = files("uqpen.report") / "vendored" / "plotly-basic.min.js"
 
 # Control characters, what turns texts around, halves of pairs, and what is no character.
@@ -42,15 +44,12 @@ _UNFIT = re.compile(
 )
 
 
-@dataclass(frozen=True)
-class _Filled:
-    """A section and what this archive has for it."""
+class _Filled(NamedTuple):
+    """A section, by the name that links have, and what an archive has for it."""
 
     name: str
-    title: str
-    lead: str
+    section: Section
     blocks: tuple[Block, ...]
-    lacks: str
 
 
 def write_report(tree: xr.DataTree, path: str | Path) -> None:
@@ -67,13 +66,17 @@ def write_report(tree: xr.DataTree, path: str | Path) -> None:
     Raises
     ------
     ReportError
-        If the file cannot be written.
+        If the name has another ending than .html or .htm, or the file cannot be written.
     ArchiveError
         If the archive lacks what the report goes by.
     """
+    path = Path(path)
+    if path.suffix.lower() not in _ENDINGS:
+        found = f"found the ending {path.suffix or 'none'}"
+        raise ReportError(f"{path}: {found}; expected {' or '.join(_ENDINGS)}")
     content = page(tree).encode("utf-8")
     try:
-        replace_file(Path(path), content)
+        replace_file(path, content)
     except OSError as error:
         raise ReportError(f"{path}: cannot be written: {error.strerror}") from None
 
@@ -91,10 +94,32 @@ def page(tree: xr.DataTree) -> str:
         If the archive lacks what the report goes by.
     """
     every = list(_sections(tree))
-    sections = [section for section in every if section.blocks]
-    charts = [chart for section in sections for chart in _charts(section.blocks)]
+    sections = [filled for filled in every if filled.blocks]
+    charts = [chart for filled in sections for chart in charts_in(filled.blocks)]
+    # By identity, as what a chart holds has no hash.
+    numbers = {id(chart): number for number, chart in enumerate(charts)}
     style, script = ((_ASSETS / name).read_text("utf-8") for name in ("page.css", "page.js"))
     library = _LIBRARY.read_text("utf-8")
+    return (
+        _environment()
+        .get_template("page.html")
+        .render(
+            title=heading(tree),
+            facts=facts(tree),
+            sections=sections,
+            lacks=[each.section.lacks for each in every if each.section.lacks and not each.blocks],
+            number_of=lambda chart: numbers[id(chart)],
+            data=as_json(charts),
+            style=style,
+            library=library,
+            script=script,
+            hashes=[_hash(text) for text in (library, script)],
+        )
+    )
+
+
+def _environment() -> jinja2.Environment:
+    """What sets the template, with escaping on."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("uqpen.report", "assets"),
         autoescape=True,
@@ -103,53 +128,38 @@ def page(tree: xr.DataTree) -> str:
         undefined=jinja2.StrictUndefined,
         finalize=_legible,
     )
-    environment.globals |= {"id": id, "level": percent, "colour": colour}
+    environment.globals |= {"level": percent, "colour": colour}
     environment.globals |= {"strokes": STROKES, "outlines": OUTLINES}
-    return environment.get_template("page.html").render(
-        title=heading(tree),
-        facts=facts(tree),
-        sections=sections,
-        lacks=[section.lacks for section in every if section.lacks and not section.blocks],
-        numbers={id(chart): number for number, chart in enumerate(charts)},
-        data=as_json(charts),
-        style=style,
-        library=library,
-        script=script,
-        hashes=[_hash(text) for text in (library, script)],
-    )
+    return environment
 
 
 def _sections(tree: xr.DataTree) -> Iterator[_Filled]:
     """All sections for an archive of its kind, some of which may be empty."""
     if tree.attrs.get(KIND) != HEAD_TO_HEAD:
         check(tree)
-        yield from (_filled(tree, name) for name in SECTIONS)
+        for name, section in SECTIONS.items():
+            yield _Filled(name, section, tuple(_of_models(tree, section)))
         return
     check_comparison(tree)
     for name, section in SECTIONS_OF_COMPARISON.items():
-        yield _Filled(name, *section[:2], tuple(resolve(section.make)(tree)), section.lacks)
+        yield _Filled(name, section, tuple(resolve(section.make)(tree)))
 
 
-def _filled(tree: xr.DataTree, name: str) -> _Filled:
-    """A section of all models of an archive."""
-    section = SECTIONS[name]
+def _of_models(tree: xr.DataTree, section: Section) -> Iterator[Block]:
+    """What a section tells of each model of an archive, or of all of them together."""
     make = resolve(section.make)
-    blocks: list[Block] = []
     models = list(models_in(tree))
     for model in models[:1] if section.is_common else models:
-        found = list(make(Part(tree, model)))
-        if found and model and not section.is_common:
-            blocks.append(Heading(model))
-        blocks += found
-    return _Filled(name, *section[:2], tuple(blocks), section.lacks)
+        blocks = list(make(Part(tree, model)))
+        if blocks and model and not section.is_common:
+            yield Heading(model)
+            blocks = [_below(block) for block in blocks]
+        yield from blocks
 
 
-def _charts(blocks: Iterable[Block]) -> Iterator[Chart]:
-    for block in blocks:
-        if isinstance(block, Chart):
-            yield block
-        elif isinstance(block, Charts):
-            yield from block.charts
+def _below(block: Block) -> Block:
+    """A block below the heading of a model."""
+    return replace(block, level=4) if isinstance(block, Heading) else block
 
 
 def _legible(value: Any) -> Any:

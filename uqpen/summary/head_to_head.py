@@ -219,7 +219,17 @@ def percentage(error: float) -> str:
 
 
 def standing(name: str, level: str, lowest: float) -> str:
-    """What is put behind an error; `lowest` is the lower bound of the lead."""
+    """What is put behind a method's error, as the legend has it; a space for nothing.
+
+    Parameters
+    ----------
+    name : str
+        The method's.
+    level : str
+        The names of all that are level with the best, the best first.
+    lowest : float
+        The lower bound of the lead of a single best; NaN where that is in doubt.
+    """
     names = level.split()
     if name not in names:
         return " "

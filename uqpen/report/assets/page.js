@@ -1,12 +1,16 @@
 "use strict";
 (() => {
-  const charts = JSON.parse(document.getElementById("data").textContent);
-  const root = document.documentElement;
-  root.dataset.script = "runs";
-  const dark = window.matchMedia("(prefers-color-scheme: dark)");
-  const coarse = window.matchMedia("(pointer: coarse)").matches;
-  const plots = [...document.querySelectorAll(".plot")];
+  // Members of traces and shapes that hold a colour.
   const COLOURS = new Set(["color", "fillcolor"]);
+  const CONFIGURATION = { displayModeBar: false, responsive: true, doubleClick: "reset" };
+
+  const root = document.documentElement;
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const isCoarse = window.matchMedia("(pointer: coarse)").matches;
+  const plots = [...document.querySelectorAll(".plot")];
+  const charts = JSON.parse(document.getElementById("data").textContent);
+  // The style sheet leaves room for charts from here on.
+  root.dataset.script = "runs";
 
   // A list that several traces have is written in the first of them.
   for (const trace of charts.flatMap((chart) => chart.traces)) {
@@ -29,6 +33,7 @@
     return `rgba(${r},${g},${b},${opacity})`;
   }
 
+  // The same with all colours looked up, however deep they lie.
   function coloured(style, value, key) {
     if (COLOURS.has(key)) return looked(style, value, key === "fillcolor" ? 0.3 : undefined);
     if (Array.isArray(value)) return value.map((each) => coloured(style, each));
@@ -54,25 +59,26 @@
   function layout(style, chart, width) {
     // Numbers stand upright, as many as there is room for beside the names of rows.
     const room = width - (chart.y.ticktext ? 130 : 60);
-    const upright = chart.x.ticktext ? {} : { tickangle: 0, nticks: Math.min(7, Math.max(3, Math.floor(room / 48))) };
+    const nticks = Math.min(7, Math.max(3, Math.floor(room / 48)));
+    const upright = chart.x.ticktext ? {} : { tickangle: 0, nticks };
     return {
       height: chart.height,
       margin: { l: 50, r: 14, t: 10, b: 42 },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
-      font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: looked(style, "ink") },
+      font: {
+        family: getComputedStyle(document.body).fontFamily, size: 12, color: looked(style, "ink"),
+      },
       hoverlabel: {
         align: "left", bgcolor: looked(style, "raised"), bordercolor: looked(style, "quiet"),
         font: { color: looked(style, "ink"), size: 13 },
       },
       hovermode: chart.hovermode, hoverdistance: 30, showlegend: false, bargap: 0,
-      dragmode: coarse ? false : "zoom",
+      dragmode: isCoarse ? false : "zoom",
       xaxis: { ...axis(style, chart.x), ...upright },
       yaxis: axis(style, chart.y),
       shapes: coloured(style, chart.shapes),
     };
   }
-
-  const CONFIGURATION = { displayModeBar: false, responsive: true, doubleClick: "reset" };
 
   function draw(plot, isPrinted = false) {
     const style = getComputedStyle(root);
@@ -80,10 +86,12 @@
     plot.dataset.drawn = theme();
     const width = plot.clientWidth;
     const set = { ...layout(style, chart, width), ...(isPrinted ? { width } : {}) };
-    return Plotly.react(plot, coloured(style, chart.traces), set, CONFIGURATION);
+    Plotly.react(plot, coloured(style, chart.traces), set, CONFIGURATION);
   }
 
-  // Readings of a threshold.
+  // Readings of a threshold. Where there is no band, its ends are null.
+  const remainder = (share) => (share === null ? null : 1 - share);
+  const raised = (digits) => [...digits].map((each) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(each)]).join("");
   const percent = (value, places) => (100 * value).toFixed(places);
 
   function asPercent(estimate, lower, upper) {
@@ -93,6 +101,7 @@
     return `${percent(estimate, places)} % (${percent(lower, places)} … ${percent(upper, places)} %)`;
   }
 
+  // Lets a form move a line over its chart; what it returns moves that to a value.
   function threshold(form) {
     const chart = charts[form.dataset.chart];
     const plot = document.getElementById(`plot-${form.dataset.chart}`);
@@ -107,18 +116,27 @@
       line: { color: "accent", width: 2 },
     }) - 1;
     const value = (position) => first + position * step;
+    // Very large and very small numbers have their power of ten, in as many digits as a step asks.
+    const isLong = decimals > 6 || Math.max(Math.abs(first), Math.abs(value(last))) >= 1e7;
+    const power = (size) => Math.floor(Math.log10(size) + 1e-9);
+    function spelled(at) {
+      if (Math.abs(at) < step / 2) return (0).toFixed(isLong ? 0 : decimals);
+      if (!isLong) return at.toFixed(decimals);
+      return at.toExponential(Math.min(15, Math.max(0, power(Math.abs(at)) - power(step))));
+    }
 
     function show(position) {
       const place = Math.min(last, Math.max(0, position));
       const at = value(place);
-      const text = at.toFixed(decimals);
+      const text = spelled(at);
       const [p, lower, upper] = chart.bounds[place];
       slider.value = place;
-      slider.setAttribute("aria-valuetext", called(text));
+      const said = called(text.replace(/e\+?(-?)(\d+)/, (_, sign, digits) => `×10${raised(sign + digits)}`));
+      slider.setAttribute("aria-valuetext", said);
       number.value = text;
       form.querySelector(".readout").textContent =
-        `P(at most ${called(text)}) = ${asPercent(p, lower, upper)}; ` +
-        `P(more) = ${asPercent(1 - p, upper === null ? null : 1 - upper, lower === null ? null : 1 - lower)}`;
+        `P(at most ${said}) = ${asPercent(p, lower, upper)}; ` +
+        `P(more) = ${asPercent(remainder(p), remainder(upper), remainder(lower))}`;
       chart.shapes[line].x0 = chart.shapes[line].x1 = at;
       if (plot.dataset.drawn) {
         Plotly.relayout(plot, { [`shapes[${line}].x0`]: at, [`shapes[${line}].x1`]: at });
@@ -157,17 +175,25 @@
     if (window.requestIdleCallback) window.requestIdleCallback(task, { timeout: 60 });
     else setTimeout(task, 30);
   };
-  let waiting = [...plots];
-  const next = () => {
+  let waiting = [];
+  let isUnderWay = false;
+  function drawNext() {
     const plot = waiting.shift();
-    if (plot === undefined) {
+    isUnderWay = plot !== undefined;
+    if (isUnderWay) {
+      begin(plot);
+      idle(drawNext);
+    } else {
       root.dataset.ready = "yes";
-      return;
     }
-    begin(plot);
-    idle(next);
-  };
-  idle(next);
+  }
+  function drawAll() {
+    delete root.dataset.ready;
+    waiting = [...plots];
+    if (!isUnderWay) idle(drawNext);
+    isUnderWay = true;
+  }
+  drawAll();
 
   // What does not scroll is no stop for the keyboard.
   const scrolls = [...document.querySelectorAll(".scroll, pre")];
@@ -184,21 +210,19 @@
     const { top, bottom } = plot.getBoundingClientRect();
     return top < window.innerHeight && bottom > 0;
   };
+  const label = () => { button.textContent = isDark() ? "Light" : "Dark"; };
   const redraw = () => {
+    label();
     plots.filter(isSeen).forEach(begin);
-    if (root.dataset.ready) idle(next);
-    delete root.dataset.ready;
-    waiting = [...plots];
+    drawAll();
   };
-  const name = () => { button.textContent = isDark() ? "Light" : "Dark"; };
+  label();
   button.hidden = false;
-  name();
   button.addEventListener("click", () => {
     root.dataset.theme = isDark() ? "light" : "dark";
-    name();
     redraw();
   });
-  dark.addEventListener("change", () => { name(); redraw(); });
+  dark.addEventListener("change", redraw);
 
   // Paper is white, and has a width of its own.
   let before;

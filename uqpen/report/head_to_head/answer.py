@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group
-from uqpen.labels import ERRORS, METHODS, MOMENTS, NOTE, REFERENCE, SINGLE, VERDICTS
+from uqpen.labels import ERRORS, METHODS, NOTE, SINGLE, VERDICTS
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Quote, Remarks, Table, Text
 from uqpen.report.head_to_head.contest import (
     MOST_CHARTS,
@@ -20,8 +20,9 @@ from uqpen.report.head_to_head.contest import (
     called,
     keys_of,
     methods_of,
+    runs_of_reference,
 )
-from uqpen.report.marks import Trace, points, written
+from uqpen.report.marks import Trace, points
 from uqpen.summary.digits import grouped
 from uqpen.summary.head_to_head import (
     IS_DOUBTFUL,
@@ -133,9 +134,7 @@ def _caveats(tree: xr.DataTree) -> Iterator[str]:
 
 
 def _of_reference(tree: xr.DataTree) -> Iterator[str]:
-    told = group(tree, REFERENCE, MOMENTS).attrs
-    used = int(told["runs_used"])
-    made = int(told.get("runs", group(tree, METHODS).attrs["reference_runs"]))
+    made, used = runs_of_reference(tree)
     if not used:
         yield "The reference lost all of its runs, so no error can be told."
     elif used < made:
@@ -203,13 +202,15 @@ def _markers(method: Method, found: list[Entry]) -> Trace:
                 place = column + (names.index(method.source) - (len(names) - 1) / 2) * step
                 symbol = f"{method.marker}-open" if mark == IS_DOUBTFUL else method.marker
                 size = _TOGETHER if mark == IS_LEVEL else _ALONE
-                text = written(f"{entry.label}: {texts[column]}", 200)
+                text = f"{entry.label}: {texts[column]}"
                 marks.append((place, float(row), symbol, size, text))
     x, y, symbols, sizes, hovers = zip(*marks, strict=True) if marks else ((), (), (), (), ())
-    trace = points(x, y, method.series, hover="%{text}", name=method.source, opacity=1.0)
+    trace = points(
+        x, y, method.series, hover="%{text}", name=method.source, texts=hovers, opacity=1.0
+    )
     outlines = [2 if symbol.endswith("-open") else 0 for symbol in symbols]
     trace["marker"] |= {"symbol": list(symbols), "size": list(sizes), "line": {"width": outlines}}
-    return trace | {"text": list(hovers)}
+    return trace
 
 
 def _verdicts(tree: xr.DataTree) -> Iterator[Block]:

@@ -13,9 +13,19 @@ from uqpen.archive.head_to_head_skeleton import faults_of_contest
 from uqpen.archive.read import group
 from uqpen.errors import ArchiveError
 from uqpen.figures.needs import faults_of_levels
-from uqpen.labels import BUDGET, ESTIMATES, METHODS, REPLICATED, SINGLE
+from uqpen.figures.texts import named
+from uqpen.labels import (
+    BUDGET,
+    ERRORS,
+    ESTIMATES,
+    METHODS,
+    MOMENTS,
+    REFERENCE,
+    REPLICATED,
+    SINGLE,
+)
 from uqpen.report.blocks import Axis, Key
-from uqpen.report.marks import MARKERS
+from uqpen.report.marks import marker_of
 from uqpen.summary.digits import grouped
 from uqpen.summary.head_to_head_entries import Entry, entries
 from uqpen.summary.table import OutputTable
@@ -31,6 +41,8 @@ __all__ = [
     "indented",
     "keys_of",
     "methods_of",
+    "own_error",
+    "runs_of_reference",
     "variants_of",
 ]
 
@@ -64,8 +76,8 @@ class Method:
 
     @property
     def marker(self) -> str:
-        """Of `MARKERS`."""
-        return MARKERS[self.series % len(MARKERS)]
+        """The same wherever it is drawn."""
+        return marker_of(self.series)
 
 
 def check_comparison(tree: xr.DataTree) -> None:
@@ -117,8 +129,21 @@ def called(tree: xr.DataTree, output: str) -> str:
     """What an output is called in a heading."""
     estimates = group(tree, ESTIMATES, output)
     described = str(estimates["mean"].attrs.get("long_name", "")) if "mean" in estimates else ""
-    title = described.removeprefix("mean of ") or output
-    return title if title.replace(" ", "_") == output else f"{title} ({output})"
+    return named(described.removeprefix("mean of ") or output, output)
+
+
+def own_error(entry: Entry) -> float:
+    """Half the reference's interval, in per cent of what errors are relative to; NaN for none."""
+    _, lower, upper = entry.truth.values.tolist()
+    relative_to = float(entry.of(ERRORS, "_scale"))
+    return 100 * (upper - lower) / 2 / relative_to if relative_to > 0 else math.nan
+
+
+def runs_of_reference(tree: xr.DataTree) -> tuple[int, int]:
+    """How many runs the reference made, and how many of them came back and count."""
+    told = group(tree, REFERENCE, MOMENTS).attrs
+    made = told.get("runs", group(tree, METHODS).attrs["reference_runs"])
+    return int(made), int(told["runs_used"])
 
 
 def along_budgets(tree: xr.DataTree) -> Axis:

@@ -14,6 +14,7 @@ from uqpen.intervals import clopper_pearson
 from uqpen.labels import ERRORS, INTERVAL_LEVEL, METHODS, SINGLE
 from uqpen.report.blocks import Axis, Block, Chart, Charts
 from uqpen.report.head_to_head.contest import (
+    MOST_CHARTS,
     Method,
     budgets_of,
     by_output,
@@ -22,8 +23,9 @@ from uqpen.report.head_to_head.contest import (
     methods_of,
     variants_of,
 )
-from uqpen.report.head_to_head.rows import MOST_CHARTS, capped, height_of, places_of, said_of
-from uqpen.report.marks import Shape, Trace, points, shade, upright, written
+from uqpen.report.head_to_head.rows import capped, height_of, places_of, said_of
+from uqpen.report.marks import Trace, points
+from uqpen.report.shapes import Shape, shade, upright
 from uqpen.summary.digits import grouped, percent
 from uqpen.summary.head_to_head_entries import Entry, entries
 from uqpen.summary.table import NOTHING, OutputTable
@@ -132,21 +134,21 @@ def _points(
 ) -> Trace:
     rows, columns = np.nonzero(np.isfinite(shares))
     budgets = budgets_of(tree)
-    trace = points(
-        100 * shares[rows, columns],
-        places[rows],
-        method.series,
-        hover="%{text}",
-        name=method.source,
-        marker=method.marker,
-        size=7,
-    )
     texts = [
         f"{method.source}, {found[row].label}, {grouped(budgets[column])} runs: "
         f"{100 * shares[row, column]:.1f} % of its intervals held"
         for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
     ]
-    return trace | {"text": [written(text, 200) for text in texts]}
+    return points(
+        100 * shares[rows, columns],
+        places[rows],
+        method.series,
+        hover="%{text}",
+        name=method.source,
+        texts=texts,
+        marker=method.marker,
+        size=7,
+    )
 
 
 def _coverage_table(

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.figures.texts import capitalized
+from uqpen.figures.texts import after_number, capitalized
 from uqpen.labels import ERRORS, ESTIMATES, REPLICATED, SINGLE
+from uqpen.report.axes import logarithmic
 from uqpen.report.blocks import Block, Chart, Charts, Heading, Key, Text
 from uqpen.report.head_to_head.contest import (
     MOST_CHARTS,
@@ -20,9 +21,9 @@ from uqpen.report.head_to_head.contest import (
     called,
     keys_of,
     methods_of,
+    own_error,
     variants_of,
 )
-from uqpen.report.logarithms import logarithmic
 from uqpen.report.marks import Trace, band, dots, line
 from uqpen.summary.digits import grouped, sensible
 from uqpen.summary.head_to_head import (
@@ -36,7 +37,6 @@ from uqpen.summary.head_to_head import (
 )
 from uqpen.summary.head_to_head_entries import Entry
 from uqpen.summary.table import NOTHING, OutputTable
-from uqpen.units import DIMENSIONLESS
 
 __all__ = ["errors", "errors_of_replicates"]
 
@@ -105,7 +105,7 @@ def _chart(contest: Contest, variant: str) -> Chart | None:
     if not np.isfinite(known).any():
         return None
     budgets = np.array(budgets_of(entry.tree), dtype=np.float64)
-    own = _resolution(entry)
+    own = own_error(entry)
     every = np.array(list(told.values()))
     axis = logarithmic("error [%]", every[np.isfinite(every)].tolist())
     lower = 10.0 ** axis.ends[0] if axis.ends else 0.0
@@ -138,13 +138,6 @@ def _bounds(entry: Entry, method: Method) -> FloatArray:
     return np.where(np.isfinite(found) & (found > 0), found, np.nan)
 
 
-def _resolution(entry: Entry) -> float:
-    """Half the reference's interval, in per cent of what errors are relative to."""
-    _, lower, upper = (float(bound) for bound in entry.truth.values)
-    scale = float(entry.of(ERRORS, "_scale"))
-    return 100 * (upper - lower) / 2 / scale if scale > 0 else math.nan
-
-
 def _guide(known: FloatArray, budgets: FloatArray) -> Iterator[Trace]:
     """How errors fall that fall with the root of the runs, from the largest of the fewest runs."""
     first = next((at for at in range(budgets.size) if np.isfinite(known[:, at]).any()), 0)
@@ -159,7 +152,7 @@ def _line(entry: Entry, method: Method, bounds: FloatArray, places: FloatArray) 
         f"{method.source}, {grouped(budget)} runs: {_said(row)}"
         for budget, row in zip(budgets_of(entry.tree), bounds, strict=True)
     ]
-    trace = dots(
+    return dots(
         bounds,
         places,
         method.series,
@@ -167,9 +160,8 @@ def _line(entry: Entry, method: Method, bounds: FloatArray, places: FloatArray) 
         name=method.source,
         marker=method.marker,
         along="y",
+        is_joined=True,
     )
-    stroke = {"color": method.series, "width": 1.3}
-    return trace | {"mode": "lines+markers", "line": stroke}
 
 
 def _said(bounds: FloatArray) -> str:
@@ -220,9 +212,8 @@ def _of_scale(entry: Entry) -> Iterator[str]:
     if math.isclose(scale, truth) or not math.isfinite(truth):
         return
     if not truth and scale == 1:
-        unit = str(entry.of(ESTIMATES).attrs["units"])
-        of = "1" if unit == DIMENSIONLESS else f"1 {unit}"
-        yield f"errors are in % of {of}, as the reference is 0"
+        unit = after_number(str(entry.of(ESTIMATES).attrs["units"]))
+        yield f"errors are in % of 1{unit}, as the reference is 0"
     else:
         yield "errors are in % of the standard deviation, as the reference is about 0"
 

@@ -10,8 +10,10 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.labels import SINGLE, SLOPES
+from uqpen.report.axes import padded
 from uqpen.report.blocks import Axis, Block, Chart, Charts
 from uqpen.report.head_to_head.contest import (
+    MOST_CHARTS,
     Method,
     by_output,
     called,
@@ -19,8 +21,9 @@ from uqpen.report.head_to_head.contest import (
     methods_of,
     variants_of,
 )
-from uqpen.report.head_to_head.rows import MOST_CHARTS, capped, height_of, places_of, said_of
-from uqpen.report.marks import Trace, dots, upright
+from uqpen.report.head_to_head.rows import capped, height_of, places_of, said_of
+from uqpen.report.marks import Trace, dots
+from uqpen.report.shapes import upright
 from uqpen.summary.digits import sensible
 from uqpen.summary.head_to_head_entries import Entry
 from uqpen.summary.table import OutputTable
@@ -90,8 +93,7 @@ def _ends(slopes: FloatArray, has_interval: BoolArray) -> tuple[float, float]:
     """An axis that holds all intervals, a slope of 0, and that of Monte Carlo."""
     shown = slopes[has_interval] if has_interval.any() else slopes[np.isfinite(slopes[..., 0]), :1]
     lower, upper = min(float(shown.min()), _USUAL), max(float(shown.max()), 0.0)
-    free = 0.05 * (upper - lower)
-    return lower - free, upper + free
+    return padded(lower, upper, 0.05)
 
 
 def _is_outside(slopes: FloatArray, lower: float, upper: float) -> BoolArray:

@@ -11,16 +11,23 @@ import xarray as xr
 from uqpen.archive.read import group
 from uqpen.archive.told import told
 from uqpen.figures.part import Part
-from uqpen.labels import BUDGET, ERRORS, ESTIMATES, INTERVAL, METHODS, MOMENTS, REFERENCE
+from uqpen.figures.texts import after_number
+from uqpen.labels import BUDGET, ERRORS, ESTIMATES, INTERVAL, METHODS
 from uqpen.report.blocks import Block, Table, Text
-from uqpen.report.head_to_head.contest import by_output, called, indented
+from uqpen.report.head_to_head.contest import (
+    by_output,
+    called,
+    indented,
+    own_error,
+    runs_of_reference,
+)
 from uqpen.report.sections.archive import study_of
 from uqpen.report.sections.archive_tables import provenance_of
 from uqpen.summary.digits import grouped
 from uqpen.summary.head_to_head import LEGEND, contests, methods_table, percentage
 from uqpen.summary.head_to_head_entries import Entry
 from uqpen.summary.table import NOTHING, OutputTable, remark
-from uqpen.units import DIMENSIONLESS, scale
+from uqpen.units import scale
 
 __all__ = ["cost", "provenance", "reference", "tables"]
 
@@ -50,13 +57,11 @@ def tables(tree: xr.DataTree) -> Iterator[Block]:
 
 def reference(tree: xr.DataTree) -> Iterator[Block]:
     """The values that errors are held to, and how sure they are."""
-    made = group(tree, REFERENCE, MOMENTS).attrs
-    used = int(made["runs_used"])
-    count = int(made.get("runs", group(tree, METHODS).attrs["reference_runs"]))
+    made, used = runs_of_reference(tree)
     yield Text(
-        f"It made {grouped(count)} runs, of which {grouped(used)} came back and count."
-        if used < count
-        else f"It made {grouped(count)} runs, all of which came back."
+        f"It made {grouped(made)} runs, of which {grouped(used)} came back and count."
+        if used < made
+        else f"It made {grouped(made)} runs, all of which came back."
     )
     for output, found in by_output(tree).items():
         yield Table(_values(tree, output, found))
@@ -76,10 +81,8 @@ def _values(tree: xr.DataTree, output: str, found: list[Entry]) -> OutputTable:
 
 def _own_error(entry: Entry) -> str:
     """Half its interval over what errors are relative to."""
-    _, lower, upper = (float(bound) for bound in entry.truth.values)
-    relative = float(entry.of(ERRORS, "_scale"))
-    half = 100 * (upper - lower) / 2 / relative if relative > 0 else math.nan
-    return NOTHING if math.isnan(half) else f"± {percentage(half / 100)} %"
+    own = own_error(entry)
+    return NOTHING if math.isnan(own) else f"± {percentage(own / 100)} %"
 
 
 def _relative_to(entry: Entry) -> str:
@@ -88,7 +91,7 @@ def _relative_to(entry: Entry) -> str:
     value = float(np.asarray(scale(unit).difference_from_si(float(entry.of(ERRORS, "_scale")))))
     if not math.isfinite(value + float(entry.truth.values[0])):
         return NOTHING
-    return f"{value:.4g}" if unit == DIMENSIONLESS else f"{value:.4g} {unit}"
+    return f"{value:.4g}{after_number(unit)}"
 
 
 def provenance(tree: xr.DataTree) -> Iterator[Block]:

@@ -12,7 +12,7 @@ from uqpen.labels import REPLICATED, SINGLE
 from uqpen.report.blocks import Chart
 from uqpen.report.head_to_head.contest import MOST_CHARTS, variants_of
 
-__all__ = ["MOST_CHARTS", "capped", "height_of", "places_of", "said_of"]
+__all__ = ["capped", "height_of", "places_of", "said_of"]
 
 _OF_VARIANT = {SINGLE: "as single sets", REPLICATED: "in replicates"}
 # Pixels of a row, of each method in it, and of what is around all rows.

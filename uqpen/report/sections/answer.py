@@ -10,7 +10,7 @@ from uqpen.archive.read import group
 from uqpen.evaluation import status_counts
 from uqpen.figures.part import Part
 from uqpen.figures.texts import plain
-from uqpen.labels import MOMENTS, RUN, RUNS, SAMPLING, STATUS_TEXT, SURROGATES, Sampling, Status
+from uqpen.labels import MOMENTS, RUN, RUNS, STATUS_TEXT, SURROGATES, Sampling, Status
 from uqpen.report.blocks import Block, Quote, Remarks, Text
 from uqpen.report.sections.caveats import caveats
 from uqpen.report.sections.evidence import leading
@@ -25,6 +25,8 @@ __all__ = ["answer"]
 _MOST_OUTPUTS = 6
 _MOST_COMPARED = 3
 _MOST_REASONS = 3
+
+_OTHERS = "What other designs estimate, by runs of their own (with their intervals further down)"
 
 
 def answer(part: Part) -> Iterator[Block]:
@@ -45,7 +47,7 @@ def answer(part: Part) -> Iterator[Block]:
         yield Text(left_out)
     yield Text(_origin(part, design))
     if agreement := tuple(_agreement(shown, design)):
-        yield Remarks("What other designs estimate, by runs of their own", agreement)
+        yield Remarks(_OTHERS, agreement)
     notes = dict.fromkeys(note for said in shown for note in said.remarks)
     if lines := (*notes, *caveats(part, design)):
         yield Remarks("What to keep in mind", lines)
@@ -75,10 +77,12 @@ def _origin(part: Part, design: str) -> str:
     known = [str(part.tree.attrs.get(name, "")) for name in ("model_name", "model_version")]
     model = plain(" ".join(filter(None, known)))
     some = "all" if back == every else grouped(back)
+    returned = f"Of its {grouped(every)} runs of the model {model}, {some} came back."
+    if every == 1:
+        returned = f"It is a single run of the model {model}."
     return (
         f"This comes from {design}: {_reason(part, design)}. It was chosen by its place in the "
-        f"study, not by what it says. Of its {grouped(every)} runs of the model {model}, {some} "
-        "came back."
+        f"study, not by what it says. {returned}"
     )
 
 
@@ -90,7 +94,8 @@ def _reason(part: Part, design: str) -> str:
         )
     earlier = [each for each in part.samples if part.is_plain(each)]
     came_back = "" if earlier[0] == design else " and of which any came back"
-    return f"the first design of the study whose runs are a sample of the inputs{came_back}"
+    taken = " taken for" if part.sampling(design) is Sampling.GIVEN else ""
+    return f"the first design of the study whose runs are{taken} a sample of the inputs{came_back}"
 
 
 def _agreement(shown: Sequence[Said], design: str) -> Iterator[str]:
@@ -131,7 +136,7 @@ def _without_sample(part: Part) -> Iterator[Block]:
 
 def _means(part: Part) -> Iterator[str]:
     """Means by integration rules, which have no interval."""
-    rules = [each for each in part.designs if _sampling(part, each) is Sampling.RULE]
+    rules = [each for each in part.designs if part.sampling(each) is Sampling.RULE]
     for output in part.numbers[:_MOST_OUTPUTS]:
         quantity = Quantity(part, output, MOMENTS)
         for design in rules:
@@ -143,18 +148,16 @@ def _means(part: Part) -> Iterator[str]:
                 break
 
 
-def _sampling(part: Part, design: str) -> Sampling:
-    return Sampling(group(part.tree, RUNS, design).attrs[SAMPLING])
-
-
 def _came_back(part: Part, design: str) -> bool:
+    """Whether any run did, not of a sample alone."""
     return bool(status_counts(group(part.tree, RUNS, design))[Status.OK])
 
 
 def _nothing_came_back(part: Part, lost: Sequence[Loss]) -> str:
     runs = sum(group(part.tree, RUNS, design).sizes[RUN] for design in part.designs)
+    lost_all = "The only one was lost." if runs == 1 else f"All {grouped(runs)} were lost."
     return (
-        f"No run came back: there is no answer. All {grouped(runs)} were lost. {_reasons(lost)} "
+        f"No run came back: there is no answer. {lost_all} {_reasons(lost)} "
         "Once the model is mended, or its time limit raised, or the inputs are within what it "
         "allows, run the study again; the archive keeps the inputs of every lost run, so that one "
         "can be tried alone."

@@ -13,13 +13,12 @@ from uqpen.archive.read import group
 from uqpen.errors import StudyError
 from uqpen.evaluation import status_counts
 from uqpen.figures.part import Part
-from uqpen.figures.texts import plain, typeset
-from uqpen.labels import CONTENT, REPLICATE, ROLE, RUN, RUNS, SAMPLING, SURROGATES, Sampling, Status
+from uqpen.figures.texts import plain, with_unit
+from uqpen.labels import CONTENT, REPLICATE, ROLE, RUN, RUNS, SURROGATES, Sampling, Status
 from uqpen.report.sections.evidence import leading
 from uqpen.study.document import parse_document
 from uqpen.summary.digits import grouped
 from uqpen.summary.table import NOTHING, OutputTable
-from uqpen.units import DIMENSIONLESS
 
 __all__ = ["designs_of", "inputs_of", "model_of", "provenance_of"]
 
@@ -61,13 +60,9 @@ def inputs_of(part: Part) -> OutputTable:
             shown = part.measure(name).from_si(np.asarray(values.values, dtype=np.float64))
             title = plain(str(values.attrs.get("long_name", name)))
             said = written.get(name, NOTHING)
-            table.rows.append((_with_unit(part, name), [title, *_spread(shown), said]))
+            label = with_unit(name, part.unit(name))
+            table.rows.append((label, [title, *_spread(shown), said]))
     return table
-
-
-def _with_unit(part: Part, name: str) -> str:
-    unit = part.unit(name)
-    return name if unit == DIMENSIONLESS else f"{name} [{plain(typeset(unit), 30)}]"
 
 
 def _spread(values: npt.NDArray[np.float64]) -> list[str]:
@@ -113,7 +108,7 @@ def designs_of(part: Part) -> OutputTable:
     table = OutputTable("Designs", ["points", "runs", "came back", "replicates", "made for"])
     for name in part.designs:
         runs = group(part.tree, RUNS, name)
-        sampling = Sampling(runs.attrs[SAMPLING])
+        sampling = part.sampling(name)
         back = grouped(status_counts(runs)[Status.OK])
         made_for = "; ".join((_MADE_FOR[sampling], *_used_by(part, name)))
         replicates = (

@@ -20,14 +20,14 @@ from uqpen.labels import (
     NOTE,
     RUN,
     RUNS,
-    SAMPLING,
     STATUS_TEXT,
     STATUSES,
     Sampling,
     Status,
 )
+from uqpen.report.counting import in_percent
 from uqpen.report.sections.quoted import unbroken
-from uqpen.summary.digits import alike, grouped, percent
+from uqpen.summary.digits import grouped, percent
 
 __all__ = ["caveats"]
 
@@ -58,7 +58,7 @@ def caveats(part: Part, design: str) -> Iterator[str]:
             f"({', '.join(_counted(part, design))}). All estimates are of those that did, and are "
             "off as far as the others would have given other results."
         )
-    if runs.attrs[SAMPLING] == Sampling.GIVEN:
+    if part.sampling(design) is Sampling.GIVEN:
         yield (
             f"The points of {design} are the user's own; that they are a sample of the inputs' "
             "laws is taken for granted."
@@ -83,7 +83,7 @@ def _counted(part: Part, design: str) -> list[str]:
 
 def _chance(array: xr.DataArray) -> str:
     """A probability in per cent, with its interval or the reason for none in brackets."""
-    value, lower, upper = (unbroken(f"{text} %") for text in alike(*(100 * array.values)))
+    value, lower, upper = (unbroken(text) for text in in_percent(*array.values))
     if np.isfinite(array.values).all():
         level = unbroken(percent(array.attrs[INTERVAL_LEVEL]))
         return f"{value} ({lower} to {upper}, {level} interval)"

@@ -14,7 +14,7 @@ from uqpen.analyses.convergence import convergence as by_parts
 from uqpen.analyses.sample import sample_of_law
 from uqpen.archive.read import group
 from uqpen.figures.part import Part
-from uqpen.figures.texts import with_unit
+from uqpen.figures.texts import after_number, capitalized, with_unit
 from uqpen.labels import (
     EXCEEDANCE,
     INTERVAL_LEVEL,
@@ -25,10 +25,13 @@ from uqpen.labels import (
     RUNS,
     SHARES,
 )
+from uqpen.report.axes import logarithmic, padded
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, Key, Remarks, Text
-from uqpen.report.logarithms import logarithmic
-from uqpen.report.marks import MARKERS, dots, level
+from uqpen.report.counting import counted
+from uqpen.report.marks import dots, marker_of
+from uqpen.report.notes import all_bounded, has_interval
 from uqpen.report.sections.evidence import asked_of, called, leading, titled
+from uqpen.report.shapes import level
 from uqpen.summary.digits import grouped, percent
 from uqpen.summary.table import (
     Conversion,
@@ -80,8 +83,8 @@ class _Course(NamedTuple):
 
     def figures(self) -> list[str]:
         """Each estimate in its digits, with the unit."""
-        shown = "" if self.unit == DIMENSIONLESS else f" {self.unit}"
-        return [f"{figure_text(each, self.convert)}{shown}" for each in self.estimates]
+        unit = after_number(self.unit)
+        return [f"{figure_text(each, self.convert)}{unit}" for each in self.estimates]
 
 
 def convergence(part: Part) -> Iterator[Block]:
@@ -113,7 +116,7 @@ def _whose(part: Part, design: str) -> str:
     """Which design it is, why that one, and what its parts are."""
     runs = group(part.tree, RUNS, design)
     drawn = sample_of_law(runs)
-    made = f"{grouped(drawn.sizes[RUN])} runs"
+    made = counted(drawn.sizes[RUN], "run")
     if drawn.sizes[RUN] < runs.sizes[RUN]:
         made += " that are a sample"
     place = (
@@ -163,13 +166,12 @@ def _settling(part: Part, output: str, design: str, courses: Sequence[_Course]) 
     charts = [_chart(part, output, design, course) for course in courses]
     position = part.sources.index(design)
     every = np.concatenate([course.bounds for course in courses])
-    has_interval = np.isfinite(every[:, 1:]).any(axis=1)
     keys = [Key("by all runs", "quiet", "line", "dot")]
-    if not has_interval[np.isfinite(every[:, 0])].all():
-        keys.insert(0, Key("no interval", position, f"{_marker(position)}-open"))
-    if has_interval.any():
+    if not all_bounded(every):
+        keys.insert(0, Key("no interval", position, f"{marker_of(position)}-open"))
+    if has_interval(every).any():
         covered = percent(float(courses[0].estimates.attrs[INTERVAL_LEVEL]))
-        keys.insert(0, Key(f"with its {covered} interval", position, _marker(position)))
+        keys.insert(0, Key(f"with its {covered} interval", position, marker_of(position)))
     return Charts(
         charts=tuple(charts),
         keys=tuple(keys),
@@ -177,20 +179,17 @@ def _settling(part: Part, output: str, design: str, courses: Sequence[_Course]) 
     )
 
 
-def _marker(position: int) -> str:
-    return MARKERS[position % len(MARKERS)]
-
-
 def _chart(part: Part, output: str, design: str, course: _Course) -> Chart:
     """One statistic against the number of runs."""
     position = part.sources.index(design)
     bounds, runs, figures = course.bounds, course.runs, course.figures()
     lower, upper, is_cut = _ends(bounds)
-    said = [f"{grouped(n)} runs: {figure}" for n, figure in zip(runs, figures, strict=True)]
+    said = [f"{counted(n, 'run')}: {figure}" for n, figure in zip(runs, figures, strict=True)]
     middle = len(said) // 2
     return Chart(
         title=course.label,
-        summary=f"{titled(part, output)} by {design}, {said[0]}; {said[middle]}; {said[-1]}.",
+        summary=f"{capitalized(titled(part, output))} by {design}, {said[0]}; {said[middle]}; "
+        f"{said[-1]}.",
         x=logarithmic("runs so far", runs),
         y=Axis(with_unit(course.label, course.unit), (lower, upper)),
         traces=(
@@ -200,7 +199,7 @@ def _chart(part: Part, output: str, design: str, course: _Course) -> Chart:
                 position,
                 hovers=said,
                 name=course.label,
-                marker=_marker(position),
+                marker=marker_of(position),
                 along="y",
             ),
         ),
@@ -218,9 +217,8 @@ def _ends(bounds: FloatArray) -> tuple[float, float, bool]:
     sides = bounds[:, 1:][np.isfinite(bounds[:, 1:])]
     kept = np.clip(sides, last[0] - _WIDEST * half, last[0] + _WIDEST * half) if half else sides
     lower, upper = min([*estimates, *kept]), max([*estimates, *kept])
-    margin = 0.05 * (upper - lower) or 0.05 * abs(upper) or 1.0
     is_cut = bool((sides < lower).any() or (sides > upper).any())
-    return float(lower - margin), float(upper + margin), is_cut
+    return *padded(float(lower), float(upper), 0.05), is_cut
 
 
 def _table(part: Part, output: str, design: str, courses: Sequence[_Course]) -> OutputTable:

@@ -13,17 +13,18 @@ from uqpen.analyses.sample import sample_of_law
 from uqpen.archive.read import group
 from uqpen.figures.methods import Statistic
 from uqpen.figures.part import Part
-from uqpen.figures.texts import with_unit
-from uqpen.labels import EXCEEDANCE, MOMENTS, RUN, RUNS, SAMPLING, SHARES, Sampling
+from uqpen.figures.texts import after_number, with_unit
+from uqpen.labels import EXCEEDANCE, MOMENTS, RUN, RUNS, SHARES, Sampling
+from uqpen.report.axes import logarithmic
 from uqpen.report.blocks import Block, Chart, Charts, Key, Table
-from uqpen.report.logarithms import logarithmic
-from uqpen.report.marks import MARKERS, Trace, line, points, written
+from uqpen.report.counting import counted
+from uqpen.report.marks import Trace, line, marker_of, points, written
 from uqpen.summary.digits import grouped
 from uqpen.summary.statistics_rows import runs_spent
 from uqpen.summary.table import NOTHING, OutputTable, quantile_label, remark, unchanged
 from uqpen.units import DIMENSIONLESS
 
-__all__ = ["costs", "main_ones"]
+__all__ = ["costs"]
 
 # Probabilities of one output that are shown.
 _MOST_SHARES = 2
@@ -57,7 +58,7 @@ class _Compared(NamedTuple):
 
 def costs(part: Part, output: str, found: Sequence[Statistic]) -> Iterator[Block]:
     """Widths of intervals against runs, where there are several to be compared."""
-    every = [_Compared(each, _widths(part, each)) for each in main_ones(found)]
+    every = [_Compared(each, _widths(part, each)) for each in _main_ones(found)]
     compared = [each for each in every if len(each.widths) > 1]
     if not compared:
         return
@@ -80,7 +81,7 @@ def costs(part: Part, output: str, found: Sequence[Statistic]) -> Iterator[Block
         yield Table(_table(part, output, compared, sources, plain))
 
 
-def main_ones(found: Sequence[Statistic]) -> list[Statistic]:
+def _main_ones(found: Sequence[Statistic]) -> list[Statistic]:
     """Mean, median, and the first probabilities among statistics."""
     middle = quantile_label(0.5)
     first = [each for each in found if each.kind == EXCEEDANCE][:1]
@@ -102,17 +103,12 @@ def _widths(part: Part, statistic: Statistic) -> list[_Width]:
 
 def _independent(part: Part) -> str:
     """The first design of independent draws; empty for none."""
-    independent = (
-        name
-        for name in part.designs
-        if Sampling(group(part.tree, RUNS, name).attrs[SAMPLING]) is Sampling.INDEPENDENT
-    )
-    return next(independent, "")
+    return next((n for n in part.designs if part.sampling(n) is Sampling.INDEPENDENT), "")
 
 
 def _key(part: Part, source: str) -> Key:
     position = part.sources.index(source)
-    return Key(source, position, MARKERS[position % len(MARKERS)])
+    return Key(source, position, marker_of(position))
 
 
 def _guide(plain: str) -> str:
@@ -123,7 +119,7 @@ def _chart(part: Part, output: str, compared: _Compared, plain: str) -> Chart:
     """One statistic: half the length of its intervals against the runs that they took."""
     statistic, widths = compared
     unit = _unit(part, output, statistic)
-    shown = "" if unit == DIMENSIONLESS else f" {unit}"
+    shown = after_number(unit)
     traces: list[Trace] = []
     heights = [each.half for each in widths]
     if (first := compared.of(plain)) is not None:
@@ -136,7 +132,7 @@ def _chart(part: Part, output: str, compared: _Compared, plain: str) -> Chart:
     said = []
     for each in widths:
         key = _key(part, each.source)
-        said.append(f"{each.source}: ± {_short(each.half)}{shown} with {grouped(each.runs)} runs")
+        said.append(f"{each.source}: ± {_short(each.half)}{shown} with {counted(each.runs, 'run')}")
         traces.append(
             points(
                 [each.runs],

@@ -9,10 +9,10 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.figures.part import Part
-from uqpen.figures.texts import capitalized, with_unit
+from uqpen.figures.texts import after_number, capitalized, with_unit
 from uqpen.figures.trajectory import called, courses_of, shared_panels, shown_unit, symbol
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Key
-from uqpen.report.marks import DASHES, Trace, line, written
+from uqpen.report.marks import Trace, dash_of, line, written
 from uqpen.summary.table import NOTHING, OutputTable
 
 __all__ = ["course"]
@@ -75,27 +75,25 @@ def _line(part: Part, told: xr.Dataset, name: str, of: tuple[str, int], number: 
     x, y, unit = _shown(part, told, name)
     chosen = _spread(x.size, _MOST_POINTS)
     head = f"{written(model, 40)}<br>" if model else ""
-    here = f"{written(called(told[along]), 50)} %{{x:.4~g}} {written(_spaced(part.unit(along)))}"
+    here = (
+        f"{written(called(told[along]), 50)} %{{x:.4~g}}{written(after_number(part.unit(along)))}"
+    )
     return line(
         x[chosen],
         y[chosen],
         series,
-        hover=f"{head}{here}<br>{written(called(told[name]), 50)} %{{y:.4~g}} {written(unit)}",
+        hover=f"{head}{here}<br>{written(called(told[name]), 50)} %{{y:.4~g}}{written(unit)}",
         name=f"{model} {name}".strip(),
-        dash=DASHES[number % len(DASHES)],
+        dash=dash_of(number),
     )
 
 
 def _shown(part: Part, told: xr.Dataset, name: str) -> tuple[FloatArray, FloatArray, str]:
-    """What lies along, a quantity, and the unit of that; as they are shown."""
+    """What lies along, a quantity, and what stands behind its numbers."""
     along = str(next(iter(told.dims)))
     unit, factor = shown_unit(told[name])
     x = np.asarray(part.measure(along).from_si(told[along].values), dtype=np.float64)
-    return x, np.asarray(told[name].values * factor, dtype=np.float64), _spaced(unit)
-
-
-def _spaced(unit: str) -> str:
-    return "" if unit == "1" else unit
+    return x, np.asarray(told[name].values * factor, dtype=np.float64), after_number(unit)
 
 
 def _spread(size: int, most: int) -> npt.NDArray[np.int64]:
@@ -110,7 +108,7 @@ def _said(part: Part, model: str, told: xr.Dataset, names: list[str]) -> str:
         _, y, unit = _shown(part, told, name)
         known = y[np.isfinite(y)]
         if known.size:
-            ends = f"from {known[0]:.4g} to {known[-1]:.4g} {unit}".rstrip()
+            ends = f"from {known[0]:.4g} to {known[-1]:.4g}{unit}"
             said.append(f"{called(told[name])} goes {ends}, and is {known.max():.4g} at most")
     text = "; ".join(said) or "no values"
     return f"By {model}, {text}." if model else f"{capitalized(text)}."

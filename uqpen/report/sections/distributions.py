@@ -13,17 +13,17 @@ from uqpen.archive.read import group
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import CUT, curves_of, ends_of, thresholds_of
 from uqpen.figures.part import Part
-from uqpen.figures.texts import capitalized
+from uqpen.figures.texts import after_number, capitalized
 from uqpen.labels import SHARES
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, Key, Reading, Table
-from uqpen.report.marks import DASHES, Trace, upright
-from uqpen.report.sections.evidence import called, leading, question_of, sample_of, titled
+from uqpen.report.marks import Trace, dash_of
+from uqpen.report.sections.evidence import called, leading, left_out, question_of, sample_of, titled
 from uqpen.report.sections.exceedance import exceedance
-from uqpen.report.sections.functions import Grid, band_of, function_of, read_at
+from uqpen.report.sections.functions import Grid, band_of, function_of, reached, read_at
 from uqpen.report.sections.histograms import histogram, shares
+from uqpen.report.shapes import upright
 from uqpen.summary.digits import percent
 from uqpen.summary.table import OutputTable, quantile_label
-from uqpen.units import DIMENSIONLESS
 
 __all__ = ["distributions"]
 
@@ -73,12 +73,12 @@ def _cdf(part: Part, output: str, curves: list[Curve]) -> Chart:
     keys.append(Key(first.name, lead, "line"))
     for curve in curves[1:]:
         series = part.sources.index(curve.name)
-        dash = DASHES[series % len(DASHES)]
+        dash = dash_of(series)
         drawn, steps = read_at(part, output, curve, grid), curve.is_stepped
         traces.append(function_of(drawn, series, dash, is_stepped=steps, width=1.5, has_band=False))
         keys.append(Key(curve.name, series, "line", dash))
-    asked = list(thresholds_of(part, output).values())
-    begin = asked[0] if asked else float(np.interp(0.95, curves[0].band[:, 0], curves[0].values))
+    asked = [each for each in thresholds_of(part, output).values() if lower <= each <= upper]
+    begin = asked[0] if asked else reached(curves[0], 0.95)
     return Chart(
         title=f"Probability that {titled(part, output)} is at most x",
         summary=_summary(part, output, curves[0]),
@@ -87,7 +87,7 @@ def _cdf(part: Part, output: str, curves: list[Curve]) -> Chart:
         traces=tuple(traces),
         shapes=tuple(upright(place, "quiet", "dot") for place in asked),
         keys=tuple(keys),
-        notes=(f"{capitalized(CUT)}.",) if is_cut else (),
+        notes=(*left_out(part, curves[0].name), *([f"{capitalized(CUT)}."] if is_cut else [])),
         tables=(_cdf_table(part, output, curves[0]),),
         height=380,
         is_compared=True,
@@ -97,9 +97,8 @@ def _cdf(part: Part, output: str, curves: list[Curve]) -> Chart:
 
 def _summary(part: Part, output: str, curve: Curve) -> str:
     """The function in a sentence."""
-    low, middle, high = np.interp([0.05, 0.5, 0.95], curve.band[:, 0], curve.values)
-    unit = part.unit(output)
-    said = "" if unit == DIMENSIONLESS else f" {unit}"
+    low, middle, high = (reached(curve, p) for p in (0.05, 0.5, 0.95))
+    said = after_number(part.unit(output))
     return (
         f"By {curve.name} it rises from 5 % at {low:.4g}{said} through one half at "
         f"{middle:.4g}{said} to 95 % at {high:.4g}{said}. The table below has the numbers."
@@ -108,7 +107,8 @@ def _summary(part: Part, output: str, curve: Curve) -> str:
 
 def _cdf_table(part: Part, output: str, curve: Curve) -> OutputTable:
     """The function at some probabilities, with its band."""
-    title = f"Distribution function by {curve.name}, with its simultaneous band"
+    with_band = ", with its simultaneous band" * curve.has_band
+    title = f"Distribution function by {curve.name}{with_band}"
     table = OutputTable(title, [part.axis(output), "P(at most)", "band"])
     ranks = np.unique(np.round(_SHOWN * (curve.values.size - 1)).astype(np.int64))
     for rank in ranks.tolist():
@@ -123,10 +123,9 @@ def _cdf_table(part: Part, output: str, curve: Curve) -> OutputTable:
 
 def _reading(part: Part, output: str, curve: Curve, grid: Grid, begin: float) -> Reading:
     """What is read off at thresholds that are round numbers."""
-    unit = part.unit(output)
     return Reading(
         output=output,
-        unit="" if unit == DIMENSIONLESS else unit,
+        unit=after_number(part.unit(output)).lstrip(),
         source=curve.name,
         level=curve.level,
         note=curve.note,

@@ -9,10 +9,11 @@ from uqpen.analyses.question import Question, Threshold
 from uqpen.analyses.sample import Sample, sample_of_law
 from uqpen.archive.read import group
 from uqpen.figures.part import Part
-from uqpen.labels import EXCEEDANCE, QUANTILES, RUNS, SHARES
+from uqpen.figures.texts import named
+from uqpen.labels import EXCEEDANCE, MISSING, QUANTILES, RUNS, SHARES, STATUSES
 from uqpen.model import Category, Output
 
-__all__ = ["asked_of", "called", "leading", "question_of", "sample_of", "titled"]
+__all__ = ["asked_of", "called", "leading", "left_out", "question_of", "sample_of", "titled"]
 
 
 def leading(part: Part) -> str | None:
@@ -29,6 +30,14 @@ def leading(part: Part) -> str | None:
 def sample_of(part: Part, design: str, output: str) -> Sample:
     """The runs of a design that came back, as a sample of an output."""
     return Sample.of(sample_of_law(group(part.tree, RUNS, design)), output)
+
+
+def left_out(part: Part, design: str) -> list[str]:
+    """What a distribution function and its band say nothing of, as a note; none where nothing."""
+    missing = group(part.tree, STATUSES, design).attrs.get(MISSING)
+    if not missing:
+        return []
+    return [f"Curve and band are of the runs that came back; {missing} did not."]
 
 
 def question_of(part: Part, output: str, quantiles: Sequence[float]) -> Question:
@@ -64,5 +73,4 @@ def titled(part: Part, output: str) -> str:
 
 def called(part: Part, output: str) -> str:
     """What an output is called in a heading."""
-    title = titled(part, output)
-    return title if title.replace(" ", "_") == output else f"{title} ({output})"
+    return named(titled(part, output), output)

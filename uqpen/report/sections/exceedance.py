@@ -10,19 +10,25 @@ from uqpen.analyses.cdfs import cdf_at
 from uqpen.archive.read import group
 from uqpen.figures.curves import Curve
 from uqpen.figures.part import Part
-from uqpen.labels import EXCEEDANCE, INTERVAL_LEVEL
+from uqpen.figures.texts import after_number
+from uqpen.labels import EXCEEDANCE
 from uqpen.report.blocks import Axis, Chart, Key
+from uqpen.report.counting import counted
 from uqpen.report.marks import Trace, band, dots, line, written
-from uqpen.report.sections.evidence import sample_of, titled
+from uqpen.report.notes import bars_of
+from uqpen.report.sections.evidence import left_out, sample_of, titled
 from uqpen.summary.digits import percent, sensible
 from uqpen.summary.table import OutputTable, exceedance_label
 
 __all__ = ["exceedance"]
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 
 # How far below the least probability that runs can tell the axis goes on.
 _BELOW = 0.3
+# Widths of the axis by which it is made longer, at the most, for a value that is asked for.
+_FAR = 1.5
 # Points of the line, at the most.
 _MOST = 200
 
@@ -39,7 +45,7 @@ def exceedance(part: Part, output: str, curve: Curve) -> Chart:
         traces += band(values, lower, upper, series, is_stepped=curve.is_stepped)
         text = f"simultaneous {percent(curve.level)} band"
         keys.append(Key(text, series, "band"))
-    unit = f" {part.unit(output)}" if part.unit(output) != "1" else ""
+    unit = after_number(part.unit(output))
     traces.append(
         line(
             values,
@@ -52,12 +58,13 @@ def exceedance(part: Part, output: str, curve: Curve) -> Chart:
     )
     keys.append(Key(curve.name, series, "line"))
     asked = group(part.tree, EXCEEDANCE, curve.name).get(output)
-    notes: tuple[str, ...] = ()
+    notes = left_out(part, curve.name)
     if asked is not None:
-        traces.append(_asked(part, output, asked))
-        keys.append(Key("asked for beforehand", "ink", "circle"))
-        if INTERVAL_LEVEL in asked.attrs:
-            notes = (f"Bars: {percent(float(asked.attrs[INTERVAL_LEVEL]))} intervals.",)
+        is_shown = _is_shown(part, output, asked, values)
+        if is_shown.any():
+            traces.append(_asked(part, output, asked[is_shown]))
+            keys.append(Key("asked for beforehand", "ink", "circle"))
+        notes = [*bars_of([asked[is_shown]]), *notes, *_not_shown(output, asked[~is_shown])]
     return Chart(
         title=f"Probability that {titled(part, output)} is more than x",
         summary=_summary(output, asked, curve),
@@ -65,7 +72,7 @@ def exceedance(part: Part, output: str, curve: Curve) -> Chart:
         y=Axis("P(more than x)", (np.log10(least).item(), 0.0), is_logarithmic=True),
         traces=tuple(traces),
         keys=tuple(keys),
-        notes=notes,
+        notes=tuple(notes),
         tables=_tables(curve, output, asked),
         height=280,
     )
@@ -88,23 +95,34 @@ def _tail(part: Part, output: str, curve: Curve) -> tuple[FloatArray, FloatArray
     return shown, told[above]
 
 
-def _asked(part: Part, output: str, asked: xr.DataArray) -> Trace:
-    """The probabilities that the study asks for, where their logarithm is one."""
-    written_ = asked[f"{output}_threshold"].values.tolist()
+def _is_shown(part: Part, output: str, asked: xr.DataArray, values: FloatArray) -> BoolArray:
+    """Which of the probabilities asked for have a logarithm, and lie where the tail can be seen."""
     places = part.measure(output).from_si(asked[f"{output}_threshold_value"].values)
-    bounds = asked.values
-    hovers = [
-        f"{exceedance_label(str(text))} = {sensible(*row)}"
-        for text, row in zip(written_, bounds.tolist(), strict=True)
-    ]
-    bounds = np.where(bounds > 0, bounds, np.nan)
+    lower, upper = (values.min(), values.max()) if values.size else (-np.inf, np.inf)
+    reach = _FAR * (upper - lower) or np.inf
+    is_near = (places >= lower - reach) & (places <= upper + reach)
+    return np.asarray(is_near & (asked.values[:, 0] > 0))
+
+
+def _asked(part: Part, output: str, asked: xr.DataArray) -> Trace:
+    """The probabilities that the study asks for."""
+    places = part.measure(output).from_si(asked[f"{output}_threshold_value"].values)
+    hovers = [f"{label} = {cells[0]}" for label, cells in _rows(output, asked)]
+    # An end at 0 has no logarithm.
+    bounds = np.where(asked.values > 0, asked.values, np.nan)
     return dots(bounds, places, "ink", hovers=hovers, name="asked", along="y")
+
+
+def _not_shown(output: str, asked: xr.DataArray) -> list[str]:
+    """Which of them are no dots, as a note; none where all are."""
+    labels = [label for label, _ in _rows(output, asked)]
+    return [f"In the table alone: {', '.join(labels)}."] if labels else []
 
 
 def _summary(output: str, asked: xr.DataArray | None, curve: Curve) -> str:
     if asked is None:
-        return f"It falls from 1 to what {curve.runs} runs of {curve.name} can tell."
-    return "; ".join(cells[0] for _, cells in _rows(output, asked))
+        return f"It falls from 1 to what {counted(curve.runs, 'run')} of {curve.name} can tell."
+    return "; ".join(f"{label}: {cells[0]}" for label, cells in _rows(output, asked)) + "."
 
 
 def _rows(output: str, asked: xr.DataArray) -> list[tuple[str, list[str]]]:

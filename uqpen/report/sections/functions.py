@@ -17,7 +17,7 @@ from uqpen.labels import INTERVAL_LEVEL, NOTE
 from uqpen.report.marks import Trace, band, line, written
 from uqpen.report.sections.evidence import sample_of
 
-__all__ = ["Grid", "band_of", "function_of", "read_at"]
+__all__ = ["Grid", "band_of", "function_of", "reached", "read_at"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -64,6 +64,11 @@ def read_at(part: Part, output: str, curve: Curve, grid: Grid) -> Curve:
     estimate = np.interp(grid.values, curve.values, curve.band[:, 0], left=0.0, right=1.0)
     none = np.full_like(estimate, np.nan)
     return replace(curve, values=grid.values, band=np.stack([estimate, none, none], axis=-1))
+
+
+def reached(curve: Curve, p: float) -> float:
+    """A quantile as the archive's ranks have it, which are equally spaced."""
+    return float(curve.values[round(p * (curve.values.size - 1))])
 
 
 def band_of(curve: Curve, series: int, *, is_stepped: bool) -> Iterator[Trace]:

@@ -8,11 +8,14 @@ import xarray as xr
 from uqpen.archive.read import group
 from uqpen.figures.histogram import binned, marks_of
 from uqpen.figures.part import Part
+from uqpen.figures.texts import after_number, capitalized
 from uqpen.labels import INTERVAL_LEVEL, SHARES
 from uqpen.report.blocks import Axis, Chart, Key
-from uqpen.report.marks import Shape, bars, dots, shade, upright
+from uqpen.report.counting import counted
+from uqpen.report.marks import bars, dots
 from uqpen.report.sections.evidence import sample_of, titled
-from uqpen.summary.digits import grouped, percent, sensible
+from uqpen.report.shapes import Shape, shade, upright
+from uqpen.summary.digits import percent, sensible
 from uqpen.summary.statistics_rows import add_shares
 from uqpen.summary.table import OutputTable
 
@@ -24,22 +27,22 @@ def histogram(part: Part, output: str, design: str) -> Chart:
     values = part.measure(output).from_si(sample_of(part, design, output).values)
     counts, edges = binned(values)
     outside = values.size - int(counts.sum())
-    marked = [(name, estimate) for name, _, _, estimate in marks_of(part, output, design)]
+    marked = list(marks_of(part, output, design))
     shapes, keys, lacks = _marked(part, output, marked)
-    unit = part.unit(output)
     notes = []
     if outside:
-        notes.append(f"{grouped(outside)} runs lie outside of the axis.")
+        verb = "lies" if outside == 1 else "lie"
+        notes.append(f"{counted(outside, 'run')} {verb} outside of the axis.")
     if len(lacks) < len(marked):
         level = max(float(e.attrs.get(INTERVAL_LEVEL, 0)) for _, e in marked)
         notes.append(f"Shades: {percent(level)} intervals of what the lines mark.")
     if lacks:
-        notes.append(f"No interval: {', '.join(lacks)}.")
+        notes.append(f"No interval with two ends, so no shade: {', '.join(lacks)}.")
     highest = int(np.argmax(counts))
     return Chart(
-        title=f"{grouped(values.size)} runs of {design}",
-        summary=f"The fullest bin, with {grouped(int(counts[highest]))} runs, lies between "
-        f"{edges[highest]:.4g} and {edges[highest + 1]:.4g} {unit}.",
+        title=f"{counted(values.size, 'run')} of {design}",
+        summary=f"The fullest bin, with {counted(int(counts[highest]), 'run')}, lies between "
+        f"{edges[highest]:.4g} and {edges[highest + 1]:.4g}{after_number(part.unit(output))}.",
         x=Axis(part.axis(output), (float(edges[0]), float(edges[-1]))),
         y=Axis("runs in a bin"),
         traces=(
@@ -85,7 +88,7 @@ def shares(part: Part, output: str, design: str) -> Chart:
     add_shares(table, part.tree, output)
     said = [f"{label}: {cells[0]}" for label, cells in table.rows]
     return Chart(
-        title=f"How often each kind of {titled(part, output)} comes about, by {design}",
+        title=f"{capitalized(titled(part, output))}: how often each kind comes about, by {design}",
         summary="; ".join(said),
         x=Axis("share", (0.0, 1.0)),
         y=Axis("", rows=labels),

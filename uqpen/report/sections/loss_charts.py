@@ -6,19 +6,19 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
 from uqpen.analyses.where_lost import LOSSES
 from uqpen.archive.read import group
 from uqpen.evaluation import status_counts
-from uqpen.figures.estimates import HOLLOW
 from uqpen.figures.losses import CHANCES, lost_of
 from uqpen.figures.part import Part
-from uqpen.figures.texts import capitalized
-from uqpen.labels import INPUT, INTERVAL_LEVEL, RUN, RUNS, STATUS_TEXT, STATUSES, Status
+from uqpen.labels import INPUT, RUN, RUNS, STATUS_TEXT, STATUSES, Status
 from uqpen.report.blocks import Axis, Chart, Key
-from uqpen.report.marks import MARKERS, Trace, dots, upright
-from uqpen.summary.digits import alike, grouped, percent, sensible
+from uqpen.report.counting import in_percent
+from uqpen.report.marks import Trace, dots, marker_of
+from uqpen.report.notes import bars_of, hollow_of
+from uqpen.report.shapes import upright
+from uqpen.summary.digits import grouped, sensible
 from uqpen.summary.table import OutputTable, unchanged
 
 __all__ = ["chances", "places"]
@@ -67,7 +67,7 @@ def _chance(part: Part, design: str, status: Status, table: OutputTable) -> tupl
 
 
 def _look(status: Status) -> tuple[int, str]:
-    return int(status) - 1, MARKERS[int(status) - 1]
+    return int(status) - 1, marker_of(int(status) - 1)
 
 
 def _said(designs: Sequence[str], statuses: Sequence[Status], bounds: FloatArray) -> str:
@@ -79,7 +79,7 @@ def _said(designs: Sequence[str], statuses: Sequence[Status], bounds: FloatArray
 
 
 def _percent(bounds: FloatArray) -> str:
-    value, lower, upper = (f"{text} %" for text in alike(*(100 * bounds)))
+    value, lower, upper = in_percent(*bounds.tolist())
     return f"{value} ({lower} to {upper})" if np.isfinite(bounds).all() else value
 
 
@@ -99,11 +99,10 @@ def _by_status(
 
 
 def _notes(part: Part, designs: Sequence[str], bounds: FloatArray) -> Iterator[str]:
-    yield from _levels(
-        [each for name in designs for each in group(part.tree, STATUSES, name).values()]
+    yield from bars_of(
+        each for name in designs for each in group(part.tree, STATUSES, name).values()
     )
-    if not _all_bounded(bounds):
-        yield f"{capitalized(HOLLOW)}; the table says why."
+    yield from hollow_of(bounds)
 
 
 def _of_sample(part: Part, designs: Sequence[str]) -> Iterator[str]:
@@ -140,12 +139,12 @@ def places(part: Part, design: str, table: OutputTable) -> Chart | None:
         y=Axis("", rows=rows),
         traces=tuple(_by_measure(rows, bounds)),
         shapes=(upright(0.5, "quiet", "dot"),),
-        keys=tuple(Key(label, n, MARKERS[n]) for n, (_, label) in enumerate(CHANCES)),
+        keys=tuple(Key(label, n, marker_of(n)) for n, (_, label) in enumerate(CHANCES)),
         notes=(
             "Larger, further out: than in a run that came back; further out is from the median.",
             "0.5: the input does not go with the losses.",
-            *_levels([told[name] for name, _ in CHANCES]),
-            *([] if _all_bounded(bounds) else [f"{capitalized(HOLLOW)}; the table says why."]),
+            *bars_of(told[name] for name, _ in CHANCES),
+            *hollow_of(bounds),
             *([f"{left_out} more inputs are in the table."] if left_out else []),
         ),
         tables=(table,),
@@ -167,14 +166,5 @@ def _by_measure(rows: Sequence[str], bounds: FloatArray) -> Iterator[Trace]:
             for row, each in zip(rows, bounds[number], strict=True)
         ]
         place = [row + 0.3 * (number - 0.5) for row in range(len(rows))]
-        marker = MARKERS[number]
+        marker = marker_of(number)
         yield dots(bounds[number], place, number, hovers=hovers, name=label, marker=marker)
-
-
-def _levels(figures: Sequence[xr.DataArray]) -> Iterator[str]:
-    told = {float(each.attrs[INTERVAL_LEVEL]) for each in figures if INTERVAL_LEVEL in each.attrs}
-    yield from (f"Bars: {percent(level)} intervals." for level in sorted(told))
-
-
-def _all_bounded(bounds: FloatArray) -> bool:
-    return bool(np.isfinite(bounds[..., 1:]).any(axis=-1).all())

@@ -14,8 +14,9 @@ from uqpen.figures.part import Part
 from uqpen.figures.texts import plain
 from uqpen.labels import INTERVAL_LEVEL, RUN, RUNS, STATUS_TEXT, STATUSES, Status
 from uqpen.report.blocks import Block, Table, Text
+from uqpen.report.counting import counted, in_percent
 from uqpen.report.sections.loss_charts import chances, places
-from uqpen.summary.digits import alike, grouped, percent
+from uqpen.summary.digits import grouped, percent
 from uqpen.summary.loss_tables import loss_tables
 from uqpen.summary.losses import losses as losses_of
 from uqpen.summary.table import NOTHING, OutputTable
@@ -42,14 +43,16 @@ def _none_lost(part: Part) -> str:
     """That nothing was lost, and how likely it is at most."""
     runs = sum(group(part.tree, RUNS, design).sizes[RUN] for design in part.designs)
     told = f"None of the {grouped(runs)} runs was lost."
+    if runs == 1:
+        told = "The only run came back."
     for design in part.samples:
         chance = group(part.tree, STATUSES, design).get(Status.FAILED.meaning)
         if chance is not None and np.isfinite(chance.values[2]):
-            upper = alike(*(100 * chance.values))[2]
+            upper = in_percent(*chance.values)[2]
             level = percent(float(chance.attrs[INTERVAL_LEVEL]))
             return (
                 f"{told} By {design}, the probability that the model fails at a random point is at "
-                f"most {upper} %, the upper end of its {level} interval."
+                f"most {upper}, the upper end of its {level} interval."
             )
     return told
 
@@ -75,7 +78,7 @@ def _reasons(part: Part, designs: Sequence[str]) -> OutputTable:
 
 
 def _of(part: Part, design: str) -> str:
-    return f"{design}\nof {grouped(group(part.tree, RUNS, design).sizes[RUN])} runs"
+    return f"{design}\nof {counted(group(part.tree, RUNS, design).sizes[RUN], 'run')}"
 
 
 def _add(table: OutputTable, label: str, counts: Sequence[int]) -> None:

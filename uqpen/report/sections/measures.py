@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,11 +13,16 @@ import xarray as xr
 from uqpen.archive.told import told
 from uqpen.figures.measures import Series, shown_inputs
 from uqpen.figures.part import Part
-from uqpen.labels import CHECKED, INPUT, INTERVAL_LABEL, INTERVAL_LEVEL, REFUSED, UNCHECKED
+from uqpen.figures.texts import after_number
+from uqpen.labels import CHECKED, INPUT, INTERVAL_LABEL, REFUSED, UNCHECKED
+from uqpen.report.axes import padded
 from uqpen.report.blocks import Axis, Chart, Key
-from uqpen.report.marks import MARKERS, Shape, Trace, dots, level, points, upright
-from uqpen.summary.digits import percent, sensible
+from uqpen.report.marks import Trace, crosses, dots, marker_of
+from uqpen.report.notes import bars_of, has_interval
+from uqpen.report.shapes import Shape, level, upright
+from uqpen.summary.digits import sensible
 from uqpen.summary.table import Conversion, OutputTable, remark
+from uqpen.units import DIMENSIONLESS
 
 __all__ = ["Asked", "measures_chart"]
 
@@ -45,7 +49,7 @@ class Asked:
         The labels of measures of which the summary may say which input's is the largest, the
         better ones first.
     unit : str
-        Of the estimates; empty for none.
+        Of the estimates.
     notes : tuple of str
     """
 
@@ -53,7 +57,7 @@ class Asked:
     axis: str
     convert: Conversion
     spoken: tuple[str, ...]
-    unit: str = ""
+    unit: str = DIMENSIONLESS
     notes: tuple[str, ...] = ()
 
 
@@ -67,10 +71,10 @@ class _Estimate(NamedTuple):
 
     @property
     def has_interval(self) -> bool:
-        return bool(np.isfinite(self.bounds[1:]).any())
+        return bool(has_interval(self.bounds))
 
     def said(self, unit: str) -> str:
-        return f"{sensible(*self.bounds.tolist())} {unit}".rstrip()
+        return f"{sensible(*self.bounds.tolist())}{after_number(unit)}"
 
 
 def measures_chart(
@@ -125,15 +129,13 @@ def _estimates(array: xr.DataArray, inputs: Sequence[str], convert: Conversion) 
 def _ends(estimates: Sequence[Sequence[_Estimate]]) -> tuple[float, float]:
     """Zero, all estimates and all of their bounds, with some room."""
     every = np.concatenate([[0.0], *(one.bounds for each in estimates for one in each)])
-    lower, upper = float(np.nanmin(every)), float(np.nanmax(every))
-    margin = 0.03 * (upper - lower) or 1.0
-    return lower - margin, upper + margin
+    return padded(float(np.nanmin(every)), float(np.nanmax(every)))
 
 
 def _look(part: Part, each: Series) -> tuple[int, str]:
     """Colour and marker: of the source, or of the measure where there are several."""
     position = part.sources.index(each.source)
-    return position, _MARKERS[each.marker] if each.label else MARKERS[position % len(MARKERS)]
+    return position, _MARKERS[each.marker] if each.label else marker_of(position)
 
 
 def _named(each: Series) -> str:
@@ -159,17 +161,7 @@ def _traces(
         yield dots(bounds, places, colour, hovers=hovers, name=name, marker=marker)
         refused = [at for at, one in enumerate(told_by) if one.label == REFUSED]
         if refused:
-            yield _crosses(bounds[refused, 0], np.array(places)[refused], f"{name}, refused")
-
-
-def _crosses(estimates: FloatArray, places: FloatArray, name: str) -> Trace:
-    """What is refused, crossed out; below it stays what the pointer tells."""
-    drawn = points(
-        estimates, places, "ink", hover="", name=name, marker="x-thin-open", size=11, opacity=1
-    )
-    del drawn["hovertemplate"]
-    drawn["marker"]["line"] = {"color": "ink", "width": 2}
-    return drawn | {"hoverinfo": "skip"}
+            yield crosses(bounds[refused, 0], np.array(places)[refused], f"{name}, refused")
 
 
 def _hover(one: _Estimate, each: Series, unit: str) -> str:
@@ -198,10 +190,8 @@ def _notes(found: Sequence[Series], estimates: Sequence[Sequence[_Estimate]]) ->
         for each, told_by in zip(found, estimates, strict=True)
         for one in told_by
     ]
-    levels = {float(each.array.attrs.get(INTERVAL_LEVEL, math.nan)) for each in found}
+    yield from bars_of((each.array for each in found), ", of each estimate by itself")
     barred = [(name, one) for name, one in every if one.has_interval]
-    for one in sorted(each for each in levels if each > 0 and barred):
-        yield f"Bars: {percent(one)} intervals, of each estimate by itself."
     for text, names in _by_text((name, one.note) for name, one in barred if one.note).items():
         yield f"Of the intervals of {', '.join(names)}: {text}."
     hollow = ((name, _reason(one)) for name, one in every if not one.has_interval)

@@ -11,13 +11,13 @@ from uqpen.archive.told import told
 from uqpen.figures.estimates import REFUSED_NOTE
 from uqpen.figures.methods import Statistic, statistics
 from uqpen.figures.part import Part
-from uqpen.figures.texts import with_unit
-from uqpen.labels import INTERVAL_LABEL, INTERVAL_LEVEL, REFUSED
+from uqpen.figures.texts import after_number, with_unit
+from uqpen.labels import INTERVAL_LABEL, REFUSED
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, Key, Table, Text
-from uqpen.report.marks import MARKERS, Trace, dots
+from uqpen.report.marks import Trace, crosses, dots, marker_of
+from uqpen.report.notes import bars_of, has_interval
 from uqpen.report.sections.costs import costs
 from uqpen.report.sections.evidence import called, titled
-from uqpen.summary.digits import percent
 from uqpen.summary.table import figure_text, unchanged
 from uqpen.summary.tables import statistics_table
 from uqpen.units import DIMENSIONLESS
@@ -67,16 +67,15 @@ def _side_by_side(
     part: Part, output: str, found: Sequence[Statistic], rows: tuple[str, ...]
 ) -> Charts:
     every = [estimate for each in found for estimate in each.told.values()]
-    levels = {_level(each) for each in every if _has_interval(each)}
     keys = []
-    if not all(map(_has_interval, every)):
+    if not all(has_interval(each.values) for each in every):
         keys.append(Key("no interval", "ink", "circle-open"))
     if any(map(_is_refused, every)):
         keys.append(Key(REFUSED_NOTE, "ink", "x"))
     return Charts(
         charts=tuple(_chart(part, output, each, rows) for each in found),
         keys=tuple(keys),
-        notes=tuple(f"Bars are {percent(level)} intervals." for level in sorted(levels)),
+        notes=tuple(bars_of(every)),
         tables=tuple(each.table for each in _tables(part, output)),
     )
 
@@ -84,38 +83,26 @@ def _side_by_side(
 def _chart(part: Part, output: str, statistic: Statistic, rows: tuple[str, ...]) -> Chart:
     """One statistic, a row for each source."""
     traces: list[Trace] = []
-    crosses: list[Trace] = []
+    refused: list[Trace] = []
     said = []
     unit = DIMENSIONLESS if statistic.convert is unchanged else part.unit(output)
     for source, estimate in statistic.told.items():
-        figure = figure_text(estimate, statistic.convert)
-        said.append(f"{source} {figure}" + (f" {unit}" if unit != DIMENSIONLESS else ""))
+        said.append(f"{source} {figure_text(estimate, statistic.convert)}{after_number(unit)}")
         bounds = np.asarray([statistic.convert(estimate.values)], dtype=np.float64)
         place, position = [rows.index(source)], part.sources.index(source)
-        marker = MARKERS[position % len(MARKERS)]
+        marker = marker_of(position)
         traces.append(dots(bounds, place, position, hovers=said[-1:], name=source, marker=marker))
         if _is_refused(estimate):
-            alone = np.array([[bounds[0, 0], np.nan, np.nan]])
-            cross = dots(alone, place, "ink", hovers=said[-1:], name=REFUSED, marker="x-thin")
-            cross["marker"] |= {"size": 11, "line": {"width": 2}}
-            crosses.append(cross)
+            refused.append(crosses(bounds[:, 0], place, REFUSED))
     return Chart(
         title=statistic.label,
         summary=f"Of {titled(part, output)}: {'; '.join(said)}.",
         x=Axis(with_unit(statistic.label, unit)),
         y=Axis("", rows=rows),
-        traces=(*traces, *crosses),
+        traces=(*traces, *refused),
         height=_FRAME + _ROW * len(rows),
     )
 
 
 def _is_refused(estimate: xr.DataArray) -> bool:
     return told(estimate, INTERVAL_LABEL) == REFUSED
-
-
-def _has_interval(estimate: xr.DataArray) -> bool:
-    return bool(np.isfinite(estimate.values[1:]).any())
-
-
-def _level(estimate: xr.DataArray) -> float:
-    return float(estimate.attrs[INTERVAL_LEVEL])

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
-
 from uqpen.figures.curves import Curve, span
 from uqpen.figures.distributions import CUT
 from uqpen.figures.models import curves_of_models
 from uqpen.figures.part import Part
-from uqpen.figures.texts import capitalized
+from uqpen.figures.texts import after_number, capitalized
 from uqpen.report.blocks import Axis, Block, Chart, Heading, Key, Table
-from uqpen.report.marks import DASHES, Trace
+from uqpen.report.marks import Trace, dash_of
 from uqpen.report.sections.evidence import called, leading, titled
-from uqpen.report.sections.functions import Grid, band_of, function_of, read_at
+from uqpen.report.sections.functions import Grid, band_of, function_of, reached, read_at
 from uqpen.summary.digits import percent
 from uqpen.summary.tables import difference_tables
 
@@ -43,7 +41,7 @@ def _chart(part: Part, output: str, design: str, curves: list[Curve]) -> Chart:
     keys: list[Key] = []
     for curve in curves:
         series = list(parts).index(curve.name)
-        dash = DASHES[series % len(DASHES)]
+        dash = dash_of(series)
         by_design = replace(curve, name=design)
         drawn = replace(read_at(parts[curve.name], output, by_design, grid), name=curve.name)
         traces += band_of(drawn, series, is_stepped=curve.is_stepped)
@@ -55,9 +53,9 @@ def _chart(part: Part, output: str, design: str, curves: list[Curve]) -> Chart:
     notes += [f"{capitalized(CUT)}."] if is_cut else []
     return Chart(
         title=f"Probability that {titled(part, output)} is at most x, by {design}",
-        summary="; ".join(
-            f"by {curve.name} half lies at or below "
-            f"{np.interp(0.5, curve.band[:, 0], curve.values):.4g} {part.unit(output)}"
+        summary=" ".join(
+            f"By {curve.name} half lies at or below "
+            f"{reached(curve, 0.5):.4g}{after_number(part.unit(output))}."
             for curve in curves
         ),
         x=Axis(part.axis(output), (lower, upper)),

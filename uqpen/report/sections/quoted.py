@@ -12,7 +12,7 @@ import xarray as xr
 
 from uqpen.archive.read import group
 from uqpen.figures.part import Part
-from uqpen.figures.texts import capitalized, plain, typeset
+from uqpen.figures.texts import after_number, capitalized, plain
 from uqpen.labels import (
     EXCEEDANCE,
     HOLDS,
@@ -20,13 +20,12 @@ from uqpen.labels import (
     MOMENTS,
     QUANTILES,
     RUNS,
-    SAMPLING,
     SHARES,
     Sampling,
 )
+from uqpen.report.counting import in_percent
 from uqpen.summary.digits import alike, percent
 from uqpen.summary.table import exceedance_label, output_names, quantile_label, remark
-from uqpen.units import DIMENSIONLESS
 
 __all__ = ["Quantity", "asked", "name_of", "others_of", "unbroken", "usual"]
 
@@ -70,15 +69,17 @@ class Quantity:
         return array if np.isfinite(array.values[0]) else None
 
     def bounds(self, array: xr.DataArray) -> FloatArray:
-        """Estimate, lower, upper in the unit of `texts`."""
+        """Estimate, lower, upper in the unit that is shown; a probability as it is."""
         if self._is_probability:
-            return 100 * np.asarray(array.values, dtype=np.float64)
+            return np.asarray(array.values, dtype=np.float64)
         return np.asarray(self.part.measure(self.output).from_si(array.values), dtype=np.float64)
 
     def texts(self, array: xr.DataArray, *others: float) -> tuple[str, ...]:
-        """Estimate, lower, upper, and other values in the same unit, each with its unit."""
-        values = alike(*self.bounds(array), *others)
-        return tuple(unbroken(f"{text}{self._unit}") for text in values)
+        """Estimate, lower, upper, and other values like those of `bounds`, each with its unit."""
+        values = (*self.bounds(array), *others)
+        if self._is_probability:
+            return tuple(unbroken(text) for text in in_percent(*values))
+        return tuple(unbroken(f"{text}{self._unit}") for text in alike(*values))
 
     def interval(self, array: xr.DataArray) -> str:
         """What stands behind an estimate, in brackets: its interval, or why it has none."""
@@ -111,10 +112,7 @@ class Quantity:
 
     @property
     def _unit(self) -> str:
-        if self._is_probability:
-            return " %"
-        unit = self.part.unit(self.output)
-        return "" if unit == DIMENSIONLESS else f" {plain(typeset(unit), 30)}"
+        return after_number(self.part.unit(self.output))
 
 
 def name_of(part: Part, output: str) -> str:
@@ -152,7 +150,7 @@ def others_of(quantity: Quantity, leading: str) -> dict[str, xr.DataArray]:
     part = quantity.part
     found = {}
     for design in part.samples:
-        given = group(part.tree, RUNS, design).attrs[SAMPLING] == Sampling.GIVEN
+        given = part.sampling(design) is Sampling.GIVEN
         estimate = None if given or design == leading else quantity.estimate(design)
         if estimate is not None:
             found[design] = estimate

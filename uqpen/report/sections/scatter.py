@@ -12,13 +12,15 @@ from uqpen.archive.read import group
 from uqpen.figures.curves import span
 from uqpen.figures.part import Part
 from uqpen.figures.scatter import jittered, kinds_of
-from uqpen.figures.texts import with_unit
+from uqpen.figures.texts import after_number, with_unit
 from uqpen.labels import INPUT, RUN, SENSITIVITY, STATUS, STATUS_TEXT, Status
+from uqpen.report.axes import padded
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, Key
+from uqpen.report.counting import counted
 from uqpen.report.marks import Trace, points, written
 from uqpen.report.sections.cloud import Cloud
 from uqpen.report.sections.evidence import called, leading
-from uqpen.summary.digits import grouped, sensible
+from uqpen.summary.digits import sensible
 from uqpen.summary.table import NOTHING, OutputTable, unchanged
 
 __all__ = ["scatter"]
@@ -103,16 +105,16 @@ def _chart(cloud: Cloud, output: str, name: str) -> Chart:
     x = cloud.values(name, cloud.ok)
     is_number = output in part.numbers
     value = f"<br>{_quantity(part, output, 'y')}" if is_number else "<br>%{text}"
-    drawn: Trace = points(
+    kinds = {} if is_number else kinds_of(cloud.ok[output])
+    drawn = points(
         x,
         y,
         part.sources.index(cloud.design),
         hover=f"run %{{customdata}}<br>{_quantity(part, name, 'x')}{value}",
         name=f"{output}, {name}",
-    ) | {"customdata": cloud.ok["number"].values.tolist()}
-    if not is_number:
-        kinds = kinds_of(cloud.ok[output])
-        drawn["text"] = [written(kinds.get(code, "")) for code in cloud.ok[output].values.tolist()]
+        texts=[kinds.get(c, "") for c in cloud.ok[output].values.tolist()] if kinds else (),
+        numbers=cloud.ok["number"].values.tolist(),
+    )
     traces = [drawn]
     if cloud.lost.sizes[RUN]:
         traces.append(_lost(cloud, name, axis))
@@ -134,16 +136,14 @@ def _short(part: Part, name: str, longest: int) -> str:
 
 def _quantity(part: Part, name: str, along: str) -> str:
     """A line under a pointer."""
-    unit = part.unit(name)
-    return f"{written(name, 40)} %{{{along}:.4~g}} {'' if unit == '1' else written(unit)}".rstrip()
+    return f"{written(name, 40)} %{{{along}:.4~g}}{written(after_number(part.unit(name)))}"
 
 
 def _ends(values: FloatArray) -> tuple[float, float]:
     """Where an axis of an input begins and ends, so that no run lies on its frame."""
     finite = values[np.isfinite(values)]
     lower, upper = float(finite.min()), float(finite.max())
-    margin = 0.03 * (upper - lower) or 0.05 * abs(upper) or 1.0
-    return lower - margin, upper + margin
+    return padded(lower, upper)
 
 
 def _upright(cloud: Cloud, output: str) -> tuple[FloatArray, Axis]:
@@ -178,13 +178,12 @@ def _lost(cloud: Cloud, name: str, axis: Axis) -> Trace:
         "ink",
         hover=f"run %{{customdata}}, lost: %{{text}}<br>{_quantity(cloud.part, name, 'x')}",
         name=f"lost, {name}",
+        texts=[STATUS_TEXT[status] for status in statuses],
+        numbers=cloud.lost["number"].values.tolist(),
         marker="x",
         size=6,
         opacity=0.8,
-    ) | {
-        "customdata": cloud.lost["number"].values.tolist(),
-        "text": [STATUS_TEXT[status] for status in statuses],
-    }
+    )
 
 
 def _near(lower: float, upper: float) -> float:
@@ -239,7 +238,7 @@ def _range_table(cloud: Cloud, output: str) -> OutputTable:
         kinds = kinds_of(cloud.runs[output]).items()
         which |= {label: cloud.came_back & (codes == code) for code, label in kinds}
         names = cloud.inputs
-    columns = [f"{label}\n{grouped(int(runs.sum()))} runs" for label, runs in which.items()]
+    columns = [f"{label}\n{counted(int(runs.sum()), 'run')}" for label, runs in which.items()]
     table = OutputTable(f"Smallest and largest values, by {cloud.design}", columns)
     note = table.mark("ranges of these runs, not estimates; so they have no intervals")
     for name in names:

@@ -54,7 +54,7 @@ def _of_number(part: Part, output: str) -> Iterator[Block]:
     if found := series(part, output, EFFECTS):
         convert, unit = part.measure(output).difference_from_si, part.unit(output)
         axis, spoken = with_unit("effect", unit), tuple(label for _, label, _ in EFFECTS)
-        asked = Asked("Elementary effects", axis, convert, spoken, "" if unit == "1" else unit)
+        asked = Asked("Elementary effects", axis, convert, spoken, unit)
         yield measures_chart(part, found, asked, tables.pop("effects", ()))
     if charts := tuple(_responses(part, output)):
         yield Charts(charts, tables=tuple(tables.pop("responses", ())))

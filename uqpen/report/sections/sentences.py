@@ -21,11 +21,12 @@ from uqpen.labels import (
     SHARES,
     STATUSES,
 )
+from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted import Quantity, asked, name_of, unbroken, usual
 from uqpen.summary.digits import percent
 from uqpen.summary.table import remark
 
-__those_ = ["Said", "sentences_on"]
+__all__ = ["Said", "sentences_on"]
 
 # Sentences on an output that something was asked of, and kinds that one names.
 _MOST_SENTENCES = 3
@@ -84,15 +85,15 @@ def sentences_on(part: Part, output: str, design: str) -> Said | None:
 def _sentence(quantity: Quantity, array: xr.DataArray, of: _Cases) -> str:
     name = name_of(quantity.part, quantity.output)
     if quantity.kind == HOLDS:
-        return f"{_on_hold(quantity, array, name, of)}{of.missing}"
+        return f"{_on_hold(quantity, array, name, of)}{of.left_out}"
     stated = f"{quantity.texts(array)[0]} {quantity.interval(array)}"
     if quantity.kind == QUANTILES:
         half = f"half of {of.called} stay at or below it"
-        return f"The median of {name} is {stated}: {half}.{of.missing}"
+        return f"The median of {name} is {stated}: {half}.{of.left_out}"
     if quantity.kind == EXCEEDANCE:
         name = f"{name} exceeds {unbroken(plain(quantity.entry))}"
-        return f"The probability that {name}{of.condition} is {stated}.{of.missing}"
-    return f"The mean of {name}{of.condition} is {stated}.{of.missing}"
+        return f"The probability that {name}{of.condition} is {stated}.{of.allowed_for(array)}"
+    return f"The mean of {name}{of.condition} is {stated}.{of.left_out}"
 
 
 def _on_hold(quantity: Quantity, array: xr.DataArray, name: str, of: _Cases) -> str:
@@ -116,13 +117,17 @@ class _Cases(NamedTuple):
     Attributes
     ----------
     called : str
+        Those that quantiles are of, and values that hold: none that did not come back.
+    every : str
+        All of them, which the interval of a probability allows for.
     condition : str
         What a probability is given; empty for nothing.
     missing : str
-        A sentence that says what is left out; empty for nothing.
+        What did not come back; empty for nothing.
     """
 
     called: str
+    every: str
     condition: str
     missing: str
 
@@ -131,10 +136,26 @@ class _Cases(NamedTuple):
         """Those of a design's statistics."""
         accounts = group(part.tree, STATUSES, design).attrs
         given, missing = accounts.get(CONDITIONAL), accounts.get(MISSING)
+        every = "all admissible cases" if given else "all cases"
         return cls(
-            "all admissible cases" if given else "all cases",
+            f"{every} in which the model gives a result" if missing else every,
+            every,
             f", given {given}," if given else "",
-            f" The estimate leaves out {missing}, which did not come back." if missing else "",
+            str(missing or ""),
+        )
+
+    @property
+    def left_out(self) -> str:
+        """A sentence that says what an estimate and its interval leave out."""
+        return f" This leaves out {self.missing}, which did not come back." * bool(self.missing)
+
+    def allowed_for(self, array: xr.DataArray) -> str:
+        """The same of a probability, the interval of which counts lost runs both ways."""
+        if not self.missing or not has_interval(array.values):
+            return self.left_out
+        return (
+            f" The estimate leaves out {self.missing}, which did not come back; the interval "
+            "allows for whatever they would have given."
         )
 
 
@@ -146,7 +167,7 @@ def _on_kinds(part: Part, output: str, design: str) -> Said | None:
         return None
     of = _Cases.of(part, design)
     parts = [
-        f"{label} in {each.texts(array)[0]} of {of.called} {each.interval(array)}"
+        f"{label} in {each.texts(array)[0]} of {of.every} {each.interval(array)}"
         for label, each, array in shown
     ]
     start = capitalized(name_of(part, output))
@@ -157,7 +178,7 @@ def _on_kinds(part: Part, output: str, design: str) -> Said | None:
     remarks = tuple(
         f"{start}, share of {', '.join(those)}: {note}." for note, those in notes.items()
     )
-    sentence = f"{start}: {'; '.join(parts)}.{of.missing}"
+    sentence = f"{start}: {'; '.join(parts)}.{of.allowed_for(shown[0][2])}"
     return Said((sentence,), (), remarks, len(found) - len(shown))
 
 
@@ -182,4 +203,4 @@ def _remarks(told: list[tuple[Quantity, xr.DataArray]]) -> Iterator[str]:
 
 def _unsaid(array: xr.DataArray) -> str:
     """What must be known of an estimate; why there is no interval stands in its place."""
-    return remark(array) if np.isfinite(array.values[1:]).any() else ""
+    return remark(array) if has_interval(array.values) else ""

@@ -13,8 +13,9 @@ from uqpen.archive.read import group, names_in
 from uqpen.figures.part import Part
 from uqpen.figures.scatter import thinned
 from uqpen.figures.surrogate import predicted, quality, tested_by
-from uqpen.figures.texts import typeset, with_unit
+from uqpen.figures.texts import after_number, with_unit
 from uqpen.labels import RUN, RUNS, STATUS, SURROGATES, Status
+from uqpen.report.axes import padded
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, Key, Table
 from uqpen.report.marks import Trace, line, points, written
 from uqpen.report.sections.verdicts import verdicts
@@ -95,9 +96,9 @@ def _chart(
     worst = _worst(compared) if not shown.all() else np.array([], dtype=np.int64)
     at = np.union1d(np.flatnonzero(shown), worst)
     ends = _ends(np.concatenate([compared.truth[at], compared.guess[at]]))
-    margin = 0.04 * (ends[1] - ends[0]) or 1.0
+    room = padded(*ends, 0.04)
     unit = part.unit(output)
-    said = "" if unit == "1" else f" {unit}"
+    said = after_number(unit)
     off = np.abs(compared.differences)
     middle, most = np.nanquantile(off, [0.5, 0.95])
     series = part.sources.index(name)
@@ -106,19 +107,14 @@ def _chart(
         told = f"{output} by {name}, largest differences"
         traces.append(_drawn(compared, worst, "ink", said, told, "diamond-open"))
     made = group(part.tree, SURROGATES, name)
-    diagonal = line(ends, ends, "quiet", hover="", width=1.5)
-    del diagonal["hovertemplate"]
     return Chart(
         title=f"{output}: {quality(made, output)}",
-        summary=f"Half of the {grouped(off.size)} runs differ by at most {middle:.2g}{said}, "
-        f"95 % by at most {most:.2g}{said}, and the largest difference is "
-        f"{np.nanmax(off):.2g}{said}.",
-        x=Axis(with_unit("run of the model", unit), (ends[0] - margin, ends[1] + margin)),
-        y=Axis(with_unit("surrogate", unit), (ends[0] - margin, ends[1] + margin)),
-        traces=(
-            diagonal | {"hoverinfo": "skip"},
-            *traces,
-        ),
+        summary=f"Half of the {grouped(off.size)} runs differ by at most {middle:.3g}{said}, "
+        f"95 % by at most {most:.3g}{said}, and the largest difference is "
+        f"{np.nanmax(off):.3g}{said}.",
+        x=Axis(with_unit("run of the model", unit), room),
+        y=Axis(with_unit("surrogate", unit), room),
+        traces=(line(ends, ends, "quiet", hover="", width=1.5), *traces),
         height=300,
     )
 
@@ -133,17 +129,17 @@ def _drawn(
 ) -> Trace:
     """Runs of a comparison as points."""
     said = written(unit)
-    drawn = points(
+    return points(
         compared.truth[which],
         compared.guess[which],
         series,
         hover=f"run %{{customdata}}<br>model %{{x:.5~g}}{said}<br>surrogate %{{y:.5~g}}{said}",
         name=name,
+        numbers=compared.runs[which].tolist(),
         marker=marker,
         size=4 if marker == "circle" else 8,
         opacity=0.55 if marker == "circle" else 1,
     )
-    return drawn | {"customdata": compared.runs[which].tolist()}
 
 
 def _worst(compared: _Compared) -> npt.NDArray[np.int64]:
@@ -169,8 +165,6 @@ def _difference_table(
     note = table.mark("of these very runs, not estimates of others; so they have no intervals")
     for output, each in compared.items():
         off = each.differences
-        unit = part.unit(output)
-        said = output if unit == "1" else f"{output} [{typeset(unit)}]"
         figures = (
             np.mean(off),
             np.sqrt(np.mean(off**2)),
@@ -178,5 +172,7 @@ def _difference_table(
             np.max(np.abs(off)),
             np.std(each.truth),
         )
-        table.rows.append((said, [f"{figure:.3g}{note}" for figure in figures]))
+        table.rows.append(
+            (with_unit(output, part.unit(output)), [f"{figure:.3g}{note}" for figure in figures])
+        )
     return table

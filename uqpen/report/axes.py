@@ -1,4 +1,4 @@
-"""Logarithmic axes, with ticks at round numbers that are written out."""
+"""Where axes end, and the ticks of logarithmic ones: at round numbers that are written out."""
 
 from __future__ import annotations
 
@@ -8,13 +8,27 @@ from collections.abc import Iterable, Iterator, Sequence
 from uqpen.report.blocks import Axis
 from uqpen.summary.digits import SUPERSCRIPTS, grouped
 
-__all__ = ["logarithmic"]
+__all__ = ["logarithmic", "padded"]
 
 # Room at either end, and how many times the first value the last one is at least, by tenfolds.
 _MARGIN, _SHORTEST = 0.08, 0.7
 # Ticks at the most, and the steps between powers of ten that are tried.
 _MOST = 6
 _STEPS = ((1, 2, 5), (1, 3), (1,))
+
+
+def padded(lower: float, upper: float, share: float = 0.03) -> tuple[float, float]:
+    """The ends of an axis that has some room beyond two values.
+
+    Parameters
+    ----------
+    lower, upper : float
+        The least and the greatest; they may be the same.
+    share : float
+        Of what lies between them, at either end.
+    """
+    margin = share * (upper - lower) or 0.05 * abs(upper) or 1.0
+    return lower - margin, upper + margin
 
 
 def logarithmic(title: str, values: Iterable[float]) -> Axis:

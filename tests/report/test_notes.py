@@ -1,0 +1,32 @@
+"""Notes below charts, which tell what is drawn and nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from uqpen.report.notes import bars_of, hollow_of
+
+NONE = np.nan
+
+
+def figure(*bounds: float, level: float) -> xr.DataArray:
+    return xr.DataArray(list(bounds), dims="bound", attrs={"interval_level": level})
+
+
+def test_levels_are_told_of_intervals_that_there_are() -> None:
+    told = [
+        figure(1, 0.5, 1.5, level=0.95),
+        figure(2, NONE, 2.5, level=0.9),
+        figure(3, NONE, NONE, level=0.8),
+        figure(1, 0.9, 1.1, level=0.95),
+    ]
+    assert list(bars_of(told)) == ["Bars: 90 % intervals.", "Bars: 95 % intervals."]
+    assert list(bars_of(told[2:3])) == []
+
+
+def test_what_is_no_estimate_is_not_hollow() -> None:
+    rows = np.array([[1, 0.5, 1.5], [NONE, NONE, NONE]])
+    assert list(hollow_of(rows)) == []
+    rows[1, 0] = 2
+    assert list(hollow_of(rows)) == ["Hollow: no interval; the table says why."]

@@ -1,0 +1,47 @@
+"""Numbers as sentences have them: of things, and in per cent."""
+
+from __future__ import annotations
+
+from decimal import Decimal, InvalidOperation
+
+from uqpen.summary.digits import SUPERSCRIPTS, alike, grouped
+
+__all__ = ["counted", "in_percent"]
+
+_PLAIN = {superscript: plain for plain, superscript in SUPERSCRIPTS.items()}
+
+# Below it, in per cent, a number is easier to read with its power of ten.
+_LEAST = Decimal("0.00001")
+
+
+def counted(number: int, noun: str) -> str:
+    """So many of something, in the singular where there is one.
+
+    >>> counted(1, "run"), counted(20, "run")
+    ('1 run', '20 runs')
+    """
+    return f"{grouped(number)} {noun}{'s' * (number != 1)}"
+
+
+def in_percent(estimate: float, lower: float, upper: float, *others: float) -> tuple[str, ...]:
+    """A probability, the ends of its interval, and others, in the very digits of the tables.
+
+    A hundred times the number would be rounded anew, and differ where it ends in a five.
+
+    >>> in_percent(0.2075, 0.1825, 0.2325)
+    ('20.7 %', '18.2 %', '23.3 %')
+    """
+    return tuple(f"{_hundredfold(text)} %" for text in alike(estimate, lower, upper, *others))
+
+
+def _hundredfold(text: str) -> str:
+    """A number as it is written, its point two places further on."""
+    mantissa, times, power = text.partition("×10")
+    exponent = int(power.translate(_PLAIN)) if times else 0
+    try:
+        moved = Decimal(mantissa).scaleb(exponent + 2)
+    except InvalidOperation:  # a dash or a question mark stands for no number
+        return text
+    if 0 < moved < _LEAST and times:
+        return f"{mantissa}×10{str(exponent + 2).translate(SUPERSCRIPTS)}"
+    return f"{moved:f}"

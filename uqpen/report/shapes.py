@@ -1,0 +1,55 @@
+"""Lines and shades behind the marks of a chart, as Plotly's shapes.
+
+Their colours are those of marks.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["Shape", "level", "shade", "upright"]
+
+Shape = dict[str, Any]
+
+
+def upright(x: float, series: int | str, dash: str = "solid") -> Shape:
+    """A line from the foot of a chart to its top."""
+    return {
+        "type": "line",
+        "x0": x,
+        "x1": x,
+        "yref": "paper",
+        "y0": 0,
+        "y1": 1,
+        "line": {"color": series, "dash": dash, "width": 1.5},
+    }
+
+
+def level(y: float, series: int | str, dash: str = "solid") -> Shape:
+    """A thin line from the left of a chart to its right."""
+    return {
+        "type": "line",
+        "xref": "paper",
+        "x0": 0,
+        "x1": 1,
+        "y0": y,
+        "y1": y,
+        "line": {"color": series, "dash": dash, "width": 1},
+        "layer": "below",
+    }
+
+
+def shade(lower: float, upper: float, series: int | str) -> Shape:
+    """What lies between two such lines."""
+    return {
+        "type": "rect",
+        "x0": lower,
+        "x1": upper,
+        "yref": "paper",
+        "y0": 0,
+        "y1": 1,
+        "fillcolor": series,
+        "opacity": 0.25,
+        "line": {"width": 0},
+        "layer": "below",
+    }
