@@ -87,8 +87,8 @@ __all__ = [
 ]
 
 # What a user may call a design, an input or an output: it becomes a NetCDF group or variable,
-# a key of JSON and, for an input, a keyword argument.
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
+# a key of JSON, the name of a folder and, for an input, a keyword argument.
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}\Z")
 
 RUN = "run"
 BOUND = "bound"

@@ -101,6 +101,11 @@ class Model(ABC):
             Never an exception for a run that fails: a run that fails is data.
         """
 
+    @property
+    def allowed(self) -> Limits:
+        """What one run may use, whoever sees to that."""
+        return self.supervision
+
     def prepare(self) -> None:  # noqa: B027 - most models have nothing to prepare
         """Do what is done once before the first run: compile, connect."""
 

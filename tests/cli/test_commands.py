@@ -146,6 +146,27 @@ class TestCheck:
         assert "P(> 5)" in done.out
         assert not Path("archives").exists()
 
+    def test_it_says_what_runs_may_take_and_what_becomes_of_lost_ones(self, uqpen: Command) -> None:
+        Path("limited.py").write_text("def f(a):\n    return {'y': a}\n")
+        Path("limited.toml").write_text(
+            """
+            seed = 1
+            failures = { retry = 2, at_most = "5 %" }
+            inputs.a = { uniform = { lower = 0, upper = 1 } }
+            designs.some = { kind = "monte-carlo", runs = 10 }
+            [model]
+            python = "limited.py:f"
+            time_limit = "90 s"
+            inputs.a = "1"
+            outputs.y = "1"
+            """
+        )
+        said = uqpen("check", "limited.toml").out
+        assert "each run may take 90 s" in said
+        assert "a lost run is made again, 2 times at the most" in said
+        assert "the study ends when more than 5 % of a design's runs are lost" in said
+        assert "each run may take" not in uqpen("check", "small.toml").out
+
     def test_a_mistake_leaves_with_2(self, uqpen: Command) -> None:
         Path("wrong.toml").write_text("seed = 1", encoding="utf-8")
         done = uqpen("check", "wrong.toml")

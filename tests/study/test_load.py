@@ -249,6 +249,14 @@ def test_the_studies_that_come_with_it_are_right(path: Path) -> None:
         ("runs = 100", "runs = true", 29, "designs.mc.runs", "true", "a whole number"),
         ("runs = 100", "", 27, "designs.mc.runs", "nothing", "a whole number"),
         ("[designs.mc]", '[designs."m c"]', 27, "designs.m c", '"m c"', "letters, digits"),
+        (
+            "[designs.mc]",
+            f"[designs.{101 * 'm'}]",
+            27,
+            f"designs.{101 * 'm'}",
+            "mmm",
+            "at most 100",
+        ),
     ],
 )
 def test_a_mistake_is_told_with_line_key_found_and_expected(

@@ -32,6 +32,8 @@ def check(file: Path) -> None:
         console.print(f"{printable(remark)}\n", markup=False)
     console.print(plain_table(["output", "asked"], _outputs(study)))
     console.print()
+    for line in _runs(study):
+        console.print(f"{line}\n", markup=False)
     for constraint in study.constraints:
         console.print(f"only where {constraint.text}\n", markup=False)
     console.print(plain_table(["design", "kind", "runs"], _designs(study)))
@@ -70,6 +72,22 @@ def _remarks(study: Study) -> Iterator[str]:
     for entry in study.law.random:
         if "fit_warning" in entry.fit:
             yield f"warning: {entry.variable.name}: {entry.fit['fit_warning']}"
+
+
+def _runs(study: Study) -> Iterator[str]:
+    """What a run may use, and what is done about those that are lost."""
+    for name, variant in study.models.items():
+        allowed = variant.model.allowed
+        seconds = "" if allowed.seconds is None else f"{allowed.seconds:g} s"
+        memory = "" if allowed.bytes is None else f"{allowed.bytes / 1e6:.10g} MB of memory"
+        if allowed:
+            of = f" of {name}" * study.has_several_models
+            yield f"each run{of} may take {' and '.join(filter(None, (seconds, memory)))}"
+    if study.failures.retry:
+        yield f"a lost run is made again, {study.failures.retry} times at the most"
+    if study.failures.at_most < 1:
+        share = f"{100 * study.failures.at_most:.10g} %"
+        yield f"the study ends when more than {share} of a design's runs are lost"
 
 
 def _outputs(study: Study) -> list[tuple[str, str]]:

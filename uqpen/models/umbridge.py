@@ -12,6 +12,7 @@ import numpy as np
 from uqpen.arrays import floats
 from uqpen.errors import as_written
 from uqpen.labels import Status
+from uqpen.limits import Limits
 from uqpen.model import Arrays, FloatArray, Input, Model, Output, Results
 from uqpen.models.umbridge_client import Address, NoAnswerError, Questions
 from uqpen.units import scale
@@ -65,6 +66,10 @@ class ServedModel(Model):
     time_limit: float | None = None
 
     vectorized = False
+
+    @property
+    def allowed(self) -> Limits:
+        return Limits(self.time_limit)
 
     def evaluate(self, inputs: Arrays) -> Results:
         columns = [scale(self.called_in[v.name]).from_si(inputs[v.name]) for v in self.inputs]

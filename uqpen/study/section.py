@@ -209,7 +209,7 @@ def named(table: Section | None) -> Iterator[tuple[str, Section]]:
         if NAME.match(name):
             yield name, section
         else:
-            section.wrong((), as_written(name), "a name of letters, digits and _")
+            section.wrong((), as_written(name), "a name of letters, digits and _, at most 100")
 
 
 def member(table: Section, key: str, family: Mapping[str, str], what: str) -> Any:

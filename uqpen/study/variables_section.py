@@ -56,7 +56,8 @@ def _variables(table: Section, key: str, called_in: dict[str, str]) -> list[tupl
     for name in section:
         unit = section.take(name)
         if not NAME.match(name) or name in RESERVED:
-            expected = f"a name of letters, digits and _, none of {', '.join(sorted(RESERVED))}"
+            others = ", ".join(sorted(RESERVED))
+            expected = f"a name of letters, digits and _, at most 100, none of {others}"
             section.wrong(name, as_written(name), expected)
         elif name in called_in:
             section.wrong(name, "an output with the name of an input", "names that differ")

@@ -107,6 +107,10 @@ class Command(Model):
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", " ".join(self.words))
 
+    @property
+    def allowed(self) -> Limits:
+        return self.limits
+
     def evaluate(self, inputs: Arrays) -> Results:
         program = self._found()
         arguments = {
