@@ -20,10 +20,13 @@ from uqpen.labels import (
     MATRIX,
     RANK,
     ROLE,
+    ROUND,
     RUN,
     RUNS,
+    SAMPLING,
     SENSITIVITY,
     TRAJECTORY,
+    Sampling,
 )
 
 __all__ = ["faults", "faults_of_levels"]
@@ -66,8 +69,11 @@ def _faults_of_runs(runs: xr.Dataset) -> Iterator[str]:
             yield f"{name} is not of numbers along {RUN}"
         elif "flag_meanings" in variable.attrs and not _has_flags(variable):
             yield f"{name} does not tell its kinds"
-    if MATRIX in runs and runs[MATRIX].dims != (RUN,):
-        yield f"{MATRIX} does not lie along {RUN}"
+    if runs.attrs.get(SAMPLING) == Sampling.PICK_FREEZE and MATRIX not in runs.variables:
+        yield f"no {MATRIX} to tell its blocks apart"
+    for name in (MATRIX, ROUND):
+        if name in runs.variables and runs[name].dims != (RUN,):
+            yield f"{name} does not lie along {RUN}"
 
 
 def _has_flags(variable: xr.DataArray) -> bool:

@@ -10,15 +10,14 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.analyses.sample import sample_of_law
 from uqpen.archive.read import group, models_in, names_in
 from uqpen.errors import UnknownNameError
 from uqpen.figures.style import Look, look
 from uqpen.figures.texts import with_unit
 from uqpen.labels import (
-    MATRIX,
     MOMENTS,
     ROLE,
-    RUN,
     RUNS,
     SAMPLING,
     SENSITIVITY,
@@ -84,7 +83,7 @@ class Part:
         return [
             name
             for name in self.designs
-            if self.source in (None, name) and self._sampling(name).is_sample
+            if self.source in (None, name) and self.sampling(name).is_sample
         ]
 
     def look(self, source: str) -> Look:
@@ -134,10 +133,7 @@ class Part:
 
     def runs(self, design: str) -> xr.Dataset:
         """The runs of a design that are a sample of the input law, lost ones among them."""
-        runs = group(self.tree, RUNS, design)
-        if MATRIX in runs:
-            return runs.isel({RUN: np.flatnonzero(runs[MATRIX].values <= 1)})
-        return runs
+        return sample_of_law(group(self.tree, RUNS, design))
 
     def came_back(self, design: str) -> bool:
         """Whether any of those did."""
@@ -153,10 +149,11 @@ class Part:
         """Whether a source is a design that was made for no question in particular."""
         if source not in self.designs:
             return False
-        sampling = self._sampling(source)
+        sampling = self.sampling(source)
         return sampling.is_sample and sampling is not Sampling.PICK_FREEZE
 
-    def _sampling(self, design: str) -> Sampling:
+    def sampling(self, design: str) -> Sampling:
+        """How the points of a design were chosen."""
         return Sampling(group(self.tree, RUNS, design).attrs[SAMPLING])
 
 
