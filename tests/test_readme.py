@@ -30,18 +30,6 @@ def test_the_example_of_a_beam_runs_and_is_right(tmp_path: Path) -> None:
     assert mean == pytest.approx(3.35, rel=0.02)
 
 
-def test_the_tables_that_are_shown_are_those_that_are_printed() -> None:
-    tree = uqpen.run(uqpen.load_study(ROOT / "studies" / "concrete.toml"))
-    tables = {table.title: table for table in output_tables(tree)}
-    shown = blocks("text")
-    assert len(shown) == 3
-    for block in shown:
-        table = tables[block.splitlines()[0]]
-        for label, cells in table.rows:
-            row = rf"^{re.escape(label)}\s+{re.escape(cells[0])}\s+{re.escape(cells[1])}(\s|$)"
-            assert re.search(row, block, re.MULTILINE), (label, cells[:2])
-
-
 def test_continuous_integration_runs_the_line_that_is_printed() -> None:
     line = next(block for block in blocks("sh") if "pytest" in block).strip()
     assert line in (ROOT / ".ci" / "run").read_text(encoding="utf-8")

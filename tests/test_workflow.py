@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import xarray as xr
 
 import uqpen
 from uqpen.study.study import Study
+from uqpen.summary.tables import output_tables
 
 STUDIES = Path(__file__).parents[1] / "studies"
 
@@ -24,6 +26,18 @@ def concrete() -> xr.DataTree:
 def figure(tree: xr.DataTree, group: str, design: str, name: str, **at: Any) -> dict[str, float]:
     array = tree[f"{group}/{design}"][name].sel(at)
     return {str(bound): float(array.sel(bound=bound)) for bound in ("estimate", "lower", "upper")}
+
+
+def test_the_tables_of_the_readme_are_those_that_are_printed(concrete: xr.DataTree) -> None:
+    tables = {table.title: table for table in output_tables(concrete)}
+    readme = (STUDIES.parent / "README.md").read_text(encoding="utf-8")
+    shown = re.findall(r"```text\n(.*?)```", readme, flags=re.DOTALL)
+    assert len(shown) == 3
+    for block in shown:
+        table = tables[block.splitlines()[0]]
+        for label, cells in table.rows:
+            row = rf"^{re.escape(label)}\s+{re.escape(cells[0])}\s+{re.escape(cells[1])}(\s|$)"
+            assert re.search(row, block, re.MULTILINE), (label, cells[:2])
 
 
 DESIGNS = ["monte_carlo", "latin_hypercube"]  # of one size

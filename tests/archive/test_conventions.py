@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,8 @@ import xarray as xr
 
 import uqpen
 from uqpen.archive.read import group
+from uqpen.head_to_head.contest import compare
+from uqpen.head_to_head.terms import Terms
 
 DATA = Path(__file__).parents[1] / "data"
 RODS = (DATA / "rods.toml").read_text(encoding="utf-8")
@@ -26,7 +29,7 @@ exceeds = ["60 cm"]
 hold = [0.9]
 [designs.few]
 kind = "monte-carlo"
-runs = 3000
+runs = 300
 """
 
 # What every kind of design and a surrogate of it have.
@@ -87,36 +90,62 @@ kind = "latin-hypercube"
 runs = 200
 """
 
+# Methods of which one is replicated, head to head.
+COMPARED = """
+title = "Small"
+seed = 1
+[model]
+use = "ishigami"
+[inputs]
+x1 = { uniform = { lower = -3, upper = 3 } }
+x2 = { uniform = { lower = -3, upper = 3 } }
+x3 = 1
+[outputs.y]
+exceeds = [5]
+[designs.monte_carlo]
+kind = "monte-carlo"
+runs = 100
+[designs.latin_hypercube]
+kind = "latin-hypercube"
+runs = 100
+"""
+
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, list[dict[str, str]]]]:
-    """What the checker says of every kind of group.
+def trees() -> list[xr.DataTree]:
+    """Archives that hold every kind of group."""
+    studies = [uqpen.parse_study(text) for text in (DESIGNS, KINDS, MODELS)]
+    # Of a model and of inputs that files tell of.
+    studies.append(uqpen.load_study(DATA / "archives" / "schema_2_several.toml"))
+    terms = Terms(budgets=(16, 32), repeats=10, reference=512)
+    return [*map(uqpen.run, studies), compare(uqpen.parse_study(COMPARED), terms)]
 
-    It does not look inside groups, so each is written as a file of its own.
+
+@pytest.fixture(scope="module")
+def report(
+    trees: list[xr.DataTree], tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, dict[str, list[dict[str, str]]]]:
+    """What the checker says of every kind of variable, beside what belongs to it.
+
+    It does not look inside groups, so each is written as a file of its own. It takes its time, and
+    more than that with many variables: of those that are built alike, one is looked at.
     """
     folder = tmp_path_factory.mktemp("groups")
     seen: set[object] = set()
     files = []
-    studies = [uqpen.parse_study(text) for text in (KINDS, DESIGNS, MODELS)]
-    # Of a model and of inputs that files tell of.
-    studies.append(uqpen.load_study(DATA / "archives" / "schema_2_several.toml"))
-    for number, study in enumerate(studies):
-        uqpen.write(uqpen.run(study), folder / "whole.nc")
+    for number, tree in enumerate(trees):
+        uqpen.write(tree, folder / "whole.nc")
         tree = uqpen.open_archive(folder / "whole.nc")
         for node in tree.subtree:
             dataset = group(tree, *node.path.strip("/").split("/")) if node.parent else xr.Dataset()
-            # The checker takes its time, and more than that with many variables. Groups that are
-            # built alike pass alike, and the comparison of several outputs like that of one.
-            is_large = number == 0 and node.path == "/comparison"
-            structure = structure_of(dataset)
-            if not dataset.variables or is_large or structure in seen:
+            part = unlike(dataset, seen)
+            if not part.variables:
                 continue
-            seen.add(structure)
             # Of the root's attributes, the file of a group alone needs these two.
             root = {name: tree.attrs[name] for name in ("Conventions", "title")}
             path = folder / f"{number}-{node.path.strip('/').replace('/', '-')}.nc"
-            none = {str(name): {"_FillValue": None} for name in dataset.variables}
-            dataset.assign_attrs(root).to_netcdf(path, encoding=none)
+            none = {str(name): {"_FillValue": None} for name in part.variables}
+            part.assign_attrs(root).to_netcdf(path, encoding=none)
             files.append(path)
     output = folder / "report.json"
     checker = Path(sys.executable).with_name("compliance-checker")
@@ -125,16 +154,43 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, list
     subprocess.run(command, check=False, capture_output=True)
     found = json.loads(output.read_text())
     assert len(found) == len(files) > 10
-    assert any(path.name == "3-files.nc" for path in files)
+    assert {"3-files.nc", "4-methods.nc"} <= {path.name for path in files}
     return {Path(name).stem: checks["cf:1.11"] for name, checks in found.items()}
 
 
-def structure_of(dataset: xr.Dataset) -> object:
-    """What the checker goes by: names, dimensions and attributes, not values."""
-    return frozenset(
-        (str(name), variable.dims, str(variable.dtype), frozenset(variable.attrs))
-        for name, variable in dataset.variables.items()
-    )
+def unlike(dataset: xr.Dataset, seen: set[object]) -> xr.Dataset:
+    """The variables that are built as none before, with all that they refer to."""
+    variables = dataset.variables
+    kinds = {kind(each, name in dataset.coords): name for name, each in variables.items()}
+    chosen = {name for built, name in kinds.items() if built not in seen}
+    seen.update(kinds)
+    before = None
+    while chosen != before:
+        before = set(chosen)
+        for name in before:
+            words = {word for text in texts(variables[name]) for word in text.split()}
+            chosen |= variables.keys() & {*words, *variables[name].dims}
+    return dataset.drop_vars(variables.keys() - chosen)
+
+
+def kind(variable: xr.Variable, is_coordinate: bool) -> object:
+    """What the checker goes by but for names, which are looked at by themselves: not values."""
+    said = tuple(variable.attrs.get(name) for name in ("cell_methods", "standard_name"))
+    built = (is_coordinate, variable.dims, str(variable.dtype), frozenset(variable.attrs))
+    return built, said
+
+
+def texts(variable: xr.Variable) -> list[str]:
+    said = [*variable.attrs.values(), variable.encoding.get("coordinates")]
+    return [text for text in said if isinstance(text, str)]
+
+
+def test_names_are_letters_digits_and_underscores(trees: list[xr.DataTree]) -> None:
+    for tree in trees:
+        for node in tree.subtree:
+            names = {*map(str, node.variables), *node.dims, node.name or "root"}
+            assert all(re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII) for name in names), names
+            assert len({name.lower() for name in names}) == len(names), "not told apart by case"
 
 
 def test_no_group_has_an_error(report: dict[str, dict[str, list[dict[str, str]]]]) -> None:

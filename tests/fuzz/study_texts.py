@@ -66,7 +66,7 @@ runs = 40
 [designs.lhs]
 kind = "latin-hypercube"
 runs = 30
-replicates = 10
+replicates = 2
 optimization = "random-cd"
 """,
     "sequences": f"""{_MODEL}

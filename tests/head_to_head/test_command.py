@@ -11,9 +11,6 @@ from typing import Any
 
 import netCDF4
 import pytest
-import xarray as xr
-
-from uqpen.archive.read import group, open_archive
 
 STUDY = """\
 title = "Small [bold]study[/bold]"
@@ -140,28 +137,3 @@ class TestShow:
         assert done.code == 2
         assert "is damaged: " in done.err
         assert complaint in done.err
-
-
-def test_every_group_follows_the_conventions(archive: Path, tmp_path: Path) -> None:
-    tree = open_archive(archive)
-    files = []
-    for node in tree.subtree:
-        dataset = group(tree, *node.path.strip("/").split("/")) if node.parent else xr.Dataset()
-        if dataset.variables:
-            root = {name: tree.attrs[name] for name in ("Conventions", "title")}
-            files.append(tmp_path / f"{node.path.strip('/').replace('/', '-')}.nc")
-            none = {str(name): {"_FillValue": None} for name in dataset.variables}
-            dataset.assign_attrs(root).to_netcdf(files[-1], encoding=none)
-    output = tmp_path / "report.json"
-    checker = str(Path(sys.executable).with_name("compliance-checker"))
-    command = [checker, "--test", "cf:1.11", "--format", "json_new", "--output", str(output)]
-    subprocess.run([*command, *map(str, files)], check=False, capture_output=True)
-    found = json.loads(output.read_text())
-    assert len(found) == len(files) == 8
-    errors = {
-        Path(name).stem: check["msgs"]
-        for name, checks in found.items()
-        for check in checks["cf:1.11"]["high_priorities"]
-        if check["msgs"]
-    }
-    assert errors == {}

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import uqpen as package
-from uqpen.files import LARGEST
 
 STUDY = """\
 seed = 1
@@ -218,8 +217,10 @@ class TestLargeFiles:
     """Kept by their hashes alone."""
 
     @pytest.fixture
-    def large(self, uqpen: Command, tmp_path: Path) -> Command:
-        text = "x\n" + "0.5\n1.5\n" * (LARGEST // 8)
+    def large(self, uqpen: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
+        # A lower limit than theirs: half a million runs would show no more.
+        monkeypatch.setattr("uqpen.files.LARGEST", 2**12)
+        text = "x\n" + "0.5\n1.5\n" * 2**9
         Path("large").mkdir()
         Path("large/points.csv").write_text(text)
         designs = '[designs.given]\nkind = "table"\nfile = "points.csv"\n'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.metadata
 import platform
 
@@ -20,9 +21,15 @@ _PACKAGES = ("uqpen", "numpy", "scipy", "numba", "xarray", "netCDF4")
 
 def provenance() -> dict[str, str]:
     """Versions of what computes, and the kind of machine."""
-    versions = {f"version_{name}": importlib.metadata.version(name) for name in _PACKAGES}
+    versions = {f"version_{name}": _version(name) for name in _PACKAGES}
     return {
         **versions,
         "version_python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
     }
+
+
+@functools.cache
+def _version(package: str) -> str:
+    """That of a package, which does not change while it runs; to look it up takes a millisecond."""
+    return importlib.metadata.version(package)
