@@ -141,6 +141,14 @@ def test_a_study_that_lost_all_has_no_distributions(archives: Archives) -> None:
     assert list(distributions(Part(archives["lost"], ""))) == []
 
 
+def test_an_output_that_is_the_same_in_all_runs_has_no_tail(study_of: Callable[..., Study]) -> None:
+    blocks = list(distributions(Part(uqpen.run(study_of("0 * a + 2", a=(0, 1))), "")))
+    assert [chart.title for chart in charts_in(blocks)] == [
+        "Probability that y is at most x",
+        "10 runs of some",
+    ]
+
+
 class TestSeveralModels:
     def test_their_functions_and_differences_stand_together(self, archives: Archives) -> None:
         blocks = list(models(Part(archives["rods"], "original")))

@@ -14,7 +14,7 @@ from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import CUT, curves_of, ends_of, thresholds_of
 from uqpen.figures.part import Part
 from uqpen.figures.texts import after_number, capitalized
-from uqpen.labels import SHARES
+from uqpen.labels import INTERVAL_LEVEL, SHARES
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, Key, Reading, Table
 from uqpen.report.marks import Trace, dash_of
 from uqpen.report.sections.evidence import called, leading, left_out, question_of, sample_of, titled
@@ -44,7 +44,8 @@ def distributions(part: Part) -> Iterator[Block]:
         if curves := _curves(part, output, design):
             yield Heading(called(part, output))
             yield _cdf(part, output, curves)
-            yield Charts((histogram(part, output, design), exceedance(part, output, curves[0])))
+            runs = histogram(part, output, design)
+            yield Charts((runs, *exceedance(part, output, curves[0])))
             yield Table(_quantile_table(part, output, design))
     for output in part.kinds:
         if output in group(part.tree, SHARES, design):
@@ -146,7 +147,10 @@ def _quantile_table(part: Part, output: str, design: str) -> OutputTable:
     convert = part.measure(output).from_si
     asked = question_of(part, output, _QUANTILES)
     ((_, told),) = quantiles(sample_of(part, design, output), asked)
-    table = OutputTable(f"Quantiles by {design}", [part.axis(output)])
+    level = float(told.attrs[INTERVAL_LEVEL])
+    has_any = bool(np.isfinite(told.values[:, 1:]).any())
+    with_intervals = f", with {percent(level)} intervals" * has_any
+    table = OutputTable(f"Quantiles by {design}{with_intervals}", [part.axis(output)])
     for position, p in enumerate(_QUANTILES):
         table.rows.append((quantile_label(p), [table.cell(told[position], convert)]))
     return table

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
@@ -33,30 +35,16 @@ _FAR = 1.5
 _MOST = 200
 
 
-def exceedance(part: Part, output: str, curve: Curve) -> Chart:
-    """The probability of exceeding each value, with those that the study asks for."""
-    series = part.sources.index(curve.name)
-    least = _BELOW / max(curve.runs, 10)
+def exceedance(part: Part, output: str, curve: Curve) -> Iterator[Chart]:
+    """The probability of exceeding each value, with those that the study asks for.
+
+    Nothing where no run exceeds another.
+    """
     values, tail = _tail(part, output, curve)
-    traces: list[Trace] = []
-    keys: list[Key] = []
-    if curve.has_band:
-        lower, upper = (np.maximum(tail[:, side], least) for side in (2, 1))
-        traces += band(values, lower, upper, series, is_stepped=curve.is_stepped)
-        text = f"simultaneous {percent(curve.level)} band"
-        keys.append(Key(text, series, "band"))
-    unit = after_number(part.unit(output))
-    traces.append(
-        line(
-            values,
-            tail[:, 0],
-            series,
-            hover=f"P(more than %{{x:.4~g}}{written(unit)}) = %{{y:.3~g}}",
-            name=curve.name,
-            is_stepped=curve.is_stepped,
-        )
-    )
-    keys.append(Key(curve.name, series, "line"))
+    if not values.size:
+        return
+    least = _BELOW / max(curve.runs, 10)
+    traces, keys = _drawn(part, output, curve, values, np.maximum(tail, least))
     asked = group(part.tree, EXCEEDANCE, curve.name).get(output)
     notes = left_out(part, curve.name)
     if asked is not None:
@@ -65,7 +53,7 @@ def exceedance(part: Part, output: str, curve: Curve) -> Chart:
             traces.append(_asked(part, output, asked[is_shown]))
             keys.append(Key("asked for beforehand", "ink", "circle"))
         notes = [*bars_of([asked[is_shown]]), *notes, *_not_shown(output, asked[~is_shown])]
-    return Chart(
+    yield Chart(
         title=f"Probability that {titled(part, output)} is more than x",
         summary=_summary(output, asked, curve),
         x=Axis(part.axis(output)),
@@ -76,6 +64,29 @@ def exceedance(part: Part, output: str, curve: Curve) -> Chart:
         tables=_tables(curve, output, asked),
         height=280,
     )
+
+
+def _drawn(
+    part: Part, output: str, curve: Curve, values: FloatArray, tail: FloatArray
+) -> tuple[list[Trace], list[Key]]:
+    """What exceeds each value, with its band."""
+    series = part.sources.index(curve.name)
+    unit = after_number(part.unit(output))
+    function = line(
+        values,
+        tail[:, 0],
+        series,
+        hover=f"P(more than %{{x:.4~g}}{written(unit)}) = %{{y:.3~g}}",
+        name=curve.name,
+        is_stepped=curve.is_stepped,
+    )
+    key = Key(curve.name, series, "line")
+    if not curve.has_band:
+        return [function], [key]
+    # What is left above a value is least where the function is greatest.
+    banded = band(values, tail[:, 2], tail[:, 1], series, is_stepped=curve.is_stepped)
+    text = f"simultaneous {percent(curve.level)} band"
+    return [*banded, function], [Key(text, series, "band"), key]
 
 
 def _tail(part: Part, output: str, curve: Curve) -> tuple[FloatArray, FloatArray]:
