@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import signal
 import sys
 from collections import UserDict
 from collections.abc import Callable
@@ -17,6 +18,10 @@ import uqpen
 from uqpen.cli.main import main
 from uqpen.study.load import parse_study
 from uqpen.study.study import Study
+
+# What a shell starts in the background ignores Ctrl-C, and so does all that it starts; here some of
+# that is to be interrupted.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples each time: a test that fails now and then says nothing.
 settings.register_profile("fixed", derandomize=True, deadline=None)
