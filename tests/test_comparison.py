@@ -14,6 +14,8 @@ from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
 from uqpen.study.study import Study
 
+pytestmark = pytest.mark.processor
+
 MakeStudy = Callable[..., Study]
 
 DESIGNS = """

@@ -19,6 +19,8 @@ import uqpen
 from uqpen.intervals import dkw_half_width, runs_needed
 from uqpen.study.study import Study
 
+pytestmark = pytest.mark.processor
+
 MakeStudy = Callable[..., Study]
 
 SAMPLES = """

@@ -85,7 +85,7 @@ def simulate(x):
         time.sleep(60)
     return {"y": x}
 """)
-    text = STUDY.replace("[model]", '[model]\ntime_limit = "500 ms"')
+    text = STUDY.replace("[model]", '[model]\ntime_limit = "2 s"')
     for retry, lost in ((0, 4), (1, 0)):
         for mark in tmp_path.glob("*[0-9]"):
             mark.unlink()

@@ -105,7 +105,7 @@ class TestUMBridgeClient:
 def asked(address: str, path: str, content: bytes | None, **headers: str) -> tuple[int, Any]:
     """Code and content of an answer."""
     try:
-        with urlopen(Request(f"{address}/{path}", content, headers), timeout=10) as response:
+        with urlopen(Request(f"{address}/{path}", content, headers), timeout=60) as response:
             return response.status, json.load(response)
     except HTTPError as error:
         with error:
@@ -158,7 +158,7 @@ def test_what_is_no_run_gets_an_error_of_the_protocol(
 def test_what_is_hardly_http_is_refused(address: str, request_: bytes, line: bytes) -> None:
     with socket.create_connection(("127.0.0.1", int(address.rpartition(":")[2]))) as connection:
         connection.sendall(request_)
-        connection.settimeout(10)
+        connection.settimeout(60)
         answer = b""
         while part := connection.recv(65536):
             answer += part
@@ -242,7 +242,7 @@ class TestCommand:
             ]
             assert umbridge.HTTPModel(address, "ishigami")([[0.0, 0.0]]) == [[0.0]]
             process.send_signal(signal.SIGINT)
-            out, err = process.communicate(timeout=10)
+            out, err = process.communicate(timeout=60)
         assert (process.returncode, out, err) == (0, "", "stopped\n")
 
     def test_a_built_in_model_takes_what_must_be_given(self) -> None:

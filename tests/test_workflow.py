@@ -15,6 +15,8 @@ import uqpen
 from uqpen.study.study import Study
 from uqpen.summary.tables import output_tables
 
+pytestmark = pytest.mark.processor
+
 STUDIES = Path(__file__).parents[1] / "studies"
 
 

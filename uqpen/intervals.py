@@ -67,7 +67,7 @@ def ratio_error(influence: FloatArray, replicate: IntArray, replicates: int) -> 
     deviation = influence - influence.mean()
     sums = np.bincount(replicate, weights=deviation, minlength=replicates)
     scale = replicates / len(influence)
-    variance = scale**2 * float(sums @ sums) / (replicates * (replicates - 1))
+    variance = scale**2 * float((sums**2).sum()) / (replicates * (replicates - 1))
     return math.sqrt(variance), replicates - 1
 
 
@@ -135,7 +135,7 @@ def additive_residual_error(influence: FloatArray, inputs: FloatArray) -> tuple[
         label[column, order[:, column]] = np.arange(runs) * bins // runs
     residual = _backfitted(influence - influence.mean(), label, bins)
     freedom = runs - 1 - dimension * (bins - 1)
-    return math.sqrt(float(residual @ residual) / freedom / runs), freedom
+    return math.sqrt(float((residual**2).sum()) / freedom / runs), freedom
 
 
 def _backfitted(residual: FloatArray, label: IntArray, bins: int) -> FloatArray:

@@ -14,7 +14,7 @@ from uqpen.analyses.of_surrogate import told_by_surrogate
 from uqpen.analyses.published import published
 from uqpen.analyses.surrogate_draws import SurrogateDraws
 from uqpen.archive.files import FILES, as_group
-from uqpen.archive.provenance import CONVENTIONS, SCHEMA, provenance
+from uqpen.archive.provenance import CONVENTIONS, SCHEMA, of_python_functions, provenance
 from uqpen.archive.read import SCHEMA_ATTRIBUTE
 from uqpen.comparison import Source, side_by_side
 from uqpen.designs.design import Design, Rounds
@@ -287,6 +287,7 @@ def root_attributes(study: Study) -> dict[str, str | int]:
         "seed": str(study.seed),
         **({} if study.has_several_models else _identity(study.model)),
         **provenance(),
+        **of_python_functions(),
     }
 
 

@@ -14,6 +14,8 @@ from uqpen.archive.told import TOLD, told
 from uqpen.labels import REPLICATE, Sampling, Status
 from uqpen.model import Category, Output
 
+pytestmark = pytest.mark.processor
+
 Y = Question(Output("y", "m"), "m", exceeds=(Threshold("1 m", 1.0), Threshold("2 m", 2.0)))
 KIND = Question(Output("kind", "1", "", "", (Category("a", "A"), Category("b", "B"))), "1")
 

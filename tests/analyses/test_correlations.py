@@ -20,6 +20,8 @@ from uqpen.analyses.sample import Sample
 from uqpen.labels import Sampling
 from uqpen.model import Category, Output
 
+pytestmark = pytest.mark.processor
+
 FloatArray = npt.NDArray[np.float64]
 
 QUESTION = Question(Output("y", "m"), "m")

@@ -18,6 +18,8 @@ from uqpen.archive.read import group, is_archive, names_in, open_archive
 from uqpen.archive.write import prepare_destination, write
 from uqpen.errors import ArchiveError
 
+pytestmark = pytest.mark.processor
+
 RODS = (Path(__file__).parents[1] / "data" / "rods.toml").read_text(encoding="utf-8")
 STUDY = f"""
 title = "Größe"

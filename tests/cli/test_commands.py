@@ -338,7 +338,7 @@ class TestProcess:
             while not list((tmp_path / "archives").rglob("*.npz")):
                 time.sleep(0.01)
             process.send_signal(signal.SIGINT)
-            code = process.wait(timeout=20)
+            code = process.wait(timeout=60)
         while chunk := _read(controller):
             seen += chunk
         os.close(controller)

@@ -30,6 +30,8 @@ from uqpen.lookup import resolve
 from uqpen.model import Input
 from uqpen.streams import BLOCK, Stream
 
+pytestmark = pytest.mark.processor
+
 LENGTH, MASS, SHARE = Input("length", "m"), Input("mass", "kg"), Input("share", "1")
 LAW = InputLaw(
     (

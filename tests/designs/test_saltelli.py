@@ -22,6 +22,8 @@ from uqpen.labels import Status
 from uqpen.model import Input
 from uqpen.streams import Stream
 
+pytestmark = pytest.mark.processor
+
 FloatArray = npt.NDArray[np.float64]
 
 LENGTH, MASS, SHARE, WIDTH = (Input(name, "1") for name in ("length", "mass", "share", "width"))

@@ -45,7 +45,7 @@ STUDY = """\
 seed = 5
 [model]
 python = "model.py:simulate"
-time_limit = "1 s"
+time_limit = "4 s"
 inputs = { x = "1", kind = "1" }
 outputs = { y = "m" }
 [inputs]

@@ -25,6 +25,8 @@ from uqpen.labels import Status
 from uqpen.model import Input, Output
 from uqpen.models.python_function import PythonFunction
 
+pytestmark = pytest.mark.processor
+
 BUILT_IN = """\
 seed = 1
 [model]
@@ -261,7 +263,7 @@ def test_ctrl_c_leaves_with_130_and_no_process(tmp_path: Path) -> None:
             assert process.stdout.readline().startswith(b"run")
             send(process.pid, signal.SIGINT)
             # Nothing ends before the last process that could write to it.
-            said = process.communicate(timeout=10)[1]
+            said = process.communicate(timeout=60)[1]
         assert process.returncode == 130
         assert said == b"interrupted: nothing was written\n"
 
@@ -292,7 +294,7 @@ def limited(folder: Path, source: str, limit: str) -> subprocess.Popen[bytes]:
 def test_what_a_run_has_started_ends_with_its_time(tmp_path: Path) -> None:
     with limited(tmp_path, LAUNCHER, "0.3 s") as process:
         # Nothing ends before the last process that could write to it.
-        said = process.communicate(timeout=20)[0].decode()
+        said = process.communicate(timeout=60)[0].decode()
     assert process.returncode == 3
     assert "2 timed out" in said
 
@@ -302,7 +304,7 @@ def test_what_a_run_has_started_ends_with_its_time(tmp_path: Path) -> None:
 def test_a_run_ends_with_a_program_that_is_killed(tmp_path: Path, source: str) -> None:
     with limited(tmp_path, source, "50 s") as process:
         process.kill()
-        process.communicate(timeout=5)
+        process.communicate(timeout=60)
 
 
 @pytest.mark.parametrize("workers", ["0", "-1", "two", "1.5"])

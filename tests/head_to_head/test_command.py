@@ -12,6 +12,8 @@ from typing import Any
 import netCDF4
 import pytest
 
+pytestmark = pytest.mark.processor
+
 STUDY = """\
 title = "Small [bold]study[/bold]"
 seed = 1

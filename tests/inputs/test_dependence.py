@@ -27,6 +27,8 @@ from uqpen.model import Input
 from uqpen.models.ishigami import Ishigami
 from uqpen.streams import Stream
 
+pytestmark = pytest.mark.processor
+
 FloatArray = npt.NDArray[np.float64]
 
 TWO, THREE = ("a", "b"), ("a", "b", "c")

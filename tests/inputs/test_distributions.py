@@ -27,6 +27,8 @@ from uqpen.inputs.distributions import (
 )
 from uqpen.inputs.truncated import Truncated
 
+pytestmark = pytest.mark.processor
+
 LAWS: dict[str, tuple[Distribution, Any]] = {
     "normal": (Normal(2.0, 0.5), stats.norm(2.0, 0.5)),
     "lognormal": (

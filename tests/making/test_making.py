@@ -28,6 +28,8 @@ from uqpen.making.part import DamagedPartError, Part, read_part, write_part
 from uqpen.model import Results
 from uqpen.study.study import Study
 
+pytestmark = pytest.mark.processor
+
 ROOT = Path(__file__).parents[2]
 
 # Stops, as Ctrl-C would, at the run that it is told to.
@@ -227,14 +229,17 @@ def test_runs_that_the_study_would_not_make_are_refused(
 
 
 def test_another_time_limit_makes_only_late_runs_again(folder: Path) -> None:
-    pause = "    import time; time.sleep(0.45 * (x > 1.3))"
+    # Late until there is a file, so that no run depends on the pace of the machine.
+    wait = "while x > 1.3 and not (here / 'open').exists(): time.sleep(0.01)"
+    pause = f"    import time\n    {wait}"
     change(folder, "    if x > 1:", f"{pause}\n    if x > 1:", "model.py")
-    change(folder, "[model]", '[model]\ntime_limit = "0.3 s"')
+    change(folder, "[model]", '[model]\ntime_limit = "2 s"')
     change(folder, "runs = 30", "runs = 12")
     change(folder, STUDY[STUDY.index("[designs.other]") :], '[failures]\nat_most = "10 %"\n')
     with pytest.raises(TooManyLostError, match="2 timed out"):
         make(folder)
-    change(folder, '"0.3 s"', '"5 s"')
+    (folder / "open").touch()
+    change(folder, '"2 s"', '"60 s"')
     change(folder, '"10 %"', '"100 %"')
     assert calls(folder) == 4
     progress = Told()

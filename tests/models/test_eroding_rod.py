@@ -25,6 +25,8 @@ from uqpen.models.rod_trajectory import (
     trajectory,
 )
 
+pytestmark = pytest.mark.processor
+
 FloatArray = npt.NDArray[np.float64]
 Inputs = dict[str, FloatArray]
 

@@ -202,11 +202,11 @@ class TestLostRuns:
         assert set(made["lost_reason"].values) == {reason}
 
     def test_a_run_beyond_the_time_limit(self, address: str) -> None:
-        limit = 'name = "sum"\ntime_limit = "200 ms"'
+        limit = 'name = "sum"\ntime_limit = "2 s"'
         model = f'{limit}\nconfig = {{ limit = 0.93, beyond = "sleep" }}'
         made = runs(study(address, model))
         assert set(made["status"].values) == {Status.OK, Status.TIMED_OUT}
-        assert set(made["lost_reason"].values) == {"took longer than 0.2 s"}
+        assert set(made["lost_reason"].values) == {"took longer than 2 s"}
 
     def test_a_server_that_dies_takes_the_rest_of_the_study_along_at_once(self) -> None:
         with serving() as (address, process):
@@ -216,7 +216,7 @@ class TestLostRuns:
                 ("runs = 20", "runs = 2000"),
             )
             made = runs(loaded)
-            process.wait(5)
+            process.wait(60)
         first = int(np.argmax(made["a"].values / 0.01 > 0.7))
         np.testing.assert_array_equal(made["status"].values[:first], Status.OK)
         np.testing.assert_array_equal(made["status"].values[first:], Status.FAILED)

@@ -38,6 +38,8 @@ from uqpen.surrogates.closed_forms import (
 from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.restoring import from_dataset
 
+pytestmark = pytest.mark.processor
+
 ISHIGAMI = (0.31390519114781146, 0.4424111447900409, 0.0)
 ISHIGAMI_TOTAL = (0.5575888552099592, 0.4424111447900409, 0.24368366406214773)
 ISHIGAMI_SHAPLEY = (0.4357470231788853, 0.4424111447900409, 0.12184183203107386)

@@ -8,6 +8,8 @@ import pytest
 from uqpen.surrogates.projection import is_exact, projected
 from uqpen.surrogates.regression import FOLDS, cross_validation, least_squares, sparse
 
+pytestmark = pytest.mark.processor
+
 
 def problem(runs: int = 40, terms: int = 12) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(11)

@@ -15,6 +15,7 @@ from uqpen.analyses.where_lost import LOSSES, where_lost
 from uqpen.evaluation import status_counts
 from uqpen.labels import CONDITIONAL, MISSING, RUN, SAMPLING, STATUS, STATUSES, Sampling, Status
 from uqpen.lookup import resolve
+from uqpen.threads import one_blas_thread
 
 __all__ = ["analyze"]
 
@@ -41,6 +42,14 @@ def analyze(
         By the name of the group; without those that have nothing to say. Each says in its
         attributes how many runs it used and how many were lost to what.
     """
+    with one_blas_thread():
+        return _analyzed(runs, questions, only)
+
+
+def _analyzed(
+    runs: xr.Dataset, questions: Sequence[Question], only: Collection[str] | None
+) -> dict[str, xr.Dataset]:
+    """Return the groups of `analyze`."""
     sampling = Sampling(runs.attrs[SAMPLING])
     groups: dict[str, xr.Dataset] = {}
     if sampling.is_sample:

@@ -89,23 +89,24 @@ class _Columns:
 
     @cached_property
     def standardized(self) -> FloatArray:
-        """The columns, of mean 0 and variance 1; 0 where one does not vary."""
+        """The columns, of mean 0 and variance 1, as rows; 0 where one does not vary."""
         if self.is_ranked:
             columns = [mean_ranks(level) for level in self.levels]
         else:
             columns = [*self.sample.points[self.sample.used].T, self.shape.deviations]
-        return np.column_stack([_standardized(column) for column in columns])
+        return np.stack([_standardized(column) for column in columns])
 
     @cached_property
     def _varying(self) -> IntArray:
         """Which columns vary."""
-        return np.flatnonzero(self.standardized.any(axis=0))
+        return np.flatnonzero(self.standardized.any(axis=1))
 
     @cached_property
     def _products(self) -> FloatArray:
         """Mean products of the columns that vary: how they correlate."""
-        columns = self.standardized[:, self._varying]
-        products: FloatArray = columns.T @ columns / self.sample.size
+        columns = self.standardized[self._varying]
+        # `einsum` adds in one order on every processor; the kernels of `@` each have their own.
+        products: FloatArray = np.einsum("ir,jr->ij", columns, columns) / self.sample.size
         return products
 
     def correlation(self, i: int, *, is_partial: bool) -> Estimate:
@@ -116,14 +117,14 @@ class _Columns:
         if weights is None:
             reason = "the inputs and the output follow from each other by straight lines"
             return Estimate.without_bounds(math.nan, reason)
-        one, other = (_standardized(self.standardized @ weight) for weight in weights)
-        value = float(one @ other) / self.sample.size
+        one, other = (_standardized(self._combined(weight)) for weight in weights)
+        value = float((one * other).mean())
         if reason := self.sample.reason_for_none or self._reason_for_no_bounds:
             return Estimate.without_bounds(value, reason)
         return self._bounded(value, self._influence(one, other, weights))
 
     def _simple_weights(self, i: int) -> tuple[FloatArray, FloatArray]:
-        unit = np.eye(self.standardized.shape[1])
+        unit = np.eye(len(self.standardized))
         return unit[i], unit[-1]
 
     def _partial_weights(self, i: int) -> tuple[FloatArray, FloatArray] | None:
@@ -133,7 +134,7 @@ class _Columns:
             return None
         mine, last = int(np.flatnonzero(kept == i)[0]), len(kept) - 1
         rest = [k for k in range(last) if k != mine]
-        weights = np.zeros((2, self.standardized.shape[1]))
+        weights = np.zeros((2, len(self.standardized)))
         for row, target in enumerate((mine, last)):
             weights[row, kept[target]] = 1
             if rest:
@@ -141,16 +142,23 @@ class _Columns:
                 weights[row, kept[rest]] = -slope
         return weights[0], weights[1]
 
+    def _combined(self, weights: FloatArray) -> FloatArray:
+        """Return the weighted sum of the columns, added one after the other."""
+        combined = np.zeros(self.sample.size)
+        for k in np.flatnonzero(weights):
+            combined += weights[k] * self.standardized[k]
+        return combined
+
     def _influence(
         self, one: FloatArray, other: FloatArray, weights: tuple[FloatArray, FloatArray]
     ) -> FloatArray:
         """Each run's influence on the correlation of two combinations of the columns."""
-        value = float(one @ other) / self.sample.size
+        value = float((one * other).mean())
         influence: FloatArray = one * other - value / 2 * (one**2 + other**2)
         if not self.is_ranked:
             return influence
         # A run moves the ranks of all others too.
-        scales = [float((self.standardized @ weight).std()) for weight in weights]
+        scales = [float(self._combined(weight).std()) for weight in weights]
         for target, weight, scale in (
             (other - value * one, weights[0], scales[0]),
             (one - value * other, weights[1], scales[1]),

@@ -130,8 +130,8 @@ def _distance(counts: FloatArray) -> float:
     shares = counts / sizes[:, None]
     width = 2 * _FARTHEST_SCORE / _CELLS
     centres = (np.arange(_CELLS) + 0.5) * width - _FARTHEST_SCORE
-    mean = shares @ centres
-    spread = np.sqrt(np.maximum(shares @ centres**2 - mean**2, 0.0))
+    mean = (shares * centres).sum(axis=1)
+    spread = np.sqrt(np.maximum((shares * centres**2).sum(axis=1) - mean**2, 0.0))
     bandwidth = spread * sizes**-0.2
     # Along the frequencies of a function continued evenly beyond both ends, to smooth is to damp,
     # and no share is lost.
@@ -141,4 +141,4 @@ def _distance(counts: FloatArray) -> float:
     damping = np.exp(-((bandwidth[:, None] * frequency) ** 2) / 2)
     smoothed = np.fft.irfft(np.fft.rfft(mirrored, axis=1) * damping, 2 * _CELLS, axis=1)
     distances = np.abs(smoothed[:, :_CELLS]).sum(axis=1) / 2
-    return float(sizes @ distances / sizes.sum())
+    return float((sizes * distances).sum() / sizes.sum())

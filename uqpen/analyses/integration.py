@@ -115,7 +115,8 @@ class _Integrals:
         # About a value of its own a constant comes out exactly; over the largest no sum overflows.
         first = float(self.values[0])
         largest = float(np.abs(self.values).max()) or 1.0
-        return first + float((self.values / largest - first / largest) @ self.weights) * largest
+        weighted = (self.values / largest - first / largest) * self.weights
+        return first + float(weighted.sum()) * largest
 
     @cached_property
     def scale(self) -> float:
@@ -123,7 +124,8 @@ class _Integrals:
         return float(np.abs(self.values - self.mean).max())
 
     def _moment(self, power: int) -> float:
-        return float(((self.values - self.mean) / self.scale) ** power @ self.weights)
+        deviations = (self.values - self.mean) / self.scale
+        return float((deviations**power * self.weights).sum())
 
     @property
     def skewness(self) -> float:

@@ -161,7 +161,7 @@ class Scatter:
             + bins.total(squares * bins.place**2) ** 2
         )
         pairs = all_pairs - bins.total((bins.leverage * squares) ** 2)
-        variance = 2 * float(self._scale**2 @ np.maximum(pairs, 0))
+        variance = 2 * float((self._scale**2 * np.maximum(pairs, 0)).sum())
         return float(np.sqrt(variance)) / len(self.values)
 
 

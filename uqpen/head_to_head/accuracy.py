@@ -133,15 +133,13 @@ def slope(logarithm: FloatArray, error: FloatArray, runs: FloatArray, repeats: i
         Estimate, lower and upper bound; NaN with fewer than two budgets.
     """
     distance = np.log(runs) - np.log(runs).mean()
-    square = float(distance @ distance)
+    square = float((distance**2).sum())
     if not square > 0:
         return np.full((*logarithm.shape[1:], 3), np.nan)
     weights = distance / square
     with np.errstate(invalid="ignore"):
-        estimate = np.tensordot(weights, logarithm, axes=1)
-    half = student_quantile(repeats - 1, LEVEL) * np.sqrt(
-        np.tensordot(weights**2, error**2, axes=1)
-    )
+        estimate = np.einsum("b,b...", weights, logarithm)
+    half = student_quantile(repeats - 1, LEVEL) * np.sqrt(np.einsum("b,b...", weights**2, error**2))
     estimate = np.where(np.isfinite(estimate), estimate, np.nan)
     return np.stack([estimate, estimate - half, estimate + half], axis=-1)
 

@@ -82,16 +82,16 @@ class Clayton(_OneParameter):
         return self.theta / (self.theta + 2)
 
     def score(self, probability: FloatArray) -> FloatArray:
-        return np.expm1(-self.theta * np.log(probability))
+        return special.expm1(-self.theta * np.log(probability))
 
     def probability(self, score: FloatArray) -> FloatArray:
-        return np.exp(-np.log1p(score) / self.theta)
+        return np.exp(-special.log1p(score) / self.theta)
 
     def following(
         self, position: int, probability: FloatArray, known: Mapping[int, FloatArray]
     ) -> FloatArray:
         power = 1 / self.theta + len(known)
-        return (1 + total(known)) * np.expm1(-np.log(probability) / power)
+        return (1 + total(known)) * special.expm1(-np.log(probability) / power)
 
 
 @dataclass(frozen=True)
@@ -122,9 +122,9 @@ class Gumbel(_OfTwo):
         c = first + a * np.log(first) + target
         growth = a * special.wrightomega(c / a - np.log(a)) / first - 1
         # The difference of two near numbers, to its own full accuracy.
-        excess = first * growth + a * np.log1p(growth) - target
+        excess = first * growth + a * special.log1p(growth) - target
         growth = growth - excess / (first + a / (1 + growth))
-        return first * np.expm1(self.theta * np.log1p(growth)) ** (1 / self.theta)
+        return first * special.expm1(self.theta * special.log1p(growth)) ** (1 / self.theta)
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class Frank(_OfTwo):
         # Debye's function of the first order, by Gauss's rule: its integrand is smooth.
         nodes, weights = np.polynomial.legendre.leggauss(200)
         x = abs(self.theta) * (nodes + 1) / 2
-        debye = float((weights * x / np.expm1(x)).sum() / 2)
+        debye = float((weights * x / special.expm1(x)).sum() / 2)
         return float(np.copysign(1 - 4 / abs(self.theta) * (1 - debye), self.theta))
 
     def score(self, probability: FloatArray) -> FloatArray:
@@ -160,10 +160,10 @@ class Frank(_OfTwo):
         theta, p = abs(self.theta), probability if self.theta > 0 else 1 - probability
         decay = np.exp(-theta * first)
         whole = p + decay * (1 - p)
-        share = -p * np.expm1(-theta) / whole
+        share = -p * special.expm1(-theta) / whole
         with np.errstate(divide="ignore"):  # of the branch that is not taken
             far = np.log((p * np.exp(-theta) + decay * (1 - p)) / whole)
-            near = np.log1p(-np.minimum(share, 1.0))
+            near = special.log1p(-np.minimum(share, 1.0))
         second = -np.where(share < 0.5, near, far) / theta
         return second if self.theta > 0 else 1 - second
 
@@ -184,10 +184,10 @@ class Joe(_OfTwo):
         return 1 - a * slope
 
     def score(self, probability: FloatArray) -> FloatArray:
-        return self.theta * np.log1p(-probability)
+        return self.theta * special.log1p(-probability)
 
     def probability(self, score: FloatArray) -> FloatArray:
-        return -np.expm1(score / self.theta)
+        return -special.expm1(score / self.theta)
 
     def following(
         self, position: int, probability: FloatArray, known: Mapping[int, FloatArray]
@@ -195,13 +195,13 @@ class Joe(_OfTwo):
         # With x = 1 - exp(-phi) of the sum of both phi, y = ln x solves -a y + ln(1 - x) = c.
         (first,) = known.values()
         a = 1 - 1 / self.theta
-        c = np.log(probability) + np.log(-np.expm1(first)) - a * first
+        c = np.log(probability) + np.log(-special.expm1(first)) - a * first
         y = -np.logaddexp(0.0, c)  # right of the solution, where the curve bends down
         for _ in range(_STEPS):
-            rest = -np.expm1(y)
+            rest = -special.expm1(y)
             y = y + (np.log(rest) - a * y - c) / (a + np.exp(y) / rest)
-        share = np.expm1(y) / np.expm1(first)
+        share = special.expm1(y) / special.expm1(first)
         with np.errstate(divide="ignore"):  # of the branch that is not taken, and of the very end
-            near = np.log1p(-np.minimum(share, 1.0))
-            far = first + np.log(np.expm1(np.maximum(y - first, 0.0)) / -np.expm1(first))
+            near = special.log1p(-np.minimum(share, 1.0))
+            far = first + np.log(special.expm1(np.maximum(y - first, 0.0)) / -special.expm1(first))
         return np.where(share < 0.5, near, far)

@@ -241,13 +241,13 @@ class Weibull(Distribution):
     scale: float = quantity(above=0)
 
     def quantile(self, probability: FloatArray) -> FloatArray:
-        return self.scale * (-np.log1p(-probability)) ** (1 / self.shape)
+        return self.scale * (-special.log1p(-probability)) ** (1 / self.shape)
 
     def exceeded(self, probability: FloatArray) -> FloatArray:
         return self.scale * (-_log(probability)) ** (1 / self.shape)
 
     def below(self, value: FloatArray) -> FloatArray:
-        return -np.expm1(-((np.maximum(value, 0.0) / self.scale) ** self.shape))
+        return -special.expm1(-((np.maximum(value, 0.0) / self.scale) ** self.shape))
 
     def above(self, value: FloatArray) -> FloatArray:
         return np.exp(-((np.maximum(value, 0.0) / self.scale) ** self.shape))
@@ -272,13 +272,13 @@ class Gumbel(Distribution):
         return self._location - self._scale * _log(-_log(probability))
 
     def exceeded(self, probability: FloatArray) -> FloatArray:
-        return self._location - self._scale * _log(-np.log1p(-probability))
+        return self._location - self._scale * _log(-special.log1p(-probability))
 
     def below(self, value: FloatArray) -> FloatArray:
         return np.exp(-np.exp((self._location - value) / self._scale))
 
     def above(self, value: FloatArray) -> FloatArray:
-        return -np.expm1(-np.exp((self._location - value) / self._scale))
+        return -special.expm1(-np.exp((self._location - value) / self._scale))
 
 
 def _log(value: FloatArray) -> FloatArray:

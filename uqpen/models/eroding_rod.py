@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy import special
 
 from uqpen.models import rod_lanes
 from uqpen.models.rod_and_target import Termination
@@ -94,7 +95,7 @@ def penetrate(
     S, R = plasticity_radius, crater_radius
     Omega = projectile_density / target_density
     strength = target_yield_limit / (target_density * impact_velocity**2)
-    resistance = 14 / 3 * strength * np.log1p((S - R) / R)  # (2.16)
+    resistance = 14 / 3 * strength * special.log1p((S - R) / R)  # (2.16)
     added_length = R * (S - R) / (S + R) / projectile_length  # (2.16)
     kappa = R * (S - R) * (S + R) / S**2 / (2 - smoothing) / projectile_length  # (2.9)
     c = projectile_sound_speed / impact_velocity
@@ -119,7 +120,7 @@ def penetrate(
     ends[:4, ends[4] == rod_lanes.GAVE_UP] = np.nan
     u, _, L, z, termination = ends
     # (2.16) with v = u from the end of erosion, integrated over depth down to u = 0.
-    depth = z + (Omega * L + added_length) * np.log1p(u**2 / resistance)
+    depth = z + (Omega * L + added_length) * special.log1p(u**2 / resistance)
     return Penetration(
         depth=depth * projectile_length,
         residue=L * projectile_length,

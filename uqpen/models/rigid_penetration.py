@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+from scipy import special
 
 from uqpen.errors import TrajectoryError
 from uqpen.model import Arrays, BoolArray, Results
@@ -45,7 +46,7 @@ class RigidPenetration(BuiltIn):
         L = inputs["projectile_length"]
         inertia, resistance = _constants(inputs)
         # (2.16) with u = v and no erosion, integrated over depth down to u = 0.
-        depth = inertia * np.log1p(inputs["impact_velocity"] ** 2 / resistance)
+        depth = inertia * special.log1p(inputs["impact_velocity"] ** 2 / resistance)
         return Results.all_ok(
             {
                 "penetration_depth": depth,
@@ -74,6 +75,12 @@ def _constants(inputs: Arrays) -> tuple[FloatArray, FloatArray]:
     """The inertia, m, and the target's resistance, m2 s-2."""
     R, S = inputs["crater_radius"], inputs["plasticity_radius"]
     density_ratio = inputs["projectile_density"] / inputs["target_density"]
-    resistance = 14 / 3 * inputs["target_yield_limit"] / inputs["target_density"] * np.log(S / R)
+    resistance = (
+        14
+        / 3
+        * inputs["target_yield_limit"]
+        / inputs["target_density"]
+        * special.log1p((S - R) / R)
+    )
     inertia = density_ratio * inputs["projectile_length"] + R * (S - R) / (S + R)
     return inertia, resistance

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy import special
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -97,7 +98,7 @@ def while_rigid(
     -----
     With u = v, (2.16) is 2 K du/dt = -(u² + B), K the inertia and B the resistance.
     """
-    u = np.sqrt(resistance * np.expm1((rest - depth) / inertia))
+    u = np.sqrt(resistance * special.expm1((rest - depth) / inertia))
     root = math.sqrt(resistance)
     time = 2 * inertia / root * (math.atan(u0 / root) - np.arctan(u / root))
     return time, u

@@ -7,7 +7,8 @@ import tomllib
 from collections.abc import Iterator
 from typing import Any
 
-from uqpen.archive.provenance import provenance
+from uqpen.archive.provenance import of_python_functions, provenance
+from uqpen.models.python_function import PythonFunction
 from uqpen.study.study import Study
 
 __all__ = ["decisive"]
@@ -43,6 +44,7 @@ def decisive(study: Study, model: str, design: str) -> dict[str, str]:
         **{f"model {name}": value for name, value in adapter.identity().items()},
         **{f"file {file.path.name}": file.sha256 for file in files},
         **provenance(),
+        **(of_python_functions() if isinstance(adapter, PythonFunction) else {}),
     }
 
 

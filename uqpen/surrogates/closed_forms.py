@@ -68,12 +68,12 @@ def sobol_indices(indices: IntArray, coefficients: FloatArray) -> SobolIndices:
     variances, active = _variances(indices, coefficients)
     inputs = active.sum(axis=1)
     alone, pairs = active[inputs == 1], active[inputs == 2].astype(np.float64)
-    second = pairs.T @ (variances[inputs == 2, None] * pairs)
+    second = np.einsum("t,ti,tj->ij", variances[inputs == 2], pairs, pairs)
     np.fill_diagonal(second, np.nan)
     with np.errstate(invalid="ignore"):
         return SobolIndices(
-            first=variances[inputs == 1] @ alone / variances.sum(),
-            total=variances @ active / variances.sum(),
+            first=_total(variances[inputs == 1], alone) / variances.sum(),
+            total=_total(variances, active) / variances.sum(),
             second=second / variances.sum(),
         )
 
@@ -88,8 +88,13 @@ def shapley_effects(indices: IntArray, coefficients: FloatArray) -> FloatArray:
     """
     variances, active = _variances(indices, coefficients)
     with np.errstate(invalid="ignore"):
-        effects: FloatArray = variances / active.sum(axis=1) @ active / variances.sum()
+        effects: FloatArray = _total(variances / active.sum(axis=1), active) / variances.sum()
     return effects
+
+
+def _total(variances: FloatArray, active: npt.NDArray[np.bool_]) -> FloatArray:
+    """Return for each input the sum over the terms that it is in, shape (input,)."""
+    return np.where(active, variances[:, None], 0.0).sum(axis=0)
 
 
 def _variances(

@@ -21,6 +21,7 @@ from uqpen.surrogates.fit_noise import FitNoise, fit_noise
 from uqpen.surrogates.order import HIGHEST_ORDER, Points, Terms, by_projection, by_regression
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.surrogates.training import Training
+from uqpen.threads import one_blas_thread
 
 __all__ = ["PolynomialChaos"]
 
@@ -75,12 +76,7 @@ class PolynomialChaos(Surrogate):
         self, name: str, runs: xr.Dataset, model: Model, law: InputLaw, stream: Stream
     ) -> ChaosModel:
         """Fit every output that has numbers; see `Surrogate.fit`."""
-        # Imported where it is used: whoever only evaluates a surrogate needs none of it.
-        from threadpoolctl import threadpool_limits
-
-        # A sum's last bits depend on how many threads share it; and on a busy machine the threads
-        # of the linear algebra wait for each other fifty times as long as they work.
-        with threadpool_limits(limits=1, user_api="blas"):
+        with one_blas_thread():
             return self._fitted(name, runs, model, law, stream)
 
     def _fitted(

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import xarray as xr
 
 __all__ = [
+    "NEGLIGIBLE",
     "TOLERANCE",
     "Disagreement",
     "differing",
@@ -21,8 +22,16 @@ __all__ = [
 ]
 
 # What other versions or another machine may change: far more than last bits that a computation
-# carries along, far less than any interval; relative to a variable's largest value.
+# carries along, far less than any interval; relative to the scale of a variable.
 TOLERANCE = 1e-9
+
+# What is left of a sum whose terms cancel is this small beside them; no statistic tells it from 0.
+NEGLIGIBLE = 2.0**-60
+
+# Errors of a fit are what is left of its output. Those that are shares of a variance have the scale
+# 1, others that of the coefficients that they are attributes of.
+_SHARES_OF_VARIANCE = ("leave_one_out_error", "cross_validation_error")
+_IN_THE_OUTPUTS_UNIT = ("fit_noise_mean", "fit_noise_std")
 
 
 class Disagreement(NamedTuple):
@@ -51,8 +60,15 @@ def differing(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> npt.NDArray[np.
     return np.asarray(one != other, dtype=bool)
 
 
-def gap(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> float:
+def gap(one: npt.NDArray[Any], other: npt.NDArray[Any], scale: float = 0.0) -> float:
     """The largest difference of two arrays of one shape, relative to their largest value.
+
+    Parameters
+    ----------
+    one, other : ndarray
+        The two.
+    scale : float
+        What differences are relative to where it is larger than their largest value.
 
     Returns
     -------
@@ -67,7 +83,7 @@ def gap(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> float:
     if not (np.isfinite(one[at]).all() and np.isfinite(other[at]).all()):
         return math.inf
     finite = np.concatenate([each[np.isfinite(each)] for each in (one, other)])
-    largest = float(np.abs(finite).max())
+    largest = max(float(np.abs(finite).max()), scale)
     # Halves, as the difference of the largest numbers of all is none.
     apart = float(np.abs(one[at] / 2 - other[at] / 2).max())
     return 2 * (apart / largest) if largest else 0.0
@@ -95,17 +111,19 @@ def disagreements(
         Attributes of the group that are not looked at.
     """
     yield from _lacking(archived.variables, found.variables, "")
+    scales = _scales(archived)
     for name in archived.variables.keys() & found.variables.keys():
         one, other = archived.variables[name], found.variables[name]
         if one.dims != other.dims or one.shape != other.shape or _kind(one) != _kind(other):
             yield Disagreement(f"{name} is of another shape or type", math.inf)
             continue
-        if apart := gap(one.values, other.values):
+        if apart := gap(one.values, other.values, scales[str(name)]):
             entries = int(differing(one.values, other.values).sum())
             counted = f"{entries} of {one.size} entries" if one.size > 1 else "the value"
             differ = "differ" if entries > 1 else "differs"
             yield Disagreement(f"{name}: {counted} {differ}{size_of(apart)}", apart)
-        yield from of_attributes(one.attrs, other.attrs, of=f" of {name}")
+        largest = _largest(one)
+        yield from of_attributes(one.attrs, other.attrs, of=f" of {name}", largest=largest)
     yield from of_attributes(archived.attrs, found.attrs, besides=besides)
 
 
@@ -115,8 +133,21 @@ def of_attributes(
     *,
     of: str = "",
     besides: Container[str] = (),
+    largest: float = 0.0,
 ) -> Iterator[Disagreement]:
-    """The attributes that two groups or variables do not share."""
+    """The attributes that two groups or variables do not share.
+
+    Parameters
+    ----------
+    archived, found : mapping
+        The two.
+    of : str
+        Where the attributes stand, for the message.
+    besides : container of str
+        Attributes that are not looked at.
+    largest : float
+        The largest value of the variable that they are attributes of.
+    """
     one, other = (
         {key: np.ravel(np.asarray(value)) for key, value in each.items() if key not in besides}
         for each in (archived, found)
@@ -125,9 +156,36 @@ def of_attributes(
         yield lacking._replace(what=f"{lacking.what}{of}")
     for name in sorted(one.keys() & other.keys()):
         alike = one[name].shape == other[name].shape and _kind(one[name]) == _kind(other[name])
-        apart = gap(one[name], other[name]) if alike else math.inf
+        scale = 1.0 if name in _SHARES_OF_VARIANCE else 0.0
+        scale = largest if name in _IN_THE_OUTPUTS_UNIT else scale
+        apart = gap(one[name], other[name], scale) if alike else math.inf
         if apart:
             yield Disagreement(f"attribute {name}{of} differs{size_of(apart)}", apart)
+
+
+def _scales(group: xr.Dataset) -> dict[str, float]:
+    """Return the scale of each variable: the largest value with its unit in its group.
+
+    A mean may be 0 but for rounding. What it is rounded from has the scale of the other statistics
+    of its unit. The scale of a plain number, such as a skewness, is at least 1.
+    """
+    largest = {"1": 1.0}
+    for variable in group.variables.values():
+        unit = variable.attrs.get("units")
+        if isinstance(unit, str) and unit != "1":
+            largest[unit] = max(largest.get(unit, 0.0), _largest(variable))
+    return {
+        str(name): largest.get(str(variable.attrs.get("units")), 0.0)
+        for name, variable in group.variables.items()
+    }
+
+
+def _largest(variable: xr.Variable) -> float:
+    """Return the largest finite absolute value of a variable; 0 where it has none."""
+    values = np.asarray(variable.values)
+    if values.dtype.kind != "f":
+        return 0.0
+    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
 def _lacking(

@@ -12,10 +12,10 @@ import xarray as xr
 
 from uqpen.archive.content import hashes
 from uqpen.archive.files import FILES, faults_of_files, kept_files
-from uqpen.archive.provenance import provenance
+from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
 from uqpen.archive.read import group
 from uqpen.labels import COMPARISON, CONTENT, STATUS
-from uqpen.verification.agreement import disagreements, of_attributes
+from uqpen.verification.agreement import TOLERANCE, disagreements, of_attributes
 from uqpen.verification.figures import apart
 from uqpen.verification.runs_apart import runs_apart
 
@@ -71,9 +71,14 @@ def explain(first: xr.DataTree, second: xr.DataTree) -> Iterator[Section]:
         for path, digest in known[0].items()
         if known[1].get(path, digest) != digest and not (path == "/" or (files and path == _FILES))
     ]
-    yield from _of_groups(
+    groups = [
         (f"/{'/'.join(parts)}", group(first, *parts), group(second, *parts)) for parts in changed
-    )
+    ]
+    yield from _of_groups(groups)
+    made_elsewhere = next(provenance_differences(first.attrs, second.attrs), None) is not None
+    if groups and made_elsewhere and not lines and _is_close(groups):
+        told = f"all numbers, within {TOLERANCE:g} of the largest of their variable and unit"
+        yield Section("equal", (f"{told}: as far as other versions or processors agree",))
 
 
 def _of_files(first: xr.DataTree, second: xr.DataTree) -> Iterator[str]:
@@ -92,6 +97,13 @@ def _of_files(first: xr.DataTree, second: xr.DataTree) -> Iterator[str]:
         elif one[name] != other[name]:
             same = one[name].sha256 == other[name].sha256
             yield f"{name} differs{', though its hash does not' if same else ''}"
+
+
+def _is_close(groups: Iterable[tuple[str, xr.Dataset, xr.Dataset]]) -> bool:
+    """Return whether groups differ by no more than other versions or processors may change."""
+    return all(
+        each.gap <= TOLERANCE for _, one, other in groups for each in disagreements(one, other)
+    )
 
 
 def _of_groups(changed: Iterable[tuple[str, xr.Dataset, xr.Dataset]]) -> Iterator[Section]:
@@ -132,11 +144,13 @@ def _of_roots(first: Mapping[Any, Any], second: Mapping[Any, Any]) -> Iterator[S
         yield Section("study", (*lines[:_MOST_LINES], *more), verbatim=True)
     if _differ(first, second, "seed"):
         yield Section("seed", (_both(first, second, "seed"),))
-    made_with = list(provenance())
-    versions = [name for name in made_with if _differ(first, second, name)]
+    versions = [
+        f"{name}: {textwrap.shorten(one, 80)} and {textwrap.shorten(other, 80)}"
+        for name, one, other in provenance_differences(first, second)
+    ]
     if versions:
-        told = [f"{each.replace('_', ' ')}: {_both(first, second, each)}" for each in versions]
-        yield Section("made with", tuple(told))
+        yield Section("made with", tuple(versions))
+    made_with = [*provenance(), *of_python_functions()]
     besides = (CONTENT, *_OF_THE_STUDY, *made_with)
     names = [name for name in {**first, **second} if name not in besides]
     others = [

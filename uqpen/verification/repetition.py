@@ -16,6 +16,7 @@ from uqpen.model import Output
 from uqpen.streams import Stream
 from uqpen.study.study import Study
 from uqpen.verification.agreement import (
+    NEGLIGIBLE,
     TOLERANCE,
     Disagreement,
     differing,
@@ -127,9 +128,15 @@ def repeated_statistics(
             told._replace(what=f"{path}: {told.what}")
             for told in disagreements(*pair, besides=(CONTENT, *besides))
         ]
+    counting = [each for each in found if each.gap > NEGLIGIBLE]
+    rounded = len(found) - len(counting)
+    found = counting
     if is_earlier:
         found = [each._replace(gap=0.0) if each.is_new else each for each in found]
-    return _part("statistics", f"{len(held)} groups worked out again", found, tolerance)
+    what = f"{len(held)} groups worked out again"
+    if rounded:
+        what = f"{what}, {rounded} differ by less than {NEGLIGIBLE:.0g} of their scale"
+    return _part("statistics", what, found, tolerance)
 
 
 def drawn_runs(

@@ -13,7 +13,13 @@ import xarray as xr
 from uqpen.archive.content import hashes, recorded
 from uqpen.archive.files import FILES, kept_files
 from uqpen.archive.migrations import migrated
-from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE, provenance
+from uqpen.archive.provenance import (
+    SCHEMA,
+    SCHEMA_ATTRIBUTE,
+    of_python_functions,
+    provenance,
+    provenance_differences,
+)
 from uqpen.archive.read import group, models_in, read_as_written
 from uqpen.archive.skeleton import faults
 from uqpen.errors import ArchiveError, UqpenError
@@ -97,11 +103,15 @@ def verify(
 
 
 def elsewhere(tree: xr.DataTree) -> list[str]:
-    """What an archive was made with that is otherwise here: versions, the platform, models."""
+    """List what decides last bits and is otherwise here: versions, the processor, models."""
+    # What only Python functions depend on is no difference where there is none of them.
+    is_foreign = bool(foreign_models(str(tree.attrs.get("study_text", ""))))
+    here = {**provenance(), **of_python_functions()}
+    then = {str(name): value for name, value in tree.attrs.items()}
+    then |= {} if is_foreign else of_python_functions()
     versions = [
-        f"{name.removeprefix('version_')} {tree.attrs.get(name, 'unknown')} (here {here})"
-        for name, here in provenance().items()
-        if str(tree.attrs.get(name)) != here
+        f"{name} {made_with} (here {found})"
+        for name, made_with, found in provenance_differences(then, here)
     ]
     schema = tree.attrs[SCHEMA_ATTRIBUTE]
     schemas = [f"schema {schema} (here {SCHEMA})"] if schema != SCHEMA else []
@@ -109,7 +119,7 @@ def elsewhere(tree: xr.DataTree) -> list[str]:
 
 
 def _made_with(others: list[str]) -> Part:
-    told = f"made with {', '.join(others)}" if others else "the same versions and platform as here"
+    told = ", ".join(others) or "the same versions and kind of processor as here"
     return Part("made with", Verdict.CLOSE if others else Verdict.EQUAL, told)
 
 
@@ -215,7 +225,8 @@ def _repeated(
             if FILES not in tree.children:
                 yield from _sources(study, tree)
         progress.analysing()
-        besides = [*provenance(), *_OF_VERSIONS, *(_OF_LOADED if foreign else [])]
+        made_with = [*provenance(), *of_python_functions()]
+        besides = [*made_with, *_OF_VERSIONS, *(_OF_LOADED if foreign else [])]
         yield repeated_statistics(
             study, tree, runs, allowed.tolerance, besides, is_earlier=allowed.is_earlier
         )

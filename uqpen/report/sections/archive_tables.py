@@ -40,6 +40,10 @@ _NAMES = {
     "seed": "seed",
     "study_sha256": "SHA-256 of the study's text",
     "platform": "platform",
+    "cpu_features": "processor features used by NumPy",
+    "blas": "BLAS kernel",
+    "blas_threads": "BLAS threads",
+    "numba_target": "processor that Numba compiles for",
     SCHEMA_ATTRIBUTE: "schema of the archive",
 }
 _ELSEWHERE = ("study_text", CONTENT, "Conventions")

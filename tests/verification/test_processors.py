@@ -1,0 +1,166 @@
+"""Archives that were made on other processors, which switches of the libraries stand in for."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+import uqpen
+from uqpen.archive.netcdf import put
+from uqpen.archive.provenance import provenance, provenance_differences
+from uqpen.verification.explain import explain
+
+pytestmark = pytest.mark.processor
+
+SWITCHES = {
+    "as it is": {},
+    "another BLAS kernel": {"OPENBLAS_CORETYPE": "Nehalem"},
+    "fewer features": {
+        "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL "
+        "AVX512_ICL AVX2 FMA3"
+    },
+}
+
+# The sine is NumPy's own on each processor, and the fit is made by BLAS; a rule's mean is 0 but for
+# rounding.
+STUDY = """\
+title = "Small"
+seed = 1
+[model]
+use = "ishigami"
+[inputs]
+x1 = { uniform = { lower = -3, upper = 3 } }
+x2 = { lognormal = { mean = 1, std = 0.3 } }
+x3 = "0 ± 1"
+[designs.sample]
+kind = "monte-carlo"
+runs = 60
+[designs.rule]
+kind = "quadrature"
+order = 3
+[surrogates.chaos]
+kind = "polynomial-chaos"
+design = "sample"
+"""
+
+
+# One process makes or verifies all archives: to start one takes longer than all that it does.
+MAKE = "import sys; from uqpen.cli.main import main; main()"
+VERIFY = """
+import contextlib, io, json, pathlib, sys
+from uqpen.cli.main import main
+found = {}
+for path in sorted(pathlib.Path().glob("*.nc")):
+    sys.argv = ["uqpen", "verify", path.name, "--all"]
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        try:
+            code = main() or 0
+        except SystemExit as left:
+            code = int(left.code or 0)
+    found[path.stem] = code, " ".join(out.getvalue().split())
+print(json.dumps(found))
+"""
+
+
+def python(folder: Path, switch: str, code: str, *line: str) -> str:
+    """What a program prints under a switch."""
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", code, *line],
+        cwd=folder,
+        env={**os.environ, **SWITCHES[switch]},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+class Made(NamedTuple):
+    """Archives made under each switch, two of them changed, and what `verify` says of all."""
+
+    folder: Path
+    verified: dict[str, dict[str, tuple[int, str]]]
+
+    def attributes(self, name: str) -> Mapping[Any, Any]:
+        return uqpen.open_archive(self.folder / f"{name}.nc").attrs
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """Archives in a folder, verified under each switch."""
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "small.toml").write_text(STUDY)
+    for switch in SWITCHES:
+        python(folder, switch, MAKE, "study", "small.toml", "-o", f"{switch}.nc")
+    tree = uqpen.open_archive(folder / "as it is.nc")
+    tree["runs/sample"]["y"].values.view(np.uint64)[17] ^= 1
+    put(tree, folder / "damaged.nc")
+    tree = uqpen.open_archive(folder / "as it is.nc")
+    # Above what another processor may change; a last bit is told where nothing else differs.
+    tree["runs/sample"]["y"].values[17] *= 1 + 1e-7
+    uqpen.write(tree, folder / "forged.nc")
+    return Made(folder, {each: json.loads(python(folder, each, VERIFY)) for each in SWITCHES})
+
+
+@pytest.mark.parametrize("here", SWITCHES)
+@pytest.mark.parametrize("there", SWITCHES)
+def test_an_honest_archive_is_verified_on_another_processor(
+    made: Made, there: str, here: str
+) -> None:
+    code, said = made.verified[here][there]
+    assert code == 0, said
+    differences = list(provenance_differences(made.attributes(there), made.attributes(here)))
+    for name, then, now in differences:
+        assert f"{name} {then} (here {now})" in said
+    if not differences:
+        assert "made with the same versions and kind of processor as here" in said
+        assert said.count("bit-equal") == 2
+
+
+@pytest.mark.parametrize("switch", SWITCHES)
+def test_a_changed_run_is_told_everywhere(made: Made, switch: str) -> None:
+    code, said = made.verified[switch]["damaged"]
+    assert code == 4
+    assert "/runs/sample is changed" in said
+
+
+@pytest.mark.parametrize("switch", SWITCHES)
+def test_a_run_that_is_changed_and_hashed_anew_is_told_everywhere(made: Made, switch: str) -> None:
+    code, said = made.verified[switch]["forged"]
+    assert code == 4
+    assert "sample: y of run 17 is" in said
+
+
+def differences(**changed: str) -> Iterator[tuple[str, str, str]]:
+    here: Mapping[str, str] = provenance()
+    return provenance_differences({**here, **changed}, here)
+
+
+def test_only_features_that_differ_are_named() -> None:
+    features = provenance()["cpu_features"].split()
+    name, then, now = next(differences(cpu_features=" ".join([*features[1:], "NEON_9"])))
+    assert (name, then, now) == ("cpu features", "NEON_9", features[0])
+
+
+def test_an_archive_of_before_features_were_recorded_says_so() -> None:
+    here = provenance()
+    earlier = {name: value for name, value in here.items() if name != "blas"}
+    assert list(provenance_differences(earlier, here)) == [("blas", "not recorded", here["blas"])]
+
+
+def test_two_processors_are_told_from_two_results(made: Made) -> None:
+    one, other = (uqpen.open_archive(made.folder / f"{each}.nc") for each in list(SWITCHES)[::2])
+    if next(provenance_differences(one.attrs, other.attrs), None) is None:
+        pytest.skip("this processor has none of the features that the switch takes away")
+    told = {section.name: " ".join(section.lines) for section in explain(one, other)}
+    assert told["made with"].startswith("cpu features: ")
+    assert told["equal"].startswith("all numbers, within 1e-09 ")
