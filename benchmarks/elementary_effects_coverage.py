@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.analyses.elementary_effects import effects_of, mean_effect
+from uqpen.core.model import Input, Output
+from uqpen.core.streams import Stream
 from uqpen.designs.morris import Morris
-from uqpen.evaluation import Evaluator, evaluate
-from uqpen.inputs.distributions import Uniform
-from uqpen.inputs.law import InputLaw, RandomInput
-from uqpen.model import Input, Output
+from uqpen.distributions.continuous import Uniform
+from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
-from uqpen.streams import Stream
+from uqpen.statistics.sensitivity.elementary_effects import effects_by_input, mean_effect
 from uqpen.study.load import load_study
 
 FloatArray = npt.NDArray[np.float64]
@@ -35,9 +35,9 @@ TRAJECTORIES = (4, 10, 20, 50, 100, 200)
 def main() -> None:
     print("problem, input, figure: coverage in % (and share with an interval) by trajectories")
     print(f"{'':45}" + "".join(f"{number:>14}" for number in TRAJECTORIES))
-    for problem, law, evaluator, output in _problems():
-        drawn = _effects(evaluator, law, output)
-        grid = _on_grid(evaluator, law, output)
+    for problem, joint, evaluator, output in _problems():
+        drawn = _effects(evaluator, joint, output)
+        grid = _on_grid(evaluator, joint, output)
         for position, (name, effects) in enumerate(drawn.items()):
             exact = _exact(grid, position)
             for figure, these, truth in (
@@ -48,13 +48,13 @@ def main() -> None:
                 print(f"{f'{problem}, {name}, {figure}':45}{cells}")
 
 
-def _problems() -> Iterator[tuple[str, InputLaw, Evaluator, str]]:
+def _problems() -> Iterator[tuple[str, JointDistribution, Evaluator, str]]:
     for name, output in (("concrete", "penetration_depth"), ("ishigami", "y")):
         study = load_study(STUDIES / f"{name}.toml")
         study.model.prepare()
-        yield name, study.law, Evaluator(study.model, study.constraints), output
+        yield name, study.joint, Evaluator(study.model, study.constraints), output
     inputs = tuple(Input(name, "1") for name in ("x1", "x2", "x3"))
-    law = InputLaw(tuple(RandomInput(x, Uniform(0.0, 1.0), "1") for x in inputs), inputs)
+    joint = JointDistribution(tuple(RandomInput(x, Uniform(0.0, 1.0), "1") for x in inputs), inputs)
     for name, function in (
         # An effect in one trajectory of four, and in one of thirty-two.
         ("step", lambda x1, x2, x3: {"y": 3.0 * (x1 + x2 > 1.3) + x3**2}),
@@ -62,20 +62,20 @@ def _problems() -> Iterator[tuple[str, InputLaw, Evaluator, str]]:
     ):
         units = dict.fromkeys(["x1", "x2", "x3", "y"], "1")
         model = PythonFunction(function, name, inputs, (Output("y", "1"),), units, vectorized=True)
-        yield name, law, Evaluator(model), "y"
+        yield name, joint, Evaluator(model), "y"
 
 
-def _effects(evaluator: Evaluator, law: InputLaw, output: str) -> dict[str, FloatArray]:
+def _effects(evaluator: Evaluator, joint: JointDistribution, output: str) -> dict[str, FloatArray]:
     design = Morris(TRIALS * 50, levels=LEVELS)
-    (points,) = design.rounds(law, Stream(1, "coverage"))
-    return effects_of(evaluate(evaluator, points, {}), output)
+    (points,) = design.rounds(joint, Stream(1, "coverage"))
+    return effects_by_input(evaluate(evaluator, points, {}), output)
 
 
-def _on_grid(evaluator: Evaluator, law: InputLaw, output: str) -> FloatArray:
+def _on_grid(evaluator: Evaluator, joint: JointDistribution, output: str) -> FloatArray:
     """The output at every place of the grid, an axis for each input."""
-    inputs = len(law.random)
+    inputs = len(joint.random)
     places = np.array(list(itertools.product(range(LEVELS), repeat=inputs)))
-    points = law.points((places + 1) / (LEVELS + 1), {})
+    points = joint.points((places + 1) / (LEVELS + 1), {})
     values: FloatArray = evaluate(evaluator, points, {})[output].values
     return values.reshape((LEVELS,) * inputs)
 

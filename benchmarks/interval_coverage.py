@@ -31,27 +31,27 @@ from coverage_table import FEWEST_SEEDS, LOWEST, markdown, read, write
 from scipy import stats
 from scipy.stats import qmc
 
-from uqpen.analyses import ANALYSES
-from uqpen.analyses.given_data import first_order
-from uqpen.analyses.question import Question, Threshold
-from uqpen.analyses.sample import Sample, sample_of_law
-from uqpen.analyses.sobol_indices import sobol_indices
-from uqpen.archive.told import told
+from uqpen.archive.interval_metadata import interval_metadata
+from uqpen.core.labels import BOUNDS, INTERVAL_LABEL, NOTE, RUN, SAMPLING, Sampling, Status
+from uqpen.core.lookup import resolve
+from uqpen.core.model import Input, Model, Output
+from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.designs.saltelli import Saltelli
-from uqpen.evaluation import Evaluator, evaluate, join
-from uqpen.inputs.constraints import parse_constraint
-from uqpen.inputs.distributions import Distribution, Normal, Uniform
-from uqpen.inputs.law import InputLaw, RandomInput
-from uqpen.labels import BOUNDS, INTERVAL_LABEL, NOTE, RUN, SAMPLING, Sampling, Status
-from uqpen.lookup import resolve
-from uqpen.model import Input, Model, Output
+from uqpen.distributions.constraints import parse_constraint
+from uqpen.distributions.continuous import Distribution, Normal, Uniform
+from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.execution import Evaluator, evaluate, join_rounds
 from uqpen.models.ishigami import Ishigami
 from uqpen.models.python_function import PythonFunction
-from uqpen.streams import Stream
+from uqpen.statistics import ANALYSES
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
+from uqpen.statistics.sample import Sample, input_sample
+from uqpen.statistics.sensitivity.given_data import first_order
+from uqpen.statistics.sensitivity.sobol_indices import sobol_indices
 from uqpen.study.load import load_study
 
 FloatArray = npt.NDArray[np.float64]
@@ -124,7 +124,7 @@ class Problem:
     ----------
     evaluator : Evaluator
         The model with its constraints.
-    law : InputLaw
+    law : JointDistribution
         Its inputs.
     output : Output
         The one looked at.
@@ -135,7 +135,7 @@ class Problem:
     """
 
     evaluator: Evaluator
-    law: InputLaw
+    law: JointDistribution
     output: Output
     truth: Truth
     exceeds: tuple[float, ...]
@@ -245,7 +245,7 @@ def cells(
 ) -> dict[str, Cell]:
     """Every interval that one seed's runs get, held against the truth."""
     runs = _runs(problem, design, seed)
-    drawn = sample_of_law(runs)
+    drawn = input_sample(runs)
     found: dict[str, Cell] = {}
     for statistic in statistics:
         # Indices need whole blocks; all else is of those points that are drawn from the law.
@@ -262,39 +262,39 @@ def _runs(problem: Problem, design: Design, seed: int) -> xr.Dataset:
         try:
             points = rounds.send(collected[-1])
         except StopIteration:
-            return join(collected).assign_attrs({SAMPLING: str(design.sampling)})
+            return join_rounds(collected).assign_attrs({SAMPLING: str(design.sampling)})
 
 
 def _moments(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
     truth = problem.truth
     low, high = truth.quantile([0.16, 0.84]).tolist()
     known = {"mean": truth.mean, "std": truth.std, "half_spread": (high - low) / 2}
-    answers = _answers("moments", runs, Question(problem.output, ""))
+    answers = _answers("moments", runs, QuantityOfInterest(problem.output, ""))
     for statistic, value in known.items():
         yield statistic, _cell(answers[f"{problem.output.name}_{statistic}"], value)
 
 
 def _quantiles(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
     name = problem.output.name
-    question = Question(problem.output, "", quantiles=QUANTILES, hold=HOLDS)
-    for p, answer in zip(QUANTILES, _answers("quantiles", runs, question)[name], strict=True):
+    quantity = QuantityOfInterest(problem.output, "", quantiles=QUANTILES, tolerance_contents=HOLDS)
+    for p, answer in zip(QUANTILES, _answers("quantiles", runs, quantity)[name], strict=True):
         yield f"quantile {p}", _cell(answer, float(problem.truth.quantile(p)))
-    for p, answer in zip(HOLDS, _answers("holds", runs, question)[name], strict=True):
+    for p, answer in zip(HOLDS, _answers("holds", runs, quantity)[name], strict=True):
         yield f"hold {p}", _cell(answer, float(problem.truth.quantile(p)), one_sided=True)
 
 
 def _exceedance(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
     for value in problem.exceeds:
         probability = 1 - float(problem.truth.cdf(value))
-        question = Question(problem.output, "", exceeds=(Threshold("", value),))
-        answers = _answers("exceedance", runs, question)
+        quantity = QuantityOfInterest(problem.output, "", thresholds=(Threshold("", value),))
+        answers = _answers("exceedance", runs, quantity)
         answer = answers[problem.output.name][0]
         yield f"P(> {value:.4g}) = {probability:.3g}", _cell(answer, probability)
 
 
 def _cdf(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
     name = problem.output.name
-    answers = _answers("cdfs", runs, Question(problem.output, ""))
+    answers = _answers("cdfs", runs, QuantityOfInterest(problem.output, ""))
     values = answers[name].values
     pointwise = answers[f"{name}_probability"]
     for p in FIXED:
@@ -314,7 +314,7 @@ def _cdf(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
 def _shares(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
     for output in problem.evaluator.model.outputs:
         if output.categories:
-            answer = _answers("shares", runs, Question(output, ""))[output.name]
+            answer = _answers("shares", runs, QuantityOfInterest(output, ""))[output.name]
             for position, category in enumerate(output.categories):
                 value = problem.truth.shares[category.flag]
                 yield f"share {category.flag} = {value:.3g}", _cell(answer[position], value)
@@ -324,12 +324,12 @@ def _indices(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
     """Sobol' indices: of blocks those that they are made for, else first-order from given data."""
     truth, name = problem.truth, problem.output.name
     exceeds = tuple(Threshold(str(value), value) for value in truth.exceedance_indices)
-    question = Question(problem.output, "", exceeds=exceeds)
+    quantity = QuantityOfInterest(problem.output, "", thresholds=exceeds)
     has_blocks = Sampling(runs.attrs[SAMPLING]) is Sampling.PICK_FREEZE
     if has_blocks:
-        answering = sobol_indices(runs, question)
+        answering = sobol_indices(runs, quantity)
     else:
-        answering = first_order(Sample.of(runs, name), question)
+        answering = first_order(Sample.from_runs(runs, name), quantity)
     known = [kind for kind in truth.indices if has_blocks or kind.endswith("first_order")]
     wanted = {f"{name}_{kind}" for kind in known}
     if exceeds:
@@ -373,12 +373,14 @@ STATISTICS: dict[str, Callable[[Problem, xr.Dataset], Iterator[tuple[str, Cell]]
 }
 
 
-def _answers(analysis: str, runs: xr.Dataset, question: Question) -> dict[str, xr.DataArray]:
-    sample = Sample.of(runs, question.output.name)
+def _answers(
+    analysis: str, runs: xr.Dataset, quantity: QuantityOfInterest
+) -> dict[str, xr.DataArray]:
+    sample = Sample.from_runs(runs, quantity.output.name)
     return {
         name: answer
         for reference in ANALYSES[analysis]
-        for name, answer in resolve(reference)(sample, question)
+        for name, answer in resolve(reference)(sample, quantity)
     }
 
 
@@ -399,7 +401,7 @@ class _Own:
 
 
 def _cell(answer: xr.DataArray, truth: float, *, one_sided: bool = False) -> Cell:
-    label, note = told(answer, INTERVAL_LABEL), told(answer, NOTE)
+    label, note = interval_metadata(answer, INTERVAL_LABEL), interval_metadata(answer, NOTE)
     return _held(answer.values, label, note, truth, one_sided=one_sided)
 
 
@@ -514,7 +516,7 @@ def _concrete() -> Problem:
     study = load_study(STUDIES / "concrete.toml")
     study.model.prepare()
     evaluator = Evaluator(study.model, study.constraints)
-    drawn = _reference(evaluator, study.law)
+    drawn = _reference(evaluator, study.joint)
     depth = np.sort(drawn["penetration_depth"])
     termination = study.model.output("termination")
     shares = {
@@ -528,7 +530,7 @@ def _concrete() -> Problem:
         exceedance_indices=_CONCRETE_EXCEEDANCE_INDICES,
     )
     output = study.model.output("penetration_depth")
-    return Problem(evaluator, study.law, output, truth, (0.54, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0))
+    return Problem(evaluator, study.joint, output, truth, (0.54, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0))
 
 
 def _ishigami() -> Problem:
@@ -536,8 +538,8 @@ def _ishigami() -> Problem:
     a, b = model.a, model.b
     variance = 0.5 + a**2 / 8 + b * math.pi**4 / 5 + b**2 * math.pi**8 / 18
     evaluator = Evaluator(model)
-    law = _law(model, [Uniform(-math.pi, math.pi)] * 3)
-    drawn = _empirical(np.sort(_reference(evaluator, law)["y"]))
+    joint = _law(model, [Uniform(-math.pi, math.pi)] * 3)
+    drawn = _empirical(np.sort(_reference(evaluator, joint)["y"]))
     wave = b**2 * math.pi**8 / 18 - b**2 * math.pi**8 / 50
     first = (variance - a**2 / 8 - wave, a**2 / 8, 0.0)
     total = (variance - a**2 / 8, a**2 / 8, wave)
@@ -546,20 +548,20 @@ def _ishigami() -> Problem:
         "total_order": [part / variance for part in total],
     }
     truth = replace(drawn, mean=a / 2, std=math.sqrt(variance), indices=indices)
-    return Problem(evaluator, law, model.outputs[0], truth, _beyond(truth))
+    return Problem(evaluator, joint, model.outputs[0], truth, _beyond(truth))
 
 
 def _additive() -> Problem:
     """A sum of normal inputs is normal."""
     model = _function("additive", lambda x1, x2, x3: {"y": x1 + x2 + x3})
     deviations = (1.0, 2.0, 0.5)
-    law = _law(model, [Normal(0.0, deviation) for deviation in deviations])
+    joint = _law(model, [Normal(0.0, deviation) for deviation in deviations])
     std = math.hypot(*deviations)
     exact = stats.norm(0.0, std)
     shares = [deviation**2 / std**2 for deviation in deviations]
     indices = {"first_order": shares, "total_order": shares}
     truth = Truth(0.0, std, exact.cdf, exact.ppf, indices=indices)
-    return Problem(Evaluator(model), law, model.outputs[0], truth, _beyond(truth))
+    return Problem(Evaluator(model), joint, model.outputs[0], truth, _beyond(truth))
 
 
 # Uniform inputs lie beyond x1 + x2 = _EDGE with this probability.
@@ -573,7 +575,7 @@ def _step() -> Problem:
     model = _function(
         "step", lambda x1, x2, x3: {"y": _RISE * (np.asarray(x1) + x2 > _EDGE) + np.square(x3)}
     )
-    law = _law(model, [Uniform(0.0, 1.0)] * 3)
+    joint = _law(model, [Uniform(0.0, 1.0)] * 3)
     # Given one of the first two inputs, the jump has the probability 0 or one that is uniform up to
     # the width of the other's part beyond the edge.
     width = 2 - _EDGE
@@ -595,7 +597,7 @@ def _step() -> Problem:
             _RISE + np.square((np.asarray(p) - 1 + _JUMP) / _JUMP),
         ),
     )
-    return Problem(Evaluator(model), law, model.outputs[0], truth, _beyond(truth))
+    return Problem(Evaluator(model), joint, model.outputs[0], truth, _beyond(truth))
 
 
 def _jumps() -> Problem:
@@ -604,7 +606,7 @@ def _jumps() -> Problem:
         "jumps",
         lambda x1, x2, x3: {"y": (np.asarray(x1) > 0.7) * (3.0 + 2.0 * (x2 > 0.4)) + x3},
     )
-    law = _law(model, [Uniform(0.0, 1.0)] * 3)
+    joint = _law(model, [Uniform(0.0, 1.0)] * 3)
     heights, weights = np.array([0.0, 3.0, 5.0]), np.array([0.7, 0.12, 0.18])
     mean = float(weights @ heights)
     jumping = float(weights @ heights**2) - mean**2
@@ -623,7 +625,7 @@ def _jumps() -> Problem:
         quantile=lambda p: _uniform_over(heights, weights, np.asarray(p)),
         indices=indices,
     )
-    return Problem(Evaluator(model), law, model.outputs[0], truth, _beyond(truth))
+    return Problem(Evaluator(model), joint, model.outputs[0], truth, _beyond(truth))
 
 
 def _uniform_over(heights: FloatArray, weights: FloatArray, p: FloatArray) -> FloatArray:
@@ -636,25 +638,25 @@ def _uniform_over(heights: FloatArray, weights: FloatArray, p: FloatArray) -> Fl
 def _single_input() -> Problem:
     """A uniform input as it is: over strata, shares err by no more than counting whole runs."""
     model = _function("single input", lambda x1: {"y": x1}, names=("x1",))
-    law = _law(model, [Uniform(0.0, 1.0)])
+    joint = _law(model, [Uniform(0.0, 1.0)])
     exact = stats.uniform()
     indices = {"first_order": (1.0,), "total_order": (1.0,)}
     truth = Truth(0.5, math.sqrt(1 / 12), exact.cdf, exact.ppf, indices=indices)
     # Not between two strata, where a share has no error at all.
     exceeds = (0.4987, 0.8953, 0.9871, 0.99877)
-    return Problem(Evaluator(model), law, model.outputs[0], truth, exceeds)
+    return Problem(Evaluator(model), joint, model.outputs[0], truth, exceeds)
 
 
 def _half_lost() -> Problem:
     """A sum of two uniform inputs, of which the first is to be larger: a triangular law."""
     model = _function("half lost", lambda x1, x2: {"y": x1 + x2}, names=("x1", "x2"))
-    law = _law(model, [Uniform(0.0, 1.0)] * 2)
+    joint = _law(model, [Uniform(0.0, 1.0)] * 2)
     larger = parse_constraint("x1 > x2", {"x1": "1", "x2": "1"})
     exact = stats.triang(0.5, 0.0, 2.0)
     # Given x1, the sum is x1 + x1 / 2 in the mean; given x2, x1 is uniform above it.
     indices = {"first_order": (3 / 4, 3 / 4), "total_order": (1 / 4, 1 / 4)}
     truth = Truth(1.0, math.sqrt(1 / 6), exact.cdf, exact.ppf, indices=indices)
-    return Problem(Evaluator(model, (larger,)), law, model.outputs[0], truth, _beyond(truth))
+    return Problem(Evaluator(model, (larger,)), joint, model.outputs[0], truth, _beyond(truth))
 
 
 PROBLEMS: dict[str, Callable[[], Problem]] = {
@@ -674,16 +676,16 @@ def _function(
     names: tuple[str, ...] = ("x1", "x2", "x3"),
 ) -> PythonFunction:
     inputs = tuple(Input(name, "1") for name in names)
-    called_in = dict.fromkeys((*names, "y"), "1")
-    return PythonFunction(function, name, inputs, (Output("y", "1"),), called_in, vectorized=True)
+    units = dict.fromkeys((*names, "y"), "1")
+    return PythonFunction(function, name, inputs, (Output("y", "1"),), units, vectorized=True)
 
 
-def _law(model: Model, distributions: Sequence[Distribution]) -> InputLaw:
+def _law(model: Model, distributions: Sequence[Distribution]) -> JointDistribution:
     entries = tuple(
         RandomInput(variable, distribution, variable.unit)
         for variable, distribution in zip(model.inputs, distributions, strict=True)
     )
-    return InputLaw(entries, tuple(model.inputs))
+    return JointDistribution(entries, tuple(model.inputs))
 
 
 def _beyond(truth: Truth) -> tuple[float, ...]:
@@ -691,12 +693,12 @@ def _beyond(truth: Truth) -> tuple[float, ...]:
     return tuple(truth.quantile([0.5, 0.9, 0.99, 0.999]).tolist())
 
 
-def _reference(evaluator: Evaluator, law: InputLaw) -> dict[str, FloatArray]:
+def _reference(evaluator: Evaluator, joint: JointDistribution) -> dict[str, FloatArray]:
     """Admissible runs at scrambled Sobol' points; their errors are far below any interval's."""
-    unit = qmc.Sobol(len(law.random), rng=REFERENCE_SEED).random_base2(REFERENCE_EXPONENT)
+    unit = qmc.Sobol(len(joint.random), rng=REFERENCE_SEED).random_base2(REFERENCE_EXPONENT)
     parts: list[dict[str, FloatArray]] = []
     for some in np.split(unit, 64):
-        points = law.points(some, {})
+        points = joint.points(some, {})
         columns = {
             str(name): np.broadcast_to(column.values, points.sizes[RUN])
             for name, column in points.data_vars.items()

@@ -22,12 +22,12 @@ import numpy as np
 import xarray as xr
 
 import uqpen
-from uqpen.evaluation import Evaluator, Map, evaluate
-from uqpen.evaluation.evaluator import Batchwise
-from uqpen.executors.cluster import Cluster, cluster
-from uqpen.executors.processes import processes
-from uqpen.executors.work import Batch, Piece
-from uqpen.model import Model
+from uqpen.core.model import Model
+from uqpen.execution import Evaluator, Map, evaluate
+from uqpen.execution.batch import Batch, BatchResult
+from uqpen.execution.cluster import Cluster, cluster
+from uqpen.execution.evaluator import EvaluatorWork
+from uqpen.execution.processes import processes
 
 SOURCE = "def simulate(x, y):\n    return {'z': x + y}\n"
 STUDY = """\
@@ -110,7 +110,7 @@ def _seconds(call: Callable[[], object]) -> float:
 def _print_dask_chunks(folder: Path, repeats: int) -> None:
     """What a batch costs on Dask, whatever its runs cost, beside what Dask costs alone."""
     model = uqpen.parse_study(STUDY.format(vectorized="true"), folder=folder).model
-    work = Batchwise(Evaluator(model))
+    work = EvaluatorWork(Evaluator(model))
     one = {"x": np.ones(1), "y": np.ones(1)}
     ours, alone = [], []
     with _dask() as spread:
@@ -126,7 +126,7 @@ def _print_dask_chunks(folder: Path, repeats: int) -> None:
     print(f"their ratio, by turns: {told[1]} ({told[0]} to {told[2]})")
 
 
-def _through(spread: Map, work: Batchwise, batches: list[Batch]) -> list[Piece]:
+def _through(spread: Map, work: EvaluatorWork, batches: list[Batch]) -> list[BatchResult]:
     return list(spread(work, batches))
 
 

@@ -101,12 +101,12 @@ def _report(lane_rates: list[float], loop_rates: list[float]) -> int:
 def _admissible_points() -> Inputs:
     """The admissible points of the plain study, an array of each of the model's inputs."""
     import uqpen
-    from uqpen.evaluation import Evaluator
-    from uqpen.streams import Stream
+    from uqpen.core.streams import Stream
+    from uqpen.execution import Evaluator
 
     study = uqpen.load_study(Path(__file__).with_name("plain.toml"))
     (design,) = study.designs.values()
-    points = next(design.rounds(study.law, Stream(study.seed)))
+    points = next(design.rounds(study.joint, Stream(study.seed)))
     columns = {
         str(name): np.broadcast_to(column.values, points.sizes["run"])
         for name, column in points.data_vars.items()
@@ -117,11 +117,11 @@ def _admissible_points() -> Inputs:
 
 def _dop853(batch: Inputs, tolerance: float) -> FloatArray:
     """Depth and residue of every run, one after the other."""
-    from uqpen.models.rod_trajectory import integrate_erosion, rod_in_target
+    from uqpen.models.rod_trajectory import integrate_erosion, make_rod
 
     results = []
     for row in zip(*(values.tolist() for values in batch.values()), strict=True):
-        rod = rod_in_target(**dict(zip(batch, row, strict=True)))
+        rod = make_rod(**dict(zip(batch, row, strict=True)))
         solution = integrate_erosion(rod, tolerance)
         u, _, L, z = solution.y[:, -1].tolist()
         inertia = rod.density_ratio * L + rod.added_length

@@ -39,7 +39,7 @@ def study_of(tmp_path: Path) -> Callable[..., Study]:
         names = ", ".join(inputs)
         source = f"import numpy as np\ndef f({names}):\n    return {{'y': {body}}}\n"
         (tmp_path / "line.py").write_text(source)
-        laws = [f"{name} = {_law(law)}" for name, law in inputs.items()]
+        distributions = [f"{name} = {_law(law)}" for name, law in inputs.items()]
         units = [f'{name} = "1"' for name in inputs]
         designs = '[designs.some]\nkind = "monte-carlo"\nruns = 10'
         lines = [
@@ -47,7 +47,7 @@ def study_of(tmp_path: Path) -> Callable[..., Study]:
             '[model]\npython = "line.py:f"\nvectorized = true',
             *("[model.inputs]", *units),
             '[model.outputs]\ny = "1"',
-            *("[inputs]", *laws),
+            *("[inputs]", *distributions),
             text if "[designs" in text else f"{text}\n{designs}",
         ]
         return parse_study("\n".join(lines), folder=tmp_path)
@@ -55,12 +55,12 @@ def study_of(tmp_path: Path) -> Callable[..., Study]:
     return make
 
 
-def _law(law: Any) -> str:
-    if isinstance(law, tuple):
-        return f"{{ uniform = {{ lower = {law[0]!r}, upper = {law[1]!r} }} }}"
-    if isinstance(law, float):
-        return repr(law)
-    return law if law.startswith("{") else f'"{law}"'
+def _law(distribution: Any) -> str:
+    if isinstance(distribution, tuple):
+        return f"{{ uniform = {{ lower = {distribution[0]!r}, upper = {distribution[1]!r} }} }}"
+    if isinstance(distribution, float):
+        return repr(distribution)
+    return distribution if distribution.startswith("{") else f'"{distribution}"'
 
 
 class Outcome(NamedTuple):

@@ -13,18 +13,18 @@ from pathlib import Path
 import pytest
 
 import uqpen
-from uqpen.analyses import ANALYSES, ANALYSES_OF_DESIGNS
 from uqpen.cli.main import COMMANDS
+from uqpen.core.errors import UqpenError
+from uqpen.core.lookup import resolve
+from uqpen.core.model import Model
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
-from uqpen.errors import UqpenError
-from uqpen.inputs.copulas import COPULAS
-from uqpen.inputs.dependence import Dependence
-from uqpen.inputs.distribution import Distribution
-from uqpen.inputs.distributions import DISTRIBUTIONS
-from uqpen.lookup import resolve
-from uqpen.model import Model
+from uqpen.distributions.continuous import DISTRIBUTIONS
+from uqpen.distributions.copulas import COPULAS
+from uqpen.distributions.dependence import Dependence
+from uqpen.distributions.distribution import Distribution
 from uqpen.models import MODELS
+from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS
 
 ROOT = Path(__file__).parents[1]
 
@@ -107,7 +107,7 @@ def test_every_analysis_resolves_to_a_callable() -> None:
 
 
 def test_the_exception_tree_is_the_one_that_is_drawn() -> None:
-    errors = importlib.import_module("uqpen.errors")
+    errors = importlib.import_module("uqpen.core.errors")
     drawn: dict[str, str] = {}
     above: list[str] = []
     for line in (errors.__doc__ or "").splitlines():

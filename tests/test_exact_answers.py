@@ -16,7 +16,7 @@ import xarray as xr
 from scipy import stats
 
 import uqpen
-from uqpen.intervals import dkw_half_width, runs_needed
+from uqpen.statistics.intervals import dkw_half_width, runs_needed
 from uqpen.study.study import Study
 
 pytestmark = pytest.mark.processor

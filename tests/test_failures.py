@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 import uqpen
-from uqpen.errors import StudyError, TooManyLostError
-from uqpen.evaluation import Evaluator
-from uqpen.evaluation.failures import Losses
-from uqpen.executors.memory import CAN_LIMIT
-from uqpen.executors.processes import processes
-from uqpen.executors.work import Piece
-from uqpen.labels import Status
-from uqpen.model import Results
+from uqpen.core.errors import StudyError, TooManyFailedError
+from uqpen.core.labels import Status
+from uqpen.core.model import Results
+from uqpen.execution import Evaluator
+from uqpen.execution.batch import BatchResult
+from uqpen.execution.failures import FailureCount
+from uqpen.execution.memory_limit import CAN_LIMIT
+from uqpen.execution.processes import processes
 
 Command = Callable[..., Any]
 
@@ -164,9 +164,9 @@ def test_a_run_that_wants_too_much_memory_costs_itself_only(tmp_path: Path) -> N
     ],
 )
 def test_a_mistake_in_failures_is_told(folder: Path, text: str, found: str, expected: str) -> None:
-    with pytest.raises(StudyError) as told:
+    with pytest.raises(StudyError) as message:
         uqpen.parse_study(f"{STUDY}[failures]\n{text}\n", folder=folder)
-    said = " ".join(str(told.value).split())
+    said = " ".join(str(message.value).split())
     assert f"found {found} expected" in said
     assert expected in said
 
@@ -182,9 +182,9 @@ def test_a_mistake_in_failures_is_told(folder: Path, text: str, found: str, expe
     ],
 )
 def test_a_limit_that_is_none_is_told(folder: Path, text: str, found: str, expected: str) -> None:
-    with pytest.raises(StudyError) as told:
+    with pytest.raises(StudyError) as message:
         uqpen.parse_study(STUDY.replace("[model]", f"[model]\n{text}"), folder=folder)
-    said = " ".join(str(told.value).split())
+    said = " ".join(str(message.value).split())
     assert f"found {found} expected" in said
     assert expected in said
 
@@ -202,18 +202,20 @@ def test_a_limit_is_kept_wherever_a_run_is_made(folder: Path, command_line: Comm
 
 def test_a_share_is_not_exceeded_by_rounding() -> None:
     status = np.full(29, Status.FAILED, dtype=np.int8)
-    piece = Piece(0, Results({"y": np.full(29, np.nan)}, status, dict.fromkeys(range(29), "no")))
+    batch_result = BatchResult(
+        0, Results({"y": np.full(29, np.nan)}, status, dict.fromkeys(range(29), "no"))
+    )
     assert 0.29 * 100 < 29
-    assert Losses(0.29, 100).add(piece) == 29
-    with pytest.raises(TooManyLostError, match="29 of 100 runs were lost so far"):
-        Losses(0.28, 100).add(piece)
+    assert FailureCount(0.29, 100).add(batch_result) == 29
+    with pytest.raises(TooManyFailedError, match="29 of 100 runs were lost so far"):
+        FailureCount(0.28, 100).add(batch_result)
 
 
 def test_a_run_that_comes_twice_is_lost_once() -> None:
     status = np.array([Status.FAILED, Status.OK], dtype=np.int8)
-    pieces = [Piece(start, Results({}, status, {0: "why"})) for start in (0, 0, 2)]
-    losses = Losses(0.5, 4)
-    assert [losses.add(piece) for piece in pieces] == [1, 0, 1]
+    batch_results = [BatchResult(start, Results({}, status, {0: "why"})) for start in (0, 0, 2)]
+    losses = FailureCount(0.5, 4)
+    assert [losses.add(batch_result) for batch_result in batch_results] == [1, 0, 1]
     assert losses.statuses == {Status.FAILED: 2}
 
 

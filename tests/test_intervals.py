@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.stats import qmc
 
-from uqpen.intervals import (
+from uqpen.statistics.intervals import (
     additive_residual_error,
     clopper_pearson,
     dkw_half_width,

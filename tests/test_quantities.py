@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uqpen.errors import QuantityError
-from uqpen.quantities import parse_quantity, parse_spread
-from uqpen.units import are_alike, describe, scale, si_unit
+from uqpen.core.errors import QuantityError
+from uqpen.core.quantities import parse_quantity, parse_spread
+from uqpen.core.units import are_convertible, describe, scale, si_unit
 
 
 @pytest.mark.parametrize(
@@ -152,5 +152,5 @@ def test_a_message_says_what_a_unit_measures() -> None:
 
 
 def test_units_are_alike_when_they_measure_the_same() -> None:
-    assert are_alike("psi", "GPa")
-    assert not are_alike("psi", "GPa m")
+    assert are_convertible("psi", "GPa")
+    assert not are_convertible("psi", "GPa m")

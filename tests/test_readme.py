@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import uqpen
-from uqpen.summary.tables import output_tables
+from uqpen.results.output_tables import output_tables
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

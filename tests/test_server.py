@@ -21,13 +21,13 @@ import pytest
 import umbridge
 
 import uqpen
-from uqpen.cli.serve import offers
-from uqpen.errors import UqpenError
-from uqpen.evaluation import Evaluator
-from uqpen.executors.processes import processes
-from uqpen.labels import Status
+from uqpen.cli.serve import make_offers
+from uqpen.core.errors import UqpenError
+from uqpen.core.labels import Status
+from uqpen.execution import Evaluator
+from uqpen.execution.processes import processes
 from uqpen.models.ishigami import Ishigami
-from uqpen.server import ModelServer, Offer
+from uqpen.server import ModelServer, ServedModel
 
 STUDY = """\
 seed = 1
@@ -52,7 +52,7 @@ BUILT_IN = STUDY.format(model='use = "ishigami"')
 
 
 @contextlib.contextmanager
-def offering(*offers: Offer) -> Iterator[str]:
+def offering(*offers: ServedModel) -> Iterator[str]:
     """The address of a server with these offers."""
     with ModelServer(offers, port=0) as server:
         thread = threading.Thread(target=server.serve_forever, args=(0.01,))
@@ -66,7 +66,7 @@ def offering(*offers: Offer) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
-    with offering(Offer("ishigami", Evaluator(Ishigami()), ("x1", "x2", "x3"))) as address:
+    with offering(ServedModel("ishigami", Evaluator(Ishigami()), ("x1", "x2", "x3"))) as address:
         yield address
 
 
@@ -189,7 +189,7 @@ def test_a_model_served_gives_the_bits_of_the_model_here(address: str) -> None:
 
 class TestOffers:
     def test_an_input_can_be_held(self) -> None:
-        offer = Offer("a", Evaluator(Ishigami()), ("x3", "x1"), {"x2": 0.5})
+        offer = ServedModel("a", Evaluator(Ishigami()), ("x3", "x1"), {"x2": 0.5})
         x = {"x1": np.array([2.0]), "x2": np.array([0.5]), "x3": np.array([1.0])}
         assert offer.run([1.0, 2.0]) == Ishigami().evaluate(x).outputs["y"].tolist()
 
@@ -205,7 +205,7 @@ class TestOffers:
         self, varied: tuple[str, ...], held: dict[str, float], message: str
     ) -> None:
         with pytest.raises(UqpenError) as refused:
-            Offer("a", Evaluator(Ishigami()), varied, held)
+            ServedModel("a", Evaluator(Ishigami()), varied, held)
         assert str(refused.value) == message
 
 
@@ -246,22 +246,29 @@ class TestCommand:
         assert (process.returncode, out, err) == (0, "", "stopped\n")
 
     def test_a_built_in_model_takes_what_must_be_given(self) -> None:
-        (offer,) = offers("walker-anderson")
-        assert offer.held == {"smoothing": 0.0}
-        assert len(offer.varied) == 9
-        assert "projectile_sound_speed" in offer.varied
-        assert "projectile_young_modulus" not in offer.varied
+        (offer,) = make_offers("walker-anderson")
+        assert offer.fixed_inputs == {"smoothing": 0.0}
+        assert len(offer.varied_inputs) == 9
+        assert "projectile_sound_speed" in offer.varied_inputs
+        assert "projectile_young_modulus" not in offer.varied_inputs
 
     def test_a_study_takes_what_it_draws(self, tmp_path: Path) -> None:
         (tmp_path / "study.toml").write_text(BUILT_IN)
-        (offer,) = offers(str(tmp_path / "study.toml"))
-        assert (offer.name, offer.varied, offer.held) == ("ishigami", ("x1", "x2"), {"x3": 1.0})
+        (offer,) = make_offers(str(tmp_path / "study.toml"))
+        assert (offer.name, offer.varied_inputs, offer.fixed_inputs) == (
+            "ishigami",
+            ("x1", "x2"),
+            {"x3": 1.0},
+        )
         several = BUILT_IN.replace("[model]", "[models.a]").replace(
             "[inputs]", "[models.b]\nuse = 'ishigami'\nwith = { x3 = 2 }\n[inputs]"
         )
         (tmp_path / "several.toml").write_text(several)
-        found = offers(str(tmp_path / "several.toml"))
-        assert [(offer.name, offer.held) for offer in found] == [("a", {"x3": 1}), ("b", {"x3": 2})]
+        found = make_offers(str(tmp_path / "several.toml"))
+        assert [(offer.name, offer.fixed_inputs) for offer in found] == [
+            ("a", {"x3": 1}),
+            ("b", {"x3": 2}),
+        ]
 
     def test_an_archive_gives_its_surrogates(self, tmp_path: Path) -> None:
         text = BUILT_IN.replace("120", "60") + CHAOS
@@ -270,8 +277,8 @@ class TestCommand:
         made = tree["runs/some"].to_dataset()
         ok = made.isel(run=np.flatnonzero(made["status"] == Status.OK)[:20])
         points = np.stack([ok["x1"], ok["x2"]], axis=1).tolist()
-        (offer,) = offers(f"{tmp_path}/study.nc:chaos")
-        assert offers(f"{tmp_path}/study.nc")[0].name == offer.name == "chaos"
+        (offer,) = make_offers(f"{tmp_path}/study.nc:chaos")
+        assert make_offers(f"{tmp_path}/study.nc")[0].name == offer.name == "chaos"
         fitted = [offer.run(point)[0] for point in points]
         assert np.corrcoef(fitted, ok["y"])[0, 1] > 0.9
         with offering(offer) as address:

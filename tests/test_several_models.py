@@ -11,9 +11,9 @@ import xarray as xr
 import uqpen
 from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
-from uqpen.errors import StudyError
-from uqpen.summary.json import as_json
-from uqpen.summary.tables import output_tables
+from uqpen.core.errors import StudyError
+from uqpen.results.json import archive_json
+from uqpen.results.output_tables import output_tables
 
 MODELS = """
 import numpy as np
@@ -114,7 +114,7 @@ def test_a_difference_is_better_known_than_either(tree: xr.DataTree) -> None:
 def test_the_archive_of_several_models_reads_back(tree: xr.DataTree, tmp_path: Path) -> None:
     write(tree, tmp_path / "models.nc")
     read = open_archive(tmp_path / "models.nc")
-    told = as_json(read)
+    told = archive_json(read)
     assert list(told["models"]) == ["first", "shifted", "picky"]
     assert told["models"]["first"]["designs"]["mc"]["runs"] == 1000
     mean = told["differences"]["shifted"]["mc"]["outputs"]["y"]["mean"]
@@ -125,10 +125,10 @@ def test_the_archive_of_several_models_reads_back(tree: xr.DataTree, tmp_path: P
 
 
 def test_an_adaptive_study_is_told_the_gravest_status(tree: xr.DataTree) -> None:
-    from uqpen.evaluation import worst
+    from uqpen.execution import worst_status_runs
 
     first, picky = (tree[f"models/{name}/runs/mc"].to_dataset() for name in ("first", "picky"))
-    status = worst([first, picky])["status"].values
+    status = worst_status_runs([first, picky])["status"].values
     assert (status == picky["status"].values).all()
     assert np.count_nonzero(status) > 0
 
@@ -201,4 +201,4 @@ def test_an_input_that_a_model_does_not_take_has_no_part_in_it(tmp_path: Path) -
     assert float(blocks["y_total_order"].sel(input="b", bound="estimate")) == 0.0
     assert str(blocks["y_total_order_note"].sel(input="b").values)
     write(tree, tmp_path / "lacking.nc")
-    assert list(as_json(open_archive(tmp_path / "lacking.nc"))["models"]) == ["both", "one"]
+    assert list(archive_json(open_archive(tmp_path / "lacking.nc"))["models"]) == ["both", "one"]

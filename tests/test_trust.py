@@ -10,15 +10,15 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.analyses.estimate import Estimate
-from uqpen.analyses.of_surrogate import Reach
-from uqpen.archive.told import told
+from uqpen.archive.interval_metadata import interval_metadata
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.surrogate.surrogate_statistics import TrainingRange
 from uqpen.study.study import Study
-from uqpen.trust import Witness, judged
+from uqpen.trust import ValidationRuns, validate_surrogate
 
 MakeStudy = Callable[..., Study]
 
-WIDE = Reach(-100.0, 100.0, 0.0)
+WIDE = TrainingRange(-100.0, 100.0, 0.0)
 
 
 def mean(value: float, lower: float, upper: float) -> xr.Dataset:
@@ -26,14 +26,18 @@ def mean(value: float, lower: float, upper: float) -> xr.Dataset:
     return xr.Dataset({"y_mean": estimate.to_array(units="1", long_name="mean")})
 
 
-def verdict(figure: float, *witnesses: xr.Dataset, reach: Reach = WIDE) -> tuple[str, str]:
-    known = [Witness(f"runs_{i}", {"moments": each}) for i, each in enumerate(witnesses)]
+def verdict(
+    figure: float, *validation_runs: xr.Dataset, training_range: TrainingRange = WIDE
+) -> tuple[str, str]:
+    known = [
+        ValidationRuns(f"runs_{i}", {"moments": each}) for i, each in enumerate(validation_runs)
+    ]
     unsampled = mean(figure, float("nan"), float("nan"))
-    found = judged({"moments": unsampled}, known, {"y": reach})
+    found = validate_surrogate({"moments": unsampled}, known, {"y": training_range})
     array = found["moments"]["y_mean"]
     assert np.isnan(array.values[1:]).all()
     assert array.values[0] == figure or np.isnan(figure)
-    return told(array, "interval_label"), told(array, "note")
+    return interval_metadata(array, "interval_label"), interval_metadata(array, "note")
 
 
 def test_a_figure_inside_the_runs_interval_is_checked() -> None:
@@ -72,11 +76,13 @@ def test_a_spread_that_no_runs_vouch_for_must_not_hang_on_an_extrapolated_tail(
 ) -> None:
     vouched = Estimate(2.0, 1.0, 3.0, "by hand", "nominal")
     silent = Estimate.without_bounds(2.0, "heavy tail")
-    reach = {"y": Reach(0.0, 9.0, beyond)}
+    reach = {"y": TrainingRange(0.0, 9.0, beyond)}
     for estimate, expected in ((vouched, "checked"), (silent, label)):
         group = xr.Dataset({"y_std": estimate.to_array(units="1", long_name="sd")})
-        found = judged({"moments": group}, [Witness("runs", {"moments": group})], reach)
-        assert told(found["moments"]["y_std"], "interval_label") == expected
+        found = validate_surrogate(
+            {"moments": group}, [ValidationRuns("runs", {"moments": group})], reach
+        )
+        assert interval_metadata(found["moments"]["y_std"], "interval_label") == expected
 
 
 def quantiles(values: Mapping[float, float], half: float) -> xr.Dataset:
@@ -88,8 +94,10 @@ def quantiles(values: Mapping[float, float], half: float) -> xr.Dataset:
 def test_each_of_several_figures_is_judged_by_itself() -> None:
     surrogate = quantiles({0.05: 1.0, 0.5: 2.0, 0.99: 12.0}, 0.01)
     runs = quantiles({0.05: 1.05, 0.5: 2.5, 0.99: 12.0}, 0.1)
-    found = judged(
-        {"quantiles": surrogate}, [Witness("runs", {"quantiles": runs})], {"y": Reach(0, 10, 0)}
+    found = validate_surrogate(
+        {"quantiles": surrogate},
+        [ValidationRuns("runs", {"quantiles": runs})],
+        {"y": TrainingRange(0, 10, 0)},
     )
     array = found["quantiles"]["y"]
     labels = array["y_probability_interval_label"].values.tolist()
@@ -106,8 +114,10 @@ def test_variables_that_share_a_dimension_keep_their_own_verdicts() -> None:
             found[name] = array.assign_coords(input=["x"])
         return xr.Dataset(found)
 
-    witness = Witness("runs", {"sensitivity": indices(0.5, 0.6)})
-    found = judged({"sensitivity": indices(0.55, 0.9)}, [witness], {"y": WIDE})["sensitivity"]
+    validation = ValidationRuns("runs", {"sensitivity": indices(0.5, 0.6)})
+    found = validate_surrogate({"sensitivity": indices(0.55, 0.9)}, [validation], {"y": WIDE})[
+        "sensitivity"
+    ]
     assert found["y_first_order_interval_label"].values.tolist() == ["checked"]
     assert found["y_total_order_interval_label"].values.tolist() == ["refused"]
 
@@ -204,5 +214,7 @@ def test_only_a_sample_of_the_studys_own_law_vouches_for_a_surrogate_unasked(
 
 def test_what_sampling_leaves_open_is_not_held_against_a_surrogate() -> None:
     sampled = mean(1.4, 1.2, 1.6)
-    found = judged({"moments": sampled}, [Witness("runs", {"moments": mean(1.1, 0.9, 1.3)})], {})
-    assert told(found["moments"]["y_mean"], "interval_label") == "checked"
+    found = validate_surrogate(
+        {"moments": sampled}, [ValidationRuns("runs", {"moments": mean(1.1, 0.9, 1.3)})], {}
+    )
+    assert interval_metadata(found["moments"]["y_mean"], "interval_label") == "checked"

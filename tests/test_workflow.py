@@ -12,8 +12,8 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.results.output_tables import output_tables
 from uqpen.study.study import Study
-from uqpen.summary.tables import output_tables
 
 pytestmark = pytest.mark.processor
 

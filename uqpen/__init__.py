@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from uqpen.archive.read import open_archive
     from uqpen.archive.write import write
-    from uqpen.errors import UqpenError
+    from uqpen.benchmark.compare import compare
+    from uqpen.checkpoints.make_archive import make_archive
+    from uqpen.core.errors import UqpenError
     from uqpen.figures.page import figure
-    from uqpen.head_to_head.contest import compare
-    from uqpen.making.make import make_archive
     from uqpen.report.page import write_report
     from uqpen.study.load import load_study, parse_study
     from uqpen.study.study import Study
@@ -40,11 +40,11 @@ __version__ = "0.1.0"
 # Imported when they are asked for, so that the command line starts at once.
 _HOMES = {
     "Study": "uqpen.study.study",
-    "UqpenError": "uqpen.errors",
-    "compare": "uqpen.head_to_head.contest",
+    "UqpenError": "uqpen.core.errors",
+    "compare": "uqpen.benchmark.compare",
     "figure": "uqpen.figures.page",
     "load_study": "uqpen.study.load",
-    "make_archive": "uqpen.making.make",
+    "make_archive": "uqpen.checkpoints.make_archive",
     "open_archive": "uqpen.archive.read",
     "parse_study": "uqpen.study.load",
     "run": "uqpen.workflow",

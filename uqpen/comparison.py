@@ -10,9 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.analyses.estimate import LEVEL
-from uqpen.archive.told import TOLD, stem, told_along
-from uqpen.labels import (
+from uqpen.archive.interval_metadata import INTERVAL_METADATA, metadata_coordinates, metadata_prefix
+from uqpen.core.labels import (
     BOUND,
     BOUNDS,
     EXCEEDANCE,
@@ -25,8 +24,9 @@ from uqpen.labels import (
     SHARES,
     SOURCE,
 )
+from uqpen.statistics.estimate import LEVEL
 
-__all__ = ["Source", "side_by_side"]
+__all__ = ["Source", "compare_sources"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -60,17 +60,17 @@ class Source:
     groups: Mapping[str, xr.Dataset]
 
 
-class _Figure(NamedTuple):
+class _Variable(NamedTuple):
     """A variable of one source, taken apart."""
 
     dimensions: tuple[str, ...]
     values: FloatArray
-    told: Mapping[str, npt.NDArray[np.object_]]
+    interval_metadata: Mapping[str, npt.NDArray[np.object_]]
     coordinates: Mapping[str, xr.Variable]
     attributes: Mapping[str, str]
 
 
-def side_by_side(sources: Mapping[str, Source]) -> xr.Dataset:
+def compare_sources(sources: Mapping[str, Source]) -> xr.Dataset:
     """Every figure along ``source``.
 
     Parameters
@@ -85,14 +85,16 @@ def side_by_side(sources: Mapping[str, Source]) -> xr.Dataset:
         ``bound``; NaN for a source that does not tell it. How each interval was made stands in
         coordinates called after the variable.
     """
-    told = {name: dict(_figures(source)) for name, source in sources.items()}
-    names = dict.fromkeys(name for known in told.values() for name in known)
-    axes = _axes([figure for known in told.values() for figure in known.values()])
+    by_source = {name: dict(_source_variables(source)) for name, source in sources.items()}
+    names = dict.fromkeys(name for known in by_source.values() for name in known)
+    axes = _axes(
+        [source_variable for known in by_source.values() for source_variable in known.values()]
+    )
     variables: dict[str, Any] = {}
     coordinates: dict[str, Any] = {name: axis.values for name, axis in axes.items()}
     for name in names:
-        figures = [known.get(name) for known in told.values()]
-        _join(name, figures, axes, variables, coordinates)
+        source_variables = [known.get(name) for known in by_source.values()]
+        _join_sources(name, source_variables, axes, variables, coordinates)
     kinds = np.array([source.kind for source in sources.values()], dtype=object)
     runs = np.array([source.runs for source in sources.values()], dtype=np.int64)
     spent = {"units": "1", "long_name": "runs of the model that the source took"}
@@ -108,16 +110,16 @@ def side_by_side(sources: Mapping[str, Source]) -> xr.Dataset:
     )
 
 
-def _figures(source: Source) -> Iterator[tuple[str, _Figure]]:
+def _source_variables(source: Source) -> Iterator[tuple[str, _Variable]]:
     """What a source tells, by the name that it has in the comparison."""
     for group, ending in _COMPARED.items():
         dataset = source.groups.get(group, xr.Dataset())
         for name in map(str, dataset.data_vars):
             if BOUND in dataset.variables[name].dims:
-                yield f"{name}{ending}", _figure(dataset, name)
+                yield f"{name}{ending}", _take_apart(dataset, name)
 
 
-def _figure(dataset: xr.Dataset, name: str) -> _Figure:
+def _take_apart(dataset: xr.Dataset, name: str) -> _Variable:
     array = dataset.variables[name]
     dimensions = tuple(map(str, array.dims[:-1]))
     beside = {
@@ -125,15 +127,15 @@ def _figure(dataset: xr.Dataset, name: str) -> _Figure:
         for key in dataset.coords
         if dataset.variables[key].dims and set(dataset.variables[key].dims) <= set(dimensions)
     }
-    called = stem(name, dimensions, beside)
-    told = {}
-    for what in TOLD:
-        texts = beside[f"{called}_{what}"].values if called else str(array.attrs.get(what, ""))
-        told[what] = np.full(array.shape[:-1], texts, dtype=object)
-    endings = tuple(f"_{what}" for what in TOLD)
+    prefix = metadata_prefix(name, dimensions, beside)
+    metadata = {}
+    for what in INTERVAL_METADATA:
+        texts = beside[f"{prefix}_{what}"].values if prefix else str(array.attrs.get(what, ""))
+        metadata[what] = np.full(array.shape[:-1], texts, dtype=object)
+    endings = tuple(f"_{what}" for what in INTERVAL_METADATA)
     kept = {key: variable for key, variable in beside.items() if not key.endswith(endings)}
     attributes = {key: array.attrs[key] for key in ("units", "long_name") if key in array.attrs}
-    return _Figure(dimensions, array.values, told, kept, attributes)
+    return _Variable(dimensions, array.values, metadata, kept, attributes)
 
 
 class _Axis(NamedTuple):
@@ -143,12 +145,12 @@ class _Axis(NamedTuple):
     positions: Mapping[object, int]
 
 
-def _axes(figures: Sequence[_Figure]) -> dict[str, _Axis]:
+def _axes(source_variables: Sequence[_Variable]) -> dict[str, _Axis]:
     """The dimensions of all figures: a source may tell of more inputs than another."""
     known: dict[str, list[xr.Variable]] = {}
-    for figure in figures:
-        for name in figure.dimensions:
-            known.setdefault(name, []).append(figure.coordinates[name])
+    for source_variable in source_variables:
+        for name in source_variable.dimensions:
+            known.setdefault(name, []).append(source_variable.coordinates[name])
     axes = {}
     for name, variables in known.items():
         entries = dict.fromkeys(entry for each in variables for entry in each.values.tolist())
@@ -158,34 +160,39 @@ def _axes(figures: Sequence[_Figure]) -> dict[str, _Axis]:
     return axes
 
 
-def _join(
+def _join_sources(
     name: str,
-    figures: Sequence[_Figure | None],
+    source_variables: Sequence[_Variable | None],
     axes: Mapping[str, _Axis],
     variables: dict[str, Any],
     coordinates: dict[str, Any],
 ) -> None:
     """Put one figure of all sources among the variables, and what belongs to it beside them."""
-    like = next(figure for figure in figures if figure is not None)
+    like = next(
+        source_variable for source_variable in source_variables if source_variable is not None
+    )
     dimensions = (SOURCE, *like.dimensions)
-    shape = (len(figures), *(len(axes[each].positions) for each in like.dimensions))
+    shape = (len(source_variables), *(len(axes[each].positions) for each in like.dimensions))
     values = np.full((*shape, len(BOUNDS)), np.nan)
-    told = {what: np.full(shape, "none", dtype=object) for what in TOLD}
-    told[NOTE][:] = "this source does not tell it"
-    for position, figure in enumerate(figures):
-        if figure is None:
+    texts = {what: np.full(shape, "none", dtype=object) for what in INTERVAL_METADATA}
+    texts[NOTE][:] = "this source does not tell it"
+    for position, source_variable in enumerate(source_variables):
+        if source_variable is None:
             continue
         places = [
-            [axes[each].positions[entry] for entry in figure.coordinates[each].values.tolist()]
-            for each in figure.dimensions
+            [
+                axes[each].positions[entry]
+                for entry in source_variable.coordinates[each].values.tolist()
+            ]
+            for each in source_variable.dimensions
         ]
         at = np.ix_([position], *places)
-        values[at] = figure.values[np.newaxis]
-        for what in TOLD:
-            told[what][at] = figure.told[what][np.newaxis]
+        values[at] = source_variable.values[np.newaxis]
+        for what in INTERVAL_METADATA:
+            texts[what][at] = source_variable.interval_metadata[what][np.newaxis]
         # What stands beside a dimension is known where all of its entries are.
         if [len(each) for each in places] == list(shape[1:]):
-            beside = figure.coordinates.items()
+            beside = source_variable.coordinates.items()
             coordinates |= {key: each for key, each in beside if key not in axes}
     variables[name] = ((*dimensions, BOUND), values, {**like.attributes, INTERVAL_LEVEL: LEVEL})
-    coordinates.update(told_along(name, dict(zip(dimensions, shape, strict=True)), told))
+    coordinates.update(metadata_coordinates(name, dict(zip(dimensions, shape, strict=True)), texts))

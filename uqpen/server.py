@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.errors import ModelError
-from uqpen.evaluation import Evaluator
-from uqpen.labels import Status
-from uqpen.model import Input, Model, Output
+from uqpen.core.errors import ModelError
+from uqpen.core.labels import Status
+from uqpen.core.model import Input, Model, Output
+from uqpen.execution import Evaluator
 from uqpen.models.umbridge_client import PROTOCOL
 
-__all__ = ["ModelServer", "Offer"]
+__all__ = ["ModelServer", "ServedModel"]
 
 # A request holds a few numbers; whoever sends more has something else in mind.
 _LARGEST = 1024 * 1024
@@ -38,7 +38,7 @@ _PATIENCE = 300
 _DERIVATIVES = ("Gradient", "ApplyJacobian", "ApplyHessian")
 _RUNS = ("Evaluate", *_DERIVATIVES)
 _BY_SHARED_MEMORY = ("TestShMem", *(f"{name}ShMem" for name in _RUNS))
-_QUESTIONS = ("ModelInfo", "InputSizes", "OutputSizes", *_RUNS, *_BY_SHARED_MEMORY)
+_REQUESTS = ("ModelInfo", "InputSizes", "OutputSizes", *_RUNS, *_BY_SHARED_MEMORY)
 
 
 class _RefusedError(Exception):
@@ -51,7 +51,7 @@ class _RefusedError(Exception):
 
 
 @dataclass(frozen=True)
-class Offer:
+class ServedModel:
     """A model as a server offers it: one vector of inputs in, one of outputs out, in SI units.
 
     Parameters
@@ -60,24 +60,26 @@ class Offer:
         What clients call it.
     evaluator : Evaluator
         What makes the runs.
-    varied : tuple of str
+    varied_inputs : tuple of str
         The inputs that make up the vector, in its order.
-    held : mapping of str to float
+    fixed_inputs : mapping of str to float
         The values of others, in SI units.
     """
 
     name: str
     evaluator: Evaluator
-    varied: tuple[str, ...]
-    held: Mapping[str, float] = field(default_factory=dict)
+    varied_inputs: tuple[str, ...]
+    fixed_inputs: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        model, given = self.model, {*self.varied, *self.held}
-        for name in self.varied:
+        model, given = self.model, {*self.varied_inputs, *self.fixed_inputs}
+        for name in self.varied_inputs:
             model.input(name)
-        if len(set(self.varied)) < len(self.varied):
-            raise ModelError(f"{self.name}: an input is given twice: {', '.join(self.varied)}")
-        if missing := list(model.missing(given)):
+        if len(set(self.varied_inputs)) < len(self.varied_inputs):
+            raise ModelError(
+                f"{self.name}: an input is given twice: {', '.join(self.varied_inputs)}"
+            )
+        if missing := list(model.missing_inputs(given)):
             raise ModelError(f"{self.name} also needs {', '.join(missing)}")
 
     @property
@@ -88,7 +90,7 @@ class Offer:
     @property
     def inputs(self) -> tuple[Input, ...]:
         """What makes up the vector that goes in."""
-        return tuple(self.model.input(name) for name in self.varied)
+        return tuple(self.model.input(name) for name in self.varied_inputs)
 
     @property
     def outputs(self) -> tuple[Output, ...]:
@@ -103,7 +105,7 @@ class Offer:
         _RefusedError
             If it is lost.
         """
-        given = {**self.held, **dict(zip(self.varied, values, strict=True))}
+        given = {**self.fixed_inputs, **dict(zip(self.varied_inputs, values, strict=True))}
         results = self.evaluator({name: np.array([value]) for name, value in given.items()})
         status = Status(int(results.status[0]))
         if status is not Status.OK:
@@ -117,7 +119,7 @@ class ModelServer(socketserver.ThreadingTCPServer):
 
     Parameters
     ----------
-    offers : sequence of Offer
+    offers : sequence of ServedModel
         What it offers, each under a name of its own.
     host : str
         Where it listens: only who is on this machine can reach ``127.0.0.1``.
@@ -134,7 +136,9 @@ class ModelServer(socketserver.ThreadingTCPServer):
     daemon_threads = True
     request_queue_size = 128
 
-    def __init__(self, offers: Sequence[Offer], host: str = "127.0.0.1", port: int = 4242) -> None:
+    def __init__(
+        self, offers: Sequence[ServedModel], host: str = "127.0.0.1", port: int = 4242
+    ) -> None:
         self.offers = {offer.name: offer for offer in offers}
         # Models need not bear being run by several at once; a user's function rarely does.
         self.turn = threading.Lock()
@@ -153,7 +157,7 @@ class ModelServer(socketserver.ThreadingTCPServer):
         if not isinstance(sys.exception(), OSError):
             super().handle_error(request, client_address)
 
-    def answer(self, what: str, question: dict[str, Any]) -> dict[str, Any]:
+    def answer(self, what: str, request: dict[str, Any]) -> dict[str, Any]:
         """The answer to a question.
 
         Raises
@@ -161,29 +165,29 @@ class ModelServer(socketserver.ThreadingTCPServer):
         _RefusedError
             If it is to be an error.
         """
-        offer = self._offer(question.get("name"))
+        offer = self._find_model(request.get("name"))
         if what == "ModelInfo":
             return {"support": {"Evaluate": True, **dict.fromkeys(_DERIVATIVES, False)}}
         if what not in ("InputSizes", "OutputSizes", "Evaluate"):
             raise _RefusedError("UnsupportedFeature", f"{what} is not supported")
-        if question.get("config"):
+        if request.get("config"):
             raise _RefusedError("InvalidInput", f"{offer.name} takes no config")
         if what == "InputSizes":
             return {"inputSizes": [len(offer.inputs)]}
         if what == "OutputSizes":
             return {"outputSizes": [len(offer.outputs)]}
-        values = _vector(question.get("input"), len(offer.inputs))
+        values = _only_vector(request.get("input"), len(offer.inputs))
         with self.turn:
             return {"output": [offer.run(values)]}
 
-    def _offer(self, name: object) -> Offer:
+    def _find_model(self, name: object) -> ServedModel:
         if isinstance(name, str) and name in self.offers:
             return self.offers[name]
         message = f"no model {json.dumps(name)}; known: {', '.join(self.offers)}"
         raise _RefusedError("ModelNotFound", message)
 
 
-def _vector(vectors: object, size: int) -> list[float]:
+def _only_vector(vectors: object, size: int) -> list[float]:
     """The only vector of an input, which must be of that size."""
     expected = f"expected one vector of {size} numbers"
     if not isinstance(vectors, list) or len(vectors) != 1:
@@ -223,9 +227,9 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             content = self._content()
             what = self.path.strip("/")
-            if what not in _QUESTIONS:
+            if what not in _REQUESTS:
                 raise _RefusedError("NotFound", f"{self.path} is not known", HTTPStatus.NOT_FOUND)
-            self._send(HTTPStatus.OK, self.server.answer(what, _question(content)))
+            self._send(HTTPStatus.OK, self.server.answer(what, _parse_request(content)))
         except _RefusedError as refused:
             error = {"type": refused.kind, "message": str(refused)}
             self._send(refused.code, {"error": error})
@@ -274,11 +278,11 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(content)
 
 
-def _question(content: bytes) -> dict[str, Any]:
+def _parse_request(content: bytes) -> dict[str, Any]:
     try:
-        question = json.loads(content.decode())
+        request = json.loads(content.decode())
     except (ValueError, RecursionError):
-        question = None
-    if not isinstance(question, dict):
+        request = None
+    if not isinstance(request, dict):
         raise _RefusedError("InvalidInput", "the request is no JSON object")
-    return question
+    return request

@@ -16,9 +16,13 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.analyses.of_surrogate import Reach
-from uqpen.archive.told import own, stem, told, told_along
-from uqpen.labels import (
+from uqpen.archive.interval_metadata import (
+    interval_metadata,
+    metadata_coordinates,
+    metadata_prefix,
+    select_variable,
+)
+from uqpen.core.labels import (
     BOUND,
     CDFS,
     CHECKED,
@@ -33,8 +37,9 @@ from uqpen.labels import (
     SENSITIVITY,
     UNCHECKED,
 )
+from uqpen.statistics.surrogate.surrogate_statistics import TrainingRange
 
-__all__ = ["Witness", "judged"]
+__all__ = ["ValidationRuns", "validate_surrogate"]
 
 FloatArray = npt.NDArray[np.float64]
 Groups = Mapping[str, xr.Dataset]
@@ -46,7 +51,7 @@ _MOST_VARIANCE_BEYOND = 0.05
 _SPREADS = ("std", "skewness", "kurtosis")
 
 
-class Witness(NamedTuple):
+class ValidationRuns(NamedTuple):
     """Independent runs that a surrogate is held against.
 
     Attributes
@@ -61,13 +66,15 @@ class Witness(NamedTuple):
     groups: Groups
 
 
-class _Verdict(NamedTuple):
+class _Validation(NamedTuple):
     label: str
     note: str
 
 
-def judged(
-    groups: Groups, witnesses: Sequence[Witness], reaches: Mapping[str, Reach]
+def validate_surrogate(
+    groups: Groups,
+    validation_runs: Sequence[ValidationRuns],
+    training_ranges: Mapping[str, TrainingRange],
 ) -> dict[str, xr.Dataset]:
     """A surrogate's figures, each with what independent runs say of it in place of an interval.
 
@@ -75,9 +82,9 @@ def judged(
     ----------
     groups : mapping of str to Dataset
         The surrogate's figures, group by group as designs have them.
-    witnesses : sequence of Witness
+    validation_runs : sequence of ValidationRuns
         The first that has an interval for a figure decides on it.
-    reaches : mapping of str to Reach
+    training_ranges : mapping of str to TrainingRange
         By output.
 
     Returns
@@ -88,9 +95,11 @@ def judged(
     """
     found = {}
     for group, dataset in groups.items():
-        gate = _Gate(group, witnesses, reaches)
+        validation = _GroupValidation(group, validation_runs, training_ranges)
         kept = {
-            str(name): gate.pass_on(str(name), own(dataset, str(name)), dataset)
+            str(name): validation.validate_array(
+                str(name), select_variable(dataset, str(name)), dataset
+            )
             for name in dataset.data_vars
         }
         found[group] = xr.Dataset(kept, attrs=dataset.attrs)
@@ -98,87 +107,96 @@ def judged(
 
 
 @dataclass(frozen=True)
-class _Gate:
+class _GroupValidation:
     """Judges the figures of one group."""
 
     group: str
-    witnesses: Sequence[Witness]
-    reaches: Mapping[str, Reach]
+    validation_runs: Sequence[ValidationRuns]
+    training_ranges: Mapping[str, TrainingRange]
 
-    def pass_on(self, name: str, array: xr.DataArray, dataset: xr.Dataset) -> xr.DataArray:
+    def validate_array(self, name: str, array: xr.DataArray, dataset: xr.Dataset) -> xr.DataArray:
         """An array without its bounds and with the verdicts on its figures."""
         if BOUND not in array.dims:
             return array
         if self.group == CDFS:
-            return _marked(name, array, {(): self._verdict_on_curve(name, dataset)})
+            return _with_validations(name, array, {(): self._validate_curve(name, dataset)})
         places = list(np.ndindex(array.shape[:-1]))
-        return _marked(name, array, {at: self._verdict(name, array[at]) for at in places})
+        return _with_validations(
+            name, array, {at: self._validation(name, array[at]) for at in places}
+        )
 
-    def _verdict(self, name: str, figure: xr.DataArray) -> _Verdict:
-        value, said = float(figure.values[0]), told(figure, NOTE)
+    def _validation(self, name: str, estimate: xr.DataArray) -> _Validation:
+        value, note = float(estimate.values[0]), interval_metadata(estimate, NOTE)
         if math.isnan(value):
-            return _Verdict("none", said)
-        verdict = self._verdict_on(name, figure, value)
-        if self.group != SENSITIVITY or not said:
+            return _Validation("none", note)
+        verdict = self._validate_estimate(name, estimate, value)
+        if self.group != SENSITIVITY or not note:
             return verdict  # what is said of moments and quantiles is of their intervals
-        return verdict._replace(note=f"{verdict.note}; {said}")
+        return verdict._replace(note=f"{verdict.note}; {note}")
 
-    def _verdict_on(self, name: str, figure: xr.DataArray, value: float) -> _Verdict:
-        if self._is_beyond(name, figure, value):
-            return _Verdict(REFUSED, "beyond all outputs that the surrogate was fitted to")
-        for witness in self.witnesses:
-            same = _same_figure(witness.groups.get(self.group, xr.Dataset()), name, figure)
+    def _validate_estimate(self, name: str, estimate: xr.DataArray, value: float) -> _Validation:
+        if self._is_extrapolated(name, estimate, value):
+            return _Validation(REFUSED, "beyond all outputs that the surrogate was fitted to")
+        for validation in self.validation_runs:
+            same = _same_estimate(validation.groups.get(self.group, xr.Dataset()), name, estimate)
             if same is None or np.isnan(same[1:]).any():
                 continue
-            interval = f"the interval that {witness.name} gives it"
-            if MISSING in witness.groups[self.group].attrs:
+            interval = f"the interval that {validation.name} gives it"
+            if MISSING in validation.groups[self.group].attrs:
                 interval += " of the runs that came back"
             # What sampling the surrogate leaves open is no fault of the surrogate's.
-            low, high = np.nan_to_num(figure.values[1:], nan=value)
+            low, high = np.nan_to_num(estimate.values[1:], nan=value)
             is_inside = low <= same[2] and high >= same[1]
             if is_inside:
-                return _Verdict(CHECKED, f"inside {interval}")
-            return _Verdict(REFUSED, f"outside {interval}")
-        return self._unvouched(name)
+                return _Validation(CHECKED, f"inside {interval}")
+            return _Validation(REFUSED, f"outside {interval}")
+        return self._unvalidated(name)
 
     @property
-    def _nobody(self) -> str:
-        if not self.witnesses:
+    def _unvalidated_reason(self) -> str:
+        if not self.validation_runs:
             return "no independent runs to hold it against"
         return "no independent runs have an interval for it"
 
-    def _is_beyond(self, name: str, figure: xr.DataArray, value: float) -> bool:
+    def _is_extrapolated(self, name: str, estimate: xr.DataArray, value: float) -> bool:
         """Whether a figure is of a place that the training runs did not reach."""
-        output, reach = self._reach(name)
-        threshold = figure.coords.get(f"{output}_threshold_value")
-        if reach is None or (threshold is None and self.group != QUANTILES):
+        output, training_range = self._training_range(name)
+        threshold = estimate.coords.get(f"{output}_threshold_value")
+        if training_range is None or (threshold is None and self.group != QUANTILES):
             return False
-        return not reach.holds(value if threshold is None else float(threshold))
+        return not training_range.contains(value if threshold is None else float(threshold))
 
-    def _unvouched(self, name: str) -> _Verdict:
+    def _unvalidated(self, name: str) -> _Validation:
         """On a figure that no runs have an interval for."""
-        output, reach = self._reach(name)
+        output, training_range = self._training_range(name)
         is_spread = name.removeprefix(f"{output}_") in _SPREADS
-        if reach is None or not is_spread or reach.variance_beyond <= _MOST_VARIANCE_BEYOND:
-            return _Verdict(UNCHECKED, self._nobody)
-        share = f"{100 * reach.variance_beyond:.0f} % of the variance"
-        return _Verdict(
+        if (
+            training_range is None
+            or not is_spread
+            or training_range.variance_beyond <= _MOST_VARIANCE_BEYOND
+        ):
+            return _Validation(UNCHECKED, self._unvalidated_reason)
+        share = f"{100 * training_range.variance_beyond:.0f} % of the variance"
+        return _Validation(
             REFUSED,
-            f"{share} lies beyond all outputs that the surrogate was fitted to, and {self._nobody}",
+            f"{share} lies beyond all outputs that the surrogate was fitted to, and "
+            f"{self._unvalidated_reason}",
         )
 
-    def _reach(self, name: str) -> tuple[str, Reach | None]:
+    def _training_range(self, name: str) -> tuple[str, TrainingRange | None]:
         """The output that a variable is of: the longest that its name begins with."""
-        known = [each for each in self.reaches if name == each or name.startswith(f"{each}_")]
+        known = [
+            each for each in self.training_ranges if name == each or name.startswith(f"{each}_")
+        ]
         output = max(known, key=len, default="")
-        return output, self.reaches.get(output)
+        return output, self.training_ranges.get(output)
 
-    def _verdict_on_curve(self, name: str, dataset: xr.Dataset) -> _Verdict:
+    def _validate_curve(self, name: str, dataset: xr.Dataset) -> _Validation:
         """On a distribution function as a whole: it must stay in the runs' simultaneous band."""
         output = name.removesuffix("_probability").removesuffix("_band")
         values, ranks = dataset[output].values, dataset[RANK].values
-        for witness in self.witnesses:
-            curves = witness.groups.get(CDFS, xr.Dataset())
+        for validation in self.validation_runs:
+            curves = validation.groups.get(CDFS, xr.Dataset())
             if f"{output}_band" not in curves:
                 continue
             _, lower, upper = curves[f"{output}_band"].values.T
@@ -192,21 +210,23 @@ class _Gate:
             high = np.where(right < len(at), upper[np.minimum(right, len(at) - 1)], 1.0)
             outside = (ranks < low) | (ranks > high)
             if not outside.any():
-                return _Verdict(CHECKED, f"inside the simultaneous band of {witness.name}")
+                return _Validation(CHECKED, f"inside the simultaneous band of {validation.name}")
             ends = ranks[outside]
             where = f"from {ends.min():.3g} to {ends.max():.3g}"
-            return _Verdict(REFUSED, f"outside the simultaneous band of {witness.name} {where}")
-        return _Verdict(UNCHECKED, self._nobody)
+            return _Validation(
+                REFUSED, f"outside the simultaneous band of {validation.name} {where}"
+            )
+        return _Validation(UNCHECKED, self._unvalidated_reason)
 
 
-def _same_figure(dataset: xr.Dataset, name: str, figure: xr.DataArray) -> FloatArray | None:
+def _same_estimate(dataset: xr.Dataset, name: str, estimate: xr.DataArray) -> FloatArray | None:
     """The bounds that another source gives the same figure."""
     if name not in dataset:
         return None
     array = dataset[name]
     for dimension in array.dims[:-1]:
         called = array[dimension].values.tolist()
-        wanted = figure.coords[dimension].item()
+        wanted = estimate.coords[dimension].item()
         if wanted not in called:
             return None
         array = array[{dimension: called.index(wanted)}]
@@ -214,15 +234,15 @@ def _same_figure(dataset: xr.Dataset, name: str, figure: xr.DataArray) -> FloatA
     return bounds
 
 
-def _marked(
-    name: str, array: xr.DataArray, verdicts: Mapping[tuple[int, ...], _Verdict]
+def _with_validations(
+    name: str, array: xr.DataArray, verdicts: Mapping[tuple[int, ...], _Validation]
 ) -> xr.DataArray:
     """An array without bounds and with a verdict on each of its figures, or one on all."""
     marked = array.copy()
     marked[{BOUND: slice(1, None)}] = np.nan
     shape = {str(key): size for key, size in array.sizes.items() if key != BOUND}
-    called = stem(name, list(shape), array.coords)
-    if () in verdicts or not called:
+    prefix = metadata_prefix(name, list(shape), array.coords)
+    if () in verdicts or not prefix:
         (verdict,) = verdicts.values()
         marked.attrs.pop(INTERVAL_LEVEL, None)
         marked.attrs |= {INTERVAL: "none", INTERVAL_LABEL: verdict.label, NOTE: verdict.note}
@@ -232,4 +252,4 @@ def _marked(
         INTERVAL_LABEL: [verdict.label for verdict in verdicts.values()],
         NOTE: [verdict.note for verdict in verdicts.values()],
     }
-    return marked.assign_coords(told_along(called, shape, texts))
+    return marked.assign_coords(metadata_coordinates(prefix, shape, texts))

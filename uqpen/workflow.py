@@ -8,20 +8,12 @@ from functools import partial
 
 import xarray as xr
 
-from uqpen.analyses.analyze import analyze
-from uqpen.analyses.differences import differences
-from uqpen.analyses.of_surrogate import told_by_surrogate
-from uqpen.analyses.published import published
-from uqpen.analyses.surrogate_draws import SurrogateDraws
-from uqpen.archive.files import FILES, as_group
+from uqpen.archive.files import FILES, files_group
 from uqpen.archive.provenance import CONVENTIONS, SCHEMA, of_python_functions, provenance
 from uqpen.archive.read import SCHEMA_ATTRIBUTE
-from uqpen.comparison import Source, side_by_side
-from uqpen.designs.design import Design, Rounds
-from uqpen.errors import TooManyLostError, TrajectoryError
-from uqpen.evaluation import Evaluator, Map, Progress, evaluate, join, worst
-from uqpen.evaluation.keeper import Keeper
-from uqpen.labels import (
+from uqpen.comparison import Source, compare_sources
+from uqpen.core.errors import TooManyFailedError, TrajectoryError
+from uqpen.core.labels import (
     COMPARISON,
     DIFFERENCES,
     MODELS,
@@ -32,15 +24,23 @@ from uqpen.labels import (
     SURROGATES,
     TRAJECTORY,
 )
-from uqpen.model import Model
-from uqpen.streams import Stream
+from uqpen.core.model import Model
+from uqpen.core.streams import Stream
+from uqpen.designs.design import Design, Rounds
+from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds, worst_status_runs
+from uqpen.execution.checkpoint import Checkpoint
+from uqpen.statistics.analyze import analyze
+from uqpen.statistics.model_differences import model_differences
+from uqpen.statistics.published import published_estimates
+from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
+from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import Study, Variant
-from uqpen.trust import Witness, judged
+from uqpen.trust import ValidationRuns, validate_surrogate
 
-__all__ = ["Progress", "analysed", "root_attributes", "run", "runs_of_design"]
+__all__ = ["Progress", "analyse_runs", "root_attributes", "run", "run_design"]
 
 Groups = Iterator[tuple[str, xr.Dataset]]
-Keepers = Callable[[str, str, int], Keeper]
+Checkpoints = Callable[[str, str, int], Checkpoint]
 # The runs of each design by its name, or of each model by its.
 Runs = dict[str, xr.Dataset]
 
@@ -50,7 +50,7 @@ def run(
     *,
     map: Map = map,
     progress: Progress | None = None,
-    keepers: Keepers = lambda design, model, number: Keeper(),
+    checkpoints: Checkpoints = lambda design, model, number: Checkpoint(),
 ) -> xr.DataTree:
     """Make all the runs of a study and analyse them.
 
@@ -62,7 +62,7 @@ def run(
         Like the built-in: where batches of runs are made. It cannot change a result.
     progress : Progress, optional
         Told how far it is.
-    keepers : callable
+    checkpoints : callable
         From a design's name, a model's and the number of a round to who keeps those runs, and may
         have kept some of them before.
 
@@ -74,14 +74,14 @@ def run(
     """
     progress = progress or Progress()
     for variant in study.models.values():
-        progress.preparing(variant.model.name)
+        progress.start_preparation(variant.model.name)
         variant.model.prepare()
-    runs = _runs(study, map, progress, keepers)
-    progress.analysing()
-    return analysed(study, runs)
+    runs = _run_designs(study, map, progress, checkpoints)
+    progress.start_analysis()
+    return analyse_runs(study, runs)
 
 
-def analysed(study: Study, runs: Mapping[str, Runs]) -> xr.DataTree:
+def analyse_runs(study: Study, runs: Mapping[str, Runs]) -> xr.DataTree:
     """What an archive holds, of runs that have been made.
 
     Parameters
@@ -94,40 +94,42 @@ def analysed(study: Study, runs: Mapping[str, Runs]) -> xr.DataTree:
     groups = {"/": xr.Dataset(attrs=root_attributes(study))}
     for name, variant in study.models.items():
         root = f"/{MODELS}/{name}" if study.has_several_models else ""
-        for path, dataset in _told(study, variant, runs[name]):
+        for path, dataset in _model_groups(study, variant, runs[name]):
             groups[f"{root}{path}"] = dataset
-    groups |= dict(_paired(study, runs))
-    if files := as_group(study.files(), study.folder):
+    groups |= dict(_difference_groups(study, runs))
+    if files := files_group(study.files(), study.folder):
         groups[f"/{FILES}"] = files
     return xr.DataTree.from_dict(groups)
 
 
-def _runs(study: Study, map: Map, progress: Progress, keepers: Keepers) -> dict[str, Runs]:
+def _run_designs(
+    study: Study, map: Map, progress: Progress, checkpoints: Checkpoints
+) -> dict[str, Runs]:
     """The runs of every design, by model, on common points."""
-    made: dict[str, Runs] = {name: {} for name in study.models}
+    runs_by_model: dict[str, Runs] = {name: {} for name in study.models}
     for name, design in study.designs.items():
-        progress.design(name, design.size(study.law) * len(study.models))
+        progress.start_design(name, design.run_count(study.joint) * len(study.models))
         stream = Stream(study.seed, "designs", name)
-        keeper_of = partial(keepers, name)
+        round_checkpoint = partial(checkpoints, name)
         try:
-            runs = runs_of_design(
-                study, design, stream, map=map, progress=progress, keeper_of=keeper_of
+            runs = run_design(
+                study, design, stream, map=map, progress=progress, round_checkpoint=round_checkpoint
             )
-        except TooManyLostError as error:
-            raise TooManyLostError(f"{name}: {error}") from None
+        except TooManyFailedError as error:
+            raise TooManyFailedError(f"{name}: {error}") from None
         for model in study.models:
-            made[model][name] = runs[model]
-    return made
+            runs_by_model[model][name] = runs[model]
+    return runs_by_model
 
 
-def runs_of_design(
+def run_design(
     study: Study,
     design: Design,
     stream: Stream,
     *,
     map: Map,
     progress: Progress,
-    keeper_of: Callable[[str, int], Keeper] = lambda model, number: Keeper(),
+    round_checkpoint: Callable[[str, int], Checkpoint] = lambda model, number: Checkpoint(),
 ) -> Runs:
     """The runs of one design by model, on common points.
 
@@ -143,7 +145,7 @@ def runs_of_design(
         Like the built-in: where batches of runs are made.
     progress : Progress
         Told how far it is.
-    keeper_of : callable
+    round_checkpoint : callable
         From a model's name and the number of a round to who keeps its runs.
     """
 
@@ -160,89 +162,89 @@ def runs_of_design(
                 _display_units(study),
                 map=map,
                 progress=progress,
-                keeper=keeper_of(name, number),
+                checkpoint=round_checkpoint(name, number),
                 failures=study.failures,
             )
-        except TooManyLostError as error:
-            raise TooManyLostError(f"by {name}, {error}" if name else str(error)) from None
+        except TooManyFailedError as error:
+            raise TooManyFailedError(f"by {name}, {error}" if name else str(error)) from None
 
-    rounds = list(_rounds(design.rounds(study.law, stream), made))
+    rounds = list(_run_rounds(design.rounds(study.joint, stream), made))
     sampling = {SAMPLING: str(design.sampling)}
     return {
-        model: join([runs[model] for runs in rounds]).assign_attrs(sampling)
+        model: join_rounds([runs[model] for runs in rounds]).assign_attrs(sampling)
         for model in study.models
     }
 
 
-def _rounds(rounds: Rounds, made: Callable[[xr.Dataset, int], Runs]) -> Iterator[Runs]:
+def _run_rounds(rounds: Rounds, made: Callable[[xr.Dataset, int], Runs]) -> Iterator[Runs]:
     """The runs of a design by model, round by round; each round may depend on the one before."""
     points = next(rounds)
     for number in itertools.count():
         runs = made(points, number)
         yield runs
         try:
-            points = rounds.send(worst(list(runs.values())))
+            points = rounds.send(worst_status_runs(list(runs.values())))
         except StopIteration:
             return
 
 
-def _told(study: Study, variant: Variant, runs: Runs) -> Groups:
+def _model_groups(study: Study, variant: Variant, runs: Runs) -> Groups:
     """All that is told of one model: its runs, what they tell, its course."""
-    questions = study.questions_to(variant.model)
-    for design, made in runs.items():
-        yield f"/{RUNS}/{design}", made
+    quantities = study.model_quantities(variant.model)
+    for design, design_runs in runs.items():
+        yield f"/{RUNS}/{design}", design_runs
     sources = {
-        design: Source("design", made.sizes[RUN], analyze(made, questions))
-        for design, made in runs.items()
+        design: Source("design", design_runs.sizes[RUN], analyze(design_runs, quantities))
+        for design, design_runs in runs.items()
     }
     for name in study.surrogates:
-        fitted, source = _surrogate(study, variant, name, runs, sources)
+        fitted, source = _fit_surrogate(study, variant, name, runs, sources)
         yield f"/{SURROGATES}/{name}", fitted
         sources[name] = source
     for name, source in sources.items():
         for analysis, statistics in source.groups.items():
             yield f"/{analysis}/{name}", statistics
-    yield f"/{COMPARISON}", side_by_side(sources)
+    yield f"/{COMPARISON}", compare_sources(sources)
     for name, publication in study.published.items():
-        for group, figures in published(publication).items():
-            yield f"/{group}/{name}", figures
-    course = _trajectory(study, variant)
-    if course is not None:
-        yield f"/{TRAJECTORY}", course
+        for group, estimates in published_estimates(publication).items():
+            yield f"/{group}/{name}", estimates
+    trajectory = _trajectory(study, variant)
+    if trajectory is not None:
+        yield f"/{TRAJECTORY}", trajectory
     if study.has_several_models:
-        yield "/", xr.Dataset(attrs=_identity(variant.model))
+        yield "/", xr.Dataset(attrs=_model_identity(variant.model))
 
 
-def _surrogate(
+def _fit_surrogate(
     study: Study, variant: Variant, name: str, runs: Runs, sources: Mapping[str, Source]
 ) -> tuple[xr.Dataset, Source]:
     """A surrogate fitted to its design, and what it tells as far as other designs vouch for it."""
     surrogate = study.surrogates[name]
     stream = Stream(study.seed, "surrogates", name)
     training = runs[surrogate.design]
-    fitted = surrogate.fit(name, training, variant.model, study.law, stream)
-    witnesses = study.witnesses(surrogate)
-    checked = fitted.checked(runs[witnesses[0]]) if witnesses else fitted
-    draws = SurrogateDraws(checked, study.law, study.constraints, variant.given, stream)
-    told = told_by_surrogate(draws, study.questions_to(variant.model))
-    groups = judged(
-        told.groups,
-        [Witness(witness, sources[witness].groups) for witness in witnesses],
-        told.reaches,
+    fitted = surrogate.fit(name, training, variant.model, study.joint, stream)
+    validation_runs = study.validation_designs(surrogate)
+    checked = fitted.with_check(runs[validation_runs[0]]) if validation_runs else fitted
+    draws = SurrogateDraws(checked, study.joint, study.constraints, variant.given, stream)
+    statistics = surrogate_statistics(draws, study.model_quantities(variant.model))
+    groups = validate_surrogate(
+        statistics.groups,
+        [ValidationRuns(validation, sources[validation].groups) for validation in validation_runs],
+        statistics.training_ranges,
     )
-    spent = sum(sources[design].runs for design in [surrogate.design, *witnesses[:1]])
-    made_of = {RUNS_SPENT: spent, "check": witnesses[0] if witnesses else "none"}
-    return checked.to_dataset().assign_attrs(made_of), Source("surrogate", spent, groups)
+    spent = sum(sources[design].runs for design in [surrogate.design, *validation_runs[:1]])
+    attributes = {RUNS_SPENT: spent, "check": validation_runs[0] if validation_runs else "none"}
+    return checked.to_dataset().assign_attrs(attributes), Source("surrogate", spent, groups)
 
 
-def _paired(study: Study, runs: Mapping[str, Runs]) -> Groups:
+def _difference_groups(study: Study, runs: Mapping[str, Runs]) -> Groups:
     """What each model's outputs differ by from the first's, on common points."""
     first, *others = study.models
     for other in others:
-        questions = study.questions_to(study.models[other].model)
+        quantities = study.model_quantities(study.models[other].model)
         for design in study.designs:
             pair = runs[first][design], runs[other][design]
-            for analysis, statistics in differences(*pair, questions).items():
+            for analysis, statistics in model_differences(*pair, quantities).items():
                 attributes = {"minus": first}
                 path = f"/{DIFFERENCES}/{other}/{analysis}/{design}"
                 yield path, statistics.assign_attrs(attributes)
@@ -253,25 +255,27 @@ def _trajectory(study: Study, variant: Variant) -> xr.Dataset | None:
     known = {variable.name for variable in variant.model.inputs}
     nominal = {
         name: value
-        for name, value in {**study.law.nominal(), **variant.given}.items()
+        for name, value in {**study.joint.nominal(), **variant.given}.items()
         if name in known
     }
-    if next(variant.model.missing(nominal), None) is not None:
+    if next(variant.model.missing_inputs(nominal), None) is not None:
         return None
     try:
-        course = variant.model.trajectory(nominal)
+        trajectory = variant.model.trajectory(nominal)
     except TrajectoryError as error:
         # The one run at the nominal inputs failed, which is data as any run's failure is.
-        course = xr.Dataset(attrs={"reason": str(error)})
-    if course is None:
+        trajectory = xr.Dataset(attrs={"reason": str(error)})
+    if trajectory is None:
         return None
-    return course.assign_attrs({f"nominal_{name}": value for name, value in nominal.items()})
+    return trajectory.assign_attrs({f"nominal_{name}": value for name, value in nominal.items()})
 
 
 def _display_units(study: Study) -> dict[str, str]:
     """The unit to show each input and output in."""
-    units = {entry.variable.name: entry.display_unit for entry in study.law.inputs}
-    return units | {question.output.name: question.display_unit for question in study.questions}
+    units = {entry.variable.name: entry.display_unit for entry in study.joint.inputs}
+    return units | {
+        quantity.output.name: quantity.display_unit for quantity in study.quantities_of_interest
+    }
 
 
 def root_attributes(study: Study) -> dict[str, str | int]:
@@ -285,12 +289,12 @@ def root_attributes(study: Study) -> dict[str, str | int]:
         "study_sha256": study.sha256,
         # As text: a seed may be larger than any integer of NetCDF's.
         "seed": str(study.seed),
-        **({} if study.has_several_models else _identity(study.model)),
+        **({} if study.has_several_models else _model_identity(study.model)),
         **provenance(),
         **of_python_functions(),
     }
 
 
-def _identity(model: Model) -> dict[str, str]:
+def _model_identity(model: Model) -> dict[str, str]:
     """What tells a model from another, as attributes of its group."""
     return {f"model_{key}": value for key, value in model.identity().items()}

@@ -14,9 +14,9 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.archive.read import group, is_archive, names_in, open_archive
+from uqpen.archive.read import group_names, is_archive, open_archive, read_group
 from uqpen.archive.write import prepare_destination, write
-from uqpen.errors import ArchiveError
+from uqpen.core.errors import ArchiveError
 
 pytestmark = pytest.mark.processor
 
@@ -54,7 +54,7 @@ def test_what_is_read_is_what_was_written(tree: xr.DataTree, archive: Path) -> N
     assert {node.path for node in read.subtree} == {node.path for node in tree.subtree}
     for node in tree.subtree:
         xr.testing.assert_equal(
-            node.to_dataset(inherit=False), group(read, *node.path.split("/")[1:])
+            node.to_dataset(inherit=False), read_group(read, *node.path.split("/")[1:])
         )
     assert read.attrs["study_text"] == STUDY
     assert read.attrs["seed"] == "12345678901234567890123"
@@ -65,7 +65,7 @@ def test_every_group_opens_in_plain_xarray(archive: Path) -> None:
         assert runs["penetration_depth"].dims == ("run",)
         assert runs["target_density"].attrs["units"] == "kg m-3"
     with xr.open_datatree(archive) as whole:
-        assert names_in(whole.load(), "runs") == ["monte_carlo", "latin_hypercube"]
+        assert group_names(whole.load(), "runs") == ["monte_carlo", "latin_hypercube"]
 
 
 def test_the_same_study_writes_the_same_bytes(archive: Path, tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ class TestInterruption:
             where.write_bytes(b"half of it")
             raise RuntimeError("NetCDF: HDF error")
 
-        monkeypatch.setattr("uqpen.archive.write.put", full_disk)
+        monkeypatch.setattr("uqpen.archive.write.write_tree", full_disk)
         with pytest.raises(ArchiveError, match="is the disk full"):
             write(tree, path)
         assert path.read_bytes() == before
@@ -239,8 +239,8 @@ class TestForeignFiles:
 
 
 def test_a_group_that_is_not_there_is_empty(tree: xr.DataTree) -> None:
-    assert not group(tree, "comparison", "monte_carlo")
-    assert names_in(tree, "surrogates") == []
+    assert not read_group(tree, "comparison", "monte_carlo")
+    assert group_names(tree, "surrogates") == []
 
 
 def test_lost_runs_are_nan_and_flagged_in_the_file(archive: Path) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.archive.content import hashes, recorded, sealed
-from uqpen.archive.netcdf import put
+from uqpen.archive.content import group_hashes, recorded_hashes, with_hashes
+from uqpen.archive.netcdf import write_tree
 from uqpen.archive.read import read_as_written
 
 
@@ -27,20 +27,20 @@ def tree_of(order: str = "<") -> xr.DataTree:
 
 def test_they_are_those_of_the_file(tmp_path: Path) -> None:
     tree = tree_of()
-    put(sealed(tree), tmp_path / "a.nc")
+    write_tree(with_hashes(tree), tmp_path / "a.nc")
     read = read_as_written(tmp_path / "a.nc")
-    assert hashes(tree) == hashes(read) == recorded(read)
-    assert set(hashes(tree)) == {"/", "/outer", "/outer/inner"}
-    assert recorded(tree) is None, "what is written is not touched"
+    assert group_hashes(tree) == group_hashes(read) == recorded_hashes(read)
+    assert set(group_hashes(tree)) == {"/", "/outer", "/outer/inner"}
+    assert recorded_hashes(tree) is None, "what is written is not touched"
 
 
 def test_they_do_not_depend_on_the_order_of_bytes() -> None:
-    assert hashes(tree_of("<")) == hashes(tree_of(">"))
+    assert group_hashes(tree_of("<")) == group_hashes(tree_of(">"))
 
 
 def test_they_stay_what_they_are() -> None:
     # Those of archives that have been written must be found by every later version.
-    assert {path: digest[:8] for path, digest in hashes(tree_of()).items()} == {
+    assert {path: digest[:8] for path, digest in group_hashes(tree_of()).items()} == {
         "/": "ce2c0ad6",
         "/outer": "ac65cbb9",
         "/outer/inner": "6269b380",
@@ -71,14 +71,14 @@ def test_every_change_of_a_group_changes_its_own_only(
     change: Callable[[xr.DataTree], None],
 ) -> None:
     tree = tree_of()
-    before = hashes(tree)
+    before = group_hashes(tree)
     change(tree)
-    after = hashes(tree)
+    after = group_hashes(tree)
     assert [path for path in before if before[path] != after[path]] == ["/outer/inner"]
 
 
 def test_that_of_the_root_covers_the_study() -> None:
     tree = tree_of()
-    before = hashes(tree)
+    before = group_hashes(tree)
     tree.attrs["study_text"] += " "
-    assert hashes(tree)["/"] != before["/"]
+    assert group_hashes(tree)["/"] != before["/"]

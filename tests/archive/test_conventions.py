@@ -12,9 +12,9 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.archive.read import group
-from uqpen.head_to_head.contest import compare
-from uqpen.head_to_head.terms import Terms
+from uqpen.archive.read import read_group
+from uqpen.benchmark.compare import compare
+from uqpen.benchmark.settings import BenchmarkSettings
 
 DATA = Path(__file__).parents[1] / "data"
 RODS = (DATA / "rods.toml").read_text(encoding="utf-8")
@@ -117,7 +117,7 @@ def trees() -> list[xr.DataTree]:
     studies = [uqpen.parse_study(text) for text in (DESIGNS, KINDS, MODELS)]
     # Of a model and of inputs that files tell of.
     studies.append(uqpen.load_study(DATA / "archives" / "schema_2_several.toml"))
-    terms = Terms(budgets=(16, 32), repeats=10, reference=512)
+    terms = BenchmarkSettings(budgets=(16, 32), repeats=10, reference=512)
     return [*map(uqpen.run, studies), compare(uqpen.parse_study(COMPARED), terms)]
 
 
@@ -137,7 +137,9 @@ def report(
         uqpen.write(tree, folder / "whole.nc")
         tree = uqpen.open_archive(folder / "whole.nc")
         for node in tree.subtree:
-            dataset = group(tree, *node.path.strip("/").split("/")) if node.parent else xr.Dataset()
+            dataset = (
+                read_group(tree, *node.path.strip("/").split("/")) if node.parent else xr.Dataset()
+            )
             part = unlike(dataset, seen)
             if not part.variables:
                 continue

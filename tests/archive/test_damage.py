@@ -14,7 +14,7 @@ import pytest
 import uqpen
 from uqpen.archive.checksum import is_broken
 from uqpen.archive.read import open_archive
-from uqpen.errors import ArchiveError
+from uqpen.core.errors import ArchiveError
 
 STUDY = """
 seed = 1

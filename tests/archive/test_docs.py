@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from uqpen.archive.provenance import SCHEMA
-from uqpen.files import LARGEST
+from uqpen.core.files import LARGEST
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "archive.md").read_text(encoding="utf-8")

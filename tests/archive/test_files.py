@@ -13,12 +13,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from uqpen.archive.files import KeptFile, as_group, kept_files, names_of
-from uqpen.archive.files_extraction import extracted
-from uqpen.archive.netcdf import put
-from uqpen.archive.read import group, read_as_written
-from uqpen.errors import ArchiveError
-from uqpen.files import LARGEST, FileRead
+from uqpen.archive.files import ArchivedFile, archived_files, files_by_name, files_group
+from uqpen.archive.files_extraction import extract_files
+from uqpen.archive.netcdf import write_tree
+from uqpen.archive.read import read_as_written, read_group
+from uqpen.core.errors import ArchiveError
+from uqpen.core.files import LARGEST, FileSnapshot
 
 CONTENTS = [
     b"",
@@ -32,30 +32,30 @@ CONTENTS = [
 ]
 
 
-def kept(name: str, content: bytes = b"content") -> KeptFile:
+def kept(name: str, content: bytes = b"content") -> ArchivedFile:
     digest = hashlib.sha256(content).hexdigest()
-    return KeptFile(name, digest, len(content), base64.b64encode(content).decode(), "base64")
+    return ArchivedFile(name, digest, len(content), base64.b64encode(content).decode(), "base64")
 
 
 @pytest.mark.parametrize("content", CONTENTS, ids=range(len(CONTENTS)))
 def test_what_is_read_is_what_was_kept(content: bytes, tmp_path: Path) -> None:
     import xarray as xr
 
-    file = FileRead.of(tmp_path / "a", content)
+    file = FileSnapshot.from_content(tmp_path / "a", content)
     tree = xr.DataTree.from_dict(
-        {"/": xr.Dataset(attrs={"uqpen_schema": 2}), "/files": as_group([file], tmp_path)}
+        {"/": xr.Dataset(attrs={"uqpen_schema": 2}), "/files": files_group([file], tmp_path)}
     )
-    put(tree, tmp_path / "a.nc")
-    (read,) = kept_files(group(read_as_written(tmp_path / "a.nc"), "files"))
+    write_tree(tree, tmp_path / "a.nc")
+    (read,) = archived_files(read_group(read_as_written(tmp_path / "a.nc"), "files"))
     assert read.read() == content
-    with extracted([read], tmp_path) as place:
+    with extract_files([read], tmp_path) as place:
         assert (place.folder / "a").read_bytes() == content
     assert not place.folder.exists()
 
 
 def test_what_is_too_large_is_kept_by_its_hash(tmp_path: Path) -> None:
-    file = FileRead.of(tmp_path / "a", b"x" * (LARGEST + 1))
-    (read,) = kept_files(as_group([file], tmp_path))
+    file = FileSnapshot.from_content(tmp_path / "a", b"x" * (LARGEST + 1))
+    (read,) = archived_files(files_group([file], tmp_path))
     assert (read.content, read.encoding, read.size) == ("", "none", LARGEST + 1)
     assert not read.is_whole
 
@@ -70,16 +70,18 @@ def test_no_name_tells_a_path_of_the_machine(tmp_path: Path) -> None:
         "/elsewhere/d.csv",
         "/other/a.csv",
     ]
-    files = [FileRead.of(folder / name, b"") for name in names]
-    found = [*names_of([*files, *files], folder)]
+    files = [FileSnapshot.from_content(folder / name, b"") for name in names]
+    found = [*files_by_name([*files, *files], folder)]
     assert found == ["a.csv", "sub/b.csv", "../c.csv", "a-2.csv", "d.csv", "a-3.csv"]
 
 
 def test_the_order_is_that_of_the_names(tmp_path: Path) -> None:
-    files = [FileRead.of(tmp_path / name, b"") for name in ("b", "a/c", "B")]
-    in_both = [as_group(order, tmp_path)["name"].values.tolist() for order in (files, files[::-1])]
+    files = [FileSnapshot.from_content(tmp_path / name, b"") for name in ("b", "a/c", "B")]
+    in_both = [
+        files_group(order, tmp_path)["name"].values.tolist() for order in (files, files[::-1])
+    ]
     assert in_both == [["B", "a/c", "b"]] * 2
-    assert not as_group([], tmp_path).variables
+    assert not files_group([], tmp_path).variables
 
 
 _NAMES = st.one_of(
@@ -119,7 +121,7 @@ def test_no_name_leads_out_of_the_folder(
     before = tempfile.tempdir
     tempfile.tempdir = str(inside)
     try:
-        with extracted([kept(name) for name in names], outside) as place:
+        with extract_files([kept(name) for name in names], outside) as place:
             (root,) = inside.iterdir()
             written = [Path(top, each) for top, _, files in os.walk(outside) for each in files]
             assert all(root in path.parents for path in written)
@@ -150,20 +152,20 @@ def test_no_name_leads_out_of_the_folder(
     ],
 )
 def test_what_cannot_be_in_a_folder_is_told(
-    files: list[KeptFile], told: str, tmp_path: Path
+    files: list[ArchivedFile], told: str, tmp_path: Path
 ) -> None:
-    with pytest.raises(ArchiveError) as raised, extracted(files, tmp_path):
+    with pytest.raises(ArchiveError) as raised, extract_files(files, tmp_path):
         pass
     assert told in str(raised.value)
 
 
 def test_the_same_file_twice_is_one_file(tmp_path: Path) -> None:
-    with extracted([kept("a"), kept("./a")], tmp_path) as place:
+    with extract_files([kept("a"), kept("./a")], tmp_path) as place:
         assert [path.name for path in place.folder.iterdir()] == ["a"]
 
 
 def test_a_program_can_be_executed(tmp_path: Path) -> None:
-    with extracted([kept("a.sh", b"#!/bin/sh\necho done\n")], tmp_path) as place:
+    with extract_files([kept("a.sh", b"#!/bin/sh\necho done\n")], tmp_path) as place:
         done = subprocess.run([place.folder / "a.sh"], capture_output=True, check=True)
     assert done.stdout == b"done\n"
 
@@ -171,6 +173,6 @@ def test_a_program_can_be_executed(tmp_path: Path) -> None:
 def test_a_link_that_lies_around_is_not_followed(tmp_path: Path) -> None:
     # Large files are looked for there; what is written is written elsewhere.
     (tmp_path / "a").symlink_to(tmp_path / "target")
-    with extracted([kept("a")], tmp_path) as place:
+    with extract_files([kept("a")], tmp_path) as place:
         assert not (place.folder / "a").is_symlink()
     assert not (tmp_path / "target").exists()

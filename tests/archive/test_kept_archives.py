@@ -16,14 +16,14 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.archive.content import hashes, recorded
-from uqpen.archive.migrations import MIGRATIONS, migrated
+from uqpen.archive.content import group_hashes, recorded_hashes
+from uqpen.archive.migrations import MIGRATIONS, migrate
 from uqpen.archive.provenance import SCHEMA
 from uqpen.archive.read import open_archive, read_as_written
-from uqpen.summary.json import as_json
-from uqpen.summary.tables import output_tables
-from uqpen.verification.explain import explain
-from uqpen.verification.report import Verdict
+from uqpen.results.json import archive_json
+from uqpen.results.output_tables import output_tables
+from uqpen.verification.check_result import CheckOutcome
+from uqpen.verification.diff import diff_archives
 from uqpen.verification.verify import verify
 
 pytestmark = pytest.mark.processor
@@ -105,14 +105,14 @@ def test_it_opens_with_the_same_figures(kept: Kept) -> None:
 def test_it_is_shown(kept: Kept) -> None:
     rows = [row for table in output_tables(kept.tree) for row in dict(table.rows)]
     assert "mean" in rows
-    assert as_json(kept.tree)["schema"] == SCHEMA
+    assert archive_json(kept.tree)["schema"] == SCHEMA
 
 
 def test_its_hashes_are_those_of_what_was_written(kept: Kept) -> None:
-    before = hashes(kept.written)
-    assert before == recorded(kept.written)
-    migrated(kept.written)
-    assert hashes(kept.written) == before, "what was read is not touched"
+    before = group_hashes(kept.written)
+    assert before == recorded_hashes(kept.written)
+    migrate(kept.written)
+    assert group_hashes(kept.written) == before, "what was read is not touched"
 
 
 def test_it_is_verified(kept: Kept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,13 +120,13 @@ def test_it_is_verified(kept: Kept, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     folder = None if "files" in kept.tree.children else FOLDER
     parts = list(verify(kept.path, folder=folder, runs=None, trust=True))
     assert {"hashes", "study", "runs", "statistics"} <= {part.name for part in parts}
-    bad = [part for part in parts if part.verdict not in (Verdict.EQUAL, Verdict.CLOSE)]
+    bad = [part for part in parts if part.verdict not in (CheckOutcome.EQUAL, CheckOutcome.CLOSE)]
     assert bad == []
 
 
 def test_its_differences_from_a_new_one_are_explained(kept: Kept) -> None:
     now = uqpen.run(uqpen.load_study(FOLDER / f"{kept.name}.toml"))
-    told = {section.name: section.lines for section in explain(kept.tree, now)}
+    told = {section.name: section.lines for section in diff_archives(kept.tree, now)}
     # What another schema, version or processor brings along, but no other run or estimate.
     last_bits = {"equal", "points", "outputs"} if "equal" in told else set()
     assert set(told) <= {"root", "groups", "made with", "other groups", *last_bits}
@@ -148,4 +148,4 @@ def test_what_is_read_can_be_written_again(kept: Kept, tmp_path: Path) -> None:
     uqpen.write(kept.tree, tmp_path / "again.nc")
     again = read_as_written(tmp_path / "again.nc")
     assert again.attrs["uqpen_schema"] == SCHEMA
-    assert hashes(again) == recorded(again) == hashes(kept.tree)
+    assert group_hashes(again) == recorded_hashes(again) == group_hashes(kept.tree)

@@ -13,6 +13,10 @@ from hypothesis import strategies as st
 from scipy import special
 from scipy.stats import qmc
 
+from uqpen.core.errors import SettingsError, TableError
+from uqpen.core.lookup import resolve
+from uqpen.core.model import Input
+from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.designs.full_factorial import FullFactorial
@@ -22,18 +26,14 @@ from uqpen.designs.morris import Morris
 from uqpen.designs.one_at_a_time import OneAtATime
 from uqpen.designs.quadrature import Quadrature
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
-from uqpen.designs.table import Table
-from uqpen.errors import SettingsError, TableError
-from uqpen.inputs.distributions import Normal, Uniform
-from uqpen.inputs.law import FixedInput, InputLaw, RandomInput
-from uqpen.lookup import resolve
-from uqpen.model import Input
-from uqpen.streams import BLOCK, Stream
+from uqpen.designs.table import TableDesign
+from uqpen.distributions.continuous import Normal, Uniform
+from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 
 pytestmark = pytest.mark.processor
 
 LENGTH, MASS, SHARE = Input("length", "m"), Input("mass", "kg"), Input("share", "1")
-LAW = InputLaw(
+LAW = JointDistribution(
     (
         RandomInput(LENGTH, Uniform(1.0, 3.0), "m"),
         FixedInput(MASS, 5.0, "kg"),
@@ -44,8 +44,8 @@ LAW = InputLaw(
 STREAM = Stream(1, "designs", "mine")
 
 
-def points(design: Design, law: InputLaw = LAW, stream: Stream = STREAM) -> xr.Dataset:
-    (only,) = design.rounds(law, stream)
+def points(design: Design, joint: JointDistribution = LAW, stream: Stream = STREAM) -> xr.Dataset:
+    (only,) = design.rounds(joint, stream)
     return only
 
 
@@ -79,7 +79,7 @@ def test_every_kind_of_design_is_tested() -> None:
 
 @pytest.mark.parametrize("design", [*RANDOM_DESIGNS, *OTHER_DESIGNS], ids=str)
 def test_a_design_makes_the_runs_it_says(design: Design) -> None:
-    assert points(design).sizes["run"] == design.size(LAW)
+    assert points(design).sizes["run"] == design.run_count(LAW)
 
 
 @pytest.mark.parametrize("design", [*RANDOM_DESIGNS, *OTHER_DESIGNS], ids=str)
@@ -97,7 +97,7 @@ def test_another_name_gives_other_points(design: Design) -> None:
 def test_no_point_is_drawn_twice(design: Design) -> None:
     drawn = points(design)
     for name in ("length", "share"):
-        assert len(np.unique(drawn[name])) == design.size(LAW)
+        assert len(np.unique(drawn[name])) == design.run_count(LAW)
 
 
 @pytest.mark.parametrize("design", OTHER_DESIGNS, ids=str)
@@ -124,7 +124,7 @@ def test_points_follow_the_law(design: Design) -> None:
     drawn = points(design)
     assert bool(((drawn["length"] >= 1.0) & (drawn["length"] <= 3.0)).all())
     # Four standard errors of a mean of as many independent draws.
-    error = 4 / design.size(LAW) ** 0.5
+    error = 4 / design.run_count(LAW) ** 0.5
     assert float(drawn["length"].mean()) == pytest.approx(2.0, abs=0.577 * error)
     assert float(drawn["share"].mean()) == pytest.approx(0.0, abs=error)
 
@@ -220,9 +220,9 @@ def test_a_monte_carlo_of_no_runs_is_refused() -> None:
 
 
 class TestTable:
-    def write(self, folder: Path, text: str, name: str = "points.csv") -> Table:
+    def write(self, folder: Path, text: str, name: str = "points.csv") -> TableDesign:
         (folder / name).write_text(text, encoding="utf-8")
-        return Table(folder / name)
+        return TableDesign(folder / name)
 
     def test_columns_are_read_in_their_units(self, tmp_path: Path) -> None:
         table = self.write(tmp_path, "length [cm],share\n150,0.5\n200,-1e-1\n")
@@ -243,7 +243,7 @@ class TestTable:
         path = tmp_path / "points.nc"
         length = ("point", [150.0, 200.0], {"units": "cm"})
         xr.Dataset({"length": length, "share": ("point", [0.5, 1.0])}).to_netcdf(path)
-        assert points(Table(path))["length"].values.tolist() == [1.5, 2.0]
+        assert points(TableDesign(path))["length"].values.tolist() == [1.5, 2.0]
 
     def test_a_missing_value_in_a_netcdf_file_is_no_point(self, tmp_path: Path) -> None:
         with netCDF4.Dataset(tmp_path / "points.nc", "w") as dataset:
@@ -252,11 +252,11 @@ class TestTable:
             length.units = "m"
             length[0], length[2] = 1.0, 2.0
         with pytest.raises(TableError, match="no number at position 1"):
-            points(Table(tmp_path / "points.nc"))
+            points(TableDesign(tmp_path / "points.nc"))
 
     def test_a_table_is_read_once(self, tmp_path: Path) -> None:
         table = self.write(tmp_path, "length [m],share\n1,2\n")
-        assert table.size(LAW) == 1
+        assert table.run_count(LAW) == 1
         table.file.unlink()
         assert points(table)["length"].values.tolist() == [1.0]
 
@@ -288,10 +288,10 @@ class TestTable:
 
     def test_a_file_that_is_none_is_named(self, tmp_path: Path) -> None:
         with pytest.raises(TableError, match="there is no file"):
-            points(Table(tmp_path / "absent.csv"))
+            points(TableDesign(tmp_path / "absent.csv"))
         (tmp_path / "broken.nc").write_bytes(b"no netcdf")
         with pytest.raises(TableError, match="not a NetCDF file"):
-            points(Table(tmp_path / "broken.nc"))
+            points(TableDesign(tmp_path / "broken.nc"))
         (tmp_path / "latin.csv").write_bytes(b"l\xe4nge\n1\n")
         with pytest.raises(TableError, match="not UTF-8"):
-            points(Table(tmp_path / "latin.csv"))
+            points(TableDesign(tmp_path / "latin.csv"))

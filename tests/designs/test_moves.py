@@ -12,20 +12,20 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.analyses.analyze import analyze
-from uqpen.analyses.elementary_effects import mean_effect
-from uqpen.analyses.question import Question
+from uqpen.core.errors import StudyError
+from uqpen.core.model import Bounds, Input, Output
+from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.morris import Morris
 from uqpen.designs.one_at_a_time import OneAtATime
-from uqpen.errors import StudyError
-from uqpen.evaluation import Evaluator, evaluate
-from uqpen.inputs.distribution import Distribution
-from uqpen.inputs.distributions import Normal, Uniform
-from uqpen.inputs.law import FixedInput, InputLaw, RandomInput
-from uqpen.model import Bounds, Input, Output
+from uqpen.distributions.continuous import Normal, Uniform
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
-from uqpen.streams import Stream
+from uqpen.statistics.analyze import analyze
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sensitivity.elementary_effects import mean_effect
 from uqpen.study.load import parse_study
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -34,9 +34,9 @@ OUTPUT = Output("y", "m")
 
 def law_of(
     given: Mapping[str, Distribution | float], bounds: Mapping[str, Bounds] = {}
-) -> InputLaw:
+) -> JointDistribution:
     variables = {name: Input(name, "m", bounds=bounds.get(name, Bounds())) for name in given}
-    return InputLaw(
+    return JointDistribution(
         tuple(
             FixedInput(variables[name], entry, "m")
             if isinstance(entry, float)
@@ -47,32 +47,40 @@ def law_of(
     )
 
 
-def points(design: Design, law: InputLaw, name: str = "mine") -> xr.Dataset:
-    (only,) = design.rounds(law, Stream(1, "designs", name))
+def points(design: Design, joint: JointDistribution, name: str = "mine") -> xr.Dataset:
+    (only,) = design.rounds(joint, Stream(1, "designs", name))
     return only
 
 
 def runs_of(
-    design: Design, law: InputLaw, function: Callable[..., Any], *, vectorized: bool = True
+    design: Design,
+    joint: JointDistribution,
+    function: Callable[..., Any],
+    *,
+    vectorized: bool = True,
 ) -> xr.Dataset:
-    names = [variable.name for variable in law.variables]
+    names = [variable.name for variable in joint.variables]
     model = PythonFunction(
         lambda **inputs: {"y": function(**inputs)},
         "mine",
-        law.variables,
+        joint.variables,
         (OUTPUT,),
         dict.fromkeys([*names, "y"], "m"),
         vectorized,
     )
-    runs = evaluate(Evaluator(model), points(design, law), {})
+    runs = evaluate(Evaluator(model), points(design, joint), {})
     return runs.assign_attrs(sampling=str(design.sampling))
 
 
 def sensitivity(
-    design: Design, law: InputLaw, function: Callable[..., Any], *, vectorized: bool = True
+    design: Design,
+    joint: JointDistribution,
+    function: Callable[..., Any],
+    *,
+    vectorized: bool = True,
 ) -> xr.Dataset:
-    runs = runs_of(design, law, function, vectorized=vectorized)
-    return analyze(runs, [Question(OUTPUT, "m")])["sensitivity"]
+    runs = runs_of(design, joint, function, vectorized=vectorized)
+    return analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["sensitivity"]
 
 
 def figure(found: xr.Dataset, name: str, entry: str) -> float:
@@ -176,7 +184,9 @@ class TestMorris:
         truth = np.abs(whole[2:] - whole[:2]).mean() / 0.4
         held = 0
         for start in range(0, runs.sizes["run"], 40):
-            found = analyze(runs.isel(run=slice(start, start + 40)), [Question(OUTPUT, "m")])
+            found = analyze(
+                runs.isel(run=slice(start, start + 40)), [QuantityOfInterest(OUTPUT, "m")]
+            )
             told = found["sensitivity"]["y_mu_star"].sel(input="a")
             held += bool(told.sel(bound="lower") <= truth <= told.sel(bound="upper"))
         # Of ten trajectories each, 93 % to 98 % were measured; four standard errors below.
@@ -203,7 +213,7 @@ class TestMorris:
         for run in lost:
             status[run], values[run] = 2, math.nan
         runs = runs.assign(status=("run", status, runs["status"].attrs), y=("run", values))
-        found = analyze(runs, [Question(OUTPUT, "m")])["sensitivity"]
+        found = analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["sensitivity"]
         notes = [note(found, "mu", name) for name in "abc"]
         told = sum(int(text.split("; ")[-1].split(" of ")[0]) for text in notes if " of 20" in text)
         # Run 7 ends its trajectory; run 41 stands inside one.
@@ -224,8 +234,8 @@ class TestMorris:
             assert "of 40 effects touch a lost run" in note(found, "sigma", name)
 
     def test_inadmissible_runs_are_counted(self) -> None:
-        law = law_of({"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, {"a": Bounds(lower=0.3)})
-        found = sensitivity(Morris(40), law, lambda a, b: a + b)
+        joint = law_of({"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, {"a": Bounds(lower=0.3)})
+        found = sensitivity(Morris(40), joint, lambda a, b: a + b)
         assert found.attrs["runs_inadmissible"] > 0
         assert found.attrs["conditional_on"] == "admissible inputs"
         assert figure(found, "mu", "b") == pytest.approx(1.0, rel=1e-12)
@@ -242,7 +252,7 @@ class TestOneAtATime:
 
     def test_points_are_the_nominal_one_and_two_for_each_random_input(self) -> None:
         drawn = points(OneAtATime(0.1), self.LAW)
-        assert drawn.sizes["run"] == OneAtATime(0.1).size(self.LAW) == 5
+        assert drawn.sizes["run"] == OneAtATime(0.1).run_count(self.LAW) == 5
         np.testing.assert_allclose(drawn["a"], [2, 1.8, 2.2, 2, 2])
         np.testing.assert_allclose(drawn["b"], [3, 3, 3, 2.7, 3.3])
         assert drawn["f"].dims == ()
@@ -271,13 +281,13 @@ class TestOneAtATime:
         assert note(found, "contribution", "f") == "a fixed input has no uncertainty"
 
     def test_a_step_from_zero_is_relative_to_the_spread(self) -> None:
-        law = law_of({"a": Normal(0.0, 2.0), "b": Uniform(1.0, 3.0)})
+        joint = law_of({"a": Normal(0.0, 2.0), "b": Uniform(1.0, 3.0)})
         half_spread = 2.0 * 0.9944578832097532
-        drawn = points(OneAtATime(0.01), law)
+        drawn = points(OneAtATime(0.01), joint)
         np.testing.assert_allclose(
             drawn["a"].values[1:3], [-0.01 * half_spread, 0.01 * half_spread]
         )
-        found = sensitivity(OneAtATime(), law, lambda a, b: 10 + a)
+        found = sensitivity(OneAtATime(), joint, lambda a, b: 10 + a)
         assert figure(found, "response", "a") == pytest.approx(half_spread / 10, rel=1e-9)
         assert figure(found, "contribution", "a") == pytest.approx(0.2, rel=1e-9)
         assert "its nominal value is 0" in note(found, "response", "a")
@@ -307,8 +317,8 @@ class TestOneAtATime:
         assert "of the step up alone" in note(found, "response", "b")
 
     def test_a_step_out_of_the_models_domain_is_inadmissible(self) -> None:
-        law = law_of({"a": Normal(2.0, 0.2), "b": Normal(1.0, 0.1)}, {"a": Bounds(upper=2.01)})
-        found = sensitivity(OneAtATime(), law, lambda a, b: a * b)
+        joint = law_of({"a": Normal(2.0, 0.2), "b": Normal(1.0, 0.1)}, {"a": Bounds(upper=2.01)})
+        found = sensitivity(OneAtATime(), joint, lambda a, b: a * b)
         assert found.attrs["runs_inadmissible"] == 1
         assert "of the step down alone" in note(found, "response", "a")
 
@@ -356,12 +366,12 @@ class TestOneAtATime:
 
 @pytest.mark.parametrize("design", [Morris(4), OneAtATime()], ids=str)
 def test_an_input_that_a_model_does_not_vary_has_no_figure(design: Design) -> None:
-    law = law_of({"a": Normal(2.0, 0.2), "b": Normal(3.0, 0.2)})
-    runs = runs_of(design, law, lambda a, b: a * b)
+    joint = law_of({"a": Normal(2.0, 0.2), "b": Normal(3.0, 0.2)})
+    runs = runs_of(design, joint, lambda a, b: a * b)
     # What another model makes of the points: a value of its own for one input.
-    found = analyze(runs.assign(b=((), 3.0)), [Question(OUTPUT, "m")])["sensitivity"]
+    found = analyze(runs.assign(b=((), 3.0)), [QuantityOfInterest(OUTPUT, "m")])["sensitivity"]
     assert found["input"].values.tolist() == ["a"]
-    found = analyze(runs.drop_vars("a"), [Question(OUTPUT, "m")])["sensitivity"]
+    found = analyze(runs.drop_vars("a"), [QuantityOfInterest(OUTPUT, "m")])["sensitivity"]
     assert found["input"].values.tolist() == ["b"]
     assert np.isfinite(found.isel(bound=0)[next(iter(found.data_vars))].item())
 

@@ -10,16 +10,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.analyses.analyze import analyze
-from uqpen.analyses.question import Question
+from uqpen.core.errors import SettingsError, StudyError
+from uqpen.core.model import Bounds, Input, Output
+from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.full_factorial import FullFactorial
 from uqpen.designs.morris import Morris
 from uqpen.designs.quadrature import Quadrature
-from uqpen.errors import SettingsError, StudyError
-from uqpen.evaluation import Evaluator, evaluate
-from uqpen.inputs.distribution import Distribution
-from uqpen.inputs.distributions import (
+from uqpen.distributions.continuous import (
     Beta,
     Gamma,
     Gumbel,
@@ -29,12 +27,14 @@ from uqpen.inputs.distributions import (
     Uniform,
     Weibull,
 )
-from uqpen.inputs.law import FixedInput, InputLaw, RandomInput
-from uqpen.inputs.recurrence import recurrence
-from uqpen.inputs.truncated import Truncated
-from uqpen.model import Bounds, Input, Output
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.distributions.orthogonal_polynomials import recurrence
+from uqpen.distributions.truncated import Truncated
+from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
-from uqpen.streams import Stream
+from uqpen.statistics.analyze import analyze
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.load import parse_study
 
 # Sums of some hundred rounded products.
@@ -55,7 +55,7 @@ LAWS: list[Distribution] = [
 ]
 
 
-def law_of(*distributions: Distribution, bounds: Bounds | None = None) -> InputLaw:
+def law_of(*distributions: Distribution, bounds: Bounds | None = None) -> JointDistribution:
     inputs = tuple(
         Input(f"x{number}", "m", bounds=bounds or Bounds())
         for number in range(1, 1 + len(distributions))
@@ -64,29 +64,33 @@ def law_of(*distributions: Distribution, bounds: Bounds | None = None) -> InputL
         RandomInput(variable, distribution, "m")
         for variable, distribution in zip(inputs, distributions, strict=True)
     )
-    return InputLaw(random, inputs)
+    return JointDistribution(random, inputs)
 
 
-def points(design: Design, law: InputLaw) -> xr.Dataset:
-    (only,) = design.rounds(law, Stream(1, "designs", "mine"))
+def points(design: Design, joint: JointDistribution) -> xr.Dataset:
+    (only,) = design.rounds(joint, Stream(1, "designs", "mine"))
     return only
 
 
 def moments(
-    design: Design, law: InputLaw, function: Callable[..., Any], *, vectorized: bool = True
+    design: Design,
+    joint: JointDistribution,
+    function: Callable[..., Any],
+    *,
+    vectorized: bool = True,
 ) -> xr.Dataset:
-    names = [variable.name for variable in law.variables]
+    names = [variable.name for variable in joint.variables]
     model = PythonFunction(
         lambda **inputs: {"y": function(**inputs)},
         "mine",
-        law.variables,
+        joint.variables,
         (OUTPUT,),
         dict.fromkeys([*names, "y"], "m"),
         vectorized,
     )
-    runs = evaluate(Evaluator(model), points(design, law), {})
+    runs = evaluate(Evaluator(model), points(design, joint), {})
     runs = runs.assign_attrs(sampling=str(design.sampling))
-    return analyze(runs, [Question(OUTPUT, "m")])["moments"]
+    return analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["moments"]
 
 
 def value(found: xr.Dataset, statistic: str) -> float:
@@ -101,10 +105,10 @@ GRIDS = ["tensor", "sparse"]
 
 
 @pytest.mark.parametrize("grid", GRIDS)
-@pytest.mark.parametrize("law", LAWS, ids=str)
-def test_mean_and_std_of_an_input_are_its_laws(law: Distribution, grid: str) -> None:
-    found = moments(Quadrature(2, grid), law_of(law), lambda x1: x1)
-    exact = recurrence(law, 1)
+@pytest.mark.parametrize("distribution", LAWS, ids=str)
+def test_mean_and_std_of_an_input_are_its_laws(distribution: Distribution, grid: str) -> None:
+    found = moments(Quadrature(2, grid), law_of(distribution), lambda x1: x1)
+    exact = recurrence(distribution, 1)
     assert value(found, "mean") == pytest.approx(exact.mean, rel=ROUNDING)
     assert value(found, "std") == pytest.approx(exact.std, rel=ROUNDING)
     assert note(found, "mean") == "an integration rule has no scatter; its error is not told"
@@ -149,21 +153,27 @@ def test_rosenbrocks_function_is_exact(grid: str, order: int) -> None:
 
 
 def test_a_sparse_grid_has_far_fewer_nodes_and_says_how_many() -> None:
-    law = law_of(*[Normal(0.0, 1.0)] * 6)
+    joint_distribution = law_of(*[Normal(0.0, 1.0)] * 6)
     tensor, sparse = Quadrature(3), Quadrature(3, "sparse")
-    assert tensor.size(law) == 4**6
-    assert sparse.size(law) == points(sparse, law).sizes["run"] < 600
-    assert (points(sparse, law)["quadrature_weight"] < 0).any()
+    assert tensor.run_count(joint_distribution) == 4**6
+    assert (
+        sparse.run_count(joint_distribution)
+        == points(sparse, joint_distribution).sizes["run"]
+        < 600
+    )
+    assert (points(sparse, joint_distribution)["quadrature_weight"] < 0).any()
     # No node stands twice.
-    nodes = np.stack([points(sparse, law)[f"x{i}"].values for i in range(1, 7)], axis=1)
+    nodes = np.stack(
+        [points(sparse, joint_distribution)[f"x{i}"].values for i in range(1, 7)], axis=1
+    )
     assert len(np.unique(np.round(nodes, 9), axis=0)) == len(nodes)
 
 
 def test_a_sparse_grid_is_chaospys() -> None:
     import chaospy
 
-    law = law_of(Normal(0.0, 1.0), Normal(0.0, 1.0))
-    drawn = points(Quadrature(2, "sparse"), law)
+    joint_distribution = law_of(Normal(0.0, 1.0), Normal(0.0, 1.0))
+    drawn = points(Quadrature(2, "sparse"), joint_distribution)
     joint = chaospy.J(chaospy.Normal(0, 1), chaospy.Normal(0, 1))
     nodes, weights = chaospy.generate_quadrature(
         2, joint, rule="gaussian", sparse=True, growth=False
@@ -175,8 +185,8 @@ def test_a_sparse_grid_is_chaospys() -> None:
 
 
 def test_a_full_factorial_takes_every_combination_of_medians() -> None:
-    law = law_of(Uniform(0.0, 1.0), Uniform(0.0, 10.0))
-    drawn = points(FullFactorial(2), law)
+    joint = law_of(Uniform(0.0, 1.0), Uniform(0.0, 10.0))
+    drawn = points(FullFactorial(2), joint)
     pairs = list(zip(drawn["x1"].values.tolist(), drawn["x2"].values.tolist(), strict=True))
     assert pairs == [(0.25, 2.5), (0.25, 7.5), (0.75, 2.5), (0.75, 7.5)]
     assert drawn["quadrature_weight"].values.tolist() == [0.25] * 4
@@ -187,16 +197,16 @@ class TestLosses:
     LAW = law_of(Uniform(-1.0, 1.0), Uniform(-1.0, 1.0), bounds=Bounds(lower=-0.75))
 
     def lossy(self, design: Design, worst: Callable[[float], float]) -> xr.Dataset:
-        law = law_of(Uniform(-1.0, 1.0), Uniform(-1.0, 1.0))
+        joint = law_of(Uniform(-1.0, 1.0), Uniform(-1.0, 1.0))
         return moments(
-            design, law, lambda x1, x2: worst(x1) if x1 > 0.7 else 5.0 + x2, vectorized=False
+            design, joint, lambda x1, x2: worst(x1) if x1 > 0.7 else 5.0 + x2, vectorized=False
         )
 
-    def counted(self, found: xr.Dataset, design: Design, law: InputLaw) -> None:
+    def counted(self, found: xr.Dataset, design: Design, joint: JointDistribution) -> None:
         lost = found.attrs["runs"] - found.attrs["runs_used"]
-        assert 0 < lost < found.attrs["runs"] == design.size(law)
+        assert 0 < lost < found.attrs["runs"] == design.run_count(joint)
         for statistic in ("mean", "std", "skewness", "kurtosis"):
-            assert f"{lost} of {design.size(law)} nodes" in note(found, statistic)
+            assert f"{lost} of {design.run_count(joint)} nodes" in note(found, statistic)
             assert "biases" in note(found, statistic)
 
     def test_a_run_that_is_not_finite_is_told(self, design: Design) -> None:
@@ -279,15 +289,15 @@ x3 = { uniform = { lower = -1, upper = 1 } }
         assert complaint in str(caught.value)
 
     def test_a_grid_over_many_inputs_is_refused_before_it_is_made(self) -> None:
-        law = law_of(*[Normal(0.0, 1.0)] * 40)
+        joint = law_of(*[Normal(0.0, 1.0)] * 40)
         for design in (Quadrature(5), Quadrature(20, "sparse"), FullFactorial(3)):
-            (problem,) = design.misfit(law)
+            (problem,) = design.check_inputs(joint)
             assert "40 random inputs" in problem.found
             assert "10_000_000" in problem.expected
 
     def test_more_nodes_than_a_law_has_polynomials_are_refused(self) -> None:
-        law = law_of(Lognormal(1.0, 10.0))
-        (problem,) = Quadrature(90).misfit(law)
+        joint = law_of(Lognormal(1.0, 10.0))
+        (problem,) = Quadrature(90).check_inputs(joint)
         assert "x1 has no polynomials" in problem.found
 
     def test_an_order_out_of_range_is_refused(self) -> None:
@@ -303,8 +313,8 @@ def test_gausss_rules_are_for_independent_inputs_and_a_grid_of_probabilities_is_
 
 def test_a_fixed_input_stays_a_scalar() -> None:
     x, fixed = Input("x1", "m"), Input("f", "m")
-    law = InputLaw(
+    joint = JointDistribution(
         (RandomInput(x, Uniform(0.0, 1.0), "m"), FixedInput(fixed, 7.0, "m")), (x, fixed)
     )
     for design in (Quadrature(2), Quadrature(2, "sparse"), FullFactorial(3)):
-        assert points(design, law)["f"].dims == ()
+        assert points(design, joint)["f"].dims == ()

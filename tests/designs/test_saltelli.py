@@ -12,22 +12,22 @@ import pytest
 import xarray as xr
 from scipy import special
 
-from uqpen.designs.pick_freeze import Layout
+from uqpen.core.errors import SettingsError
+from uqpen.core.labels import Status
+from uqpen.core.model import Input
+from uqpen.core.streams import Stream
+from uqpen.designs.pick_freeze import BlockLayout
 from uqpen.designs.saltelli import MOST_ROUNDS, Saltelli
-from uqpen.errors import SettingsError
-from uqpen.evaluation import join
-from uqpen.inputs.distributions import Normal, Uniform
-from uqpen.inputs.law import FixedInput, InputLaw, RandomInput
-from uqpen.labels import Status
-from uqpen.model import Input
-from uqpen.streams import Stream
+from uqpen.distributions.continuous import Normal, Uniform
+from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.execution import join_rounds
 
 pytestmark = pytest.mark.processor
 
 FloatArray = npt.NDArray[np.float64]
 
 LENGTH, MASS, SHARE, WIDTH = (Input(name, "1") for name in ("length", "mass", "share", "width"))
-LAW = InputLaw(
+LAW = JointDistribution(
     (
         RandomInput(LENGTH, Uniform(1.0, 3.0), "1"),
         FixedInput(MASS, 5.0, "1"),
@@ -57,7 +57,7 @@ def made(design: Saltelli, fate: Fate = everything_is_fine, seed: int = 1) -> xr
         try:
             points = rounds.send(collected[-1])
         except StopIteration:
-            return join(collected)
+            return join_rounds(collected)
 
 
 def values(runs: xr.Dataset, rows: Any) -> FloatArray:
@@ -74,7 +74,7 @@ DESIGNS = [Saltelli(64, 4), Saltelli(64, 4, second_order=True)]
 @pytest.mark.parametrize("design", DESIGNS, ids=str)
 def test_the_first_round_is_the_size_that_is_told(design: Saltelli) -> None:
     runs = made(design)
-    assert runs.sizes["run"] == design.size(LAW) == 64 * (8 if design.second_order else 5)
+    assert runs.sizes["run"] == design.run_count(LAW) == 64 * (8 if design.second_order else 5)
     assert "round" not in runs.coords
     assert float(runs["mass"]) == 5.0
 
@@ -121,8 +121,8 @@ def test_what_the_matrices_mean_stands_beside_them() -> None:
 
 
 def test_a_flag_stands_for_one_matrix_only() -> None:
-    layout = Layout(tuple(f"x{i}" for i in range(20)), second_order=True)
-    flags = layout.flags()
+    layout = BlockLayout(tuple(f"x{i}" for i in range(20)), second_order=True)
+    flags = layout.flag_attributes()
     assert len(set(flags["flag_values"].tolist())) == len(flags["flag_meanings"].split())
     assert set(layout.parts) <= set(flags["flag_values"].tolist())
 
@@ -134,8 +134,8 @@ def half_lost(length: FloatArray, share: FloatArray, width: FloatArray) -> Any:
 @pytest.mark.parametrize("design", DESIGNS, ids=str)
 def test_what_is_drawn_again_shares_what_it_should(design: Saltelli) -> None:
     runs = made(design, half_lost)
-    layout = Layout.of(runs)
-    rows = layout.rows_of(runs)
+    layout = BlockLayout.from_runs(runs)
+    rows = layout.run_numbers(runs)
     whole = np.all([(part >= 0) & (runs["status"].values[part] == 0) for part in rows.values()], 0)
     # Of an input that must be larger than a uniform one, few are so small that none was found.
     assert whole.mean() > 0.95
@@ -191,10 +191,10 @@ def test_points_drawn_given_others_follow_the_conditional_law(pair: tuple[int, i
     # Of (length - 1) / 2 and width the first is larger. Given the width, the first is uniform above
     # it; given the first, the width is uniform below it.
     runs = made(Saltelli(16 * 256, 16), half_lost)
-    layout = Layout.of(runs)
-    rows = layout.rows_of(runs)
+    layout = BlockLayout.from_runs(runs)
+    rows = layout.run_numbers(runs)
     shared, drawn = pair
-    part = layout.sharing_one(shared)
+    part = layout.part_sharing_one(shared)
     chosen = rows[part.matrix]
     ok = (chosen >= 0) & (runs["status"].values[chosen] == 0)
     scaled = (values(runs, chosen[ok]) - [1, 0, 0]) / [2, 1, 1]
@@ -224,8 +224,8 @@ def test_a_row_of_the_first_round_does_not_serve_beside_an_anchor_drawn_again() 
         return np.where(width == lost, Status.INADMISSIBLE, of_round)
 
     runs = made(Saltelli(64, 4), fate)
-    layout = Layout.of(runs)
-    rows = layout.rows_of(runs)
+    layout = BlockLayout.from_runs(runs)
+    rows = layout.run_numbers(runs)
     assert int(runs["round"].values[rows[1][0]]) == 1
-    assert [int(rows[layout.sharing_one(i).matrix][0]) for i in range(3)] == [-1, -1, -1]
-    assert (rows[layout.sharing_one(0).matrix][1:] >= 0).all()
+    assert [int(rows[layout.part_sharing_one(i).matrix][0]) for i in range(3)] == [-1, -1, -1]
+    assert (rows[layout.part_sharing_one(0).matrix][1:] >= 0).all()

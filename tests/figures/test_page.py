@@ -16,13 +16,13 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.errors import FigureError, UnknownNameError
+from uqpen.core.errors import FigureError, UnknownNameError
+from uqpen.core.labels import BENCHMARK, KIND
+from uqpen.core.lookup import resolve
 from uqpen.figures import FIGURES
-from uqpen.figures.file import KINDS, written
+from uqpen.figures.figure_file import FORMATS, figure_bytes
 from uqpen.figures.page import available, figure, panels
-from uqpen.figures.texts import plain, typeset
-from uqpen.labels import HEAD_TO_HEAD, KIND
-from uqpen.lookup import resolve
+from uqpen.figures.texts import plain_text, typeset_unit
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -52,18 +52,18 @@ class TestTexts:
         page = figure(archives["beam"], "histogram")
         title = page.get_suptitle()
         assert title.startswith("$5 and $6: \\frac{1}{0} \\x1b[31m --> <script>")
-        content = written(page, "svg")
+        content = figure_bytes(page, "svg")
         ET.fromstring(content)
         assert b"<script" not in content
 
     def test_control_characters_are_spelled_out_and_length_is_bounded(self) -> None:
-        assert plain("a\nb\x1b\u202ec") == "a\\nb\\x1b\\u202ec"
-        assert plain("x" * 100, 10) == "xxxxxxxxx…"
+        assert plain_text("a\nb\x1b\u202ec") == "a\\nb\\x1b\\u202ec"
+        assert plain_text("x" * 100, 10) == "xxxxxxxxx…"
 
     def test_powers_of_units_are_raised(self) -> None:
-        assert typeset("W m-2 K-1") == "W m⁻² K⁻¹"
-        assert typeset("g/cm^3") == "g/cm³"
-        assert typeset("1000 m") == "1000 m"
+        assert typeset_unit("W m-2 K-1") == "W m⁻² K⁻¹"
+        assert typeset_unit("g/cm^3") == "g/cm³"
+        assert typeset_unit("1000 m") == "1000 m"
 
 
 class TestMessages:
@@ -96,7 +96,7 @@ class TestMessages:
 
     def test_methods_head_to_head_have_none(self) -> None:
         with pytest.raises(FigureError, match="no figures of an archive of methods head to head"):
-            available(xr.DataTree(xr.Dataset(attrs={KIND: HEAD_TO_HEAD})))
+            available(xr.DataTree(xr.Dataset(attrs={KIND: BENCHMARK})))
 
     def test_without_matplotlib(self, archives: Archives, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, "matplotlib.style", None)
@@ -107,15 +107,15 @@ class TestMessages:
 
 class TestMany:
     def test_of_many_runs_few_are_drawn_and_all_are_counted(self, study_of: Any) -> None:
-        law = '[designs.some]\nkind = "monte-carlo"\nruns = 200_000'
-        tree = uqpen.run(study_of("a * b", law, a=(0, 1), b=(0, 1)))
+        distribution = '[designs.some]\nkind = "monte-carlo"\nruns = 200_000'
+        tree = uqpen.run(study_of("a * b", distribution, a=(0, 1), b=(0, 1)))
         page = figure(tree, "scatter", "histogram", "cdf")
         first, *_, histogram, _ = page.axes
         assert len(first.lines[0].get_xdata()) == 1000
         assert histogram.patches[0].get_data().values.sum() == 200_000
         notes = page.legends[0].get_title().get_text()
         assert "1 000 of 200 000 runs that came back" in notes
-        assert len(written(page, "svg")) < 800_000
+        assert len(figure_bytes(page, "svg")) < 800_000
 
     def test_of_many_panels_a_page_shows_some(self, study_of: Any) -> None:
         inputs = {f"x{number}": (0, 1) for number in range(30)}
@@ -140,7 +140,7 @@ class TestFiles:
         self, archives: Archives, beam: Path, tmp_path: Path
     ) -> None:
         here = {}
-        for kind in KINDS:
+        for kind in FORMATS:
             path = tmp_path / f"here.{kind}"
             figure(archives["beam"], "cdf").save(path)
             here[kind] = path.read_bytes()
@@ -156,7 +156,7 @@ class TestFiles:
             "assert 'matplotlib.pyplot' not in sys.modules\n"
         )
         elsewhere = {**os.environ, "MATPLOTLIBRC": str(settings), "PYTHONHASHSEED": "7"}
-        command = [sys.executable, "-c", code, str(beam), *KINDS]
+        command = [sys.executable, "-c", code, str(beam), *FORMATS]
         subprocess.run(command, check=True, cwd=tmp_path, env=elsewhere, capture_output=True)
         for kind, content in here.items():
             assert (tmp_path / f"there.{kind}").read_bytes() == content, kind

@@ -14,9 +14,9 @@ from matplotlib.text import Text
 import uqpen
 from uqpen.figures import FIGURES
 from uqpen.figures.page import available, panels
-from uqpen.figures.scatter import thinned
-from uqpen.figures.style import style
-from uqpen.figures.velocity_profile import profile
+from uqpen.figures.scatter import thin_runs
+from uqpen.figures.style import figure_style
+from uqpen.figures.velocity_profile import axial_velocity
 
 Archives = dict[str, xr.DataTree]
 
@@ -71,7 +71,7 @@ def test_every_figure_of_every_archive_has_named_axes_and_plain_texts(archives: 
                 where = (archive, name, axes.get_title(loc="left"))
                 assert axes.get_xlabel(), where
                 assert axes.get_ylabel() or len(axes.get_yticks()), where
-            with style():  # in which it is written
+            with figure_style():  # in which it is written
                 assert not any(text.get_parse_math() for text in page.findobj(Text))
 
 
@@ -121,7 +121,7 @@ class TestDistributions:
         (panel,) = panels(archives["schema_2"], "cdf", source="chaos")
         from matplotlib.figure import Figure
 
-        notes = panel.on(Figure().add_subplot())
+        notes = panel.draw_on_axes(Figure().add_subplot())
         assert notes[0].startswith("no band of chaos: ")
 
 
@@ -186,10 +186,10 @@ class TestRuns:
 
     def test_runs_are_thinned_the_same_each_time(self) -> None:
         runs = xr.Dataset({"x": ("run", np.arange(10_000))})
-        chosen = thinned(runs, 100)["x"].values
+        chosen = thin_runs(runs, 100)["x"].values
         assert len(set(chosen)) == 100
         assert (np.diff(chosen) > 0).all()
-        np.testing.assert_array_equal(chosen, thinned(runs, 100)["x"].values)
+        np.testing.assert_array_equal(chosen, thin_runs(runs, 100)["x"].values)
 
     def test_a_surrogate_is_held_against_its_check_runs(self, archives: Archives) -> None:
         tree = archives["schema_2"]
@@ -228,7 +228,7 @@ class TestSeveralModels:
 @pytest.mark.parametrize("smoothing", [0.0, 0.5, 1.0])
 def test_a_velocity_profile_is_v_then_u_then_nothing(smoothing: float) -> None:
     u, v, s, R, S = 900.0, 1300.0, 0.003, 0.017, 0.1
-    places, velocities = profile((u, v), s, (R, S, smoothing))
+    places, velocities = axial_velocity((u, v), s, (R, S, smoothing))
     at = dict(zip(places.round(12).tolist(), velocities.tolist(), strict=True))
     assert at[-s] == pytest.approx(v)
     assert at[0.0] == pytest.approx(u)

@@ -14,8 +14,8 @@ import numpy as np
 
 import uqpen
 from uqpen.archive.provenance import SCHEMA
-from uqpen.head_to_head.contest import compare
-from uqpen.head_to_head.terms import Terms
+from uqpen.benchmark.compare import compare
+from uqpen.benchmark.settings import BenchmarkSettings
 
 __all__ = ["foreign_files", "make_archives", "with_bytes_damaged", "with_parts_changed"]
 
@@ -124,7 +124,7 @@ def make_archives(folder: Path) -> list[Path]:
         study = uqpen.parse_study(text, name=name, folder=folder)
         made.append(folder / f"{name}.nc")
         uqpen.write(uqpen.run(study), made[-1])
-    terms = Terms(budgets=(16, 32), repeats=10, reference=64)
+    terms = BenchmarkSettings(budgets=(16, 32), repeats=10, reference=64)
     contest = compare(uqpen.parse_study(_STUDIES["plain"], folder=folder), terms)
     made.append(folder / "contest.nc")
     uqpen.write(contest, made[-1])

@@ -14,10 +14,10 @@ from unittest import mock
 
 from uqpen.archive.read import read_tree
 from uqpen.cli.main import main
-from uqpen.errors import StudyError, UqpenError
+from uqpen.core.errors import StudyError, UqpenError
 from uqpen.study.load import load_study
 from uqpen.study.study import Study
-from uqpen.verification.archived import archived_study
+from uqpen.verification.archived_study import archived_study
 
 __all__ = ["ARCHIVE_COMMANDS", "archive_outcome", "study_outcome"]
 

@@ -19,15 +19,21 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uqpen.errors import ModelError, StudyError
-from uqpen.evaluation import Evaluator
-from uqpen.labels import Status
-from uqpen.model import Model, Results
-from uqpen.models.command.placeholders import filled
-from uqpen.models.command.placeholders import mistakes as mistakes_in
-from uqpen.models.command.readings import InCsv, InJson, InNetcdf, InText, Reading
-from uqpen.models.command.reasons import steady
-from uqpen.models.command.written import UnreadableError, Written
+from uqpen.core.errors import ModelError, StudyError
+from uqpen.core.labels import Status
+from uqpen.core.model import Model, Results
+from uqpen.execution import Evaluator
+from uqpen.models.command.placeholders import fill
+from uqpen.models.command.placeholders import find_mistakes as mistakes_in
+from uqpen.models.command.readings import (
+    CsvReader,
+    JsonReader,
+    NetcdfReader,
+    OutputReader,
+    TextReader,
+)
+from uqpen.models.command.reasons import remove_variable_parts
+from uqpen.models.command.written import RunFiles, UnreadableError
 from uqpen.study.load import parse_study
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="programs run on POSIX only")
@@ -426,7 +432,7 @@ def test_a_program_ends_that_was_just_being_started(tmp_path: Path) -> None:
 INTERRUPTED = """\
 import sys, tempfile
 import uqpen
-from uqpen.executors.processes import processes
+from uqpen.execution.processes import processes
 tempfile.tempdir = sys.argv[2]
 if __name__ == "__main__":
     study = uqpen.load_study(sys.argv[1])
@@ -675,18 +681,18 @@ STEADY = {
 
 @pytest.mark.parametrize(("said", "told"), STEADY.items(), ids=range(len(STEADY)))
 def test_a_reason_is_the_same_each_time(said: str, told: str) -> None:
-    assert steady(said, [Path("/"), Path("/tmp/run")]) == told
+    assert remove_variable_parts(said, [Path("/"), Path("/tmp/run")]) == told
 
 
 # --- whatever stands there -----------------------------------------------------------------------
 
 ANY_READING = st.sampled_from(
     [
-        InJson("o", "a.0"),
-        InCsv("o", "a", 0),
-        InText("o", "(.)"),
-        InText("o", "^a(b)?", 1),
-        InNetcdf("o", "a"),
+        JsonReader("o", "a.0"),
+        CsvReader("o", "a", 0),
+        TextReader("o", "(.)"),
+        TextReader("o", "^a(b)?", 1),
+        NetcdfReader("o", "a"),
     ]
 )
 PIECES = [
@@ -710,12 +716,12 @@ ANY_BYTES = st.binary() | st.lists(st.sampled_from(PIECES)).map(b"".join)
 
 @given(content=ANY_BYTES, reading=ANY_READING)
 def test_whatever_a_program_writes_is_a_number_or_a_reason(
-    tmp_path_factory: pytest.TempPathFactory, content: bytes, reading: Reading
+    tmp_path_factory: pytest.TempPathFactory, content: bytes, reading: OutputReader
 ) -> None:
     folder = tmp_path_factory.getbasetemp()
     (folder / "o").write_bytes(content)
     with contextlib.suppress(UnreadableError):
-        assert isinstance(reading.value(Written(folder)), float)
+        assert isinstance(reading.value(RunFiles(folder)), float)
 
 
 @given(st.text("ab{}:.3e%<\n d", max_size=12))
@@ -724,9 +730,9 @@ def test_a_text_without_mistakes_can_be_filled(text: str) -> None:
     for line, _, _ in found:
         assert 1 <= line <= text.count("\n") + 1
     if not found:
-        filled(text, {"a": 1.5, "b": "path"})
+        fill(text, {"a": 1.5, "b": "path"})
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_a_placeholder_keeps_every_bit(value: float) -> None:
-    assert float(filled("{a}", {"a": value})) == value
+    assert float(fill("{a}", {"a": value})) == value

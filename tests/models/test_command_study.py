@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 import uqpen
-from uqpen.errors import ModelError
-from uqpen.executors.processes import processes
+from uqpen.core.errors import ModelError
+from uqpen.execution.processes import processes
+from uqpen.results.output_tables import output_tables
 from uqpen.study.load import parse_study
-from uqpen.summary.tables import output_tables
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "models.md"
 

@@ -21,7 +21,7 @@ from uqpen.models.rod_trajectory import (
     Trajectory,
     erosion_slopes,
     integrate_erosion,
-    rod_in_target,
+    make_rod,
     trajectory,
 )
 
@@ -211,14 +211,14 @@ def test_long_rod_without_strength_reaches_the_hydrodynamic_limit(target_density
     # The start and the end take a depth of some crater radii, of which the rod is 3000 long.
     assert depth == pytest.approx(length / steady, rel=3e-3)
     assert residue < 1e-5 * length
-    course = trajectory(rod_in_target(**{**NOMINAL, **weak}), depths=3)
+    course = trajectory(make_rod(**{**NOMINAL, **weak}), depths=3)
     # Steady flow: v = u (1 + sqrt(ρt/ρp)), but for strengths 5e-4 of the pressure and s/L.
     assert course.tail_velocity[1] / course.nose_velocity[1] == pytest.approx(1 + steady, rel=3e-3)
 
 
 def test_momentum_changes_by_the_forces_on_rod_and_target_only():
     values = {**NOMINAL, "smoothing": 0.7}
-    rod = rod_in_target(**values)
+    rod = make_rod(**values)
     solution = integrate_erosion(rod, 1e-8)
     Omega, profile, kappa, added = rod[0], rod[1], rod[2], rod.added_length
     for state in solution.y.T:
@@ -297,7 +297,7 @@ def test_an_empty_batch_gives_an_empty_result():
 def test_a_thin_plastic_zone_is_stiff_but_solved(ratio):
     changes = {"plasticity_radius": ratio * NOMINAL["crater_radius"]}
     result = penetrate(**rods(**changes))
-    course = trajectory(rod_in_target(**{**NOMINAL, **changes}), depths=2)
+    course = trajectory(make_rod(**{**NOMINAL, **changes}), depths=2)
     assert result.solved.all()
     assert result.depth[0] == pytest.approx(course.depth[-1], rel=PROMISED)
     assert result.residue[0] == pytest.approx(course.length[-1], rel=PROMISED)
@@ -314,7 +314,7 @@ def test_the_stiffest_runs_solved_agree_with_those_of_a_tighter_tolerance():
 @pytest.mark.parametrize("velocity", [1.0, 10.0, 100.0])
 def test_a_rod_too_slow_to_erode_penetrates_as_a_rigid_body(velocity):
     result = penetrate(**rods(impact_velocity=velocity))
-    rod = rod_in_target(**{**NOMINAL, "impact_velocity": velocity})
+    rod = make_rod(**{**NOMINAL, "impact_velocity": velocity})
     inertia = rod.density_ratio * rod.length + rod.added_length
     # A closed form: only rounding in its few operations.
     depth = inertia * np.log1p(velocity**2 / rod.resistance)
@@ -337,7 +337,7 @@ def test_a_rod_too_slow_to_erode_penetrates_as_a_rigid_body(velocity):
 )
 def test_extreme_rods_end_where_an_independent_integration_ends(changes):
     result = penetrate(**rods(**changes))
-    course = trajectory(rod_in_target(**{**NOMINAL, **changes}), depths=2)
+    course = trajectory(make_rod(**{**NOMINAL, **changes}), depths=2)
     assert result.depth[0] == pytest.approx(course.depth[-1], rel=PROMISED)
     assert result.residue[0] == pytest.approx(course.length[-1], rel=PROMISED)
 
@@ -347,7 +347,7 @@ def test_extreme_rods_end_where_an_independent_integration_ends(changes):
 
 @pytest.fixture(scope="module")
 def course() -> Trajectory:
-    return trajectory(rod_in_target(**NOMINAL), depths=10_001)
+    return trajectory(make_rod(**NOMINAL), depths=10_001)
 
 
 @pytest.mark.parametrize(
@@ -365,7 +365,7 @@ def test_trajectory_passes_through_known_points(course, depth, time, nose, tail,
 
 
 def test_tail_and_nose_meet_at_the_known_time_depth_and_velocity():
-    solution = integrate_erosion(rod_in_target(**NOMINAL), 1e-10)
+    solution = integrate_erosion(make_rod(**NOMINAL), 1e-10)
     u, x, _, z = solution.y[:, -1]
     # Seven digits are known.
     assert (solution.t[-1], z, u) == pytest.approx((583.1932e-6, 0.4538407, 244.4509), rel=2e-7)
@@ -376,9 +376,7 @@ def test_tail_and_nose_meet_at_the_known_time_depth_and_velocity():
 def test_plastic_flow_reaches_its_known_extent(smoothing, extent):
     values = {**NOMINAL, "smoothing": smoothing}
     # Three digits are known.
-    assert trajectory(rod_in_target(**values)).plastic_extent.max() == pytest.approx(
-        extent, rel=2e-3
-    )
+    assert trajectory(make_rod(**values)).plastic_extent.max() == pytest.approx(extent, rel=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -387,7 +385,7 @@ def test_plastic_flow_reaches_its_known_extent(smoothing, extent):
     ids=["breakdown", "smoothed", "standstill", "rigid"],
 )
 def test_trajectory_ends_where_the_lanes_end(changes):
-    result = trajectory(rod_in_target(**{**NOMINAL, **changes}))
+    result = trajectory(make_rod(**{**NOMINAL, **changes}))
     # Both integrations allow each of some hundred steps an error of 1e-10 or less.
     assert (result.depth[-1], result.length[-1]) == pytest.approx(one(**changes), rel=1e-9)
     assert result.nose_velocity[-1] == 0

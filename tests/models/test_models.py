@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uqpen.errors import TrajectoryError
-from uqpen.evaluation import Evaluator
-from uqpen.labels import Status
-from uqpen.lookup import resolve
-from uqpen.model import Model, Results
+from uqpen.core.errors import TrajectoryError
+from uqpen.core.labels import Status
+from uqpen.core.lookup import resolve
+from uqpen.core.model import Model, Results
+from uqpen.core.units import si_unit
+from uqpen.execution import Evaluator
 from uqpen.models import MODELS, rod_lanes
 from uqpen.models.ishigami import Ishigami
 from uqpen.models.rigid_penetration import RigidPenetration
 from uqpen.models.rod_and_target import OUTPUTS, Termination
 from uqpen.models.walker_anderson import WalkerAnderson
-from uqpen.units import si_unit
 
 # FFI/RAPPORT-2000/05876, Table 3.1.
 ROD = {
@@ -60,7 +60,7 @@ class TestEveryModel:
         model = self.model(name)
         for variable in (*model.inputs, *model.outputs):
             assert si_unit(variable.unit) == variable.unit
-            assert si_unit(variable.shown_unit) == variable.unit
+            assert si_unit(variable.preferred_unit) == variable.unit
 
     def test_no_name_is_used_twice(self, name: str) -> None:
         model = self.model(name)
@@ -109,10 +109,12 @@ class TestRodModels:
         assert "within 1 %" in found.reasons[1]
 
     def test_an_input_is_missing_unless_an_alternative_is_given(self, model: Model) -> None:
-        assert list(model.missing(without("projectile_sound_speed"))) == ["projectile_sound_speed"]
+        assert list(model.missing_inputs(without("projectile_sound_speed"))) == [
+            "projectile_sound_speed"
+        ]
         modulus = without("projectile_sound_speed", projectile_young_modulus=165e9)
-        assert list(model.missing(modulus)) == []
-        assert list(model.missing(without("smoothing"))) == []
+        assert list(model.missing_inputs(modulus)) == []
+        assert list(model.missing_inputs(without("smoothing"))) == []
 
 
 def test_a_young_modulus_stands_for_the_sound_speed() -> None:

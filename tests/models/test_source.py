@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 import uqpen
-from uqpen.archive.files import kept_files
-from uqpen.archive.read import group
-from uqpen.errors import ModelError
-from uqpen.executors.processes import processes
-from uqpen.lookup import resolve
+from uqpen.archive.files import archived_files
+from uqpen.archive.read import read_group
+from uqpen.core.errors import ModelError
+from uqpen.core.lookup import resolve
+from uqpen.execution.processes import processes
 from uqpen.models import MODELS
 from uqpen.models import source as sources
-from uqpen.models.surroundings import Surroundings
+from uqpen.models.surroundings import ModelFolder
 
 FOLDER = Path(sources.__file__).parent
 
@@ -99,7 +99,7 @@ class TestBuiltIn:
         ],
     )
     def test_imports_are_found_in_every_form(self, line: str) -> None:
-        assert "tsitouras" in set(sources._imported(line.encode()))
+        assert "tsitouras" in set(sources._imported_modules(line.encode()))
 
 
 class TestFilesThatChange:
@@ -113,7 +113,7 @@ class TestFilesThatChange:
         tree = uqpen.run(study)
         runs = tree["runs/some"]
         assert (runs["y"].values == 2 * runs["x"].values).all()
-        (file,) = kept_files(group(tree, "files"))
+        (file,) = archived_files(read_group(tree, "files"))
         assert file.read() == source.encode()
 
     def test_a_table_is_kept_as_it_was_read(self, tmp_path: Path) -> None:
@@ -126,7 +126,7 @@ class TestFilesThatChange:
         (tmp_path / "points.csv").write_text("x\n3\n4\n")
         tree = uqpen.run(study)
         assert tree["runs/some"]["x"].values.tolist() == [1, 2]
-        assert kept_files(group(tree, "files"))[1].read() == b"x\n1\n2\n"
+        assert archived_files(read_group(tree, "files"))[1].read() == b"x\n1\n2\n"
 
     def test_runs_of_two_versions_are_refused(self, tmp_path: Path) -> None:
         (tmp_path / "own.py").write_text("def f(x): return {'y': 2 * x}\n")
@@ -138,12 +138,12 @@ class TestFilesThatChange:
 
     def test_what_another_process_has_imported_is_known_here(self, tmp_path: Path) -> None:
         (tmp_path / "beside.py").write_text("a = 1\n")
-        there, here = Surroundings(tmp_path), Surroundings(tmp_path)
+        there, here = ModelFolder(tmp_path), ModelFolder(tmp_path)
         there.read(str(tmp_path / "beside.py"))
-        here.note(there.imported)
+        here.add_imported(there.imported)
         assert here.imported == there.imported
         assert [file.path.name for file in here.files()] == ["beside.py"]
         (tmp_path / "beside.py").write_text("a = 2\n")
-        here.note(there.imported)
+        here.add_imported(there.imported)
         with pytest.raises(ModelError, match=r'"beside\.py" was changed'):
-            Surroundings(tmp_path).note(there.imported)
+            ModelFolder(tmp_path).add_imported(there.imported)

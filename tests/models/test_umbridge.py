@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 import uqpen
-from uqpen.errors import StudyError
-from uqpen.executors.processes import processes
-from uqpen.labels import Status
+from uqpen.core.errors import StudyError
+from uqpen.core.labels import Status
+from uqpen.execution.processes import processes
 
 SERVER = Path(__file__).parents[1] / "umbridge_server.py"
 DOCUMENT = Path(__file__).parents[2] / "docs" / "models.md"

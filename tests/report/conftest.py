@@ -42,13 +42,13 @@ def wide(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
     source = f"def warm({', '.join(names)}):\n    return {{'temperature_of_outer_wall': {body}}}\n"
     (folder / "wall.py").write_text(source)
     units = [f'{name} = "W m-2 K-1"' for name in names]
-    laws = [f'{name} = "(1 ± 0.1) W m-2 K-1"' for name in names]
+    distributions = [f'{name} = "(1 ± 0.1) W m-2 K-1"' for name in names]
     text = [
         "seed = 1",
         '[model]\npython = "wall.py:warm"\nvectorized = true',
         *("[model.inputs]", *units),
         '[model.outputs]\ntemperature_of_outer_wall = "K"',
-        *("[inputs]", *laws),
+        *("[inputs]", *distributions),
         '[designs.monte_carlo]\nkind = "monte-carlo"\nruns = 300',
         '[designs.trajectories]\nkind = "morris"\ntrajectories = 4',
     ]

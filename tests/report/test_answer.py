@@ -9,12 +9,12 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.archive.read import group
-from uqpen.figures.part import Part
+from uqpen.archive.read import read_group
+from uqpen.figures.archive_view import ArchiveView
 from uqpen.report.blocks import Block, Quote, Remarks, Text
 from uqpen.report.sections.answer import answer
+from uqpen.results.digits import estimate_texts
 from uqpen.study.study import Study
-from uqpen.summary.digits import alike
 
 GENERAL = (
     "An interval on this page tells the error of sampling alone: not how far the model is from "
@@ -46,7 +46,7 @@ def _texts(blocks: list[Block]) -> list[str]:
 
 
 def _told(tree: xr.DataTree, model: str = "") -> list[str]:
-    return _texts(list(answer(Part(tree, model))))
+    return _texts(list(answer(ArchiveView(tree, model))))
 
 
 def test_every_sentence_stands_by_itself(archives: Mapping[str, xr.DataTree]) -> None:
@@ -72,9 +72,9 @@ def test_every_sentence_stands_by_itself(archives: Mapping[str, xr.DataTree]) ->
         "are conditional on admissible inputs.",
         *GENERAL,
     ]
-    held = group(tree, "holds", "monte_carlo")["y"].values[0]
+    held = read_group(tree, "holds", "monte_carlo")["y"].values[0]
     assert (f"{held[0]:.1f}", f"{held[2]:.1f}") == ("5.9", "11.5")
-    exceeded = group(tree, "exceedance", "monte_carlo")["y"].values[0]
+    exceeded = read_group(tree, "exceedance", "monte_carlo")["y"].values[0]
     assert [f"{100 * bound:.0f}" for bound in exceeded] == ["5", "0", "26"]
 
 
@@ -108,7 +108,7 @@ def test_a_single_run_is_told_in_the_singular(study_of: Callable[..., Study]) ->
 
 
 def test_where_no_run_came_back_there_is_no_answer(archives: Mapping[str, xr.DataTree]) -> None:
-    (block,) = answer(Part(archives["lost"], ""))
+    (block,) = answer(ArchiveView(archives["lost"], ""))
     assert block == Text(
         "No run came back: there is no answer. All 120 were lost. The reason: “ValueError: too "
         "heavy” (failed, 120 runs). Once the model is mended, or its time limit raised, or the "
@@ -214,4 +214,4 @@ def test_only_some_of_many_outputs_have_sentences(tmp_path: Path) -> None:
 def test_figures_in_a_sentence_have_sensible_digits(
     bounds: tuple[float, ...], texts: tuple[str, ...]
 ) -> None:
-    assert alike(*bounds) == texts
+    assert estimate_texts(*bounds) == texts

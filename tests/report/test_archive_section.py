@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.archive.read import group
-from uqpen.figures.part import Part
+from uqpen.archive.read import read_group
+from uqpen.figures.archive_view import ArchiveView
 from uqpen.report.blocks import Block, Heading, Listing, Remarks, Table, Text
 from uqpen.report.sections.archive import archive
-from uqpen.report.sections.doubts import doubts
-from uqpen.summary.table import OutputTable
+from uqpen.report.sections.archive_notes import archive_notes
+from uqpen.results.table import OutputTable
 
 
 def _tables(blocks: Iterable[Block]) -> dict[str, OutputTable]:
@@ -26,14 +26,16 @@ def _listings(blocks: Iterable[Block]) -> dict[str, Listing]:
 
 def test_the_study_comes_first_word_for_word(archives: Mapping[str, xr.DataTree]) -> None:
     tree = archives["schema_2"]
-    first, *_ = archive(Part(tree, ""))
+    first, *_ = archive(ArchiveView(tree, ""))
     assert first == Listing("The study: schema_2", tree.attrs["study_text"])
 
 
 def test_inputs_are_told_as_run_and_as_written(archives: Mapping[str, xr.DataTree]) -> None:
     tree = archives["beam"]
-    table = _tables(archive(Part(tree, "")))["Inputs, over the runs of only, lost ones among them"]
-    loads = group(tree, "runs", "only")["load"].values / 1e3
+    table = _tables(archive(ArchiveView(tree, "")))[
+        "Inputs, over the runs of only, lost ones among them"
+    ]
+    loads = read_group(tree, "runs", "only")["load"].values / 1e3
     assert table.rows == [
         (
             "load [kN]",
@@ -49,7 +51,7 @@ def test_inputs_are_told_as_run_and_as_written(archives: Mapping[str, xr.DataTre
 
 
 def test_designs_say_what_they_are_for(archives: Mapping[str, xr.DataTree]) -> None:
-    table = _tables(archive(Part(archives["schema_2"], "")))["Designs"]
+    table = _tables(archive(ArchiveView(archives["schema_2"], "")))["Designs"]
     assert table.columns == ["points", "runs", "came back", "replicates", "made for"]
     told = {name: [cells[0], *cells[1:3], cells[-1]] for name, cells in table.rows}
     assert told == {
@@ -78,7 +80,7 @@ def test_designs_say_what_they_are_for(archives: Mapping[str, xr.DataTree]) -> N
 
 def test_what_made_it_is_told_whole(archives: Mapping[str, xr.DataTree]) -> None:
     tree = archives["schema_2"]
-    blocks = list(archive(Part(tree, "")))
+    blocks = list(archive(ArchiveView(tree, "")))
     told = {name: cells[0] for name, cells in _tables(blocks)["What made this archive"].rows}
     assert told["seed"] == "11"
     assert told["SHA-256 of the study's text"] == tree.attrs["study_sha256"]
@@ -94,7 +96,7 @@ def test_what_made_it_is_told_whole(archives: Mapping[str, xr.DataTree]) -> None
 
 
 def test_what_several_models_share_is_told_once(archives: Mapping[str, xr.DataTree]) -> None:
-    blocks = list(archive(Part(archives["schema_2_several"], "one")))
+    blocks = list(archive(ArchiveView(archives["schema_2_several"], "one")))
     headings = [block.text for block in blocks if isinstance(block, Heading)]
     assert headings == ["one", "other", "The archive of all models"]
     titles = [block.table.title for block in blocks if isinstance(block, Table)]
@@ -126,12 +128,12 @@ def test_what_several_models_share_is_told_once(archives: Mapping[str, xr.DataTr
 
 
 def test_warnings_are_counted(archives: Mapping[str, xr.DataTree]) -> None:
-    assert doubts(archives["beam"])[:3] == (
+    assert archive_notes(archives["beam"])[:3] == (
         "only: 18.3 % of the admissible runs did not come back.",
         "4 figures: only 98 runs: it may cover less often than it says",
         "4 figures: fewer than 200 runs do not show a heavy tail; see the correlations of ranks",
     )
-    told = doubts(archives["schema_2"])
+    told = archive_notes(archives["schema_2"])
     assert told[0] == "38 figures: 16 runs are too few"
     assert "10 figures: refused: beyond all outputs that the surrogate was fitted to" in told
     # What is published elsewhere, and what vouches for a surrogate, is no warning.
@@ -139,7 +141,7 @@ def test_warnings_are_counted(archives: Mapping[str, xr.DataTree]) -> None:
 
 
 def test_warnings_come_before_provenance(archives: Mapping[str, xr.DataTree]) -> None:
-    blocks = list(archive(Part(archives["beam"], "")))
+    blocks = list(archive(ArchiveView(archives["beam"], "")))
     (place,) = [n for n, block in enumerate(blocks) if isinstance(block, Remarks)]
     after = blocks[place + 1]
     assert isinstance(after, Table)
@@ -152,7 +154,7 @@ def test_a_study_that_cannot_be_read_is_shown_all_the_same(
 ) -> None:
     tree = archives["beam"].copy()
     tree.attrs = {**tree.attrs, "study_text": text}
-    blocks = list(archive(Part(tree, "")))
+    blocks = list(archive(ArchiveView(tree, "")))
     assert blocks[0] == Listing("The study: study", text)
     inputs = _tables(blocks)["Inputs, over the runs of only, lost ones among them"]
     assert [cells[-1] for _, cells in inputs.rows] == ["–", "–"]
@@ -161,7 +163,7 @@ def test_a_study_that_cannot_be_read_is_shown_all_the_same(
 def test_long_texts_are_cut_and_say_so(archives: Mapping[str, xr.DataTree]) -> None:
     tree = archives["beam"].copy()
     tree.attrs = {**tree.attrs, "study_text": "#" * 30_000}
-    first, *_ = archive(Part(tree, ""))
+    first, *_ = archive(ArchiveView(tree, ""))
     assert first == Listing(
         "The study: study (the first 20\u202f000 of 30\u202f000 characters)", "#" * 20_000
     )
@@ -169,8 +171,8 @@ def test_long_texts_are_cut_and_say_so(archives: Mapping[str, xr.DataTree]) -> N
 
 def test_texts_of_many_files_are_left_in_the_archive(archives: Mapping[str, xr.DataTree]) -> None:
     tree = archives["schema_2_several"].copy()
-    files = group(tree, "files")
+    files = read_group(tree, "files")
     many = xr.concat([files] * 3, "file")
     tree["files"] = xr.DataTree(many)
-    blocks = list(archive(Part(tree, "one")))
+    blocks = list(archive(ArchiveView(tree, "one")))
     assert Text("The archive has the texts of 2 more files, which are not shown here.") in blocks

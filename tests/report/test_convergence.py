@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.figures.part import Part
+from uqpen.figures.archive_view import ArchiveView
 from uqpen.report.blocks import Block, Chart, Charts, Heading, Remarks, Text
 from uqpen.report.sections.convergence import convergence
 
@@ -27,7 +27,7 @@ x3 = 1
 
 
 def told(tree: xr.DataTree, model: str = "") -> list[Block]:
-    return list(convergence(Part(tree, model)))
+    return list(convergence(ArchiveView(tree, model)))
 
 
 def charts(blocks: list[Block]) -> list[Charts]:

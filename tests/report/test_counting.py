@@ -6,15 +6,15 @@ import math
 
 import pytest
 
-from uqpen.report.counting import counted, in_percent
-from uqpen.summary.digits import alike
+from uqpen.report.counting import count_text, percent_texts
+from uqpen.results.digits import estimate_texts
 
 
 @pytest.mark.parametrize(
     ("number", "said"), [(0, "0 runs"), (1, "1 run"), (2, "2 runs"), (1000, "1\u202f000 runs")]
 )
 def test_one_thing_is_in_the_singular(number: int, said: str) -> None:
-    assert counted(number, "run") == said
+    assert count_text(number, "run") == said
 
 
 @pytest.mark.parametrize(
@@ -31,11 +31,11 @@ def test_one_thing_is_in_the_singular(number: int, said: str) -> None:
 def test_probabilities_are_told_in_per_cent(
     probabilities: tuple[float, float, float], said: tuple[str, ...]
 ) -> None:
-    assert in_percent(*probabilities) == said
+    assert percent_texts(*probabilities) == said
 
 
 def test_they_have_the_digits_of_the_tables() -> None:
     # 0.2075 ends in a five, which 20.75 is rounded otherwise from.
     bounds = (0.2075, 0.1825, 0.2325)
-    assert alike(*bounds) == ("0.207", "0.182", "0.233")
-    assert in_percent(*bounds) == ("20.7 %", "18.2 %", "23.3 %")
+    assert estimate_texts(*bounds) == ("0.207", "0.182", "0.233")
+    assert percent_texts(*bounds) == ("20.7 %", "18.2 %", "23.3 %")

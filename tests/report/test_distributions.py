@@ -10,11 +10,11 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.figures.part import Part
-from uqpen.intervals import dkw_half_width
-from uqpen.report.blocks import Block, Chart, Heading, Table, charts_in
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.report.blocks import Block, Chart, Heading, Table, find_charts
 from uqpen.report.sections.distributions import distributions
-from uqpen.report.sections.models import models
+from uqpen.report.sections.model_comparison import model_comparison
+from uqpen.statistics.intervals import dkw_half_width
 from uqpen.study.study import Study
 
 Archives = dict[str, xr.DataTree]
@@ -22,7 +22,7 @@ Archives = dict[str, xr.DataTree]
 
 @pytest.fixture
 def beam(archives: Archives) -> list[Block]:
-    return list(distributions(Part(archives["beam"], "")))
+    return list(distributions(ArchiveView(archives["beam"], "")))
 
 
 def deflections(tree: xr.DataTree) -> np.ndarray:
@@ -35,7 +35,7 @@ class TestTheThreshold:
     def test_it_reads_off_the_share_of_the_runs(
         self, archives: Archives, beam: list[Block]
     ) -> None:
-        reading = next(charts_in(beam)).reading
+        reading = next(find_charts(beam)).reading
         assert reading is not None
         values = deflections(archives["beam"])
         half = dkw_half_width(values.size, 0.95)
@@ -47,7 +47,7 @@ class TestTheThreshold:
             assert upper == pytest.approx(min(share + half, 1), abs=1e-9)
 
     def test_it_moves_by_round_numbers_over_the_whole_axis(self, beam: list[Block]) -> None:
-        chart = next(charts_in(beam))
+        chart = next(find_charts(beam))
         reading, ends = chart.reading, chart.x.ends
         assert reading is not None
         assert ends is not None
@@ -59,7 +59,7 @@ class TestTheThreshold:
         assert 250 <= len(reading.bounds) <= 700
 
     def test_it_begins_where_the_study_asks(self, beam: list[Block]) -> None:
-        reading = next(charts_in(beam)).reading
+        reading = next(find_charts(beam)).reading
         assert reading is not None
         assert reading.first + reading.start * reading.step == pytest.approx(2.0)
         assert (reading.unit, reading.source, reading.level) == ("mm", "only", 0.95)
@@ -67,7 +67,7 @@ class TestTheThreshold:
     def test_points_of_unknown_origin_have_no_band(self, archives: Archives) -> None:
         tree = archives["beam"].copy(deep=True)
         tree["runs/only"].attrs["sampling"] = "given"
-        reading = next(charts_in(distributions(Part(tree, "")))).reading
+        reading = next(find_charts(distributions(ArchiveView(tree, "")))).reading
         assert reading is not None
         assert math.isnan(reading.level)
         assert "independent" in reading.note
@@ -75,7 +75,7 @@ class TestTheThreshold:
 
 
 def test_the_tail_is_drawn_run_by_run(archives: Archives, beam: list[Block]) -> None:
-    tail = list(charts_in(beam))[2]
+    tail = list(find_charts(beam))[2]
     assert tail.title == "Probability that deflection is more than x"
     values = deflections(archives["beam"])
     drawn = next(trace for trace in tail.traces if trace.get("name") == "only")
@@ -85,7 +85,7 @@ def test_the_tail_is_drawn_run_by_run(archives: Archives, beam: list[Block]) -> 
 
 
 def test_what_is_lost_is_told_with_the_curves(beam: list[Block]) -> None:
-    cdf, _, tail = charts_in(beam)
+    cdf, _, tail = find_charts(beam)
     note = "Curve and band are of the runs that came back; 18.3 % of the admissible runs did not."
     assert note in cdf.notes
     assert note in tail.notes
@@ -97,7 +97,7 @@ class TestThresholdsFarAway:
         asked = '[outputs.y]\nexceeds = ["1e9", "1.5", "-1e9"]'
         text = f'{asked}\n[designs.some]\nkind = "monte-carlo"\nruns = 40'
         tree = uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 1.0)))
-        return list(charts_in(distributions(Part(tree, ""))))
+        return list(find_charts(distributions(ArchiveView(tree, ""))))
 
     def test_the_tail_can_be_seen_all_the_same(self, told: list[Chart]) -> None:
         (asked,) = (trace for trace in told[2].traces if trace.get("name") == "asked")
@@ -120,7 +120,7 @@ def test_of_whole_numbers_the_function_reaches_whole_numbers(
 ) -> None:
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 40'
     tree = uqpen.run(study_of("(3 * a) // 1 + 0 * b", text, a=(0.0, 1.0), b=(0.0, 1.0)))
-    cdf, bins, _ = charts_in(distributions(Part(tree, "")))
+    cdf, bins, _ = find_charts(distributions(ArchiveView(tree, "")))
     assert "rises from 5 % at 0 through one half at 1 to 95 % at 2." in cdf.summary
     assert bins.title == "40 runs of some"
 
@@ -138,12 +138,12 @@ def test_quantiles_have_the_intervals_that_the_archive_gives_them(
 
 
 def test_a_study_that_lost_all_has_no_distributions(archives: Archives) -> None:
-    assert list(distributions(Part(archives["lost"], ""))) == []
+    assert list(distributions(ArchiveView(archives["lost"], ""))) == []
 
 
 def test_an_output_that_is_the_same_in_all_runs_has_no_tail(study_of: Callable[..., Study]) -> None:
-    blocks = list(distributions(Part(uqpen.run(study_of("0 * a + 2", a=(0, 1))), "")))
-    assert [chart.title for chart in charts_in(blocks)] == [
+    blocks = list(distributions(ArchiveView(uqpen.run(study_of("0 * a + 2", a=(0, 1))), "")))
+    assert [chart.title for chart in find_charts(blocks)] == [
         "Probability that y is at most x",
         "10 runs of some",
     ]
@@ -151,10 +151,10 @@ def test_an_output_that_is_the_same_in_all_runs_has_no_tail(study_of: Callable[.
 
 class TestSeveralModels:
     def test_their_functions_and_differences_stand_together(self, archives: Archives) -> None:
-        blocks = list(models(Part(archives["rods"], "original")))
+        blocks = list(model_comparison(ArchiveView(archives["rods"], "original")))
         headings = [block.text for block in blocks if isinstance(block, Heading)]
         assert headings[0] == "depth of penetration (penetration_depth)"
-        depth = next(charts_in(blocks))
+        depth = next(find_charts(blocks))
         assert [key.text for key in depth.keys] == ["original", "smoothed", "rigid"]
         assert "By rigid half lies at or below 102.5 cm." in depth.summary
         depths = archives["rods"]["models/rigid/runs/latin"]["penetration_depth"].values
@@ -163,4 +163,4 @@ class TestSeveralModels:
         assert titles[0] == "smoothed minus original: penetration_depth [cm]"
 
     def test_one_model_has_nothing_to_differ_from(self, archives: Archives) -> None:
-        assert list(models(Part(archives["beam"], ""))) == []
+        assert list(model_comparison(ArchiveView(archives["beam"], ""))) == []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from uqpen.report.notes import bars_of, hollow_of
+from uqpen.report.notes import hollow_note, interval_notes
 
 NONE = np.nan
 
@@ -21,12 +21,12 @@ def test_levels_are_told_of_intervals_that_there_are() -> None:
         figure(3, NONE, NONE, level=0.8),
         figure(1, 0.9, 1.1, level=0.95),
     ]
-    assert list(bars_of(told)) == ["Bars: 90 % intervals.", "Bars: 95 % intervals."]
-    assert list(bars_of(told[2:3])) == []
+    assert list(interval_notes(told)) == ["Bars: 90 % intervals.", "Bars: 95 % intervals."]
+    assert list(interval_notes(told[2:3])) == []
 
 
 def test_what_is_no_estimate_is_not_hollow() -> None:
     rows = np.array([[1, 0.5, 1.5], [NONE, NONE, NONE]])
-    assert list(hollow_of(rows)) == []
+    assert list(hollow_note(rows)) == []
     rows[1, 0] = 2
-    assert list(hollow_of(rows)) == ["Hollow: no interval; the table says why."]
+    assert list(hollow_note(rows)) == ["Hollow: no interval; the table says why."]

@@ -15,10 +15,10 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.errors import ReportError
+from uqpen.core.errors import ReportError
 from uqpen.report import SECTIONS
-from uqpen.report.masthead import heading
-from uqpen.report.page import page, write_report
+from uqpen.report.masthead import page_heading
+from uqpen.report.page import report_page, write_report
 
 VENDORED = Path(uqpen.__file__).parent / "report" / "vendored"
 
@@ -74,7 +74,7 @@ class Outline(HTMLParser):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_it_is_sound(archives: Archives, name: str) -> None:
-    text = page(archives[name])
+    text = report_page(archives[name])
     outline = Outline(text)
     assert outline.faults == []
     assert [each for each, count in Counter(outline.ids).items() if count > 1] == []
@@ -88,7 +88,7 @@ def test_it_is_sound(archives: Archives, name: str) -> None:
 
 
 def test_texts_that_mean_harm_leave_it_sound(hostile: xr.DataTree) -> None:
-    text = page(hostile)
+    text = report_page(hostile)
     outline = Outline(text)
     assert outline.faults == []
     assert outline.counts["script"] == 3
@@ -109,7 +109,7 @@ def test_what_is_no_text_is_spelled_out(archives: Archives, tmp_path: Path) -> N
 def test_a_study_without_a_title_has_a_heading(archives: Archives) -> None:
     tree = archives["lost"].copy()
     tree.attrs["title"] = " "
-    assert "<h1>A study without a title</h1>" in page(tree)
+    assert "<h1>A study without a title</h1>" in report_page(tree)
 
 
 def _own(text: str) -> str:
@@ -119,17 +119,19 @@ def _own(text: str) -> str:
 
 class TestSections:
     def test_those_that_an_archive_has_nothing_for_are_not_there(self, archives: Archives) -> None:
-        text = page(archives["lost"])
+        text = report_page(archives["lost"])
         shown = re.findall(r'<section id="(\w+)"', text)
         assert shown == re.findall(r'<li><a href="#(\w+)">', text)
         assert shown == [name for name in SECTIONS if name in shown]
         assert not {"distributions", "convergence", "course", "surrogates"} & set(shown)
         assert "losses" in shown
-        assert "distributions" in re.findall(r'<section id="(\w+)"', page(archives["beam"]))
+        assert "distributions" in re.findall(r'<section id="(\w+)"', report_page(archives["beam"]))
 
 
 def test_outputs_stand_below_the_model_that_they_are_of(archives: Archives) -> None:
-    section = page(archives["rods"]).split('<section id="distributions"')[1].split("</section>")[0]
+    section = (
+        report_page(archives["rods"]).split('<section id="distributions"')[1].split("</section>")[0]
+    )
     found = re.findall(r"<h([34])>(.*?)</h", section)
     models = [text for level, text in found if level == "3"]
     assert models == ["original", "smoothed", "rigid"]
@@ -160,20 +162,22 @@ class TestBytes:
         assert one == three
 
     def test_they_do_not_grow_with_the_runs(self) -> None:
-        few, many = (len(page(_ishigami(runs)).encode()) for runs in (2_000, 40_000))
+        few, many = (len(report_page(_ishigami(runs)).encode()) for runs in (2_000, 40_000))
         assert abs(many - few) < 20_000
 
     @pytest.mark.parametrize("name", NAMES)
     def test_there_are_few_enough_to_send(self, archives: Archives, name: str) -> None:
-        assert len(page(archives[name]).encode()) < 2_000_000
+        assert len(report_page(archives[name]).encode()) < 2_000_000
 
 
 def _ishigami(runs: int) -> xr.DataTree:
     """A study of one design, and as many runs of a cheap model."""
-    laws = [f"x{number} = {{ uniform = {{ lower = -3, upper = 3 }} }}" for number in (1, 2, 3)]
+    distributions = [
+        f"x{number} = {{ uniform = {{ lower = -3, upper = 3 }} }}" for number in (1, 2, 3)
+    ]
     text = [
         'seed = 1\n[model]\nuse = "ishigami"',
-        *("[inputs]", *laws),
+        *("[inputs]", *distributions),
         f'[designs.monte_carlo]\nkind = "monte-carlo"\nruns = {runs}',
     ]
     return uqpen.run(uqpen.parse_study("\n".join(text)))
@@ -209,7 +213,7 @@ class TestFile:
 def test_an_endless_title_is_cut(archives: Archives) -> None:
     tree = archives["lost"].copy()
     tree.attrs["title"] = "x" * 1_000_000
-    assert heading(tree) == f"{'x' * 999}…"
+    assert page_heading(tree) == f"{'x' * 999}…"
 
 
 def test_the_library_has_its_licence_and_its_version_beside_it() -> None:

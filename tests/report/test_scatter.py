@@ -8,16 +8,16 @@ import numpy as np
 import xarray as xr
 
 import uqpen
-from uqpen.figures.part import Part
+from uqpen.figures.archive_view import ArchiveView
 from uqpen.report.blocks import Charts
-from uqpen.report.plotted import as_json
+from uqpen.report.chart_json import charts_json
 from uqpen.report.sections.scatter import scatter
 
 Archives = dict[str, xr.DataTree]
 
 
 def groups(tree: xr.DataTree, model: str = "") -> list[Charts]:
-    return [block for block in scatter(Part(tree, model)) if isinstance(block, Charts)]
+    return [block for block in scatter(ArchiveView(tree, model)) if isinstance(block, Charts)]
 
 
 def test_runs_stand_where_the_archive_has_them(archives: Archives) -> None:
@@ -56,10 +56,10 @@ def test_the_numbers_behind_are_measures_of_association(archives: Archives) -> N
 
 def test_a_list_that_charts_share_is_written_once(archives: Archives) -> None:
     (group,) = groups(archives["beam"])
-    together = as_json(group.charts)
+    together = charts_json(group.charts)
     assert '"y":{"same":[0,0,"y"]},' in together
     assert '"customdata":{"same":[0,0,"customdata"]}' in together
-    alone = as_json(group.charts[1:])
+    alone = charts_json(group.charts[1:])
     assert "same" not in alone
 
 

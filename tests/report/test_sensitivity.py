@@ -8,20 +8,20 @@ import numpy as np
 import xarray as xr
 
 import uqpen
-from uqpen.figures.part import Part
-from uqpen.report.blocks import Block, Chart, Table, charts_in
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.report.blocks import Block, Chart, Table, find_charts
 from uqpen.report.sections.sensitivity import sensitivity
-from uqpen.summary.digits import sensible
+from uqpen.results.digits import estimate_text
 
 Archives = dict[str, xr.DataTree]
 
 
 def blocks(tree: xr.DataTree, model: str = "") -> list[Block]:
-    return list(sensitivity(Part(tree, model)))
+    return list(sensitivity(ArchiveView(tree, model)))
 
 
 def charts(tree: xr.DataTree, model: str = "") -> list[Chart]:
-    return list(charts_in(blocks(tree, model)))
+    return list(find_charts(blocks(tree, model)))
 
 
 def test_estimates_and_bars_are_those_of_the_archive(archives: Archives) -> None:
@@ -35,7 +35,7 @@ def test_estimates_and_bars_are_those_of_the_archive(archives: Archives) -> None
     assert chart.y.rows == ("load", "span")
     assert [key.text for key in chart.keys] == ["first order by only"]
     assert trace["text"][0] == (
-        f"load, first order by only: {sensible(*told[0])} "
+        f"load, first order by only: {estimate_text(*told[0])} "
         "(only 98 runs: it may cover less often than it says)"
     )
 
@@ -44,8 +44,8 @@ def test_the_largest_is_named_with_its_interval(archives: Archives) -> None:
     (chart,) = charts(archives["beam"])
     told = archives["beam"]["sensitivity/only"]["deflection_first_order"].values
     assert chart.summary == (
-        f"By only, load has the largest first order: {sensible(*told[0])}; that of span comes "
-        f"next: {sensible(*told[1])}. Its interval overlaps with no other's. "
+        f"By only, load has the largest first order: {estimate_text(*told[0])}; that of span comes "
+        f"next: {estimate_text(*told[1])}. Its interval overlaps with no other's. "
         "Of it must be known: only 98 runs: it may cover less often than it says."
     )
     assert chart.notes == (

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.figures.part import Part
+from uqpen.figures.archive_view import ArchiveView
 from uqpen.report.blocks import Block, Charts, Remarks, Table, Text
 from uqpen.report.sections.surrogates import surrogates
 
@@ -35,7 +35,7 @@ def tree(study_of: Any) -> xr.DataTree:
 
 
 def blocks(tree: xr.DataTree) -> list[Block]:
-    return list(surrogates(Part(tree, "")))
+    return list(surrogates(ArchiveView(tree, "")))
 
 
 def one(tree: xr.DataTree, kind: type) -> Any:

@@ -11,17 +11,17 @@ import pytest
 
 from uqpen import designs
 from uqpen.cli.main import main
+from uqpen.core.errors import StudyError
+from uqpen.core.labels import DEPENDENCE, RUNS, Sampling
+from uqpen.core.settings import count
+from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
-from uqpen.errors import StudyError
-from uqpen.inputs.copulas import COPULAS, Clayton, Frank
-from uqpen.inputs.distributions import Lognormal, Normal
-from uqpen.inputs.elliptical_copulas import Gaussian, Student, of_scores
-from uqpen.inputs.empirical import Empirical
-from uqpen.inputs.law import InputLaw, RandomInput
-from uqpen.inputs.truncated import Truncated
-from uqpen.labels import DEPENDENCE, RUNS, Sampling
-from uqpen.settings import count
-from uqpen.streams import Stream
+from uqpen.distributions.continuous import Lognormal, Normal
+from uqpen.distributions.copulas import COPULAS, ClaytonCopula, FrankCopula
+from uqpen.distributions.elliptical_copulas import GaussianCopula, StudentCopula, score_correlation
+from uqpen.distributions.empirical import Empirical
+from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.truncated import Truncated
 from uqpen.study.load import parse_study
 from uqpen.workflow import run
 
@@ -64,9 +64,9 @@ def with_three(lines: str) -> str:
 
 class TestDependence:
     def test_a_pair_is_a_correlation_of_what_it_says(self) -> None:
-        score = of_scores(0.6, "ranks")
-        law = parse_study(STUDY).law
-        assert law.dependence == Gaussian(("x1", "x2"), ((1.0, score), (score, 1.0)))
+        score = score_correlation(0.6, "ranks")
+        joint = parse_study(STUDY).joint
+        assert joint.dependence == GaussianCopula(("x1", "x2"), ((1.0, score), (score, 1.0)))
 
     def test_pairs_that_are_not_given_have_no_correlation(self) -> None:
         text = with_three(
@@ -74,33 +74,37 @@ class TestDependence:
             ' { inputs = ["x3", "x2"], correlation = -0.3 } ]\n'
         )
         matrix = ((1.0, 0.6, 0.0), (0.6, 1.0, -0.3), (0.0, -0.3, 1.0))
-        assert parse_study(text).law.dependence == Gaussian(("x1", "x2", "x3"), matrix)
+        assert parse_study(text).joint.dependence == GaussianCopula(("x1", "x2", "x3"), matrix)
 
     def test_a_matrix_is_in_the_order_of_its_inputs(self) -> None:
         text = with_three(
             'of = "kendall"\ninputs = ["x3", "x1", "x2"]\n'
             "matrix = [[1, 0.5, 0.2], [0.5, 1, 0.1], [0.2, 0.1, 1.0]]\n"
         )
-        found = parse_study(text).law.dependence
-        assert isinstance(found, Gaussian)
+        found = parse_study(text).joint.dependence
+        assert isinstance(found, GaussianCopula)
         assert found.inputs == ("x3", "x1", "x2")
-        assert found.matrix[0] == (1.0, of_scores(0.5, "kendall"), of_scores(0.2, "kendall"))
+        assert found.matrix[0] == (
+            1.0,
+            score_correlation(0.5, "kendall"),
+            score_correlation(0.2, "kendall"),
+        )
 
     @pytest.mark.parametrize(
         ("lines", "expected"),
         [
-            ('"clayton"\ninputs = ["x1", "x2"]\ntheta = 2\n', Clayton(("x1", "x2"), 2)),
-            ('"frank"\ninputs = ["x1", "x2"]\ntheta = -2.5\n', Frank(("x1", "x2"), -2.5)),
+            ('"clayton"\ninputs = ["x1", "x2"]\ntheta = 2\n', ClaytonCopula(("x1", "x2"), 2)),
+            ('"frank"\ninputs = ["x1", "x2"]\ntheta = -2.5\n', FrankCopula(("x1", "x2"), -2.5)),
             (
                 '"student"\nof = "t-scores"\ninputs = ["x1", "x2"]\ndegrees = 3\n'
                 "matrix = [[1, 0.5], [0.5, 1]]\n",
-                Student(("x1", "x2"), ((1.0, 0.5), (0.5, 1.0)), 3),
+                StudentCopula(("x1", "x2"), ((1.0, 0.5), (0.5, 1.0)), 3),
             ),
         ],
     )
     def test_other_copulas_have_their_own_parameters(self, lines: str, expected: object) -> None:
         text = changed('"gaussian"\n' + PAIRS, lines)
-        assert parse_study(text).law.dependence == expected
+        assert parse_study(text).joint.dependence == expected
 
     def test_the_runs_depend_and_say_so(self) -> None:
         tree = run(parse_study(changed("runs = 50", "runs = 4000")))
@@ -112,7 +116,7 @@ class TestDependence:
 
     def test_a_study_without_it_is_as_it_was(self) -> None:
         text = STUDY[: STUDY.index("[dependence]")] + STUDY[STUDY.index("[designs") :]
-        assert parse_study(text).law.is_independent
+        assert parse_study(text).joint.is_independent
 
     @pytest.mark.parametrize(
         ("old", "new", "line", "key", "found", "expected"),
@@ -260,10 +264,10 @@ class Independent(Design):
     def sampling(self) -> Sampling:
         return Sampling.INDEPENDENT
 
-    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
-        yield law.points(stream.generator().random((self.runs, len(law.random))), {})
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        yield joint.points(stream.generator().random((self.runs, len(joint.random))), {})
 
-    def size(self, law: InputLaw) -> int:
+    def run_count(self, joint: JointDistribution) -> int:
         return self.runs
 
 
@@ -315,7 +319,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def random_input(text: str, folder: Path) -> RandomInput:
-    (entry,) = parse_study(text, folder=folder).law.random
+    (entry,) = parse_study(text, folder=folder).joint.random
     return entry
 
 
@@ -367,7 +371,7 @@ class TestMeasured:
             "x2 = 1", 'x2 = { measured = { file = "m.csv", column = "strength" } }', text
         )
         alone = random_input(text, folder)
-        first, _ = parse_study(both, folder=folder).law.random
+        first, _ = parse_study(both, folder=folder).joint.random
         assert first == alone
         assert isinstance(alone.distribution, Normal)
 

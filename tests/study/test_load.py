@@ -12,12 +12,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uqpen.analyses.question import Threshold
-from uqpen.errors import StudyError
-from uqpen.inputs.distributions import Normal, Uniform
-from uqpen.inputs.law import FixedInput, RandomInput
-from uqpen.inputs.truncated import Truncated
-from uqpen.models.surroundings import Surroundings
+from uqpen.core.errors import StudyError
+from uqpen.distributions.continuous import Normal, Uniform
+from uqpen.distributions.joint_distribution import FixedInput, RandomInput
+from uqpen.distributions.truncated import Truncated
+from uqpen.models.surroundings import ModelFolder
+from uqpen.statistics.quantity_of_interest import Threshold
 from uqpen.study.load import load_study, parse_study
 from uqpen.study.study import Study
 
@@ -69,24 +69,24 @@ def report(text: str, folder: Path = Path()) -> str:
 
 def test_a_whole_study_is_understood() -> None:
     study = parse_study(WHOLE)
-    law = {entry.variable.name: entry for entry in study.law.inputs}
-    length, density = law["projectile_length"], law["target_density"]
+    distribution = {entry.variable.name: entry for entry in study.joint.inputs}
+    length, density = distribution["projectile_length"], distribution["target_density"]
     assert isinstance(length, FixedInput)
     assert (length.value, length.display_unit) == (0.16, "cm")
     assert isinstance(density, RandomInput)
     assert density.distribution == Normal(2500.0, 50.0)
-    radius, crater = law["plasticity_radius"], law["crater_radius"]
+    radius, crater = distribution["plasticity_radius"], distribution["crater_radius"]
     assert isinstance(radius, RandomInput)
     assert radius.distribution == Truncated(Normal(0.1, 0.025), 0.05)
     assert isinstance(crater, RandomInput)
     assert crater.distribution == Uniform(0.014, 0.02)
-    smoothing = law["smoothing"]
+    smoothing = distribution["smoothing"]
     assert isinstance(smoothing, FixedInput)
     assert smoothing.value == 0.0, "the model's default"
-    question = study.questions[0]
-    assert question.quantiles == (0.05, 0.5, 0.95, 0.99)
-    assert question.exceeds == (Threshold("60 cm", 0.6), Threshold("0.6 m", 0.6))
-    assert (question.hold, question.display_unit) == ((0.9,), "cm")
+    quantity = study.quantities_of_interest[0]
+    assert quantity.quantiles == (0.05, 0.5, 0.95, 0.99)
+    assert quantity.thresholds == (Threshold("60 cm", 0.6), Threshold("0.6 m", 0.6))
+    assert (quantity.tolerance_contents, quantity.display_unit) == ((0.9,), "cm")
     assert [constraint.text for constraint in study.constraints] == [
         "plasticity_radius > 2 * crater_radius"
     ]
@@ -297,7 +297,7 @@ def test_a_number_with_too_many_digits_is_no_traceback() -> None:
 
 
 @pytest.mark.parametrize(
-    "law",
+    "distribution",
     [
         'gamma = { mean = "1 m", std = "1e200 m" }',
         'gamma = { mean = "1e300 m", std = "1e-10 m" }',
@@ -307,8 +307,8 @@ def test_a_number_with_too_many_digits_is_no_traceback() -> None:
         'weibull = { shape = 1e-3, scale = "1 m" }',
     ],
 )
-def test_a_law_that_cannot_be_drawn_from_is_told(law: str) -> None:
-    text = changed('uniform = { lower = "14 mm", upper = "20 mm" }', law)
+def test_a_law_that_cannot_be_drawn_from_is_told(distribution: str) -> None:
+    text = changed('uniform = { lower = "14 mm", upper = "20 mm" }', distribution)
     assert "too wide or too narrow to draw from" in report(text)
 
 
@@ -361,7 +361,7 @@ class TestSoundSpeed:
         text = changed(
             'projectile_sound_speed = "3071 m/s"', 'projectile_young_modulus = "165 GPa"'
         )
-        assert "projectile_young_modulus" in parse_study(text).law.nominal()
+        assert "projectile_young_modulus" in parse_study(text).joint.nominal()
 
     def test_both_may_be_given_where_they_agree(self) -> None:
         both = 'projectile_sound_speed = "3071 m/s"\nprojectile_young_modulus = "165 GPa"'
@@ -445,7 +445,7 @@ class TestPythonModel:
             ("rod_length", "m"),
             ("speed", "m s-1"),
         ]
-        assert study.questions[0].display_unit == "cm"
+        assert study.quantities_of_interest[0].display_unit == "cm"
 
     def test_it_may_import_what_lies_beside_it(self, tmp_path: Path) -> None:
         (tmp_path / "neighbour_of_mine.py").write_text("factor = 2")
@@ -491,7 +491,7 @@ class TestPythonModel:
 
     def test_a_folder_around_python_itself_is_no_surrounding(self) -> None:
         before = dict(sys.modules)
-        with Surroundings(Path(sys.base_prefix).parent).entered():
+        with ModelFolder(Path(sys.base_prefix).parent).on_import_path():
             assert set(before) == set(sys.modules)
 
     def test_an_importable_module_is_a_model_too(self, tmp_path: Path) -> None:

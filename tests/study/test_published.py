@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import uqpen
-from uqpen.errors import StudyError
+from uqpen.core.errors import StudyError
+from uqpen.results.output_tables import output_tables
 from uqpen.study.study import Study
-from uqpen.summary.tables import output_tables
 
 MakeStudy = Callable[..., Study]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from uqpen.errors import StudyError
+from uqpen.core.errors import StudyError
 from uqpen.study.load import parse_study
 from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 

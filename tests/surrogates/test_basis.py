@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from uqpen.inputs.distribution import Distribution
-from uqpen.inputs.distributions import (
+from uqpen.core.lookup import resolve
+from uqpen.distributions.continuous import (
     DISTRIBUTIONS,
     Beta,
     Gamma,
@@ -21,11 +21,11 @@ from uqpen.inputs.distributions import (
     Uniform,
     Weibull,
 )
-from uqpen.inputs.empirical import Empirical
-from uqpen.inputs.truncated import Truncated
-from uqpen.lookup import resolve
-from uqpen.surrogates.basis import MOST_TERMS, Basis, multi_indices, nested
-from uqpen.surrogates.germ import germ
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.empirical import Empirical
+from uqpen.distributions.truncated import Truncated
+from uqpen.surrogates.basis import MOST_TERMS, ProductBasis, multi_indices, nested_sums
+from uqpen.surrogates.univariate_basis import univariate_basis
 
 DEGREE = 8
 
@@ -46,18 +46,18 @@ LAWS: list[Distribution] = [
 ]
 
 
-def averaged(law: Distribution, degree: int) -> npt.NDArray[np.float64]:
+def averaged(distribution: Distribution, degree: int) -> npt.NDArray[np.float64]:
     """Means of all products of a law's polynomials, by panels of other sizes than the code's."""
     ends = 0.5 * 1.4 ** -np.arange(300.0)
-    ends = np.union1d(ends, [law.below(np.array(0.3)), law.above(np.array(0.3))])
+    ends = np.union1d(ends, [distribution.cdf(np.array(0.3)), distribution.sf(np.array(0.3))])
     ends = ends[(ends > 0) & (ends <= 0.5)]
     nodes, weights = np.polynomial.legendre.leggauss(31)
     half = np.diff(ends)[:, None] / 2
     probability = (ends[:-1, None] + half + half * nodes).ravel()
     mass = (half * weights).ravel()
-    found = germ("x", law, degree)
+    found = univariate_basis("x", distribution, degree)
     products = np.zeros((degree + 1, degree + 1))
-    for inverse in (law.quantile, law.exceeded):
+    for inverse in (distribution.ppf, distribution.isf):
         table = found.polynomials(inverse(probability), degree)
         products += (table * mass) @ table.T
     return products
@@ -67,27 +67,35 @@ def test_every_family_that_a_study_can_name_is_tested() -> None:
     assert {resolve(reference) for reference in DISTRIBUTIONS.values()} <= set(map(type, LAWS))
 
 
-@pytest.mark.parametrize("law", LAWS, ids=str)
-def test_polynomials_are_orthonormal_under_their_law(law: Distribution) -> None:
+@pytest.mark.parametrize("distribution", LAWS, ids=str)
+def test_polynomials_are_orthonormal_under_their_law(distribution: Distribution) -> None:
     # Sums of thousands of rounded terms, on both sides.
-    np.testing.assert_allclose(averaged(law, DEGREE), np.eye(DEGREE + 1), atol=1e-11)
+    np.testing.assert_allclose(averaged(distribution, DEGREE), np.eye(DEGREE + 1), atol=1e-11)
 
 
 def test_measured_values_have_polynomials_too() -> None:
-    law = Empirical(tuple(np.random.default_rng(3).normal(2.0, 0.3, 40)))
-    table = germ("x", law, 4).polynomials(law.quantile((np.arange(400_000) + 0.5) / 400_000), 4)
+    distribution = Empirical(tuple(np.random.default_rng(3).normal(2.0, 0.3, 40)))
+    table = univariate_basis("x", distribution, 4).polynomials(
+        distribution.ppf((np.arange(400_000) + 0.5) / 400_000), 4
+    )
     np.testing.assert_allclose(table @ table.T / 400_000, np.eye(5), atol=1e-4)
 
 
 def test_the_logarithm_is_the_germ_where_its_law_is_simpler() -> None:
-    for law in (Lognormal(7.0, 5.0), LogUniform(0.1, 50.0), Truncated(LogUniform(0.1, 50.0), 1.0)):
-        assert germ("x", law, 2).is_logarithm
-        assert not germ("x", law, 2, logarithms=False).is_logarithm
-    assert not germ("x", Gamma(2.0, 1.0), 2).is_logarithm
+    for distribution in (
+        Lognormal(7.0, 5.0),
+        LogUniform(0.1, 50.0),
+        Truncated(LogUniform(0.1, 50.0), 1.0),
+    ):
+        assert univariate_basis("x", distribution, 2).is_logarithm
+        assert not univariate_basis("x", distribution, 2, logarithms=False).is_logarithm
+    assert not univariate_basis("x", Gamma(2.0, 1.0), 2).is_logarithm
 
 
 def test_polynomials_of_what_has_no_logarithm_are_no_numbers() -> None:
-    assert np.isnan(germ("x", Lognormal(1.0, 1.0), 2).polynomials(np.array([-1.0]), 2)[1:]).all()
+    assert np.isnan(
+        univariate_basis("x", Lognormal(1.0, 1.0), 2).polynomials(np.array([-1.0]), 2)[1:]
+    ).all()
 
 
 @pytest.mark.parametrize("truncation", [0.4, 0.5, 0.75, 1.0])
@@ -114,27 +122,38 @@ def test_too_many_terms_are_none() -> None:
 
 def test_nothing_depends_on_the_batch() -> None:
     rng = np.random.default_rng(5)
-    basis = Basis(
-        (germ("a", Lognormal(2.0, 1.0), 6), germ("b", Gumbel(0.0, 1.0), 6), germ("c", LAWS[0], 6))
+    basis = ProductBasis(
+        (
+            univariate_basis("a", Lognormal(2.0, 1.0), 6),
+            univariate_basis("b", Gumbel(0.0, 1.0), 6),
+            univariate_basis("c", LAWS[0], 6),
+        )
     )
     indices = multi_indices(3, 6, 1.0)
-    expansion = nested(indices, rng.normal(size=len(indices)))
-    laws = (Lognormal(2.0, 1.0), Gumbel(0.0, 1.0), LAWS[0])
-    inputs = {name: law.quantile(rng.random(20_011)) for name, law in zip("abc", laws, strict=True)}
-    whole = basis.sums(inputs, indices, [expansion])[0]
+    expansion = nested_sums(indices, rng.normal(size=len(indices)))
+    distributions = (Lognormal(2.0, 1.0), Gumbel(0.0, 1.0), LAWS[0])
+    inputs = {
+        name: distribution.ppf(rng.random(20_011))
+        for name, distribution in zip("abc", distributions, strict=True)
+    }
+    whole = basis.evaluate(inputs, indices, [expansion])[0]
     for rows in (slice(3, None), slice(77, 78), slice(4000, 9001), slice(0, None, 7)):
         some = {name: column[rows] for name, column in inputs.items()}
-        np.testing.assert_array_equal(basis.sums(some, indices, [expansion])[0], whole[rows])
+        np.testing.assert_array_equal(basis.evaluate(some, indices, [expansion])[0], whole[rows])
 
 
 def test_sums_are_those_of_the_matrix() -> None:
     rng = np.random.default_rng(6)
-    basis = Basis((germ("a", Uniform(-1.0, 1.0), 5), germ("b", Normal(0.0, 1.0), 5)))
+    basis = ProductBasis(
+        (univariate_basis("a", Uniform(-1.0, 1.0), 5), univariate_basis("b", Normal(0.0, 1.0), 5))
+    )
     indices = multi_indices(2, 5, 1.0)[rng.permutation(21)]
     coefficients = rng.normal(size=21)
     inputs = {"a": rng.uniform(-1, 1, 500), "b": rng.normal(size=500)}
-    found = basis.sums(
-        inputs, indices, [nested(indices, coefficients), nested(indices[:1], coefficients[:1])]
+    found = basis.evaluate(
+        inputs,
+        indices,
+        [nested_sums(indices, coefficients), nested_sums(indices[:1], coefficients[:1])],
     )
     expected = basis.matrix(inputs, indices) @ coefficients
     np.testing.assert_allclose(found[0], expected, atol=1e-12)
@@ -144,8 +163,13 @@ def test_the_basis_is_chaospys() -> None:
     chaospy = pytest.importorskip("chaospy")
     joint = chaospy.J(chaospy.Uniform(-1, 3), chaospy.Normal(2, 0.5), chaospy.Gamma(4, 0.5))
     theirs = chaospy.generate_expansion(3, joint, normed=True, graded=True, reverse=True)
-    laws = (Uniform(-1.0, 3.0), Normal(2.0, 0.5), Gamma(2.0, 1.0))
-    basis = Basis(tuple(germ(name, law, 3) for name, law in zip("abc", laws, strict=True)))
+    distributions = (Uniform(-1.0, 3.0), Normal(2.0, 0.5), Gamma(2.0, 1.0))
+    basis = ProductBasis(
+        tuple(
+            univariate_basis(name, distribution, 3)
+            for name, distribution in zip("abc", distributions, strict=True)
+        )
+    )
     points = joint.sample(200, rule="halton")
     ours = basis.matrix(dict(zip("abc", points, strict=True)), multi_indices(3, 3, 1.0))
     found = np.abs(np.linalg.lstsq(theirs(*points).T, ours, rcond=None)[0])

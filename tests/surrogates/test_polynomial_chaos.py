@@ -14,21 +14,21 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from uqpen.core.labels import STATUS, Status
+from uqpen.core.model import Arrays, BoolArray, Category, Input, Model, Output, Results
+from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
-from uqpen.evaluation import Evaluator, evaluate
-from uqpen.inputs.constraints import parse_constraint
-from uqpen.inputs.distribution import Distribution
-from uqpen.inputs.distributions import Gamma, Lognormal, Normal, Uniform
-from uqpen.inputs.law import FixedInput, InputLaw, RandomInput
-from uqpen.labels import STATUS, Status
-from uqpen.model import Arrays, BoolArray, Category, Input, Model, Output, Results
+from uqpen.distributions.constraints import parse_constraint
+from uqpen.distributions.continuous import Gamma, Lognormal, Normal, Uniform
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.execution import Evaluator, evaluate
 from uqpen.models.ishigami import Ishigami
-from uqpen.streams import Stream
 from uqpen.surrogates import SURROGATES
-from uqpen.surrogates.chaos_model import ChaosModel
+from uqpen.surrogates.chaos_model import PolynomialChaosModel
 from uqpen.surrogates.closed_forms import (
     mean,
     shapley_effects,
@@ -36,7 +36,7 @@ from uqpen.surrogates.closed_forms import (
     standard_deviation,
 )
 from uqpen.surrogates.polynomial_chaos import PolynomialChaos
-from uqpen.surrogates.restoring import from_dataset
+from uqpen.surrogates.restoring import restore_surrogate
 
 pytestmark = pytest.mark.processor
 
@@ -78,37 +78,42 @@ class Formula(Model):
         )
 
 
-def law_of(*laws: Distribution, **fixed: float) -> InputLaw:
+def law_of(*distributions: Distribution, **fixed: float) -> JointDistribution:
     random = [
-        RandomInput(Input(f"x{number}", "1"), law, "1") for number, law in enumerate(laws, start=1)
+        RandomInput(Input(f"x{number}", "1"), distribution, "1")
+        for number, distribution in enumerate(distributions, start=1)
     ]
     others = [FixedInput(Input(name, "1"), value, "1") for name, value in fixed.items()]
     entries = (*random, *others)
-    return InputLaw(entries, tuple(entry.variable for entry in entries))
+    return JointDistribution(entries, tuple(entry.variable for entry in entries))
 
 
 def runs_of(
-    model: Model, law: InputLaw, design: Design, seed: int = 1, keep: tuple[str, ...] = ()
+    model: Model,
+    joint: JointDistribution,
+    design: Design,
+    seed: int = 1,
+    keep: tuple[str, ...] = (),
 ) -> xr.Dataset:
-    units = {variable.name: variable.unit for variable in law.variables}
-    points = next(design.rounds(law, Stream(seed, "designs", "training")))
+    units = {variable.name: variable.unit for variable in joint.variables}
+    points = next(design.rounds(joint, Stream(seed, "designs", "training")))
     constraints = [parse_constraint(text, units) for text in keep]
     return evaluate(Evaluator(model, constraints), points, {})
 
 
 def fitted(
     formula: Callable[[Arrays], Any],
-    law: InputLaw,
+    joint: JointDistribution,
     design: Design,
     *,
     seed: int = 1,
     keep: tuple[str, ...] = (),
     **settings: Any,
-) -> ChaosModel:
-    model = Formula({"y": formula}, law.variables)
-    runs = runs_of(model, law, design, seed, keep)
+) -> PolynomialChaosModel:
+    model = Formula({"y": formula}, joint.variables)
+    runs = runs_of(model, joint, design, seed, keep)
     surrogate = PolynomialChaos(design="training", **settings)
-    return surrogate.fit("pce", runs, model, law, Stream(seed, "surrogates", "pce"))
+    return surrogate.fit("pce", runs, model, joint, Stream(seed, "surrogates", "pce"))
 
 
 def rosenbrock(x: Arrays) -> Any:
@@ -142,14 +147,14 @@ def test_rosenbrocks_function_is_exact(design: Design, settings: dict[str, Any])
 
 
 def test_any_polynomial_is_reproduced() -> None:
-    law = law_of(Normal(3.0, 0.5), Lognormal(2.0, 0.3), Gamma(2.0, 0.7))
+    joint = law_of(Normal(3.0, 0.5), Lognormal(2.0, 0.3), Gamma(2.0, 0.7))
     found = fitted(
         lambda x: 5e3 * (x["x1"] ** 2 * np.log(x["x2"]) - x["x3"] ** 3 + x["x1"] * x["x3"]),
-        law,
+        joint,
         LatinHypercube(60, 1),
         order=3,
     )
-    fresh = next(MonteCarlo(500).rounds(law, Stream(9, "fresh")))
+    fresh = next(MonteCarlo(500).rounds(joint, Stream(9, "fresh")))
     inputs = {str(name): fresh[name].values for name in fresh.data_vars}
     truth = 5e3 * (
         inputs["x1"] ** 2 * np.log(inputs["x2"]) - inputs["x3"] ** 3 + inputs["x1"] * inputs["x3"]
@@ -160,8 +165,8 @@ def test_any_polynomial_is_reproduced() -> None:
 
 def test_a_product_and_a_sum() -> None:
     unit = Uniform(0.0, 1.0)
-    law = law_of(unit, unit, unit)
-    found = fitted(lambda x: x["x1"] * x["x2"] + x["x3"], law, LatinHypercube(40, 1))
+    joint = law_of(unit, unit, unit)
+    found = fitted(lambda x: x["x1"] * x["x2"] + x["x3"], joint, LatinHypercube(40, 1))
     expansion = found.expansions["y"]
     terms = expansion.indices, expansion.coefficients
     assert expansion.order == 2
@@ -176,9 +181,9 @@ def test_a_product_and_a_sum() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_ishigami_from_two_hundred_runs(seed: int) -> None:
     side = Uniform(-math.pi, math.pi)
-    model, law = Ishigami(), law_of(side, side, side)
-    runs = runs_of(model, law, LatinHypercube(200, 1), seed)
-    found = PolynomialChaos(design="t").fit("pce", runs, model, law, Stream(seed, "s"))
+    model, joint = Ishigami(), law_of(side, side, side)
+    runs = runs_of(model, joint, LatinHypercube(200, 1), seed)
+    found = PolynomialChaos(design="t").fit("pce", runs, model, joint, Stream(seed, "s"))
     terms = found.expansions["y"].indices, found.expansions["y"].coefficients
     indices = sobol_indices(*terms)
     # The project's target is 1e-4.
@@ -186,7 +191,7 @@ def test_ishigami_from_two_hundred_runs(seed: int) -> None:
     np.testing.assert_allclose(indices.total, ISHIGAMI_TOTAL, rtol=0, atol=1e-7)
     np.testing.assert_allclose(shapley_effects(*terms), ISHIGAMI_SHAPLEY, rtol=0, atol=1e-7)
     assert mean(*terms) == pytest.approx(3.5, abs=1e-7)
-    check = found.checked(runs_of(model, law, MonteCarlo(300), 77)).expansions["y"].check
+    check = found.with_check(runs_of(model, joint, MonteCarlo(300), 77)).expansions["y"].check
     assert check.runs == 300
     assert check.q2 == check.q2_of_output > 1 - 1e-9
     assert found.expansions["y"].q2 > 1 - 1e-9
@@ -200,8 +205,8 @@ def test_sobols_g_function_roughly() -> None:
         columns = [(abs(4 * x[f"x{i + 1}"] - 2) + a[i]) / (1 + a[i]) for i in range(4)]
         return np.prod(columns, axis=0)
 
-    law = law_of(*[Uniform(0.0, 1.0)] * 4)
-    found = fitted(g, law, LatinHypercube(400, 1), order=8, truncation=0.75).expansions["y"]
+    joint = law_of(*[Uniform(0.0, 1.0)] * 4)
+    found = fitted(g, joint, LatinHypercube(400, 1), order=8, truncation=0.75).expansions["y"]
     # The first four of eight inputs: their indices but for a factor next to one.
     first = sobol_indices(found.indices, found.coefficients).first
     np.testing.assert_allclose(first, [0.7162, 0.1790, 0.0237, 0.0072], atol=0.02)
@@ -210,10 +215,10 @@ def test_sobols_g_function_roughly() -> None:
 
 
 def test_closed_forms_of_many_terms_take_no_time() -> None:
-    law = law_of(*[Uniform(-1.0, 1.0)] * 6)
+    joint = law_of(*[Uniform(-1.0, 1.0)] * 6)
     found = fitted(
         lambda x: sum(x[f"x{i}"] for i in range(1, 7)) ** 4,
-        law,
+        joint,
         LatinHypercube(500, 1),
         order=4,
         method="least-squares",
@@ -227,16 +232,16 @@ def test_closed_forms_of_many_terms_take_no_time() -> None:
 
 
 def test_a_logarithm_is_fitted_where_it_is_asked_for() -> None:
-    law = law_of(Normal(0.0, 1.0), Normal(0.0, 1.0))
+    joint = law_of(Normal(0.0, 1.0), Normal(0.0, 1.0))
     found = fitted(
         lambda x: np.exp(1 + x["x1"] + 0.5 * x["x2"] ** 2),
-        law,
+        joint,
         LatinHypercube(40, 1),
         transform={"y": "log"},
     )
     expansion = found.expansions["y"]
     assert mean(expansion.indices, expansion.coefficients) == pytest.approx(1.5, abs=1e-12)
-    assert found.objection("y") == "its logarithm was expanded"
+    assert found.closed_form_problem("y") == "its logarithm was expanded"
     some = {"x1": np.array([0.3, 300.0]), "x2": np.array([-1.0, 60.0])}
     results = Evaluator(found)(some)
     assert results.outputs["y"][0] == pytest.approx(math.exp(1.8), rel=1e-12)
@@ -245,11 +250,11 @@ def test_a_logarithm_is_fitted_where_it_is_asked_for() -> None:
 
 
 def test_it_admits_what_its_model_admits() -> None:
-    law = law_of(Uniform(0.0, 1.0), Uniform(0.0, 1.0), c=2.5)
-    model = Formula({"y": lambda x: x["x1"] * x["c"] + x["x2"]}, law.variables, limit=0.9)
-    runs = runs_of(model, law, LatinHypercube(50, 1))
-    found = PolynomialChaos(design="t", order=2).fit("pce", runs, model, law, Stream(1, "s"))
-    assert found.objection("y").startswith("some draws are inadmissible")
+    joint = law_of(Uniform(0.0, 1.0), Uniform(0.0, 1.0), c=2.5)
+    model = Formula({"y": lambda x: x["x1"] * x["c"] + x["x2"]}, joint.variables, limit=0.9)
+    runs = runs_of(model, joint, LatinHypercube(50, 1))
+    found = PolynomialChaos(design="t", order=2).fit("pce", runs, model, joint, Stream(1, "s"))
+    assert found.closed_form_problem("y").startswith("some draws are inadmissible")
     assert not found.has_closed_form("y")
     assert found.counts[Status.INADMISSIBLE] == 5
     half = np.full(3, 0.5)
@@ -258,28 +263,28 @@ def test_it_admits_what_its_model_admits() -> None:
     assert results.status.tolist() == [Status.OK, Status.INADMISSIBLE, Status.INADMISSIBLE]
     assert results.reasons == {1: "x1 < 0.9", 2: "c = 2.5, as in the runs it was fitted to"}
     assert results.outputs["y"][0] == pytest.approx(1.75, rel=1e-12)
-    assert list(found.missing({"x1"})) == ["x2"]
+    assert list(found.missing_inputs({"x1"})) == ["x2"]
 
 
 def test_what_cannot_be_fitted_says_why() -> None:
-    law = law_of(Uniform(0.0, 1.0), Uniform(0.0, 1.0))
+    joint = law_of(Uniform(0.0, 1.0), Uniform(0.0, 1.0))
     formulas: dict[str, Callable[[Arrays], Any]] = {
         "good": lambda x: x["x1"],
         "constant": lambda x: 4.0,
         "negative": lambda x: x["x1"] - 0.5,
         "kind": lambda x: x["x1"] > 0.5,
     }
-    model = Formula(formulas, law.variables, kinds=("kind",))
+    model = Formula(formulas, joint.variables, kinds=("kind",))
     surrogate = PolynomialChaos(design="t", transform={"negative": "log"})
-    runs = runs_of(model, law, LatinHypercube(20, 1))
-    found = surrogate.fit("pce", runs, model, law, Stream(1, "s"))
+    runs = runs_of(model, joint, LatinHypercube(20, 1))
+    found = surrogate.fit("pce", runs, model, joint, Stream(1, "s"))
     assert [output.name for output in found.outputs] == ["good"]
     assert found.reasons["constant"] == "it does not vary: it is 4 in every run"
     assert found.reasons["negative"].startswith("it has no logarithm where it is not positive")
     assert found.reasons["kind"] == "it has kinds, not numbers"
     assert found.has_closed_form("good")
     broken = runs.assign(good=runs["good"].where(runs["run"] > 1))
-    again = surrogate.fit("pce", broken, model, law, Stream(1, "s"))
+    again = surrogate.fit("pce", broken, model, joint, Stream(1, "s"))
     assert again.reasons["good"] == "it is not finite in 2 runs that came back"
     assert again.outputs == ()
     assert again.to_dataset().attrs["good_not_fitted"] == again.reasons["good"]
@@ -306,8 +311,8 @@ def test_too_few_runs_are_told(design: Design, settings: dict[str, Any], reason:
 
 
 def test_an_order_beyond_memory_is_told() -> None:
-    law = law_of(*[Uniform(0.0, 1.0)] * 30)
-    found = fitted(lambda x: x["x1"], law, MonteCarlo(100), order=9)
+    joint = law_of(*[Uniform(0.0, 1.0)] * 30)
+    found = fitted(lambda x: x["x1"], joint, MonteCarlo(100), order=9)
     assert found.reasons["y"].startswith("order 9 has more than 100_000 terms, too many for")
 
 
@@ -321,15 +326,15 @@ def test_a_rule_that_lost_nodes_is_no_rule() -> None:
 
 
 def test_no_runs_and_other_inputs_are_told() -> None:
-    law = law_of(Uniform(0.0, 1.0), c=1.0)
-    model = Formula({"y": lambda x: x["x1"]}, law.variables)
-    runs = runs_of(model, law, MonteCarlo(20))
+    joint = law_of(Uniform(0.0, 1.0), c=1.0)
+    model = Formula({"y": lambda x: x["x1"]}, joint.variables)
+    runs = runs_of(model, joint, MonteCarlo(20))
     fit = PolynomialChaos(design="t").fit
     lost = runs.assign({STATUS: xr.full_like(runs[STATUS], Status.FAILED)})
-    assert fit("p", lost, model, law, Stream(1)).reasons["y"] == "none of its runs came back"
+    assert fit("p", lost, model, joint, Stream(1)).reasons["y"] == "none of its runs came back"
     varied = runs.assign(c=runs["x1"] * 2)
     varied["c"].attrs = runs["c"].attrs
-    reason = fit("p", varied, model, law, Stream(1)).reasons["y"]
+    reason = fit("p", varied, model, joint, Stream(1)).reasons["y"]
     assert reason == "its design varies c, which has no distribution"
 
 
@@ -352,20 +357,20 @@ def test_fit_noise_shrinks_with_runs_and_is_keyed() -> None:
 
 
 def test_it_comes_back_from_an_archive(tmp_path: Path) -> None:
-    law = law_of(Lognormal(2.0, 0.5), Uniform(0.0, 1.0), c=3.0)
+    joint = law_of(Lognormal(2.0, 0.5), Uniform(0.0, 1.0), c=3.0)
     formulas: dict[str, Callable[[Arrays], Any]] = {
         "y": lambda x: np.exp(x["x1"] * x["x2"]),
         "z": lambda x: x["c"] * x["x1"] + x["x2"] ** 2,
         "w": lambda x: 1.0,
     }
-    model = Formula(formulas, law.variables)
-    runs = runs_of(model, law, LatinHypercube(80, 1))
+    model = Formula(formulas, joint.variables)
+    runs = runs_of(model, joint, LatinHypercube(80, 1))
     surrogate = PolynomialChaos(design="training", transform={"y": "log"})
-    found = surrogate.fit("pce", runs, model, law, Stream(1, "s")).checked(runs)
+    found = surrogate.fit("pce", runs, model, joint, Stream(1, "s")).with_check(runs)
     path = tmp_path / "pce.nc"
     found.to_dataset().to_netcdf(path, engine="netcdf4")
     with xr.open_dataset(path) as dataset:
-        again = from_dataset(dataset.load(), "pce")
+        again = restore_surrogate(dataset.load(), "pce")
     inputs = {name: runs[name].values for name in ("x1", "x2")}
     for name, values in found.evaluate(inputs).outputs.items():
         np.testing.assert_array_equal(again.evaluate(inputs).outputs[name], values)
@@ -386,9 +391,9 @@ def test_it_comes_back_from_an_archive(tmp_path: Path) -> None:
 
 
 def test_it_can_be_sent_to_a_worker() -> None:
-    model, law = Ishigami(), law_of(*[Uniform(-1.0, 1.0)] * 3)
-    runs = runs_of(model, law, LatinHypercube(60, 1))
-    found = PolynomialChaos(design="t").fit("pce", runs, model, law, Stream(1, "s"))
+    model, joint = Ishigami(), law_of(*[Uniform(-1.0, 1.0)] * 3)
+    runs = runs_of(model, joint, LatinHypercube(60, 1))
+    found = PolynomialChaos(design="t").fit("pce", runs, model, joint, Stream(1, "s"))
     again = pickle.loads(pickle.dumps(found))
     inputs = {name: runs[name].values for name in ("x1", "x2", "x3")}
     np.testing.assert_array_equal(
@@ -398,10 +403,10 @@ def test_it_can_be_sent_to_a_worker() -> None:
 
 def test_dependent_inputs_have_no_closed_form() -> None:
     found = fitted(rosenbrock, SQUARE, LatinHypercube(60, 1), order=4)
-    assert found.objection("y") == ""
+    assert found.closed_form_problem("y") == ""
     dependent = replace(found, is_independent=False)
-    assert dependent.objection("y") == "the random inputs depend on each other"
-    again = from_dataset(dependent.to_dataset(), "pce")
+    assert dependent.closed_form_problem("y") == "the random inputs depend on each other"
+    again = restore_surrogate(dependent.to_dataset(), "pce")
     assert not again.has_closed_form("y")
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uqpen.surrogates.projection import is_exact, projected
-from uqpen.surrogates.regression import FOLDS, cross_validation, least_squares, sparse
+from uqpen.surrogates.projection import is_exact, projection_coefficients
+from uqpen.surrogates.regression import FOLDS, cross_validation, least_squares, sparse_regression
 
 pytestmark = pytest.mark.processor
 
@@ -46,7 +46,7 @@ def test_the_correction_is_chapelles() -> None:
 
 def test_a_sparse_fit_has_the_error_of_least_squares_on_its_terms() -> None:
     matrix, values = problem()
-    fit = sparse(matrix, values)
+    fit = sparse_regression(matrix, values)
     assert fit is not None
     again = least_squares(matrix[:, fit.terms], values)
     assert again is not None
@@ -58,7 +58,7 @@ def test_a_sparse_fit_finds_the_terms_among_more_than_there_are_runs() -> None:
     rng = np.random.default_rng(2)
     matrix = np.column_stack([np.ones(60), rng.normal(size=(60, 400))])
     values = 3 + matrix[:, [17, 230, 399]] @ [1.0, -2.0, 0.5]
-    fit = sparse(matrix, values)
+    fit = sparse_regression(matrix, values)
     assert fit is not None
     assert fit.terms.tolist() == [0, 17, 230, 399]
     np.testing.assert_allclose(fit.coefficients, [3.0, 1.0, -2.0, 0.5], atol=1e-13)
@@ -76,7 +76,7 @@ def test_a_rule_is_exact_up_to_its_degree() -> None:
     matrix = np.polynomial.legendre.legvander(nodes, 4) * scale
     assert is_exact(matrix[:, :4], weights / 2)
     assert not is_exact(matrix, weights / 2)
-    found = projected(matrix[:, :4], weights / 2, nodes**3)
+    found = projection_coefficients(matrix[:, :4], weights / 2, nodes**3)
     np.testing.assert_allclose(
         found * scale[:4], np.polynomial.legendre.poly2leg([0, 0, 0, 1]), atol=1e-14
     )
@@ -87,7 +87,7 @@ def test_cross_validation_is_not_taken_in_by_choosing() -> None:
     rng = np.random.default_rng(8)
     matrix = np.column_stack([np.ones(100), rng.normal(size=(100, 600))])
     values = rng.normal(size=100)
-    fit = sparse(matrix, values)
+    fit = sparse_regression(matrix, values)
     assert fit is not None
     assert fit.leave_one_out < 0.7
     assert cross_validation(matrix, values, np.arange(100) % FOLDS) > 0.95

@@ -13,9 +13,9 @@ import pytest
 import xarray as xr
 
 import uqpen as package
-from uqpen.archive.netcdf import put
-from uqpen.executors.processes import Pool
-from uqpen.verification.repetition import Runs, drawn_runs
+from uqpen.archive.netcdf import write_tree
+from uqpen.execution.processes import ProcessPool
+from uqpen.verification.repetition import Runs, draw_runs
 
 pytestmark = pytest.mark.processor
 
@@ -126,7 +126,7 @@ def damage(how: str) -> None:
     if how == "group":
         tree = package.open_archive("plain.nc")
         del tree.children["holds"]["monte_carlo"]
-        put(tree, Path("damaged.nc"))
+        write_tree(tree, Path("damaged.nc"))
         return
     with netCDF4.Dataset("damaged.nc", "a") as dataset:
         runs = dataset["runs/monte_carlo"]
@@ -415,12 +415,12 @@ def test_runs_are_repeated_on_the_workers_that_were_asked_for(
 ) -> None:
     asked: list[str] = []
 
-    class Watched(Pool):
+    class Watched(ProcessPool):
         def __call__(self, work: Any, batches: Any, pickled: bytes = b"") -> Any:
             asked.append("workers")
             return super().__call__(work, batches, pickled)
 
-    monkeypatch.setattr("uqpen.executors.processes.Pool", Watched)
+    monkeypatch.setattr("uqpen.execution.processes.ProcessPool", Watched)
     assert uqpen("verify", "plain.nc", "--workers", "2").code == 0
     assert asked
 
@@ -436,7 +436,7 @@ def test_the_runs_that_are_repeated_are_the_same_each_time() -> None:
 
 
 def drawn_by_design(study: package.Study, runs: Runs, number: int) -> dict[str, list[int]]:
-    drawn = drawn_runs(study, runs, number)
+    drawn = draw_runs(study, runs, number)
     return {design: positions.tolist() for _, design, positions in drawn}
 
 

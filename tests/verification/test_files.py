@@ -219,7 +219,7 @@ class TestLargeFiles:
     @pytest.fixture
     def large(self, uqpen: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
         # A lower limit than theirs: half a million runs would show no more.
-        monkeypatch.setattr("uqpen.files.LARGEST", 2**12)
+        monkeypatch.setattr("uqpen.core.files.LARGEST", 2**12)
         text = "x\n" + "0.5\n1.5\n" * 2**9
         Path("large").mkdir()
         Path("large/points.csv").write_text(text)

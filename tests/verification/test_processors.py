@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import uqpen
-from uqpen.archive.netcdf import put
+from uqpen.archive.netcdf import write_tree
 from uqpen.archive.provenance import provenance, provenance_differences
-from uqpen.verification.explain import explain
+from uqpen.verification.diff import diff_archives
 
 pytestmark = pytest.mark.processor
 
@@ -103,7 +103,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
         python(folder, switch, MAKE, "study", "small.toml", "-o", f"{switch}.nc")
     tree = uqpen.open_archive(folder / "as it is.nc")
     tree["runs/sample"]["y"].values.view(np.uint64)[17] ^= 1
-    put(tree, folder / "damaged.nc")
+    write_tree(tree, folder / "damaged.nc")
     tree = uqpen.open_archive(folder / "as it is.nc")
     # Above what another processor may change; a last bit is told where nothing else differs.
     tree["runs/sample"]["y"].values[17] *= 1 + 1e-7
@@ -161,6 +161,6 @@ def test_two_processors_are_told_from_two_results(made: Made) -> None:
     one, other = (uqpen.open_archive(made.folder / f"{each}.nc") for each in list(SWITCHES)[::2])
     if next(provenance_differences(one.attrs, other.attrs), None) is None:
         pytest.skip("this processor has none of the features that the switch takes away")
-    told = {section.name: " ".join(section.lines) for section in explain(one, other)}
+    told = {section.name: " ".join(section.lines) for section in diff_archives(one, other)}
     assert told["made with"].startswith("cpu features: ")
     assert told["equal"].startswith("all numbers, within 1e-09 ")

@@ -16,7 +16,7 @@ __all__ = ["append_checksum", "is_broken"]
 
 _MARK = b"\nuqpen sha256 "
 _LENGTH = len(_MARK) + 64 + 1
-_PIECE = 1 << 20
+_CHUNK = 1 << 20
 
 
 def append_checksum(path: Path) -> None:
@@ -44,7 +44,7 @@ def is_broken(path: Path) -> bool:
 def _checksum(stream: BinaryIO, length: int) -> bytes:
     """What stands behind so many bytes, which are read."""
     digest = hashlib.sha256()
-    while length > 0 and (piece := stream.read(min(_PIECE, length))):
-        digest.update(piece)
-        length -= len(piece)
+    while length > 0 and (chunk := stream.read(min(_CHUNK, length))):
+        digest.update(chunk)
+        length -= len(chunk)
     return _MARK + digest.hexdigest().encode() + b"\n"

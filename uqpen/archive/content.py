@@ -12,30 +12,30 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.labels import CONTENT
+from uqpen.core.labels import CONTENT
 
-__all__ = ["hashes", "recorded", "sealed"]
+__all__ = ["group_hashes", "recorded_hashes", "with_hashes"]
 
 
-def hashes(tree: xr.DataTree) -> dict[str, str]:
+def group_hashes(tree: xr.DataTree) -> dict[str, str]:
     """The SHA-256 of every group, by its path.
 
     A group's own variables and attributes are hashed in a canonical form, so that its hash is the
     same in memory as in the file, and on every platform. The root's leaves out only the record of
     these hashes.
     """
-    return {node.path: _hash(node.to_dataset(inherit=False)) for node in tree.subtree}
+    return {node.path: _group_hash(node.to_dataset(inherit=False)) for node in tree.subtree}
 
 
-def sealed(tree: xr.DataTree) -> xr.DataTree:
+def with_hashes(tree: xr.DataTree) -> xr.DataTree:
     """The tree with its groups' hashes in an attribute of its root, in the form of sha256sum."""
-    record = "\n".join(f"{digest}  {path}" for path, digest in hashes(tree).items())
+    record = "\n".join(f"{digest}  {path}" for path, digest in group_hashes(tree).items())
     copy = tree.copy()
     copy.attrs = {**tree.attrs, CONTENT: record}
     return copy
 
 
-def recorded(tree: xr.DataTree) -> dict[str, str] | None:
+def recorded_hashes(tree: xr.DataTree) -> dict[str, str] | None:
     """The hashes that an archive was written with; None of one that has none."""
     record = tree.attrs.get(CONTENT)
     if not isinstance(record, str):
@@ -44,46 +44,50 @@ def recorded(tree: xr.DataTree) -> dict[str, str] | None:
     return {path: digest for digest, _, path in pairs}
 
 
-def _hash(dataset: xr.Dataset) -> str:
+def _group_hash(dataset: xr.Dataset) -> str:
     digest = hashlib.sha256()
-    for piece in _canonical(dataset):
+    for chunk in _canonical_bytes(dataset):
         # With its length, so that no two sequences of pieces look alike.
-        digest.update(len(piece).to_bytes(8, "little"))
-        digest.update(piece)
+        digest.update(len(chunk).to_bytes(8, "little"))
+        digest.update(chunk)
     return digest.hexdigest()
 
 
-def _canonical(dataset: xr.Dataset) -> Iterator[bytes]:
+def _canonical_bytes(dataset: xr.Dataset) -> Iterator[bytes]:
     """A group in pieces: its attributes, its dimensions, then each variable, in order of names."""
     attributes = {key: value for key, value in dataset.attrs.items() if key != CONTENT}
-    yield from _attributes(attributes)
+    yield from _attribute_bytes(attributes)
     for dimension, size in sorted(dataset.sizes.items(), key=lambda pair: str(pair[0])):
-        yield from (_text(dimension), _text(size))
+        yield from (_text_bytes(dimension), _text_bytes(size))
     for name, variable in sorted(dataset.variables.items(), key=lambda pair: str(pair[0])):
         kind = "coordinate" if name in dataset.coords else "variable"
-        yield from (_text(kind), _text(name), _text(" ".join(map(str, variable.dims))))
-        yield from _values(variable.values)
-        yield from _attributes(variable.attrs)
+        yield from (
+            _text_bytes(kind),
+            _text_bytes(name),
+            _text_bytes(" ".join(map(str, variable.dims))),
+        )
+        yield from _value_bytes(variable.values)
+        yield from _attribute_bytes(variable.attrs)
 
 
-def _attributes(attributes: dict[Any, Any]) -> Iterator[bytes]:
-    yield _text(len(attributes))
+def _attribute_bytes(attributes: dict[Any, Any]) -> Iterator[bytes]:
+    yield _text_bytes(len(attributes))
     for name, value in sorted(attributes.items(), key=lambda pair: str(pair[0])):
-        yield _text(name)
+        yield _text_bytes(name)
         # NetCDF does not tell a single value from a list of one.
-        yield from _values(np.ravel(np.asarray(value)))
+        yield from _value_bytes(np.ravel(np.asarray(value)))
 
 
-def _values(values: Any) -> Iterator[bytes]:
+def _value_bytes(values: Any) -> Iterator[bytes]:
     """An array's type, shape and content: texts as UTF-8, numbers with the low byte first."""
     if values.dtype.kind in "OUS":
-        yield from (_text("text"), _text(values.shape))
-        yield from (_text(value) for value in values.ravel().tolist())
+        yield from (_text_bytes("text"), _text_bytes(values.shape))
+        yield from (_text_bytes(value) for value in values.ravel().tolist())
         return
-    yield from (_text(values.dtype.name), _text(values.shape))
+    yield from (_text_bytes(values.dtype.name), _text_bytes(values.shape))
     yield values.astype(values.dtype.newbyteorder("<")).tobytes()
 
 
-def _text(value: object) -> bytes:
+def _text_bytes(value: object) -> bytes:
     # A damaged file may hold half characters; they have to have a hash as well.
     return str(value).encode("utf-8", "surrogatepass")

@@ -12,10 +12,17 @@ from pathlib import Path, PurePath
 import numpy as np
 import xarray as xr
 
-from uqpen.errors import ArchiveError
-from uqpen.files import FileRead
+from uqpen.core.errors import ArchiveError
+from uqpen.core.files import FileSnapshot
 
-__all__ = ["FILES", "KeptFile", "as_group", "faults_of_files", "kept_files", "names_of"]
+__all__ = [
+    "FILES",
+    "ArchivedFile",
+    "archived_files",
+    "files_by_name",
+    "files_group",
+    "find_file_faults",
+]
 
 FILES = "files"
 
@@ -36,7 +43,7 @@ _LONG_NAMES = {
 
 
 @dataclass(frozen=True)
-class KeptFile:
+class ArchivedFile:
     """A file as an archive keeps it.
 
     Parameters
@@ -88,20 +95,20 @@ class KeptFile:
         return content
 
 
-def as_group(files: Iterable[FileRead], folder: Path) -> xr.Dataset:
+def files_group(files: Iterable[FileSnapshot], folder: Path) -> xr.Dataset:
     """The group of a study's files, in the order of their names; empty where it names none.
 
     Parameters
     ----------
-    files : iterable of FileRead
+    files : iterable of FileSnapshot
         In an order that is always the same; any of them may come several times.
     folder : Path
         Where the study lies.
     """
-    named = sorted(names_of(files, folder).items())
+    named = sorted(files_by_name(files, folder).items())
     if not named:
         return xr.Dataset()
-    encoded = [_encoded(file) for _, file in named]
+    encoded = [_encode(file) for _, file in named]
     columns = {
         _NAME: [name for name, _ in named],
         _SHA256: [file.sha256 for _, file in named],
@@ -118,13 +125,13 @@ def as_group(files: Iterable[FileRead], folder: Path) -> xr.Dataset:
     return xr.Dataset({**variables, _SIZE: (_FILE, sizes, described)}, {_NAME: name})
 
 
-def names_of(files: Iterable[FileRead], folder: Path) -> dict[str, FileRead]:
+def files_by_name(files: Iterable[FileSnapshot], folder: Path) -> dict[str, FileSnapshot]:
     """Files by their names, which tell no path of the machine.
 
     A file is known by its path from the study's folder. One that the study names by an absolute
     path elsewhere is known by its last part, with a number where that is another's name already.
     """
-    named: dict[str, FileRead] = {}
+    named: dict[str, FileSnapshot] = {}
     known: set[Path] = set()
     for file in files:
         if file.path in known:
@@ -140,15 +147,15 @@ def names_of(files: Iterable[FileRead], folder: Path) -> dict[str, FileRead]:
     return named
 
 
-def kept_files(group: xr.Dataset) -> list[KeptFile]:
+def archived_files(group: xr.Dataset) -> list[ArchivedFile]:
     """The files of a group that has no faults; none of a group that is empty."""
     if not group.variables:
         return []
     columns = (group[name].values.tolist() for name in (_NAME, _SHA256, _SIZE, _CONTENT, _ENCODING))
-    return [KeptFile(*entries) for entries in zip(*columns, strict=True)]
+    return [ArchivedFile(*entries) for entries in zip(*columns, strict=True)]
 
 
-def faults_of_files(groups: Mapping[str, xr.DataTree]) -> Iterator[str]:
+def find_file_faults(groups: Mapping[str, xr.DataTree]) -> Iterator[str]:
     """What keeps a tree's group of files from being read, for one line each.
 
     Parameters
@@ -158,17 +165,17 @@ def faults_of_files(groups: Mapping[str, xr.DataTree]) -> Iterator[str]:
     """
     if FILES not in groups:
         return
-    held = groups[FILES].dataset
+    dataset = groups[FILES].dataset
     for name in (*_TEXTS, _SIZE):
-        if name not in held.variables or held[name].dims != (_FILE,):
+        if name not in dataset.variables or dataset[name].dims != (_FILE,):
             yield f"/{FILES}: no {name} along {_FILE}"
-        elif name == _SIZE and held[name].dtype.kind not in "iu":
+        elif name == _SIZE and dataset[name].dtype.kind not in "iu":
             yield f"/{FILES}: a {name} that is no number"
-        elif name != _SIZE and not all(isinstance(each, str) for each in held[name].values):
+        elif name != _SIZE and not all(isinstance(each, str) for each in dataset[name].values):
             yield f"/{FILES}: a {name} that is no text"
 
 
-def _encoded(file: FileRead) -> tuple[str, str]:
+def _encode(file: FileSnapshot) -> tuple[str, str]:
     """A file's content as a text, and how it became one."""
     if file.content is None:
         return "", _NONE

@@ -10,10 +10,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path, PureWindowsPath
 from typing import NamedTuple
 
-from uqpen.archive.files import KeptFile
-from uqpen.errors import ArchiveError
+from uqpen.archive.files import ArchivedFile
+from uqpen.core.errors import ArchiveError
 
-__all__ = ["Extracted", "extracted"]
+__all__ = ["ExtractedFiles", "extract_files"]
 
 # A study that names files further up than this is none that anybody has written.
 _MOST_UPWARD = 16
@@ -26,7 +26,7 @@ _LONGEST = 255
 _FIRST_PRINTABLE = 0x20
 
 
-class Extracted(NamedTuple):
+class ExtractedFiles(NamedTuple):
     """Where files of an archive are for the moment.
 
     Attributes
@@ -42,14 +42,14 @@ class Extracted(NamedTuple):
 
 
 @contextlib.contextmanager
-def extracted(files: Sequence[KeptFile], elsewhere: Path) -> Iterator[Extracted]:
+def extract_files(files: Sequence[ArchivedFile], other_folder: Path) -> Iterator[ExtractedFiles]:
     """While this lasts, an archive's files lie in a fresh folder.
 
     Parameters
     ----------
-    files : sequence of KeptFile
+    files : sequence of ArchivedFile
         Whatever their names are, nothing is written outside that folder.
-    elsewhere : Path
+    other_folder : Path
         Where to look for those of which the archive has the hash alone.
 
     Raises
@@ -58,7 +58,7 @@ def extracted(files: Sequence[KeptFile], elsewhere: Path) -> Iterator[Extracted]
         If a name is not one of a file in the study's folder or beside it, a file is not what its
         hash says, or two cannot be in one folder.
     """
-    paths = {file: _parts(file.name) for file in files}
+    paths = {file: _path_parts(file.name) for file in files}
     # As far down as files are further up, so that these are in the folder as well.
     depth = max((parts.count(_UP) for parts in paths.values()), default=0)
     with _fresh_folder() as root:
@@ -66,12 +66,12 @@ def extracted(files: Sequence[KeptFile], elsewhere: Path) -> Iterator[Extracted]
         study.mkdir(parents=True)
         missing = []
         for file, parts in paths.items():
-            content = file.read() if file.is_whole else _found(file, parts, elsewhere)
+            content = file.read() if file.is_whole else _content_of_hash(file, parts, other_folder)
             if isinstance(content, str):
                 missing.append(content)
             else:
-                _put(content, _made(root, study, parts), file.name)
-        yield Extracted(study, missing)
+                _write_new(content, _make_folders(root, study, parts), file.name)
+        yield ExtractedFiles(study, missing)
 
 
 @contextlib.contextmanager
@@ -86,7 +86,7 @@ def _fresh_folder() -> Iterator[Path]:
         yield Path(name).resolve()
 
 
-def _parts(name: str) -> tuple[str, ...]:
+def _path_parts(name: str) -> tuple[str, ...]:
     """The folders of a name and its last part, refused where it is no name of a file."""
     parts = tuple(part for part in name.split("/") if part not in ("", "."))
     is_upward = parts.count(_UP) > _MOST_UPWARD
@@ -111,7 +111,7 @@ def _is_refused(part: str) -> bool:
     )
 
 
-def _made(root: Path, study: Path, parts: tuple[str, ...]) -> Path:
+def _make_folders(root: Path, study: Path, parts: tuple[str, ...]) -> Path:
     """The place for a file below the root, with the folders on the way there."""
     place = study
     try:
@@ -125,7 +125,7 @@ def _made(root: Path, study: Path, parts: tuple[str, ...]) -> Path:
     return place / parts[-1]
 
 
-def _put(content: bytes, path: Path, name: str) -> None:
+def _write_new(content: bytes, path: Path, name: str) -> None:
     """Write what is not there yet."""
     try:
         with path.open("xb") as stream:
@@ -140,7 +140,7 @@ def _put(content: bytes, path: Path, name: str) -> None:
         raise ArchiveError(f'"{name}": {reason}') from None
 
 
-def _found(file: KeptFile, parts: tuple[str, ...], folder: Path) -> bytes | str:
+def _content_of_hash(file: ArchivedFile, parts: tuple[str, ...], folder: Path) -> bytes | str:
     """The content of a file that the archive knows by its hash; in its place, why there is none."""
     path = folder.joinpath(*parts)
     kept = f'"{file.name}": the archive has its hash alone, and '

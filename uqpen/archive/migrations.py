@@ -8,12 +8,12 @@ from types import MappingProxyType
 import xarray as xr
 
 from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE
-from uqpen.labels import COMPARISON, INPUT, SENSITIVITY
+from uqpen.core.labels import COMPARISON, INPUT, SENSITIVITY
 
-__all__ = ["MIGRATIONS", "migrated"]
+__all__ = ["MIGRATIONS", "migrate"]
 
 
-def migrated(tree: xr.DataTree) -> xr.DataTree:
+def migrate(tree: xr.DataTree) -> xr.DataTree:
     """A tree of any schema up to this uqpen's, in this uqpen's.
 
     Its hashes stay those of what was written: whoever checks them needs the tree as it was.
@@ -29,7 +29,7 @@ def migrated(tree: xr.DataTree) -> xr.DataTree:
     return tree
 
 
-def _from_1(tree: xr.DataTree) -> xr.DataTree:
+def _migrate_from_1(tree: xr.DataTree) -> xr.DataTree:
     """One name for what measures of sensitivity lie along, which some of them left without.
 
     The files that the study names are not there, and nobody can add them.
@@ -46,5 +46,5 @@ def _from_1(tree: xr.DataTree) -> xr.DataTree:
 
 # From a schema to the next, for every schema there has been.
 MIGRATIONS: MappingProxyType[int, Callable[[xr.DataTree], xr.DataTree]] = MappingProxyType(
-    {1: _from_1}
+    {1: _migrate_from_1}
 )

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.told import TOLD
+from uqpen.archive.interval_metadata import INTERVAL_METADATA
 
 if TYPE_CHECKING:
     import netCDF4
 
-__all__ = ["put"]
+__all__ = ["write_tree"]
 
 _COORDINATES = "coordinates"
 
 
-def put(tree: xr.DataTree, path: Path) -> None:
+def write_tree(tree: xr.DataTree, path: Path) -> None:
     """Write a tree so that xarray reads it back as it is.
 
     Parameters
@@ -40,22 +40,24 @@ def put(tree: xr.DataTree, path: Path) -> None:
         filled = [
             pair
             for node in tree.subtree
-            for pair in _defined(_group(root, node.path), node.to_dataset(inherit=False))
+            for pair in _define_variables(
+                _create_group(root, node.path), node.to_dataset(inherit=False)
+            )
         ]
         for variable, values in filled:
             variable[...] = values
 
 
-def _group(root: netCDF4.Dataset, path: str) -> Any:
+def _create_group(root: netCDF4.Dataset, path: str) -> Any:
     return root if path == "/" else root.createGroup(path)
 
 
-def _defined(group: Any, dataset: xr.Dataset) -> Iterator[tuple[Any, Any]]:
+def _define_variables(group: Any, dataset: xr.Dataset) -> Iterator[tuple[Any, Any]]:
     """Each variable of a group, defined but empty, and what it is to hold."""
     group.setncatts(dataset.attrs)
     for dimension, size in dataset.sizes.items():
         group.createDimension(str(dimension), size)
-    beside = _coordinates(dataset)
+    beside = _coordinate_names(dataset)
     for name, variable in dataset.variables.items():
         is_text = variable.dtype.kind in "OU"
         # Without a fill value: CF forbids one of coordinates, and nothing stays unfilled.
@@ -70,17 +72,17 @@ def _defined(group: Any, dataset: xr.Dataset) -> Iterator[tuple[Any, Any]]:
         defined.setncatts(variable.attrs | ({_COORDINATES: " ".join(names)} if names else {}))
         yield defined, np.asarray(variable.values, dtype=object if is_text else None)
     claimed = {name for names in beside.values() for name in names}
-    unclaimed = [name for name in _beside_dimensions(dataset) if name not in claimed]
+    unclaimed = [name for name in _auxiliary_coordinates(dataset) if name not in claimed]
     if unclaimed:
         group.setncattr(_COORDINATES, " ".join(unclaimed))
 
 
-def _coordinates(dataset: xr.Dataset) -> dict[str, list[str]]:
+def _coordinate_names(dataset: xr.Dataset) -> dict[str, list[str]]:
     """The coordinates of each variable, beyond those that stand for its dimensions."""
-    owners = {f"{name}_{what}": name for name in dataset.data_vars for what in TOLD}
+    owners = {f"{name}_{what}": name for name in dataset.data_vars for what in INTERVAL_METADATA}
     known = [
         (key, set(dataset.variables[key].dims), owners.get(key))
-        for key in _beside_dimensions(dataset)
+        for key in _auxiliary_coordinates(dataset)
     ]
     return {
         str(name): [
@@ -92,6 +94,6 @@ def _coordinates(dataset: xr.Dataset) -> dict[str, list[str]]:
     }
 
 
-def _beside_dimensions(dataset: xr.Dataset) -> list[str]:
+def _auxiliary_coordinates(dataset: xr.Dataset) -> list[str]:
     """The coordinates that do not stand for a dimension."""
     return [str(key) for key in dataset.coords if key not in dataset.dims]

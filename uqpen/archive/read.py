@@ -8,20 +8,20 @@ from pathlib import Path
 import xarray as xr
 
 from uqpen.archive.checksum import is_broken
-from uqpen.archive.migrations import migrated
+from uqpen.archive.migrations import migrate
 from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE
-from uqpen.archive.skeleton import faults
-from uqpen.errors import ArchiveError
-from uqpen.labels import MODELS
+from uqpen.archive.structure import find_faults
+from uqpen.core.errors import ArchiveError
+from uqpen.core.labels import MODELS
 
 __all__ = [
     "SCHEMA_ATTRIBUTE",
-    "group",
+    "group_names",
     "is_archive",
-    "models_in",
-    "names_in",
+    "model_trees",
     "open_archive",
     "read_as_written",
+    "read_group",
     "read_tree",
 ]
 
@@ -40,7 +40,7 @@ def open_archive(path: str | Path) -> xr.DataTree:
         If it cannot be read, is no archive, or was written by a later uqpen.
     """
     whole = read_tree(Path(path))
-    if fault := next(faults(whole), None):
+    if fault := next(find_faults(whole), None):
         raise ArchiveError(f"{path}: is damaged: {fault}")
     return whole
 
@@ -55,7 +55,7 @@ def read_tree(path: Path) -> xr.DataTree:
     ArchiveError
         If it cannot be read, is no archive, or was written by a later uqpen.
     """
-    return migrated(read_as_written(path))
+    return migrate(read_as_written(path))
 
 
 def read_as_written(path: Path) -> xr.DataTree:
@@ -84,19 +84,19 @@ def read_as_written(path: Path) -> xr.DataTree:
         raise ArchiveError(f"{path}: is damaged: {error}") from error
 
 
-def models_in(tree: xr.DataTree) -> dict[str, xr.DataTree]:
+def model_trees(tree: xr.DataTree) -> dict[str, xr.DataTree]:
     """What is told of each model, by its name; the archive itself, unnamed, of a single model."""
     if MODELS not in tree.children:
         return {"": tree}
     return {str(name): model for name, model in tree.children[MODELS].children.items()}
 
 
-def names_in(tree: xr.DataTree, name: str) -> list[str]:
+def group_names(tree: xr.DataTree, name: str) -> list[str]:
     """The groups inside a group of the root: the designs that have runs, say."""
     return list(tree.children[name].children) if name in tree.children else []
 
 
-def group(tree: xr.DataTree, *path: str) -> xr.Dataset:
+def read_group(tree: xr.DataTree, *path: str) -> xr.Dataset:
     """The dataset of a group; an empty one where the archive has none."""
     for name in path:
         if name not in tree.children:

@@ -9,10 +9,10 @@ from pathlib import Path
 import xarray as xr
 
 from uqpen.archive.checksum import append_checksum
-from uqpen.archive.content import sealed
-from uqpen.archive.netcdf import put
+from uqpen.archive.content import with_hashes
+from uqpen.archive.netcdf import write_tree
 from uqpen.archive.read import is_archive
-from uqpen.errors import ArchiveError
+from uqpen.core.errors import ArchiveError
 
 __all__ = ["prepare_destination", "write"]
 
@@ -32,7 +32,7 @@ def prepare_destination(path: Path) -> None:
             raise ArchiveError(f"{path}: is not an archive of uqpen's, so it is not overwritten")
         path.parent.mkdir(parents=True, exist_ok=True)
         _remove_leftovers(path)
-        trial = _part(path)
+        trial = _temporary_path(path)
         trial.touch()
         trial.unlink()
     except ArchiveError:
@@ -54,11 +54,11 @@ def write(tree: xr.DataTree, path: Path) -> None:
     ArchiveError
         If it cannot be written: a full disk, a folder that went away. Nothing is left behind.
     """
-    part = _part(path)
+    temporary = _temporary_path(path)
     try:
-        put(sealed(tree), part)
-        append_checksum(part)
-        part.replace(os.path.realpath(path))
+        write_tree(with_hashes(tree), temporary)
+        append_checksum(temporary)
+        temporary.replace(os.path.realpath(path))
     except (OSError, RuntimeError) as error:
         # The NetCDF library reports a full disk as a RuntimeError about HDF.
         if isinstance(error, RuntimeError) and not str(error).startswith("NetCDF:"):
@@ -66,10 +66,10 @@ def write(tree: xr.DataTree, path: Path) -> None:
         reason = getattr(error, "strerror", None) or f"{error} (is the disk full?)"
         raise ArchiveError(f"{path}: cannot be written: {reason}") from error
     finally:
-        part.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
-def _part(path: Path) -> Path:
+def _temporary_path(path: Path) -> Path:
     """Where the archive is written first: beside what a link leads to, which it then replaces."""
     place = Path(os.path.realpath(path))
     return place.with_name(f".{place.name}.{os.getpid()}.part")

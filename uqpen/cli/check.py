@@ -19,20 +19,20 @@ __all__ = ["check"]
 def check(file: Path) -> None:
     """Read the study FILE, report every mistake in it, and say what it would run."""
     from uqpen.cli.printable import printable
-    from uqpen.cli.screen import output, plain_table
+    from uqpen.cli.screen import plain_table, standard_output
     from uqpen.study.load import load_study
 
     study = load_study(file)
-    console = output()
+    console = standard_output()
     console.print(printable(study.title), style="bold", markup=False)
     console.print(f"{_models(study)}, seed {study.seed}\n", markup=False)
     console.print(plain_table(["input", "value or law"], _inputs(study)))
     console.print()
-    for remark in _remarks(study):
+    for remark in _input_remarks(study):
         console.print(f"{printable(remark)}\n", markup=False)
     console.print(plain_table(["output", "asked"], _outputs(study)))
     console.print()
-    for line in _runs(study):
+    for line in _run_settings(study):
         console.print(f"{line}\n", markup=False)
     for constraint in study.constraints:
         console.print(f"only where {constraint.text}\n", markup=False)
@@ -51,11 +51,11 @@ def _models(study: Study) -> str:
 
 
 def _inputs(study: Study) -> list[tuple[str, str]]:
-    from uqpen.inputs.law import FixedInput
-    from uqpen.units import DIMENSIONLESS, scale
+    from uqpen.core.units import DIMENSIONLESS, scale
+    from uqpen.distributions.joint_distribution import FixedInput
 
     rows = []
-    for entry in study.law.inputs:
+    for entry in study.joint.inputs:
         unit = "" if entry.display_unit == DIMENSIONLESS else f" {entry.display_unit}"
         if isinstance(entry, FixedInput):
             text = f"{scale(entry.display_unit).from_si(entry.value):.10g}{unit}"
@@ -65,19 +65,19 @@ def _inputs(study: Study) -> list[tuple[str, str]]:
     return rows
 
 
-def _remarks(study: Study) -> Iterator[str]:
+def _input_remarks(study: Study) -> Iterator[str]:
     """What there is to know of the random inputs beside each one's law."""
-    if study.law.dependence is not None:
-        yield str(study.law.dependence)
-    for entry in study.law.random:
+    if study.joint.dependence is not None:
+        yield str(study.joint.dependence)
+    for entry in study.joint.random:
         if "fit_warning" in entry.fit:
             yield f"warning: {entry.variable.name}: {entry.fit['fit_warning']}"
 
 
-def _runs(study: Study) -> Iterator[str]:
+def _run_settings(study: Study) -> Iterator[str]:
     """What a run may use, and what is done about those that are lost."""
     for name, variant in study.models.items():
-        allowed = variant.model.allowed
+        allowed = variant.model.run_limits
         seconds = "" if allowed.seconds is None else f"{allowed.seconds:g} s"
         memory = "" if allowed.bytes is None else f"{allowed.bytes / 1e6:.10g} MB of memory"
         if allowed:
@@ -92,14 +92,18 @@ def _runs(study: Study) -> Iterator[str]:
 
 def _outputs(study: Study) -> list[tuple[str, str]]:
     rows = []
-    for question in study.questions:
-        if question.output.categories:
-            asked = ["shares of " + ", ".join(kind.label for kind in question.output.categories)]
+    for quantity in study.quantities_of_interest:
+        if quantity.output.categories:
+            requested = [
+                "shares of " + ", ".join(kind.label for kind in quantity.output.categories)
+            ]
         else:
-            asked = ["moments, cdf, quantiles " + ", ".join(f"{p:g}" for p in question.quantiles)]
-            asked += [f"P(> {threshold.text})" for threshold in question.exceeds]
-            asked += [f"value held with {p:g}" for p in question.hold]
-        rows.append((question.output.name, "; ".join(asked)))
+            requested = [
+                "moments, cdf, quantiles " + ", ".join(f"{p:g}" for p in quantity.quantiles)
+            ]
+            requested += [f"P(> {threshold.text})" for threshold in quantity.thresholds]
+            requested += [f"value held with {p:g}" for p in quantity.tolerance_contents]
+        rows.append((quantity.output.name, "; ".join(requested)))
     return rows
 
 
@@ -111,7 +115,7 @@ def _designs(study: Study) -> list[tuple[str, str, str]]:
         (
             name,
             kinds[f"{type(design).__module__}:{type(design).__name__}"],
-            str(design.size(study.law)),
+            str(design.run_count(study.joint)),
         )
         for name, design in study.designs.items()
     ]
@@ -120,6 +124,6 @@ def _designs(study: Study) -> list[tuple[str, str, str]]:
 def _surrogates(study: Study) -> list[tuple[str, str, str]]:
     """Each surrogate with its design, and the design that vouches for it first."""
     return [
-        (name, surrogate.design, next(iter(study.witnesses(surrogate)), "nothing"))
+        (name, surrogate.design, next(iter(study.validation_designs(surrogate)), "nothing"))
         for name, surrogate in study.surrogates.items()
     ]

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
+from uqpen.cli.executor_options import ExecutorOptions, executor_option
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.workers import Where, workers_option
 
 __all__ = ["compare"]
 
@@ -35,14 +35,14 @@ __all__ = ["compare"]
     type=click.Path(path_type=Path),
     help="The archive to write.  [default: archives/<study>_compare.nc]",
 )
-@workers_option
+@executor_option
 def compare(
     file: Path,
     budgets: str | None,
     repeats: int | None,
     reference: int | None,
     archive: Path | None,
-    where: Where,
+    executor: ExecutorOptions,
 ) -> ExitCode:
     """Run the designs of the study FILE head to head, scaled to equal budgets.
 
@@ -52,47 +52,47 @@ def compare(
     Leaves with 3 if the reference lost all of its runs.
     """
     from uqpen.archive.write import prepare_destination, write
-    from uqpen.cli.head_to_head_screen import progress, show_comparison
-    from uqpen.cli.report import name_report
-    from uqpen.cli.screen import output
-    from uqpen.head_to_head.contest import compare, refuse
-    from uqpen.head_to_head.terms import BUDGETS, REPEATS, Terms
+    from uqpen.benchmark.compare import check_study, compare
+    from uqpen.benchmark.settings import BUDGETS, REPEATS, BenchmarkSettings
+    from uqpen.cli.benchmark_screen import show_benchmark, show_progress
+    from uqpen.cli.report import announce_report
+    from uqpen.cli.screen import standard_output
+    from uqpen.results.benchmark_tables import has_reference
     from uqpen.study.load import load_study
-    from uqpen.summary.head_to_head import has_reference
 
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
-    terms = Terms(
-        budgets=BUDGETS if budgets is None else _numbers(budgets),
+    settings = BenchmarkSettings(
+        budgets=BUDGETS if budgets is None else _parse_budgets(budgets),
         repeats=REPEATS if repeats is None else repeats,
         reference=reference,
     )
     study = load_study(file)
-    refuse(study, terms)
+    check_study(study, settings)
     archive = archive or Path("archives") / f"{study.name}_compare.nc"
     prepare_destination(here / archive)
     try:
-        with where.map() as spread, progress() as reporter:
-            tree = compare(study, terms, map=spread, progress=reporter)
+        with executor.open_map() as spread, show_progress() as reporter:
+            tree = compare(study, settings, map=spread, progress=reporter)
         write(tree, here / archive)
     except KeyboardInterrupt:
         click.echo("interrupted: nothing was written", err=True)
         return ExitCode.INTERRUPTED
-    show_comparison(tree)
-    output().print(f"archive: {archive}", soft_wrap=True, markup=False, highlight=False)
-    name_report(archive)
+    show_benchmark(tree)
+    standard_output().print(f"archive: {archive}", soft_wrap=True, markup=False, highlight=False)
+    announce_report(archive)
     if not has_reference(tree):
         click.echo("the reference lost all of its runs", err=True)
-        return ExitCode.LOST
+        return ExitCode.TOO_MANY_FAILED
     return ExitCode.DONE
 
 
-def _numbers(text: str) -> tuple[int, ...]:
+def _parse_budgets(text: str) -> tuple[int, ...]:
     """The budgets of an option such as ``100,1_000``."""
-    from uqpen.errors import Problem, SettingsError, as_written
+    from uqpen.core.errors import Problem, SettingsError, toml_text
 
     try:
         return tuple(int(part) for part in text.split(","))
     except ValueError:
         expected = "whole numbers with commas between them, such as 128,1024"
-        raise SettingsError([Problem(("--budget",), as_written(text), expected)]) from None
+        raise SettingsError([Problem(("--budget",), toml_text(text), expected)]) from None

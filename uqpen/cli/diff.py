@@ -21,9 +21,9 @@ def diff(first: Path, second: Path) -> ExitCode:
     """
     from uqpen.archive.read import read_tree
     from uqpen.cli.verification_screen import show_section
-    from uqpen.verification.explain import explain
+    from uqpen.verification.diff import diff_archives
 
-    sections = list(explain(read_tree(first), read_tree(second)))
+    sections = list(diff_archives(read_tree(first), read_tree(second)))
     for section in sections:
         show_section(section)
     if sections:

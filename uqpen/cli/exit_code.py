@@ -12,6 +12,6 @@ class ExitCode(IntEnum):
 
     DONE = 0
     MISTAKE = 2
-    LOST = 3
+    TOO_MANY_FAILED = 3
     DIFFERENT = 4
     INTERRUPTED = 130

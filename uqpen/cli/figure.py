@@ -37,7 +37,7 @@ def figure(
     """
     from uqpen.archive.read import open_archive
     from uqpen.cli.printable import printable
-    from uqpen.figures.file import format_of
+    from uqpen.figures.figure_file import figure_format
     from uqpen.figures.page import available
     from uqpen.figures.page import figure as drawn
 
@@ -46,6 +46,6 @@ def figure(
             click.echo(f"{known:18}{shows}")
         return
     path = file or Path(f"{names[0]}.svg")
-    format_of(path)
+    figure_format(path)
     drawn(open_archive(archive), *names, output=output, source=source, model=model).save(path)
     click.echo(f"figure: {printable(str(path))}")

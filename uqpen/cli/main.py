@@ -12,8 +12,8 @@ import click
 from uqpen import __version__
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import SPELLED_OUT, printable
-from uqpen.errors import TooManyLostError, UqpenError
-from uqpen.lookup import resolve
+from uqpen.core.errors import TooManyFailedError, UqpenError
+from uqpen.core.lookup import resolve
 
 __all__ = ["main", "uqpen"]
 
@@ -90,7 +90,9 @@ def _run(arguments: list[str]) -> int:
         return ExitCode.MISTAKE
     except UqpenError as error:
         click.echo(printable(str(error)), err=True)
-        return ExitCode.LOST if isinstance(error, TooManyLostError) else ExitCode.MISTAKE
+        return (
+            ExitCode.TOO_MANY_FAILED if isinstance(error, TooManyFailedError) else ExitCode.MISTAKE
+        )
     except MemoryError:
         click.echo("this machine's memory does not suffice for so many runs", err=True)
         return ExitCode.MISTAKE

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from uqpen.model import Model, Variable
+    from uqpen.core.model import Model, Variable
 
 __all__ = ["models"]
 
@@ -16,16 +16,16 @@ __all__ = ["models"]
 @click.argument("name", required=False)
 def models(name: str | None) -> None:
     """List the built-in models; with NAME, that model's inputs, outputs, units and defaults."""
-    from uqpen.lookup import resolve, resolve_name
+    from uqpen.core.lookup import resolve, resolve_name
     from uqpen.models import MODELS
 
     if name is not None:
-        _describe(resolve_name(MODELS, name, "model")())
+        _show_model(resolve_name(MODELS, name, "model")())
         return
-    from uqpen.cli.screen import output, plain_table
+    from uqpen.cli.screen import plain_table, standard_output
 
     rows = [(known, _paragraphs(resolve(reference))[0]) for known, reference in MODELS.items()]
-    output().print(plain_table(["model", "what it is"], rows))
+    standard_output().print(plain_table(["model", "what it is"], rows))
 
 
 def _paragraphs(model: type[Model]) -> list[str]:
@@ -37,10 +37,10 @@ def _paragraphs(model: type[Model]) -> list[str]:
     return [" ".join(paragraph.split()) for paragraph in text.strip().split("\n\n")]
 
 
-def _describe(model: Model) -> None:
-    from uqpen.cli.screen import output, plain_table
+def _show_model(model: Model) -> None:
+    from uqpen.cli.screen import plain_table, standard_output
 
-    console = output()
+    console = standard_output()
     console.print(model.name, style="bold")
     for paragraph in _paragraphs(type(model)):
         console.print(paragraph, markup=False)
@@ -61,7 +61,7 @@ def _inputs(model: Model) -> list[tuple[str, ...]]:
     for variable in model.inputs:
         default = "" if variable.default is None else f"; default {variable.default:g}"
         values = f"{variable.bounds}{default}"
-        rows.append((variable.name, variable.unit, values, _remark(variable)))
+        rows.append((variable.name, variable.unit, values, _variable_remark(variable)))
     return rows
 
 
@@ -69,17 +69,20 @@ def _outputs(model: Model) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for variable in model.outputs:
         values = ", ".join(category.label for category in variable.categories) or "a number"
-        rows.append((variable.name, variable.unit, values, _remark(variable)))
+        rows.append((variable.name, variable.unit, values, _variable_remark(variable)))
     return rows
 
 
 def _settings(model: Model) -> list[tuple[str, ...]]:
     """What a study may set in ``[model]`` beside the name."""
-    from uqpen.settings import declared
+    from uqpen.core.settings import declared_settings
 
-    return [(field.name, str(field.default), kind.expected, "") for field, kind in declared(model)]
+    return [
+        (field.name, str(field.default), kind.expected, "")
+        for field, kind in declared_settings(model)
+    ]
 
 
-def _remark(variable: Variable) -> str:
+def _variable_remark(variable: Variable) -> str:
     """What a variable is, where its name does not say it all."""
     return "" if variable.title == variable.name.replace("_", " ") else variable.title

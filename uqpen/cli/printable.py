@@ -32,11 +32,11 @@ def printable(text: str) -> str:
     )
 
 
-def _spell_out(error: UnicodeError) -> tuple[str, int]:
+def _spell_out_error(error: UnicodeError) -> tuple[str, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error
     missing = error.object[error.start : error.end]
     return "".join(_SPELLED_OUT.get(character, "?") for character in missing), error.end
 
 
-codecs.register_error(SPELLED_OUT, _spell_out)
+codecs.register_error(SPELLED_OUT, _spell_out_error)

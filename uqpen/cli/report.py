@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-__all__ = ["name_report", "report", "write_report_of"]
+__all__ = ["announce_report", "report", "write_and_announce"]
 
 
 @click.command(short_help="Write a page that shows what an archive holds.")
@@ -22,10 +22,10 @@ def report(archive: Path, file: Path | None) -> None:
 
     It opens in any browser, without a network.
     """
-    write_report_of(archive, Path(), file)
+    write_and_announce(archive, Path(), file)
 
 
-def write_report_of(archive: Path, here: Path, file: Path | None = None) -> None:
+def write_and_announce(archive: Path, here: Path, file: Path | None = None) -> None:
     """Write the report of an archive, and say where.
 
     Parameters
@@ -44,17 +44,17 @@ def write_report_of(archive: Path, here: Path, file: Path | None = None) -> None
     stem = archive.stem if archive.suffix == ".nc" else archive.name
     path = file or archive.with_name(f"{stem}.html")
     write_report(tree, here / path)
-    _tell(str(path))
+    _print(str(path))
 
 
-def name_report(archive: Path) -> None:
+def announce_report(archive: Path) -> None:
     """Say how the page of an archive is written."""
     import shlex
 
-    _tell(shlex.join(["uqpen", "report", str(archive)]))
+    _print(shlex.join(["uqpen", "report", str(archive)]))
 
 
-def _tell(what: str) -> None:
+def _print(what: str) -> None:
     from uqpen.cli.printable import printable
 
     click.echo(f"report: {printable(what)}")

@@ -6,9 +6,14 @@ from pathlib import Path
 
 import click
 
+from uqpen.cli.executor_options import (
+    ExecutorOptions,
+    ResumeOptions,
+    executor_option,
+    resume_option,
+)
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import printable
-from uqpen.cli.workers import Start, Where, start_option, workers_option
 
 __all__ = ["rerun"]
 
@@ -28,10 +33,15 @@ __all__ = ["rerun"]
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="Take the files that its study names from here.  [default: those that it keeps]",
 )
-@start_option
-@workers_option
+@resume_option
+@executor_option
 def rerun(
-    archive: Path, copy: Path | None, trust: bool, folder: Path | None, start: Start, where: Where
+    archive: Path,
+    copy: Path | None,
+    trust: bool,
+    folder: Path | None,
+    resume: ResumeOptions,
+    executor: ExecutorOptions,
 ) -> ExitCode:
     """Run the study whose text ARCHIVE holds, and write an archive of its own.
 
@@ -42,10 +52,10 @@ def rerun(
     import shlex
 
     from uqpen.archive.read import open_archive
-    from uqpen.cli.making import make
-    from uqpen.cli.screen import output
-    from uqpen.verification.archived import refuse_foreign_models
-    from uqpen.verification.restored import keeping_runs, restored_study
+    from uqpen.cli.make_archive import make_and_show
+    from uqpen.cli.screen import standard_output
+    from uqpen.verification.archived_study import refuse_external_models
+    from uqpen.verification.restored_study import restored_study, with_kept_folders
 
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
@@ -53,17 +63,19 @@ def rerun(
     tree = open_archive(archive)
     if copy.exists() and copy.samefile(archive):
         raise click.UsageError(f"{copy}: is the archive to repeat, which is not overwritten")
-    refuse_foreign_models(tree, archive, trust=trust)
+    refuse_external_models(tree, archive, trust=trust)
     folder = folder and folder.absolute()
     with restored_study(tree, folder, trust=trust) as restored:
-        for line in restored.differing:
+        for line in restored.different_files:
             click.echo(printable(f"not the archive's file: {line}"), err=True)
         study = restored.study
         if restored.has_kept_files:
             # The folder of its files is there for the moment alone.
-            study = keeping_runs(study, here / copy.with_name(f"{copy.stem}_runs"))
-        code = make(study, here, copy, start=start, where=where)
+            study = with_kept_folders(study, here / copy.with_name(f"{copy.stem}_runs"))
+        code = make_and_show(study, here, copy, resume=resume, executor=executor)
     if code is not ExitCode.INTERRUPTED:
         command = shlex.join(["uqpen", "diff", str(archive), str(copy)])
-        output().print(f"compare: {command}", soft_wrap=True, markup=False, highlight=False)
+        standard_output().print(
+            f"compare: {command}", soft_wrap=True, markup=False, highlight=False
+        )
     return code

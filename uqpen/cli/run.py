@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 if TYPE_CHECKING:
-    from uqpen.inputs.constraints import Constraint
-    from uqpen.model import Model, Output
+    from uqpen.core.model import Model, Output
+    from uqpen.distributions.constraints import Constraint
 
 __all__ = ["run"]
 
@@ -27,17 +27,19 @@ __all__ = ["run"]
 )
 def run(model: str, given: tuple[str, ...]) -> None:
     """Run MODEL once: a built-in model, or a study file, whose inputs are then at their medians."""
-    from uqpen.cli.screen import output, plain_table
+    from uqpen.cli.screen import plain_table, standard_output
 
-    trials = _trials(model)
+    trials = _trial_runs(model)
     several = len(trials) > 1
     for label, trial in trials.items():
         if several:
-            output().print(f"\n{label}", markup=False)
-        output().print(plain_table(["output", "value", "unit"], _rows(trial, given)))
+            standard_output().print(f"\n{label}", markup=False)
+        standard_output().print(
+            plain_table(["output", "value", "unit"], _output_rows(trial, given))
+        )
 
 
-class _Trial(NamedTuple):
+class _TrialRun(NamedTuple):
     """A model, what is known of its inputs, and the inputs that are its own."""
 
     model: Model
@@ -46,37 +48,39 @@ class _Trial(NamedTuple):
     own: Mapping[str, float] = MappingProxyType({})
 
 
-def _trials(name: str) -> dict[str, _Trial]:
+def _trial_runs(name: str) -> dict[str, _TrialRun]:
     """What to run, by the name of the model in its study."""
-    from uqpen.lookup import resolve_name
+    from uqpen.core.lookup import resolve_name
     from uqpen.models import MODELS
 
     if name.endswith(".toml"):
         from uqpen.study.load import load_study
 
         study = load_study(Path(name))
-        nominal = study.law.nominal()
+        nominal = study.joint.nominal()
         return {
-            label: _Trial(variant.model, nominal, study.constraints, variant.given)
+            label: _TrialRun(variant.model, nominal, study.constraints, variant.given)
             for label, variant in study.models.items()
         }
     model: Model = resolve_name(MODELS, name, "model")()
     defaults = {v.name: v.default for v in model.inputs if v.default is not None}
-    return {"": _Trial(model, defaults)}
+    return {"": _TrialRun(model, defaults)}
 
 
-def _rows(trial: _Trial, given: tuple[str, ...]) -> list[tuple[str, str, str]]:
+def _output_rows(trial: _TrialRun, given: tuple[str, ...]) -> list[tuple[str, str, str]]:
     """The outputs of one run."""
     import numpy as np
 
-    from uqpen.errors import ModelError
-    from uqpen.evaluation import Evaluator
-    from uqpen.labels import STATUS_TEXT, Status
+    from uqpen.core.errors import ModelError
+    from uqpen.core.labels import STATUS_TEXT, Status
+    from uqpen.execution import Evaluator
 
     model, inputs, constraints, own = trial
     # What a model takes in place of the study's inputs is what makes it that model.
-    inputs = {**inputs, **_given(model, given), **own}
-    missing = [f'--set {name}="… {model.input(name).unit}"' for name in model.missing(inputs)]
+    inputs = {**inputs, **_parse_inputs(model, given), **own}
+    missing = [
+        f'--set {name}="… {model.input(name).unit}"' for name in model.missing_inputs(inputs)
+    ]
     if missing:
         raise ModelError(f"{model.name} also needs\n  " + "\n  ".join(missing))
     model.prepare()
@@ -86,15 +90,15 @@ def _rows(trial: _Trial, given: tuple[str, ...]) -> list[tuple[str, str, str]]:
     if status is not Status.OK:
         raise ModelError(f"the run is {STATUS_TEXT[status]}: {results.reasons[0]}")
     return [
-        (variable.name, *_shown(float(results.outputs[variable.name][0]), variable))
+        (variable.name, *_value_and_unit(float(results.outputs[variable.name][0]), variable))
         for variable in model.outputs
     ]
 
 
-def _given(model: Model, pairs: Iterable[str]) -> dict[str, float]:
+def _parse_inputs(model: Model, pairs: Iterable[str]) -> dict[str, float]:
     """Values in SI units out of the command line's ``name=value`` pairs."""
-    from uqpen.errors import ModelError, QuantityError
-    from uqpen.quantities import parse_quantity
+    from uqpen.core.errors import ModelError, QuantityError
+    from uqpen.core.quantities import parse_quantity
 
     values = {}
     for text in pairs:
@@ -109,11 +113,11 @@ def _given(model: Model, pairs: Iterable[str]) -> dict[str, float]:
     return values
 
 
-def _shown(value: float, variable: Output) -> tuple[str, str]:
-    from uqpen.units import DIMENSIONLESS, scale
+def _value_and_unit(value: float, variable: Output) -> tuple[str, str]:
+    from uqpen.core.units import DIMENSIONLESS, scale
 
     if variable.categories:
         return variable.categories[round(value)].label, ""
-    unit = variable.shown_unit
+    unit = variable.preferred_unit
     shown = scale(unit).from_si(value)
     return f"{shown:.10g}", "" if unit == DIMENSIONLESS else unit

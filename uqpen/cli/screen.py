@@ -12,15 +12,15 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from uqpen.archive.read import models_in, names_in
+from uqpen.archive.read import group_names, model_trees
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import printable
-from uqpen.labels import RUNS, STATUS_TEXT
-from uqpen.summary.losses import losses
-from uqpen.summary.table import OutputTable
-from uqpen.summary.tables import output_tables
+from uqpen.core.labels import RUNS, STATUS_TEXT
+from uqpen.results.failed_runs import failed_runs
+from uqpen.results.output_tables import output_tables
+from uqpen.results.table import OutputTable
 
-__all__ = ["output", "plain_table", "show_table", "show_tables"]
+__all__ = ["plain_table", "show_table", "show_tables", "standard_output"]
 
 _GAP = 3
 
@@ -28,7 +28,7 @@ _GAP = 3
 _MOST_REASONS = 10
 
 
-class _Output(Console):
+class _StandardOutput(Console):
     """Standard output; a reader who has seen enough is no error."""
 
     def on_broken_pipe(self) -> None:
@@ -36,18 +36,18 @@ class _Output(Console):
         raise SystemExit(ExitCode.DONE)
 
 
-def output() -> Console:
+def standard_output() -> Console:
     """Standard output."""
-    return _Output(highlight=False)
+    return _StandardOutput(highlight=False)
 
 
 def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
     """A title, a table for each output, and what was lost to which reason."""
-    console = output()
+    console = standard_output()
     console.print(Text(printable(str(tree.attrs["title"])), style="bold"))
     for table in output_tables(tree, everything=everything):
         show_table(console, table)
-    _show_losses(console, tree)
+    _show_failures(console, tree)
     console.print()
 
 
@@ -55,7 +55,7 @@ def show_table(console: Console, table: OutputTable) -> None:
     """A table under its title, in as many parts as the screen needs, with its notes below."""
     console.print()
     console.print(Text(printable(table.title), style="bold"))
-    for part, width in _parts(table, console.width):
+    for part, width in _table_parts(table, console.width):
         console.print(part, width=max(width, console.width), crop=False)
     for number, note in enumerate(table.notes, start=1):
         hanging = Table.grid(padding=(0, 1, 0, 0))
@@ -63,18 +63,18 @@ def show_table(console: Console, table: OutputTable) -> None:
         console.print(hanging)
 
 
-def _show_losses(console: Console, tree: xr.DataTree) -> None:
+def _show_failures(console: Console, tree: xr.DataTree) -> None:
     found = [
-        (f"{name}: " * bool(name), loss)
-        for name, model in models_in(tree).items()
-        for design in names_in(model, RUNS)
-        for loss in losses(model, design)
+        (f"{name}: " * bool(name), failed)
+        for name, model in model_trees(tree).items()
+        for design in group_names(model, RUNS)
+        for failed in failed_runs(model, design)
     ]
     if not found:
         return
     rows = [
-        (head + loss.design, f"{loss.runs} {STATUS_TEXT[loss.status]}", loss.reason)
-        for head, loss in found[:_MOST_REASONS]
+        (head + failed.design, f"{failed.runs} {STATUS_TEXT[failed.status]}", failed.reason)
+        for head, failed in found[:_MOST_REASONS]
     ]
     console.print()
     console.print(plain_table(["design", "lost", "reason"], rows))
@@ -93,7 +93,7 @@ def plain_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     return table
 
 
-def _parts(table: OutputTable, width: int) -> Iterator[tuple[Table, int]]:
+def _table_parts(table: OutputTable, width: int) -> Iterator[tuple[Table, int]]:
     """The table's columns, as many at a time as fit, each with the width that it takes."""
     longest = max(len(label) for label, _ in table.rows)
     widths = [

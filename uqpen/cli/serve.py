@@ -11,11 +11,11 @@ import click
 if TYPE_CHECKING:
     import xarray as xr
 
-    from uqpen.model import Model, Output
-    from uqpen.server import ModelServer, Offer
+    from uqpen.core.model import Model, Output
+    from uqpen.server import ModelServer, ServedModel
     from uqpen.study.study import Study
 
-__all__ = ["offers", "serve"]
+__all__ = ["make_offers", "serve"]
 
 
 @click.command(short_help="Offer a model to any UM-Bridge client.")
@@ -49,14 +49,14 @@ def serve(model: str, named: str | None, port: int, host: str, folder: Path | No
     from uqpen.server import ModelServer
 
     order = tuple(name.strip() for name in named.split(",")) if named else ()
-    offered = offers(model, order, folder)
+    offered = make_offers(model, order, folder)
     for offer in offered:
         offer.model.prepare()
     try:
         server = ModelServer(offered, host, port)
     except OSError as error:
-        told = f"cannot listen at {host}, port {port}: {error.strerror or error}"
-        raise click.UsageError(told) from None
+        message = f"cannot listen at {host}, port {port}: {error.strerror or error}"
+        raise click.UsageError(message) from None
     with server:
         _show(server)
         try:
@@ -65,7 +65,9 @@ def serve(model: str, named: str | None, port: int, host: str, folder: Path | No
             click.echo("stopped", err=True)
 
 
-def offers(model: str, named: tuple[str, ...] = (), folder: Path | None = None) -> list[Offer]:
+def make_offers(
+    model: str, named: tuple[str, ...] = (), folder: Path | None = None
+) -> list[ServedModel]:
     """What a server is to offer.
 
     Parameters
@@ -82,59 +84,61 @@ def offers(model: str, named: tuple[str, ...] = (), folder: Path | None = None) 
     UqpenError
         If there is no such model, or it lacks an input.
     """
-    from uqpen.lookup import resolve_name
+    from uqpen.core.lookup import resolve_name
     from uqpen.models import MODELS
 
     path, _, label = model.rpartition(".nc:")
     if path or model.endswith(".nc"):
         archive, label = (Path(f"{path}.nc"), label) if path else (Path(model), "")
-        return _of_archive(archive, label, named, folder)
+        return _archive_offers(archive, label, named, folder)
     if model.endswith(".toml"):
-        return list(_of_study(Path(model), named))
-    return [_of_model(resolve_name(MODELS, model, "model")(), named)]
+        return list(_study_offers(Path(model), named))
+    return [_model_offer(resolve_name(MODELS, model, "model")(), named)]
 
 
-def _of_model(model: Model, named: tuple[str, ...]) -> Offer:
+def _model_offer(model: Model, named: tuple[str, ...]) -> ServedModel:
     """A built-in model: what must be given makes up the vector, the rest has its default."""
-    from uqpen.evaluation import Evaluator
-    from uqpen.server import Offer
+    from uqpen.execution import Evaluator
+    from uqpen.server import ServedModel
 
-    needed = set(model.missing(()))
+    needed = set(model.missing_inputs(()))
     varied = named or tuple(v.name for v in model.inputs if v.name in needed)
     defaults = {v.name: v.default for v in model.inputs if v.default is not None}
-    return Offer(model.name, Evaluator(model), varied, _without(defaults, varied))
+    return ServedModel(model.name, Evaluator(model), varied, _fixed_values(defaults, varied))
 
 
-def _of_study(path: Path, named: tuple[str, ...]) -> Iterator[Offer]:
+def _study_offers(path: Path, named: tuple[str, ...]) -> Iterator[ServedModel]:
     """The models of a study: what it draws makes up the vector, the rest is as it says."""
-    from uqpen.evaluation import Evaluator
-    from uqpen.server import Offer
+    from uqpen.execution import Evaluator
+    from uqpen.server import ServedModel
     from uqpen.study.load import load_study
 
     study = load_study(path)
-    drawn = tuple(entry.variable.name for entry in study.law.random)
+    drawn = tuple(entry.variable.name for entry in study.joint.random)
     for label, variant in study.models.items():
         model = variant.model
         known = {variable.name for variable in model.inputs}
         varied = named or tuple(name for name in drawn if name in known)
-        held = {**study.law.nominal(), **variant.given}
+        fixed = {**study.joint.nominal(), **variant.given}
         evaluator = Evaluator(model, study.constraints)
-        yield Offer(label or model.name, evaluator, varied, _without(held, varied))
+        yield ServedModel(label or model.name, evaluator, varied, _fixed_values(fixed, varied))
 
 
-def _of_archive(path: Path, label: str, named: tuple[str, ...], folder: Path | None) -> list[Offer]:
+def _archive_offers(
+    path: Path, label: str, named: tuple[str, ...], folder: Path | None
+) -> list[ServedModel]:
     """The surrogates of an archive, or the one with a label."""
-    from uqpen.archive.read import models_in, names_in, open_archive
-    from uqpen.errors import UnknownNameError
-    from uqpen.labels import SURROGATES
-    from uqpen.lookup import choices
-    from uqpen.verification.restored import restored_study
+    from uqpen.archive.read import group_names, model_trees, open_archive
+    from uqpen.core.errors import UnknownNameError
+    from uqpen.core.labels import SURROGATES
+    from uqpen.core.lookup import choices
+    from uqpen.verification.restored_study import restored_study
 
     tree = open_archive(path)
     found = {
         f"{model}/{name}" if model else name: (model, name)
-        for model, told in models_in(tree).items()
-        for name in names_in(told, SURROGATES)
+        for model, model_tree in model_trees(tree).items()
+        for name in group_names(model_tree, SURROGATES)
     }
     if not found and not label:
         raise UnknownNameError(f"{path}: holds no surrogate, and nothing else of it can be served")
@@ -143,64 +147,67 @@ def _of_archive(path: Path, label: str, named: tuple[str, ...], folder: Path | N
     # Nothing that the archive names is executed: only what is admissible is asked of its models.
     with restored_study(tree, folder, trust=False) as restored:
         return [
-            _of_surrogate(tree, restored.study, offered, *found[offered], named)
+            _surrogate_offer(tree, restored.study, offered, *found[offered], named)
             for offered in ([label] if label else found)
         ]
 
 
-def _of_surrogate(
+def _surrogate_offer(
     tree: xr.DataTree, study: Study, label: str, model: str, name: str, named: tuple[str, ...]
-) -> Offer:
+) -> ServedModel:
     """A surrogate: what it was fitted in makes up the vector, the rest is as in those runs."""
-    from uqpen.archive.read import group, models_in
-    from uqpen.evaluation import Evaluator
-    from uqpen.labels import SURROGATES
-    from uqpen.server import Offer
-    from uqpen.surrogates.restoring import from_dataset
+    from uqpen.archive.read import model_trees, read_group
+    from uqpen.core.labels import SURROGATES
+    from uqpen.execution import Evaluator
+    from uqpen.server import ServedModel
+    from uqpen.surrogates.restoring import restore_surrogate
 
     variant = study.models[model]
-    dataset = group(models_in(tree)[model], SURROGATES, name)
-    surrogate = from_dataset(dataset, label, variant.model)
+    dataset = read_group(model_trees(tree)[model], SURROGATES, name)
+    surrogate = restore_surrogate(dataset, label, variant.model)
     varied = named or surrogate.basis.names
-    held = {**study.law.nominal(), **variant.given, **surrogate.fixed}
+    fixed = {**study.joint.nominal(), **variant.given, **surrogate.fixed}
     evaluator = Evaluator(surrogate, study.constraints)
-    return Offer(label, evaluator, varied, _without(held, varied))
+    return ServedModel(label, evaluator, varied, _fixed_values(fixed, varied))
 
 
-def _without(values: Mapping[str, float], varied: Sequence[str]) -> dict[str, float]:
+def _fixed_values(values: Mapping[str, float], varied: Sequence[str]) -> dict[str, float]:
     return {name: value for name, value in values.items() if name not in varied}
 
 
 def _show(server: ModelServer) -> None:
     """Say where the server listens, and what the vectors are made of."""
-    from uqpen.cli.screen import output, plain_table
+    from uqpen.cli.screen import plain_table, standard_output
 
-    console = output()
+    console = standard_output()
     for offer in server.offers.values():
         console.print(offer.name, style="bold", markup=False)
         for header, rows in (
             (["input", "unit", "values"], [(v.name, v.unit, str(v.bounds)) for v in offer.inputs]),
-            (["held", "unit", "value"], _held(offer)),
-            (["output", "unit", "values"], [(v.name, v.unit, _values(v)) for v in offer.outputs]),
+            (["held", "unit", "value"], _fixed_inputs(offer)),
+            (
+                ["output", "unit", "values"],
+                [(v.name, v.unit, _describe_values(v)) for v in offer.outputs],
+            ),
         ):
             if rows:
                 console.print()
                 console.print(plain_table(header, rows))
         console.print()
-    told = f"listening at {server.url} (UM-Bridge); Ctrl-C ends it"
-    console.print(told, soft_wrap=True, markup=False, highlight=False)
+    message = f"listening at {server.url} (UM-Bridge); Ctrl-C ends it"
+    console.print(message, soft_wrap=True, markup=False, highlight=False)
 
 
-def _held(offer: Offer) -> list[tuple[str, str, str]]:
+def _fixed_inputs(offer: ServedModel) -> list[tuple[str, str, str]]:
     """The inputs that a client cannot change."""
     return [
-        (variable.name, variable.unit, f"{offer.held[variable.name]:.10g}")
+        (variable.name, variable.unit, f"{offer.fixed_inputs[variable.name]:.10g}")
         for variable in offer.model.inputs
-        if variable.name in offer.held
+        if variable.name in offer.fixed_inputs
     ]
 
 
-def _values(output: Output) -> str:
+def _describe_values(output: Output) -> str:
     """What an output can be; a kind is told by its number."""
     kinds = [f"{number}: {kind.label}" for number, kind in enumerate(output.categories)]
     return ", ".join(kinds) or "a number"

@@ -16,20 +16,20 @@ __all__ = ["show"]
 def show(archive: Path, as_text: bool, everything: bool) -> None:
     """Show what is in ARCHIVE as `uqpen study` or `uqpen compare` did; nothing is run."""
     from uqpen.archive.read import open_archive
-    from uqpen.labels import HEAD_TO_HEAD, KIND
-    from uqpen.lookup import resolve
+    from uqpen.core.labels import BENCHMARK, KIND
+    from uqpen.core.lookup import resolve
 
     tree = open_archive(archive)
-    is_comparison = tree.attrs.get(KIND) == HEAD_TO_HEAD
+    is_comparison = tree.attrs.get(KIND) == BENCHMARK
     if as_text:
         import json
 
         as_json = resolve(
-            f"uqpen.summary.{'head_to_head_json' if is_comparison else 'json'}:as_json"
+            f"uqpen.results.{'head_to_head_json' if is_comparison else 'json'}:as_json"
         )
         click.echo(json.dumps(as_json(tree), indent=2, ensure_ascii=False, allow_nan=False))
         return
     if is_comparison:
-        resolve("uqpen.cli.head_to_head_screen:show_comparison")(tree)
+        resolve("uqpen.cli.benchmark_screen:show_benchmark")(tree)
     else:
         resolve("uqpen.cli.screen:show_tables")(tree, everything=everything)

@@ -6,8 +6,13 @@ from pathlib import Path
 
 import click
 
+from uqpen.cli.executor_options import (
+    ExecutorOptions,
+    ResumeOptions,
+    executor_option,
+    resume_option,
+)
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.workers import Start, Where, start_option, workers_option
 
 __all__ = ["study"]
 
@@ -22,10 +27,14 @@ __all__ = ["study"]
     help="The archive to write.  [default: archives/<study>.nc]",
 )
 @click.option("--report", "is_reported", is_flag=True, help="Write its report beside it, too.")
-@start_option
-@workers_option
+@resume_option
+@executor_option
 def study(
-    file: Path, archive: Path | None, is_reported: bool, start: Start, where: Where
+    file: Path,
+    archive: Path | None,
+    is_reported: bool,
+    resume: ResumeOptions,
+    executor: ExecutorOptions,
 ) -> ExitCode:
     """Make the runs of the study FILE, analyse them, and write everything into one archive.
 
@@ -34,8 +43,8 @@ def study(
 
     Leaves with 3 if a design lost all of its runs.
     """
-    from uqpen.cli.making import make
-    from uqpen.cli.report import name_report, write_report_of
+    from uqpen.cli.make_archive import make_and_show
+    from uqpen.cli.report import announce_report, write_and_announce
     from uqpen.cli.screen import show_tables
     from uqpen.study.load import load_study
 
@@ -43,10 +52,10 @@ def study(
     here = Path.cwd()
     loaded = load_study(file)
     archive = archive or Path("archives") / f"{loaded.name}.nc"
-    code = make(loaded, here, archive, start=start, where=where, show=show_tables)
+    code = make_and_show(loaded, here, archive, resume=resume, executor=executor, show=show_tables)
     if code is not ExitCode.INTERRUPTED:
         if is_reported:
-            write_report_of(archive, here)
+            write_and_announce(archive, here)
         else:
-            name_report(archive)
+            announce_report(archive)
     return code

@@ -9,29 +9,33 @@ from rich.console import Console
 from rich.text import Text
 
 from uqpen.cli.printable import printable
-from uqpen.cli.screen import output
-from uqpen.verification.explain import Section
-from uqpen.verification.report import Part, Verdict
+from uqpen.cli.screen import standard_output
+from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.diff import DiffSection
 
-__all__ = ["show_part", "show_section"]
+__all__ = ["show_check", "show_section"]
 
 _COLUMN = 13
 _INDENT = "  "
 
-_STYLES = {Verdict.DIFFERENT: "bold red", Verdict.IMPOSSIBLE: "bold red", Verdict.CLOSE: "yellow"}
+_STYLES = {
+    CheckOutcome.DIFFERENT: "bold red",
+    CheckOutcome.IMPOSSIBLE: "bold red",
+    CheckOutcome.CLOSE: "yellow",
+}
 
 
-def show_part(part: Part) -> None:
+def show_check(result: CheckResult) -> None:
     """What was checked, what came of it, and below it what differs."""
-    console = output()
-    head = f"{part.name:<{_COLUMN}}{part.text}"
-    _show(console, head, " " * _COLUMN, _STYLES.get(part.verdict, ""))
-    _show_lines(console, part.details)
+    console = standard_output()
+    head = f"{result.name:<{_COLUMN}}{result.text}"
+    _show(console, head, " " * _COLUMN, _STYLES.get(result.verdict, ""))
+    _show_lines(console, result.details)
 
 
-def show_section(section: Section) -> None:
+def show_section(section: DiffSection) -> None:
     """The differences of one kind, under its name."""
-    console = output()
+    console = standard_output()
     console.print(Text(section.name, style="bold"))
     if not section.verbatim:
         _show_lines(console, section.lines)

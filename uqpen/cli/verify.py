@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
+from uqpen.cli.executor_options import ExecutorOptions, executor_option
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.workers import Where, workers_option
 
 __all__ = ["verify"]
 
@@ -26,9 +26,14 @@ __all__ = ["verify"]
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="Take the files that its study names from here.  [default: those that it keeps]",
 )
-@workers_option
+@executor_option
 def verify(
-    archive: Path, runs: int | None, all_runs: bool, trust: bool, folder: Path | None, where: Where
+    archive: Path,
+    runs: int | None,
+    all_runs: bool,
+    trust: bool,
+    folder: Path | None,
+    executor: ExecutorOptions,
 ) -> ExitCode:
     """Check that ARCHIVE is as it was written, and that its study gives what it holds.
 
@@ -37,9 +42,9 @@ def verify(
 
     Leaves with 4 if something is different, with 2 if its study cannot be read again here.
     """
-    from uqpen.cli.progress import progress
-    from uqpen.cli.verification_screen import show_part
-    from uqpen.verification.report import Verdict
+    from uqpen.cli.progress import show_progress
+    from uqpen.cli.verification_screen import show_check
+    from uqpen.verification.check_result import CheckOutcome
     from uqpen.verification.verify import verify
 
     if all_runs and runs is not None:
@@ -47,13 +52,13 @@ def verify(
     number = None if all_runs else runs or 100
     # Where the user stands now: a model may go elsewhere once it is loaded.
     folder = folder and folder.absolute()
-    with where.map() as spread, progress() as reporter:
-        parts = list(
+    with executor.open_map() as spread, show_progress() as reporter:
+        results = list(
             verify(archive, folder=folder, runs=number, trust=trust, map=spread, progress=reporter)
         )
-    for part in parts:
-        show_part(part)
-    verdicts = {part.verdict for part in parts}
-    if Verdict.DIFFERENT in verdicts:
+    for result in results:
+        show_check(result)
+    verdicts = {result.verdict for result in results}
+    if CheckOutcome.DIFFERENT in verdicts:
         return ExitCode.DIFFERENT
-    return ExitCode.MISTAKE if Verdict.IMPOSSIBLE in verdicts else ExitCode.DONE
+    return ExitCode.MISTAKE if CheckOutcome.IMPOSSIBLE in verdicts else ExitCode.DONE

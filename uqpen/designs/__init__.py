@@ -14,5 +14,5 @@ DESIGNS = {
     "saltelli": "uqpen.designs.saltelli:Saltelli",
     "morris": "uqpen.designs.morris:Morris",
     "one-at-a-time": "uqpen.designs.one_at_a_time:OneAtATime",
-    "table": "uqpen.designs.table:Table",
+    "table": "uqpen.designs.table:TableDesign",
 }

@@ -8,12 +8,12 @@ from typing import ClassVar
 
 import xarray as xr
 
-from uqpen.errors import Problem
-from uqpen.files import FileRead
-from uqpen.inputs.law import InputLaw
-from uqpen.labels import Sampling
-from uqpen.settings import validate
-from uqpen.streams import Stream
+from uqpen.core.errors import Problem
+from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import Sampling
+from uqpen.core.settings import validate
+from uqpen.core.streams import Stream
+from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Design", "Rounds"]
 
@@ -37,21 +37,21 @@ class Design(ABC):
         """How its points relate to each other, which decides the error bars of estimates."""
 
     def __post_init__(self) -> None:
-        validate(self, self.disorder())
+        validate(self, self.check_settings())
 
-    def disorder(self) -> Iterator[Problem]:
+    def check_settings(self) -> Iterator[Problem]:
         """What is wrong between settings that are right by themselves."""
         yield from ()
 
     @abstractmethod
-    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         """Points to run, round by round.
 
         A plain design yields once. One that adapts is sent each round's runs and yields the next.
 
         Parameters
         ----------
-        law : InputLaw
+        joint : JointDistribution
             The inputs of the study.
         stream : Stream
             Where the design's random numbers come from.
@@ -63,28 +63,28 @@ class Design(ABC):
             whatever an analysis needs to know of a run.
         """
 
-    def misfit(self, law: InputLaw) -> Iterator[Problem]:
+    def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
         """What is wrong between its settings and the inputs of a study."""
         yield from ()
 
-    def follows(self, law: InputLaw) -> bool:
+    def samples_inputs(self, joint: JointDistribution) -> bool:
         """Whether its points, or some of them, are a sample of the very law of a study."""
         return self.sampling.is_sample
 
     @abstractmethod
-    def size(self, law: InputLaw) -> int:
+    def run_count(self, joint: JointDistribution) -> int:
         """How many runs it makes, or will at most."""
 
-    def files(self) -> tuple[FileRead, ...]:
+    def files(self) -> tuple[FileSnapshot, ...]:
         """The files that its points come from, as they stood when they were read."""
         return ()
 
-    def scaled(self, law: InputLaw, runs: int, *, replicated: bool) -> Design | None:
+    def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> Design | None:
         """The same design with another number of runs, for a comparison at equal budgets.
 
         Parameters
         ----------
-        law : InputLaw
+        joint : JointDistribution
             The inputs of the study.
         runs : int
             How many it may make; it makes as many of them as it can.

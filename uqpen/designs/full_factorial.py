@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uqpen.core.errors import Problem
+from uqpen.core.labels import QUADRATURE_WEIGHT, Sampling
+from uqpen.core.settings import count
+from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
-from uqpen.designs.grids import crossed, overgrown
+from uqpen.designs.grids import tensor_grid, too_many_nodes
 from uqpen.designs.quadrature import WEIGHT_ATTRIBUTES
-from uqpen.errors import Problem
-from uqpen.inputs.law import InputLaw
-from uqpen.labels import QUADRATURE_WEIGHT, Sampling
-from uqpen.settings import count
-from uqpen.streams import Stream
+from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["FullFactorial"]
 
@@ -36,19 +36,19 @@ class FullFactorial(Design):
 
     @property
     def sampling(self) -> Sampling:
-        return Sampling.RULE
+        return Sampling.QUADRATURE
 
-    def misfit(self, law: InputLaw) -> Iterator[Problem]:
-        inputs = len(law.random)
-        return overgrown("levels", self.levels, self.levels**inputs, inputs)
+    def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
+        inputs = len(joint.random)
+        return too_many_nodes("levels", self.levels, self.levels**inputs, inputs)
 
-    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         medians = (np.arange(self.levels) + 0.5) / self.levels
-        unit = np.stack(crossed([medians] * len(law.random)), axis=1).astype(np.float64)
+        unit = np.stack(tensor_grid([medians] * len(joint.random)), axis=1).astype(np.float64)
         weights = np.full(len(unit), 1 / len(unit))
-        points = law.points(unit, {QUADRATURE_WEIGHT: weights})
+        points = joint.points(unit, {QUADRATURE_WEIGHT: weights})
         points[QUADRATURE_WEIGHT].attrs = WEIGHT_ATTRIBUTES
         yield points
 
-    def size(self, law: InputLaw) -> int:
-        return int(self.levels ** len(law.random))
+    def run_count(self, joint: JointDistribution) -> int:
+        return int(self.levels ** len(joint.random))

@@ -8,9 +8,9 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.errors import Problem
+from uqpen.core.errors import Problem
 
-__all__ = ["crossed", "overgrown"]
+__all__ = ["tensor_grid", "too_many_nodes"]
 
 Number = TypeVar("Number", np.float64, np.int64)
 
@@ -18,12 +18,12 @@ Number = TypeVar("Number", np.float64, np.int64)
 _MOST_NODES = 10_000_000
 
 
-def crossed(columns: Sequence[npt.NDArray[Number]]) -> list[npt.NDArray[Number]]:
+def tensor_grid(columns: Sequence[npt.NDArray[Number]]) -> list[npt.NDArray[Number]]:
     """Every combination of the entries of some columns, the last column running fastest."""
     return [axis.ravel() for axis in np.meshgrid(*columns, indexing="ij")]
 
 
-def overgrown(setting: str, value: int, nodes: int, inputs: int) -> Iterator[Problem]:
+def too_many_nodes(setting: str, value: int, nodes: int, inputs: int) -> Iterator[Problem]:
     """The problem of a grid with more nodes than anyone can run.
 
     Parameters

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.core.errors import Problem
+from uqpen.core.labels import OPTIMIZED_BY, Sampling
+from uqpen.core.settings import choice, count
+from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
-from uqpen.designs.replicated import divided, replicated_points, uneven
-from uqpen.errors import Problem
-from uqpen.inputs.law import InputLaw
-from uqpen.labels import OPTIMIZED_BY, Sampling
-from uqpen.settings import choice, count
-from uqpen.streams import Stream
+from uqpen.designs.replicated import replicated_points, split_replicates, uneven_replicates
+from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["LatinHypercube"]
 
@@ -46,25 +46,27 @@ class LatinHypercube(Design):
     replicates: int = count(default=10)
     optimization: str = choice("none", "random-cd", default="none")
 
-    def disorder(self) -> Iterator[Problem]:
-        return uneven(self.runs, self.replicates)
+    def check_settings(self) -> Iterator[Problem]:
+        return uneven_replicates(self.runs, self.replicates)
 
     @property
     def sampling(self) -> Sampling:
         return Sampling.STRATIFIED
 
-    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         points = replicated_points(
-            law, stream, self._hypercube, runs=self.runs, replicates=self.replicates
+            joint, stream, self._hypercube, runs=self.runs, replicates=self.replicates
         )
         is_optimized = self.optimization != "none"
         yield points.assign_attrs({OPTIMIZED_BY: self.optimization}) if is_optimized else points
 
-    def size(self, law: InputLaw) -> int:
+    def run_count(self, joint: JointDistribution) -> int:
         return self.runs
 
-    def scaled(self, law: InputLaw, runs: int, *, replicated: bool) -> LatinHypercube | None:
-        shape = divided(runs, self.replicates, replicated=replicated)
+    def scaled(
+        self, joint: JointDistribution, runs: int, *, replicated: bool
+    ) -> LatinHypercube | None:
+        shape = split_replicates(runs, self.replicates, replicated=replicated)
         return replace(self, runs=shape[0], replicates=shape[1]) if shape else None
 
     def _hypercube(

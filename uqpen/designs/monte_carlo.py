@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.core.labels import Sampling
+from uqpen.core.settings import count
+from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.design import Design, Rounds
-from uqpen.inputs.law import InputLaw
-from uqpen.labels import Sampling
-from uqpen.settings import count
-from uqpen.streams import BLOCK, Stream
+from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["MonteCarlo"]
 
@@ -32,16 +32,16 @@ class MonteCarlo(Design):
     def sampling(self) -> Sampling:
         return Sampling.INDEPENDENT
 
-    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
-        dimension = len(law.random)
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        dimension = len(joint.random)
         blocks: list[npt.NDArray[np.float64]] = [
             stream.generator("points", block).random((min(BLOCK, self.runs - start), dimension))
             for block, start in enumerate(range(0, self.runs, BLOCK))
         ]
-        yield law.points(np.concatenate(blocks), {})
+        yield joint.points(np.concatenate(blocks), {})
 
-    def size(self, law: InputLaw) -> int:
+    def run_count(self, joint: JointDistribution) -> int:
         return self.runs
 
-    def scaled(self, law: InputLaw, runs: int, *, replicated: bool) -> MonteCarlo | None:
+    def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> MonteCarlo | None:
         return None if replicated else MonteCarlo(runs)

@@ -9,13 +9,13 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.core.errors import Problem
+from uqpen.core.labels import BLOCK_NUMBER, POSITION, Sampling
+from uqpen.core.settings import count
+from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
-from uqpen.designs.moves import with_moves
-from uqpen.errors import Problem
-from uqpen.inputs.law import InputLaw
-from uqpen.labels import BLOCK_NUMBER, POSITION, Sampling
-from uqpen.settings import count
-from uqpen.streams import Stream
+from uqpen.designs.moves import add_move_coordinates
+from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Morris"]
 
@@ -51,7 +51,7 @@ class Morris(Design):
     trajectories: int = count(minimum=2)
     levels: int = count(minimum=2, default=4)
 
-    def disorder(self) -> Iterator[Problem]:
+    def check_settings(self) -> Iterator[Problem]:
         if self.levels % 2:
             yield Problem(("levels",), str(self.levels), "an even number, such as 4")
 
@@ -59,8 +59,8 @@ class Morris(Design):
     def sampling(self) -> Sampling:
         return Sampling.TRAJECTORIES
 
-    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
-        inputs = len(law.random)
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        inputs = len(joint.random)
         # Not the medians of equally likely strata: steps by half of the law's probability would not
         # see an effect of that period, as Ishigami's second input has.
         places, moved, steps = zip(
@@ -70,7 +70,7 @@ class Morris(Design):
             ),
             strict=True,
         )
-        points = law.points(
+        points = joint.points(
             (np.concatenate(places) + 1) / (self.levels + 1),
             {
                 BLOCK_NUMBER: np.repeat(np.arange(self.trajectories), inputs + 1),
@@ -79,16 +79,16 @@ class Morris(Design):
         )
         points[BLOCK_NUMBER].attrs = {"units": "1", "long_name": "number of the run's trajectory"}
         points[POSITION].attrs = {"units": "1", "long_name": "place of the run in its trajectory"}
-        yield with_moves(
+        yield add_move_coordinates(
             points,
-            [entry.variable.name for entry in law.random],
+            [entry.variable.name for entry in joint.random],
             np.concatenate(moved),
             np.concatenate(steps) / (self.levels + 1),
-            measured="in probability",
+            measure="in probability",
         )
 
-    def size(self, law: InputLaw) -> int:
-        return self.trajectories * (len(law.random) + 1)
+    def run_count(self, joint: JointDistribution) -> int:
+        return self.trajectories * (len(joint.random) + 1)
 
 
 def _trajectory(

@@ -8,21 +8,21 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.labels import MOVED_BY, MOVED_INPUT, RUN
+from uqpen.core.labels import MOVED_BY, MOVED_INPUT, RUN
 
-__all__ = ["moved_inputs", "with_moves"]
+__all__ = ["add_move_coordinates", "moved_input_numbers"]
 
 # What stands for no input in the runs that move none; names of inputs begin with a letter.
 _NONE = "_none"
 
 
-def with_moves(
+def add_move_coordinates(
     points: xr.Dataset,
     inputs: Sequence[str],
-    moved: npt.NDArray[np.int64],
+    moved_inputs: npt.NDArray[np.int64],
     by: npt.NDArray[np.float64],
     *,
-    measured: str,
+    measure: str,
 ) -> xr.Dataset:
     """Points with the coordinates that say what was moved.
 
@@ -32,11 +32,11 @@ def with_moves(
         Along ``run``.
     inputs : sequence of str
         What can be moved.
-    moved : ndarray of int, shape (run,)
+    moved_inputs : ndarray of int, shape (run,)
         Position in `inputs` of the one that is moved; -1 where none is.
     by : ndarray, shape (run,)
         How far, with its sign.
-    measured : str
+    measure : str
         What that is in.
     """
     flags = {
@@ -44,16 +44,16 @@ def with_moves(
         "flag_values": np.arange(-1, len(inputs), dtype=np.int16),
         "flag_meanings": " ".join([_NONE, *inputs]),
     }
-    described = {"units": "1", "long_name": f"how far it is moved, {measured}"}
+    described = {"units": "1", "long_name": f"how far it is moved, {measure}"}
     return points.assign_coords(
         {
-            MOVED_INPUT: (RUN, moved.astype(np.int16), flags),
+            MOVED_INPUT: (RUN, moved_inputs.astype(np.int16), flags),
             MOVED_BY: (RUN, by, described),
         }
     )
 
 
-def moved_inputs(runs: xr.Dataset) -> dict[str, int]:
+def moved_input_numbers(runs: xr.Dataset) -> dict[str, int]:
     """The inputs that vary over some runs, each with its number among those that were moved.
 
     Of several models, one may not take an input, or have a value of its own for it.

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uqpen.core.labels import MOVED_BY, MOVED_UNCERTAINTY, RELATIVE_TO_SPREAD, Sampling
+from uqpen.core.settings import flag, number
+from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
-from uqpen.designs.moves import with_moves
-from uqpen.inputs.distribution import Distribution
-from uqpen.inputs.law import InputLaw, points_dataset
-from uqpen.inputs.recurrence import recurrence
-from uqpen.labels import MOVED_BY, MOVED_UNCERTAINTY, RELATIVE_TO_SPREAD, Sampling
-from uqpen.settings import flag, number
-from uqpen.streams import Stream
+from uqpen.designs.moves import add_move_coordinates
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
+from uqpen.distributions.orthogonal_polynomials import recurrence
 
 __all__ = ["OneAtATime"]
 
@@ -43,13 +43,13 @@ class OneAtATime(Design):
 
     @property
     def sampling(self) -> Sampling:
-        return Sampling.STEPS
+        return Sampling.ONE_AT_A_TIME
 
-    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
-        moves = list(self._moves(law))
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        moves = list(self._moves(joint))
         runs = 1 + 2 * len(moves)
-        nominal = law.nominal()
-        names = {entry.variable.name for entry in law.random} | {move.name for move in moves}
+        nominal = joint.nominal()
+        names = {entry.variable.name for entry in joint.random} | {move.name for move in moves}
         values = {name: np.full(runs, nominal[name]) for name in nominal if name in names}
         moved, by = np.full(runs, -1), np.zeros(runs)
         uncertainty = np.zeros(runs)
@@ -59,32 +59,32 @@ class OneAtATime(Design):
             moved[pair] = position
             uncertainty[pair] = move.std / abs(move.reference)
             values[move.name][pair] += by[pair] * move.reference
-        points = points_dataset(law, values, {MOVED_UNCERTAINTY: uncertainty}, runs=runs)
+        points = points_dataset(joint, values, {MOVED_UNCERTAINTY: uncertainty}, runs=runs)
         points[MOVED_UNCERTAINTY].attrs = {
             "units": "1",
             "long_name": "standard deviation of the input that is moved, on the scale of moved_by",
         }
-        points = with_moves(
+        points = add_move_coordinates(
             points,
             [move.name for move in moves],
             moved,
             by,
-            measured="relative to its nominal value",
+            measure="relative to its nominal value",
         )
         spreads = [move.name for move in moves if not nominal[move.name]]
         if spreads:
             points[MOVED_BY].attrs[RELATIVE_TO_SPREAD] = " ".join(spreads)
         yield points
 
-    def size(self, law: InputLaw) -> int:
-        return 1 + 2 * len(list(self._moves(law)))
+    def run_count(self, joint: JointDistribution) -> int:
+        return 1 + 2 * len(list(self._moves(joint)))
 
-    def _moves(self, law: InputLaw) -> Iterator[_Move]:
-        for entry in law.random:
+    def _moves(self, joint: JointDistribution) -> Iterator[_Move]:
+        for entry in joint.random:
             reference = entry.nominal or _half_spread(entry.distribution)
             std = recurrence(entry.distribution, 1).std
             yield _Move(entry.variable.name, reference, std)
-        for given in law.fixed:
+        for given in joint.fixed:
             if self.fixed and given.value:
                 yield _Move(given.variable.name, given.value, 0.0)
 
@@ -99,5 +99,5 @@ class _Move:
 
 
 def _half_spread(distribution: Distribution) -> float:
-    low, high = distribution.quantile(np.array([_LOW, _HIGH]))
+    low, high = distribution.ppf(np.array([_LOW, _HIGH]))
     return float(high - low) / 2

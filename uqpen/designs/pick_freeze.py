@@ -19,9 +19,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.labels import BLOCK_NUMBER, MATRIX, ROUND
+from uqpen.core.labels import BLOCK_NUMBER, MATRIX, ROUND
 
-__all__ = ["MATRIX_A", "MATRIX_B", "Layout", "Part"]
+__all__ = ["MATRIX_A", "MATRIX_B", "BlockLayout", "BlockPart"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -29,11 +29,11 @@ IntArray = npt.NDArray[np.int64]
 MATRIX_A, MATRIX_B = 0, 1
 
 # How the meanings of the mixed matrices begin, before the name of the input.
-_OF_B, _OF_A = "AB_", "BA_"
+_AB_PREFIX, _BA_PREFIX = "AB_", "BA_"
 
 
 @dataclass(frozen=True)
-class Part:
+class BlockPart:
     """One of the points that a block is read as.
 
     Parameters
@@ -58,7 +58,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Layout:
+class BlockLayout:
     """The matrices and parts of a design over some inputs.
 
     Parameters
@@ -73,11 +73,11 @@ class Layout:
     second_order: bool
 
     @classmethod
-    def of(cls, runs: xr.Dataset) -> Layout:
+    def from_runs(cls, runs: xr.Dataset) -> BlockLayout:
         """The layout of a design, from its runs."""
         meanings = str(runs[MATRIX].attrs["flag_meanings"]).split()
-        inputs = [text.removeprefix(_OF_B) for text in meanings if text.startswith(_OF_B)]
-        return cls(tuple(inputs), any(text.startswith(_OF_A) for text in meanings))
+        inputs = [text.removeprefix(_AB_PREFIX) for text in meanings if text.startswith(_AB_PREFIX)]
+        return cls(tuple(inputs), any(text.startswith(_BA_PREFIX) for text in meanings))
 
     @property
     def dimension(self) -> int:
@@ -85,7 +85,7 @@ class Layout:
         return len(self.inputs)
 
     @property
-    def rows(self) -> int:
+    def rows_per_block(self) -> int:
         """How many rows a block of the first round has."""
         return 2 + (2 if self.second_order else 1) * self.dimension
 
@@ -95,30 +95,32 @@ class Layout:
         return tuple(combinations(range(self.dimension), 2)) if self.second_order else ()
 
     @cached_property
-    def parts(self) -> dict[int, Part]:
+    def parts(self) -> dict[int, BlockPart]:
         """All parts by their matrix; those that others share inputs with come before them."""
-        drawn = [Part(MATRIX_A, MATRIX_A), Part(MATRIX_B, MATRIX_B)]
+        drawn = [BlockPart(MATRIX_A, MATRIX_A), BlockPart(MATRIX_B, MATRIX_B)]
         each = range(self.dimension)
         if self.second_order:
-            drawn += [Part(2 + self.dimension + i, 2 + self.dimension + i) for i in each]
-        sharing = [self.sharing_one(i) for i in each] + [self.sharing_others(i) for i in each]
-        sharing += [self.sharing_pair(number) for number in range(len(self.pairs))]
+            drawn += [BlockPart(2 + self.dimension + i, 2 + self.dimension + i) for i in each]
+        sharing = [self.part_sharing_one(i) for i in each] + [
+            self.part_sharing_others(i) for i in each
+        ]
+        sharing += [self.part_sharing_pair(number) for number in range(len(self.pairs))]
         return {part.matrix: part for part in [*drawn, *sharing]}
 
-    def sharing_one(self, i: int) -> Part:
+    def part_sharing_one(self, i: int) -> BlockPart:
         """The part that shares input `i` alone with B."""
-        return Part(2 + 2 * self.dimension + i, 2 + i, MATRIX_B, (i,), MATRIX_A)
+        return BlockPart(2 + 2 * self.dimension + i, 2 + i, MATRIX_B, (i,), MATRIX_A)
 
-    def sharing_others(self, i: int) -> Part:
+    def part_sharing_others(self, i: int) -> BlockPart:
         """The part that shares all inputs but `i` with A."""
         others = tuple(j for j in range(self.dimension) if j != i)
-        return Part(2 + 3 * self.dimension + i, 2 + i, MATRIX_A, others, MATRIX_B)
+        return BlockPart(2 + 3 * self.dimension + i, 2 + i, MATRIX_A, others, MATRIX_B)
 
-    def sharing_pair(self, number: int) -> Part:
+    def part_sharing_pair(self, number: int) -> BlockPart:
         """The part that shares a pair of inputs with BA_i, where i is the first of them."""
         i, j = self.pairs[number]
         anchor = 2 + self.dimension + i
-        return Part(2 + 4 * self.dimension + number, 2 + j, anchor, (i, j), MATRIX_A)
+        return BlockPart(2 + 4 * self.dimension + number, 2 + j, anchor, (i, j), MATRIX_A)
 
     def matrices(self, A: FloatArray, B: FloatArray) -> FloatArray:
         """The points of the first round.
@@ -133,17 +135,17 @@ class Layout:
         ndarray, shape (block, matrix, input)
         """
         each = range(self.dimension)
-        matrices = [A, B, *(_exchanged(A, B, i) for i in each)]
+        matrices = [A, B, *(_exchange_column(A, B, i) for i in each)]
         if self.second_order:
-            matrices += [_exchanged(B, A, i) for i in each]
+            matrices += [_exchange_column(B, A, i) for i in each]
         return np.stack(matrices, axis=1)
 
-    def flags(self) -> dict[str, Any]:
+    def flag_attributes(self) -> dict[str, Any]:
         """The attributes that say what a row's matrix means, as the CF conventions have it."""
-        meanings = ["A", "B", *(f"{_OF_B}{name}" for name in self.inputs)]
+        meanings = ["A", "B", *(f"{_AB_PREFIX}{name}" for name in self.inputs)]
         numbers = list(range(2 + self.dimension))
         if self.second_order:
-            meanings += [f"{_OF_A}{name}" for name in self.inputs]
+            meanings += [f"{_BA_PREFIX}{name}" for name in self.inputs]
             numbers = list(range(2 + 2 * self.dimension))
         numbers += [part.matrix for part in self.parts.values() if part.anchor is not None]
         meanings += [f"redrawn_sharing_{name}" for name in self.inputs]
@@ -155,7 +157,7 @@ class Layout:
             "flag_meanings": " ".join(meanings),
         }
 
-    def rows_of(self, runs: xr.Dataset) -> dict[int, IntArray]:
+    def run_numbers(self, runs: xr.Dataset) -> dict[int, IntArray]:
         """The run that stands for each part of each block: the last that was made for it.
 
         Parameters
@@ -169,22 +171,22 @@ class Layout:
             Positions along ``run`` by the part's `matrix`; -1 where no run was made.
         """
         block, matrix = runs[BLOCK_NUMBER].values, runs[MATRIX].values
-        made_in = runs[ROUND].values if ROUND in runs.coords else np.zeros_like(block)
-        in_order = np.argsort(made_in, kind="stable")
+        round_number = runs[ROUND].values if ROUND in runs.coords else np.zeros_like(block)
+        in_order = np.argsort(round_number, kind="stable")
         rows: dict[int, IntArray] = {}
         for number, part in self.parts.items():
-            serves = np.where(made_in == 0, matrix == part.first, matrix == number)
+            serves = np.where(round_number == 0, matrix == part.first, matrix == number)
             if part.anchor is not None:
                 # A row of the first round shares nothing with an anchor that was drawn again.
-                redrawn = (rows[part.anchor] < 0) | (made_in[rows[part.anchor]] > 0)
-                serves &= (made_in > 0) | ~redrawn[block]
+                redrawn = (rows[part.anchor] < 0) | (round_number[rows[part.anchor]] > 0)
+                serves &= (round_number > 0) | ~redrawn[block]
             chosen = in_order[serves[in_order]]
             rows[number] = np.full(int(block.max()) + 1, -1)
             rows[number][block[chosen]] = chosen
         return rows
 
 
-def _exchanged(points: FloatArray, others: FloatArray, i: int) -> FloatArray:
+def _exchange_column(points: FloatArray, others: FloatArray, i: int) -> FloatArray:
     """Points with one of their columns from others."""
     mixed = points.copy()
     mixed[:, i] = others[:, i]

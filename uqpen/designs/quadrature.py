@@ -11,14 +11,14 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.core.errors import Problem
+from uqpen.core.labels import QUADRATURE_WEIGHT, Sampling
+from uqpen.core.settings import choice, count
+from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
-from uqpen.designs.grids import crossed, overgrown
-from uqpen.errors import Problem
-from uqpen.inputs.law import InputLaw, points_dataset
-from uqpen.inputs.recurrence import Recurrence, recurrence
-from uqpen.labels import QUADRATURE_WEIGHT, Sampling
-from uqpen.settings import choice, count
-from uqpen.streams import Stream
+from uqpen.designs.grids import tensor_grid, too_many_nodes
+from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
+from uqpen.distributions.orthogonal_polynomials import Recurrence, recurrence
 
 __all__ = ["WEIGHT_ATTRIBUTES", "Quadrature"]
 
@@ -61,53 +61,53 @@ class Quadrature(Design):
     order: int = count()
     grid: str = choice("tensor", "sparse", default="tensor")
 
-    def disorder(self) -> Iterator[Problem]:
+    def check_settings(self) -> Iterator[Problem]:
         if self.order > _HIGHEST_ORDER:
             yield Problem(("order",), str(self.order), f"at most {_HIGHEST_ORDER}")
 
     @property
     def sampling(self) -> Sampling:
-        return Sampling.RULE
+        return Sampling.QUADRATURE
 
-    def misfit(self, law: InputLaw) -> Iterator[Problem]:
-        inputs = len(law.random)
-        nodes = (self.order + 1) ** inputs if self.grid == "tensor" else self._at_most(inputs)
-        yield from overgrown("order", self.order, nodes, inputs)
-        for entry in law.random:
+    def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
+        inputs = len(joint.random)
+        nodes = (self.order + 1) ** inputs if self.grid == "tensor" else self._most_nodes(inputs)
+        yield from too_many_nodes("order", self.order, nodes, inputs)
+        for entry in joint.random:
             if not recurrence(entry.distribution, self.order).is_finite:
                 found = f"{self.order}, of which {entry.variable.name} has no polynomials"
                 yield Problem(
                     ("order",), found, "a lower one: the law has too few values or moments"
                 )
 
-    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
-        columns, weights = self._rule(law)
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        columns, weights = self._rule(joint)
         values = {
-            entry.variable.name: column for entry, column in zip(law.random, columns, strict=True)
+            entry.variable.name: column for entry, column in zip(joint.random, columns, strict=True)
         }
-        points = points_dataset(law, values, {QUADRATURE_WEIGHT: weights}, runs=len(weights))
+        points = points_dataset(joint, values, {QUADRATURE_WEIGHT: weights}, runs=len(weights))
         points[QUADRATURE_WEIGHT].attrs = WEIGHT_ATTRIBUTES
         yield points
 
-    def size(self, law: InputLaw) -> int:
+    def run_count(self, joint: JointDistribution) -> int:
         if self.grid == "tensor":
-            return int((self.order + 1) ** len(law.random))
-        return len(self._rule(law)[1])
+            return int((self.order + 1) ** len(joint.random))
+        return len(self._rule(joint)[1])
 
-    def _at_most(self, inputs: int) -> int:
+    def _most_nodes(self, inputs: int) -> int:
         """Nodes of all the grids that a sparse one is combined from; some coincide."""
         # Grids of total level k together have as many nodes as (1 - x)^(-2 inputs) says at x^k.
         levels = range(max(self.order - inputs + 1, 0), self.order + 1)
         return sum(math.comb(level + 2 * inputs - 1, level) for level in levels)
 
-    def _rule(self, law: InputLaw) -> tuple[list[FloatArray], FloatArray]:
+    def _rule(self, joint: JointDistribution) -> tuple[list[FloatArray], FloatArray]:
         """The nodes' values, input by input, and their weights."""
-        recurrences = [recurrence(entry.distribution, self.order) for entry in law.random]
+        recurrences = [recurrence(entry.distribution, self.order) for entry in joint.random]
         if self.grid == "sparse":
             return _smolyak(recurrences, self.order)
         rules = [found.gauss(self.order + 1) for found in recurrences]
-        weights: FloatArray = np.prod(crossed([weights for _, weights in rules]), axis=0)
-        return crossed([values for values, _ in rules]), weights
+        weights: FloatArray = np.prod(tensor_grid([weights for _, weights in rules]), axis=0)
+        return tensor_grid([values for values, _ in rules]), weights
 
 
 def _smolyak(recurrences: list[Recurrence], order: int) -> tuple[list[FloatArray], FloatArray]:
@@ -122,8 +122,10 @@ def _smolyak(recurrences: list[Recurrence], order: int) -> tuple[list[FloatArray
     for levels in _multi_indices(inputs, order):
         missing = order - sum(levels)
         sign = (-1) ** missing * math.comb(inputs - 1, missing)
-        chosen = crossed([label[level] for label, level in zip(labels, levels, strict=True)])
-        factors = crossed([weight[level] for weight, level in zip(weights, levels, strict=True)])
+        chosen = tensor_grid([label[level] for label, level in zip(labels, levels, strict=True)])
+        factors = tensor_grid(
+            [weight[level] for weight, level in zip(weights, levels, strict=True)]
+        )
         labelled.append(np.stack(chosen, axis=1))
         weighed.append(sign * np.prod(factors, axis=0))
     places, where = np.unique(np.concatenate(labelled), axis=0, return_inverse=True)

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.core.errors import Problem
+from uqpen.core.labels import Sampling
+from uqpen.core.settings import count
+from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
-from uqpen.designs.replicated import Draw, divided, replicated_points, uneven
-from uqpen.errors import Problem
-from uqpen.inputs.law import InputLaw
-from uqpen.labels import Sampling
-from uqpen.settings import count
-from uqpen.streams import Stream
+from uqpen.designs.replicated import Draw, replicated_points, split_replicates, uneven_replicates
+from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Halton", "SobolSequence", "sobol_points"]
 
@@ -44,23 +44,23 @@ class SobolSequence(Design):
     runs: int = count(minimum=2)
     replicates: int = count(minimum=2, default=16)
 
-    def disorder(self) -> Iterator[Problem]:
-        return uneven(self.runs, self.replicates, powers_of_two=True)
+    def check_settings(self) -> Iterator[Problem]:
+        return uneven_replicates(self.runs, self.replicates, powers_of_two=True)
 
     @property
     def sampling(self) -> Sampling:
         return Sampling.STRATIFIED
 
-    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         yield replicated_points(
-            law, stream, sobol_points, runs=self.runs, replicates=self.replicates
+            joint, stream, sobol_points, runs=self.runs, replicates=self.replicates
         )
 
-    def size(self, law: InputLaw) -> int:
+    def run_count(self, joint: JointDistribution) -> int:
         return self.runs
 
-    def scaled(self, law: InputLaw, runs: int, *, replicated: bool) -> Design | None:
-        return _Points.scaled_to(sobol_points, runs, self.replicates, replicated=replicated)
+    def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> Design | None:
+        return _SequencePoints.scaled_to(sobol_points, runs, self.replicates, replicated=replicated)
 
 
 @dataclass(frozen=True)
@@ -83,25 +83,25 @@ class Halton(Design):
     runs: int = count(minimum=2)
     replicates: int = count(minimum=2, default=16)
 
-    def disorder(self) -> Iterator[Problem]:
-        return uneven(self.runs, self.replicates)
+    def check_settings(self) -> Iterator[Problem]:
+        return uneven_replicates(self.runs, self.replicates)
 
     @property
     def sampling(self) -> Sampling:
         return Sampling.STRATIFIED
 
-    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
-        yield replicated_points(law, stream, _halton, runs=self.runs, replicates=self.replicates)
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        yield replicated_points(joint, stream, _halton, runs=self.runs, replicates=self.replicates)
 
-    def size(self, law: InputLaw) -> int:
+    def run_count(self, joint: JointDistribution) -> int:
         return self.runs
 
-    def scaled(self, law: InputLaw, runs: int, *, replicated: bool) -> Design | None:
-        return _Points.scaled_to(_halton, runs, self.replicates, replicated=replicated)
+    def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> Design | None:
+        return _SequencePoints.scaled_to(_halton, runs, self.replicates, replicated=replicated)
 
 
 @dataclass(frozen=True)
-class _Points(Design):
+class _SequencePoints(Design):
     """As many points of a sequence as a comparison asks for, in balance or not.
 
     No study can ask for them: nothing tells the error of a single set, and a Sobol' sequence loses
@@ -122,19 +122,21 @@ class _Points(Design):
     @classmethod
     def scaled_to(
         cls, draw: Draw, runs: int, replicates: int, *, replicated: bool
-    ) -> _Points | None:
+    ) -> _SequencePoints | None:
         """As `Design.scaled` has it."""
-        shape = divided(runs, replicates, replicated=replicated)
+        shape = split_replicates(runs, replicates, replicated=replicated)
         return cls(draw, *shape) if shape else None
 
     @property
     def sampling(self) -> Sampling:
         return Sampling.STRATIFIED
 
-    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
-        yield replicated_points(law, stream, self.draw, runs=self.runs, replicates=self.replicates)
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        yield replicated_points(
+            joint, stream, self.draw, runs=self.runs, replicates=self.replicates
+        )
 
-    def size(self, law: InputLaw) -> int:
+    def run_count(self, joint: JointDistribution) -> int:
         return self.runs
 
 

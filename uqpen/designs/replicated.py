@@ -8,25 +8,25 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.errors import Problem
-from uqpen.inputs.law import InputLaw
-from uqpen.labels import REPLICATE
-from uqpen.streams import Stream
+from uqpen.core.errors import Problem
+from uqpen.core.labels import REPLICATE
+from uqpen.core.streams import Stream
+from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = ["Draw", "divided", "replicated_points", "uneven"]
+__all__ = ["Draw", "replicated_points", "split_replicates", "uneven_replicates"]
 
 # A generator, how many points and of what dimension, into points of the unit cube.
 Draw = Callable[[np.random.Generator, int, int], npt.NDArray[np.float64]]
 
 
 def replicated_points(
-    law: InputLaw, stream: Stream, draw: Draw, *, runs: int, replicates: int
+    joint: JointDistribution, stream: Stream, draw: Draw, *, runs: int, replicates: int
 ) -> xr.Dataset:
     """Points of all replicates, each drawn from a generator of its own.
 
     Parameters
     ----------
-    law : InputLaw
+    joint : JointDistribution
         What the points are mapped to.
     stream : Stream
         Where the random numbers come from.
@@ -35,15 +35,15 @@ def replicated_points(
     runs, replicates : int
         How many points there are in all, and in how many replicates.
     """
-    each, dimension = runs // replicates, len(law.random)
+    each, dimension = runs // replicates, len(joint.random)
     sets = [
         draw(stream.generator("points", replicate), each, dimension)
         for replicate in range(replicates)
     ]
-    return law.points(np.concatenate(sets), {REPLICATE: np.repeat(np.arange(replicates), each)})
+    return joint.points(np.concatenate(sets), {REPLICATE: np.repeat(np.arange(replicates), each)})
 
 
-def uneven(
+def uneven_replicates(
     runs: int, replicates: int, *, powers_of_two: bool = False, setting: str = "runs"
 ) -> Iterator[Problem]:
     """The problem of runs that cannot be split into replicates, naming the nearest that can.
@@ -72,7 +72,7 @@ def uneven(
     yield Problem((setting,), str(runs), expected)
 
 
-def divided(runs: int, replicates: int, *, replicated: bool) -> tuple[int, int] | None:
+def split_replicates(runs: int, replicates: int, *, replicated: bool) -> tuple[int, int] | None:
     """How runs are split into about so many replicates of at least two points each.
 
     Parameters

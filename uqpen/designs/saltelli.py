@@ -10,15 +10,15 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.errors import Problem
+from uqpen.core.labels import BLOCK_NUMBER, MATRIX, REPLICATE, STATUS, Sampling, Status
+from uqpen.core.settings import count, flag
+from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
-from uqpen.designs.pick_freeze import Layout, Part
+from uqpen.designs.pick_freeze import BlockLayout, BlockPart
 from uqpen.designs.quasi_monte_carlo import sobol_points
-from uqpen.designs.replicated import uneven
-from uqpen.errors import Problem
-from uqpen.inputs.law import InputLaw, points_dataset
-from uqpen.labels import BLOCK_NUMBER, MATRIX, REPLICATE, STATUS, Sampling, Status
-from uqpen.settings import count, flag
-from uqpen.streams import Stream
+from uqpen.designs.replicated import uneven_replicates
+from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
 
 __all__ = ["MOST_ROUNDS", "Saltelli"]
 
@@ -62,75 +62,77 @@ class Saltelli(Design):
     replicates: int = count(minimum=2, default=16)
     second_order: bool = flag(default=False)
 
-    def disorder(self) -> Iterator[Problem]:
-        return uneven(self.base, self.replicates, powers_of_two=True, setting="base")
+    def check_settings(self) -> Iterator[Problem]:
+        return uneven_replicates(self.base, self.replicates, powers_of_two=True, setting="base")
 
     @property
     def sampling(self) -> Sampling:
         return Sampling.PICK_FREEZE
 
-    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
-        layout = self._layout(law)
-        A, B = self._drawn(law, stream)
-        blocks, matrices = np.indices((self.base, layout.rows))
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        layout = self._layout(joint)
+        A, B = self._base_matrices(joint, stream)
+        blocks, matrices = np.indices((self.base, layout.rows_per_block))
         points = layout.matrices(A, B).reshape(-1, layout.dimension)
-        runs = yield self._points(law, points, blocks.ravel(), matrices.ravel())
+        runs = yield self._points(joint, points, blocks.ravel(), matrices.ravel())
         redraws = _Redraws(layout, A, B, runs[STATUS].values.reshape(blocks.shape))
         for number in range(1, MOST_ROUNDS + 1):
-            proposed = redraws.proposals(law, stream.child("redraws", number))
+            proposed = redraws.proposals(joint, stream.child("redraws", number))
             if not proposed:
                 return
             points, block, matrix = (
                 np.concatenate(column) for column in zip(*proposed, strict=True)
             )
-            runs = yield self._points(law, points, block, matrix)
-            redraws.settle(points, block, matrix, runs[STATUS].values)
+            runs = yield self._points(joint, points, block, matrix)
+            redraws.record(points, block, matrix, runs[STATUS].values)
 
-    def size(self, law: InputLaw) -> int:
-        return self.base * self._layout(law).rows
+    def run_count(self, joint: JointDistribution) -> int:
+        return self.base * self._layout(joint).rows_per_block
 
-    def scaled(self, law: InputLaw, runs: int, *, replicated: bool) -> Saltelli | None:
+    def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> Saltelli | None:
         # It has two sets at least, and both halves of each must be balanced.
         replicates = self.replicates if replicated else 2
-        each = runs // self._layout(law).rows // replicates
+        each = runs // self._layout(joint).rows_per_block // replicates
         if each < 2:
             return None
         return replace(self, base=replicates << (each.bit_length() - 1), replicates=replicates)
 
-    def _layout(self, law: InputLaw) -> Layout:
-        names = tuple(entry.variable.name for entry in law.random)
-        return Layout(names, self.second_order)
+    def _layout(self, joint: JointDistribution) -> BlockLayout:
+        names = tuple(entry.variable.name for entry in joint.random)
+        return BlockLayout(names, self.second_order)
 
-    def _drawn(self, law: InputLaw, stream: Stream) -> tuple[FloatArray, FloatArray]:
+    def _base_matrices(
+        self, joint: JointDistribution, stream: Stream
+    ) -> tuple[FloatArray, FloatArray]:
         """The matrices A and B: the two halves of points of twice the dimension."""
-        each, dimension = self.base // self.replicates, len(law.random)
+        each, dimension = self.base // self.replicates, len(joint.random)
         unit = np.concatenate(
             [
                 sobol_points(stream.generator("points", replicate), each, 2 * dimension)
                 for replicate in range(self.replicates)
             ]
         )
-        return _from_unit(law, unit[:, :dimension]), _from_unit(law, unit[:, dimension:])
+        return _input_points(joint, unit[:, :dimension]), _input_points(joint, unit[:, dimension:])
 
     def _points(
-        self, law: InputLaw, points: FloatArray, block: IntArray, matrix: IntArray
+        self, joint: JointDistribution, points: FloatArray, block: IntArray, matrix: IntArray
     ) -> xr.Dataset:
-        layout = self._layout(law)
+        layout = self._layout(joint)
         coordinates: dict[str, Any] = {
             REPLICATE: block // (self.base // self.replicates),
             BLOCK_NUMBER: block,
             MATRIX: matrix.astype(np.int16),
         }
         values = dict(zip(layout.inputs, points.T, strict=True))
-        dataset = points_dataset(law, values, coordinates, runs=len(points))
-        dataset[MATRIX].attrs = layout.flags()
+        dataset = points_dataset(joint, values, coordinates, runs=len(points))
+        dataset[MATRIX].attrs = layout.flag_attributes()
         dataset[BLOCK_NUMBER].attrs = {"units": "1", "long_name": "number of the run's block"}
         return dataset
 
 
-def _from_unit(law: InputLaw, unit: FloatArray) -> FloatArray:
+def _input_points(joint: JointDistribution, unit: FloatArray) -> FloatArray:
     """Points of the input space, a column for each random input."""
-    return np.column_stack([*law.values(unit).values()])
+    return np.column_stack([*joint.ppf(unit).values()])
 
 
 class _Redraws:
@@ -141,7 +143,7 @@ class _Redraws:
 
     Parameters
     ----------
-    layout : Layout
+    layout : BlockLayout
         What a block consists of.
     A, B : ndarray, shape (block, input)
         The points of the first round.
@@ -150,7 +152,7 @@ class _Redraws:
     """
 
     def __init__(
-        self, layout: Layout, A: FloatArray, B: FloatArray, status: npt.NDArray[np.int8]
+        self, layout: BlockLayout, A: FloatArray, B: FloatArray, status: npt.NDArray[np.int8]
     ) -> None:
         self._layout = layout
         self._first = (A, B)
@@ -166,13 +168,13 @@ class _Redraws:
             self._settled[number] = self._proposed[number] & (reached != Status.INADMISSIBLE)
             self._dropped |= self._settled[number] & (reached != Status.OK)
 
-    def _may_be_proposed(self, part: Part) -> BoolArray:
+    def _may_be_proposed(self, part: BlockPart) -> BoolArray:
         if part.anchor is None:
             return np.ones(self._dropped.shape, dtype=np.bool_)
         return self._settled[part.anchor].copy()
 
     def proposals(
-        self, law: InputLaw, stream: Stream
+        self, joint: JointDistribution, stream: Stream
     ) -> list[tuple[FloatArray, IntArray, IntArray]]:
         """The next points: with the block of each, and its matrix; empty where all is settled."""
         found = []
@@ -181,11 +183,11 @@ class _Redraws:
             blocks = np.flatnonzero(is_open)
             if blocks.size:
                 unit = stream.generator(number).random((blocks.size, self._layout.dimension))
-                points = self._sharing(part, blocks, _from_unit(law, unit))
+                points = self._shared_points(part, blocks, _input_points(joint, unit))
                 found.append((points, blocks, np.full(blocks.shape, number)))
         return found
 
-    def _sharing(self, part: Part, blocks: IntArray, fresh: FloatArray) -> FloatArray:
+    def _shared_points(self, part: BlockPart, blocks: IntArray, fresh: FloatArray) -> FloatArray:
         """Fresh points, with what a part shares and, the first time, the rest from A or B."""
         if part.anchor is None:
             return fresh
@@ -196,7 +198,7 @@ class _Redraws:
         points[:, shared] = self._anchors[part.anchor][blocks][:, shared]
         return points
 
-    def settle(
+    def record(
         self, points: FloatArray, block: IntArray, matrix: IntArray, status: npt.NDArray[np.int8]
     ) -> None:
         """Take what became of the proposals."""

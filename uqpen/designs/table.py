@@ -9,21 +9,21 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.columns import Sheet, read_columns
+from uqpen.core.columns import ColumnFile, read_columns
+from uqpen.core.errors import TableError
+from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import Sampling
+from uqpen.core.lookup import choices
+from uqpen.core.settings import file, flag
+from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
-from uqpen.errors import TableError
-from uqpen.files import FileRead
-from uqpen.inputs.law import InputLaw, points_dataset
-from uqpen.labels import Sampling
-from uqpen.lookup import choices
-from uqpen.settings import file, flag
-from uqpen.streams import Stream
+from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
 
-__all__ = ["Table"]
+__all__ = ["TableDesign"]
 
 
 @dataclass(frozen=True)
-class Table(Design):
+class TableDesign(Design):
     """Points from a CSV or NetCDF file, a column (or variable) for each input they vary.
 
     A column is headed ``name [unit]``, without brackets where the input has no unit; in NetCDF the
@@ -43,20 +43,20 @@ class Table(Design):
 
     @property
     def sampling(self) -> Sampling:
-        return Sampling.INDEPENDENT if self.independent else Sampling.GIVEN
+        return Sampling.INDEPENDENT if self.independent else Sampling.USER_SUPPLIED
 
-    def rounds(self, law: InputLaw, stream: Stream) -> Rounds:
-        columns = self.columns(law)
-        yield points_dataset(law, columns, {}, runs=len(next(iter(columns.values()))))
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        columns = self.columns(joint)
+        yield points_dataset(joint, columns, {}, runs=len(next(iter(columns.values()))))
 
-    def follows(self, law: InputLaw) -> bool:
-        random = {entry.variable.name for entry in law.random}
-        return self.independent and set(self.columns(law)) <= random
+    def samples_inputs(self, joint: JointDistribution) -> bool:
+        random = {entry.variable.name for entry in joint.random}
+        return self.independent and set(self.columns(joint)) <= random
 
-    def size(self, law: InputLaw) -> int:
-        return len(next(iter(self.columns(law).values())))
+    def run_count(self, joint: JointDistribution) -> int:
+        return len(next(iter(self.columns(joint).values())))
 
-    def columns(self, law: InputLaw) -> dict[str, npt.NDArray[np.float64]]:
+    def columns(self, joint: JointDistribution) -> dict[str, npt.NDArray[np.float64]]:
         """The table's columns in SI units.
 
         Raises
@@ -64,9 +64,9 @@ class Table(Design):
         TableError
             If it cannot be read, or a column is no input, has the wrong unit or no number.
         """
-        known = {variable.name: variable for variable in law.variables}
+        known = {variable.name: variable for variable in joint.variables}
         columns: dict[str, npt.NDArray[np.float64]] = {}
-        for column in self._read.columns:
+        for column in self._file.columns:
             name = column.name
             if name not in known:
                 raise TableError(f'column "{name}" is no input; {choices(name, known)}')
@@ -77,15 +77,15 @@ class Table(Design):
                 raise TableError(f'column "{name}" differs in length from those before')
         if not columns or not len(next(iter(columns.values()))):
             raise TableError(f'"{self.file.name}" has no rows of points')
-        for entry in law.random:
+        for entry in joint.random:
             if entry.variable.name not in columns:
                 raise TableError(f'no column "{entry.variable.name}", an input that is random')
         return columns
 
-    def files(self) -> tuple[FileRead, ...]:
-        return (self._read.file,)
+    def files(self) -> tuple[FileSnapshot, ...]:
+        return (self._file.file,)
 
     @cached_property
-    def _read(self) -> Sheet:
+    def _file(self) -> ColumnFile:
         """The table as it stands in the file; read once, so that it cannot change in mid-study."""
         return read_columns(self.file)

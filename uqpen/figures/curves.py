@@ -10,16 +10,16 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.figures.style import Look
-from uqpen.figures.texts import plain
-from uqpen.labels import INTERVAL_LEVEL, NOTE
-from uqpen.summary.digits import percent
-from uqpen.units import Scale
+from uqpen.core.labels import INTERVAL_LEVEL, NOTE
+from uqpen.core.units import Scale
+from uqpen.figures.style import SourceStyle
+from uqpen.figures.texts import plain_text
+from uqpen.results.digits import percent_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Curve", "draw_band", "draw_curve", "span"]
+__all__ = ["Curve", "axis_span", "draw_band", "draw_curve"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -59,7 +59,7 @@ class Curve:
     runs: int
 
     @classmethod
-    def of(cls, name: str, cdfs: xr.Dataset, output: str, measure: Scale) -> Curve:
+    def from_group(cls, name: str, cdfs: xr.Dataset, output: str, measure: Scale) -> Curve:
         """The function of an output out of a group of an archive."""
         band = cdfs[f"{output}_band"]
         return cls(
@@ -71,7 +71,7 @@ class Curve:
             int(cdfs.attrs.get("runs_used", 0)),
         )
 
-    def up_to(self, lower: float, upper: float) -> Curve:
+    def extended(self, lower: float, upper: float) -> Curve:
         """The same, continued to where an axis begins and ends: nothing below, nothing above.
 
         The band is of the whole function, so it goes on with the width that it has.
@@ -104,7 +104,7 @@ class Curve:
 
 
 def draw_curve(
-    axes: Axes, curve: Curve, appearance: Look, *, is_thick: bool, exceeding: bool = False
+    axes: Axes, curve: Curve, appearance: SourceStyle, *, is_thick: bool, exceeding: bool = False
 ) -> None:
     """Draw the function, or what it leaves to 1."""
     heights = 1 - curve.band[:, 0] if exceeding else curve.band[:, 0]
@@ -115,14 +115,14 @@ def draw_curve(
         linestyle="-" if is_thick else appearance.line,
         linewidth=1.5 if is_thick else 0.9,
         drawstyle="steps-post" if curve.is_stepped else "default",
-        label=plain(curve.name, 40),
+        label=plain_text(curve.name, 40),
     )
 
 
 def draw_band(axes: Axes, curve: Curve, colour: str, *, exceeding: bool = False) -> Iterator[str]:
     """Draw the simultaneous band, or say why there is none."""
     if not curve.has_band:
-        yield f"no band of {plain(curve.name, 40)}: {plain(curve.note or 'none is told')}"
+        yield f"no band of {plain_text(curve.name, 40)}: {plain_text(curve.note or 'none is told')}"
         return
     bounds = 1 - curve.band if exceeding else curve.band
     axes.fill_between(
@@ -133,11 +133,13 @@ def draw_band(axes: Axes, curve: Curve, colour: str, *, exceeding: bool = False)
         color=colour,
         alpha=0.35,
         linewidth=0,
-        label=f"simultaneous {percent(curve.level)} band of {plain(curve.name, 40)}",
+        label=f"simultaneous {percent_text(curve.level)} band of {plain_text(curve.name, 40)}",
     )
 
 
-def span(every: Sequence[FloatArray], marked: Sequence[float] = ()) -> tuple[float, float, bool]:
+def axis_span(
+    every: Sequence[FloatArray], marked: Sequence[float] = ()
+) -> tuple[float, float, bool]:
     """Where an axis of values begins and ends, and whether it leaves a long tail out.
 
     Parameters
@@ -147,14 +149,14 @@ def span(every: Sequence[FloatArray], marked: Sequence[float] = ()) -> tuple[flo
     marked : sequence of float
         Values that have to be on it.
     """
-    ends = np.array([_ends(values) for values in every])
+    ends = np.array([_axis_limits(values) for values in every])
     lower, upper = min([*ends[:, 0], *marked]), max([*ends[:, 1], *marked])
     margin = 0.03 * (upper - lower) or 0.05 * abs(upper) or 1.0
     lower, upper = float(lower - margin), float(upper + margin)
     return lower, upper, bool((ends[:, 2] < lower).any() or (ends[:, 3] > upper).any())
 
 
-def _ends(values: FloatArray) -> tuple[float, float, float, float]:
+def _axis_limits(values: FloatArray) -> tuple[float, float, float, float]:
     """Where all but a long tail lies, and where all lies."""
     finite = values[np.isfinite(values)]
     lowest, low, high, highest = np.quantile(finite, [0, 0.005, 0.995, 1])

@@ -10,21 +10,21 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.read import group, names_in
-from uqpen.archive.told import told
-from uqpen.figures.curves import Curve, draw_band, draw_curve, span
-from uqpen.figures.estimates import interval
+from uqpen.archive.interval_metadata import interval_metadata
+from uqpen.archive.read import group_names, read_group
+from uqpen.core.labels import CDFS, EXCEEDANCE, INTERVAL_LABEL, INTERVAL_LEVEL, REFUSED, UNCHECKED
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.curves import Curve, axis_span, draw_band, draw_curve
+from uqpen.figures.estimate_dots import error_bar_lengths
 from uqpen.figures.panel import Panel
-from uqpen.figures.part import Part
 from uqpen.figures.style import BLACK, GREY
-from uqpen.figures.texts import plain
-from uqpen.labels import CDFS, EXCEEDANCE, INTERVAL_LABEL, INTERVAL_LEVEL, REFUSED, UNCHECKED
-from uqpen.summary.digits import percent, sensible
+from uqpen.figures.texts import plain_text
+from uqpen.results.digits import estimate_text, percent_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["CUT", "cdf", "curves_of", "ends_of", "exceedance", "thresholds_of"]
+__all__ = ["CUT", "cdf", "distribution_curves", "exceedance", "exceedance_span", "thresholds"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -38,66 +38,66 @@ _ROOM = 0.03
 CUT = "axes end where all but 1 % lies inside"
 
 
-def cdf(part: Part) -> Iterator[Panel]:
+def cdf(view: ArchiveView) -> Iterator[Panel]:
     """Distribution functions of all sources, one with its band."""
-    for output in part.numbers:
-        if curves := curves_of(part, output):
-            yield Panel(part.titled(output), partial(_draw_cdf, part, output, curves))
+    for output in view.numeric_outputs:
+        if curves := distribution_curves(view, output):
+            yield Panel(view.title(output), partial(_draw_cdf, view, output, curves))
 
 
-def exceedance(part: Part) -> Iterator[Panel]:
+def exceedance(view: ArchiveView) -> Iterator[Panel]:
     """Probability of exceeding each value, and those asked for."""
-    for output in part.numbers:
-        if curves := curves_of(part, output):
-            title = part.titled(f"{output}, by {curves[0].name}")
-            yield Panel(title, partial(_draw_exceedance, part, output, curves[0]))
+    for output in view.numeric_outputs:
+        if curves := distribution_curves(view, output):
+            title = view.title(f"{output}, by {curves[0].name}")
+            yield Panel(title, partial(_draw_exceedance, view, output, curves[0]))
 
 
-def curves_of(part: Part, output: str) -> list[Curve]:
+def distribution_curves(view: ArchiveView, output: str) -> list[Curve]:
     """The distribution functions of all sources; first that of the one asked for, or a design."""
     found = [
-        Curve.of(source, group(part.tree, CDFS, source), output, part.measure(output))
-        for source in part.sources
-        if source in names_in(part.tree, CDFS) and output in group(part.tree, CDFS, source)
+        Curve.from_group(source, read_group(view.tree, CDFS, source), output, view.scale(output))
+        for source in view.sources
+        if source in group_names(view.tree, CDFS) and output in read_group(view.tree, CDFS, source)
     ]
     found = [curve for curve in found if np.isfinite(curve.values).any()]
-    if part.source is None:
+    if view.source is None:
         return found
-    first = [curve for curve in found if curve.name == part.source]
-    return first and [*first, *(curve for curve in found if curve.name != part.source)]
+    first = [curve for curve in found if curve.name == view.source]
+    return first and [*first, *(curve for curve in found if curve.name != view.source)]
 
 
-def _draw_cdf(part: Part, output: str, curves: list[Curve], axes: Axes) -> Iterator[str]:
-    lower, upper, is_cut = ends_of(part, output, curves[0])
-    banded = curves[0].up_to(lower, upper)
-    yield from draw_band(axes, banded, part.look(banded.name).colour)
-    draw_curve(axes, banded, part.look(banded.name), is_thick=True)
+def _draw_cdf(view: ArchiveView, output: str, curves: list[Curve], axes: Axes) -> Iterator[str]:
+    lower, upper, is_cut = exceedance_span(view, output, curves[0])
+    banded = curves[0].extended(lower, upper)
+    yield from draw_band(axes, banded, view.look(banded.name).colour)
+    draw_curve(axes, banded, view.look(banded.name), is_thick=True)
     for curve in curves[1:]:
-        thin = curve.thinned().up_to(lower, upper)
-        draw_curve(axes, thin, part.look(curve.name), is_thick=False)
-    axes.set(xlabel=part.axis(output), ylabel="P(at most x)")
+        thin = curve.thinned().extended(lower, upper)
+        draw_curve(axes, thin, view.look(curve.name), is_thick=False)
+    axes.set(xlabel=view.axis_label(output), ylabel="P(at most x)")
     axes.set(xlim=(lower, upper), ylim=(0, 1))
-    yield from _mark(axes, part, output, at_foot=True)
+    yield from _mark(axes, view, output, at_foot=True)
     if is_cut:
         yield CUT
 
 
-def _draw_exceedance(part: Part, output: str, curve: Curve, axes: Axes) -> Iterator[str]:
-    appearance = part.look(curve.name)
-    lower, upper, is_cut = ends_of(part, output, curve)
-    curve = curve.up_to(lower, upper)
+def _draw_exceedance(view: ArchiveView, output: str, curve: Curve, axes: Axes) -> Iterator[str]:
+    appearance = view.look(curve.name)
+    lower, upper, is_cut = exceedance_span(view, output, curve)
+    curve = curve.extended(lower, upper)
     yield from draw_band(axes, curve, appearance.colour, exceeding=True)
     draw_curve(axes, curve, appearance, is_thick=True, exceeding=True)
-    asked = group(part.tree, EXCEEDANCE, curve.name).get(output)
+    probabilities = read_group(view.tree, EXCEEDANCE, curve.name).get(output)
     axes.set_xlim(lower, upper)
-    yield from _mark(axes, part, output, at_foot=False)
+    yield from _mark(axes, view, output, at_foot=False)
     smallest = 1.0
-    if asked is not None:
-        _draw_asked(axes, asked, part, output)
-        if np.isfinite(asked.values[:, 1:]).any():
-            yield f"bars: {percent(float(asked.attrs[INTERVAL_LEVEL]))} intervals"
-        smallest = float(np.nanmin(asked.values[:, 0], initial=1.0))
-    axes.set(xlabel=part.axis(output), ylabel="P(more than x)")
+    if probabilities is not None:
+        _draw_thresholds(axes, probabilities, view, output)
+        if np.isfinite(probabilities.values[:, 1:]).any():
+            yield f"bars: {percent_text(float(probabilities.attrs[INTERVAL_LEVEL]))} intervals"
+        smallest = float(np.nanmin(probabilities.values[:, 0], initial=1.0))
+    axes.set(xlabel=view.axis_label(output), ylabel="P(more than x)")
     if 0 < smallest < _SMALL:
         axes.set_yscale("log")
         axes.set_ylim(smallest / 20, 1)
@@ -110,58 +110,60 @@ def _draw_exceedance(part: Part, output: str, curve: Curve, axes: Axes) -> Itera
         yield CUT
 
 
-def _draw_asked(axes: Axes, asked: xr.DataArray, part: Part, output: str) -> None:
+def _draw_thresholds(
+    axes: Axes, probabilities: xr.DataArray, view: ArchiveView, output: str
+) -> None:
     """The probabilities of exceeding the values that the study asks for."""
-    places = part.measure(output).from_si(_threshold_values(asked, output))
-    written = asked[f"{output}_threshold"].values
+    places = view.scale(output).from_si(_threshold_values(probabilities, output))
+    written = probabilities[f"{output}_threshold"].values
     for number, place in enumerate(places):
-        bounds = asked.values[number]
-        label = told(asked[number], INTERVAL_LABEL)
+        bounds = probabilities.values[number]
+        label = interval_metadata(probabilities[number], INTERVAL_LABEL)
         verdict = f" {label}" if label in (REFUSED, UNCHECKED) else ""
-        called = f"P({plain(output, 30)} > {plain(str(written[number]), 20)})"
+        caption = f"P({plain_text(output, 30)} > {plain_text(str(written[number]), 20)})"
         has_interval = np.isfinite(bounds[1:]).any()
         axes.errorbar(
             [place],
             bounds[:1],
-            yerr=interval(bounds) if has_interval else None,
+            yerr=error_bar_lengths(bounds) if has_interval else None,
             fmt="o",
             color=BLACK,
             markerfacecolor=BLACK if has_interval else "white",
             capsize=3,
             zorder=5,
-            label=f"{called} = {sensible(*bounds)}{verdict}",
+            label=f"{caption} = {estimate_text(*bounds)}{verdict}",
         )
 
 
-def thresholds_of(part: Part, output: str) -> dict[str, float]:
+def thresholds(view: ArchiveView, output: str) -> dict[str, float]:
     """The values whose exceedance the study asks for, as written, in the unit that is shown."""
-    for _, figures in part.told(EXCEEDANCE):
-        if output in figures:
-            written = figures[f"{output}_threshold"].values
-            values = _threshold_values(figures[output], output)
-            shown = part.measure(output).from_si(values).tolist()
+    for _, dataset in view.source_groups(EXCEEDANCE):
+        if output in dataset:
+            written = dataset[f"{output}_threshold"].values
+            values = _threshold_values(dataset[output], output)
+            shown = view.scale(output).from_si(values).tolist()
             return dict(zip(map(str, written), shown, strict=True))
     return {}
 
 
-def _threshold_values(asked: xr.DataArray, output: str) -> FloatArray:
-    return np.asarray(asked[f"{output}_threshold_value"].values, dtype=np.float64)
+def _threshold_values(probabilities: xr.DataArray, output: str) -> FloatArray:
+    return np.asarray(probabilities[f"{output}_threshold_value"].values, dtype=np.float64)
 
 
-def _mark(axes: Axes, part: Part, output: str, *, at_foot: bool) -> Iterator[str]:
+def _mark(axes: Axes, view: ArchiveView, output: str, *, at_foot: bool) -> Iterator[str]:
     """A line at each value asked for, with the value as it was written where there is room."""
     lower, upper = axes.get_xlim()
     beyond, last = [], -np.inf
-    for written, place in sorted(thresholds_of(part, output).items(), key=lambda each: each[1]):
+    for written, place in sorted(thresholds(view, output).items(), key=lambda each: each[1]):
         if not lower <= place <= upper:
-            beyond.append(plain(written, 20))
+            beyond.append(plain_text(written, 20))
             continue
         axes.axvline(place, color=GREY, linewidth=0.9, linestyle=(0, (2, 2)), zorder=1)
         if place - last > _ROOM * (upper - lower):
-            _write_along(axes, place, plain(written, 20), at_foot=at_foot)
+            _write_along(axes, place, plain_text(written, 20), at_foot=at_foot)
             last = place
     if beyond:
-        yield f"asked for beyond the axis of {plain(output, 30)}: {', '.join(beyond)}"
+        yield f"asked for beyond the axis of {plain_text(output, 30)}: {', '.join(beyond)}"
 
 
 def _write_along(axes: Axes, place: float, text: str, *, at_foot: bool) -> None:
@@ -178,13 +180,13 @@ def _write_along(axes: Axes, place: float, text: str, *, at_foot: bool) -> None:
     )
 
 
-def ends_of(part: Part, output: str, curve: Curve) -> tuple[float, float, bool]:
+def exceedance_span(view: ArchiveView, output: str, curve: Curve) -> tuple[float, float, bool]:
     """Where the axis ends: where the tail has all but ended, but after the values asked for.
 
     Not after those so far away that nothing could be seen of the rest.
     """
-    lower, upper, _ = span([curve.values])
-    reach = _FAR * (upper - lower)
-    asked = thresholds_of(part, output).values()
-    near = [place for place in asked if lower - reach <= place <= upper + reach]
-    return span([curve.values], near)
+    lower, upper, _ = axis_span([curve.values])
+    limit = _FAR * (upper - lower)
+    threshold_values = thresholds(view, output).values()
+    near = [place for place in threshold_values if lower - limit <= place <= upper + limit]
+    return axis_span([curve.values], near)

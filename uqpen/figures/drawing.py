@@ -6,7 +6,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from uqpen.figures.file import save, written
+from uqpen.figures.figure_file import figure_bytes, save_figure
 
 __all__ = ["Drawing"]
 
@@ -22,7 +22,7 @@ class Drawing(Figure):
         FigureError
             If the name has another ending, or the file cannot be written.
         """
-        save(self, path)
+        save_figure(self, path)
 
     def _repr_svg_(self) -> str:
-        return written(self, "svg").decode("utf-8")
+        return figure_bytes(self, "svg").decode("utf-8")

@@ -10,21 +10,21 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.read import group
-from uqpen.figures.curves import span
-from uqpen.figures.estimates import interval
+from uqpen.archive.read import read_group
+from uqpen.core.labels import INTERVAL_LEVEL, MOMENTS, QUANTILES, SHARES
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.curves import axis_span
+from uqpen.figures.estimate_dots import error_bar_lengths
 from uqpen.figures.panel import Panel
-from uqpen.figures.part import Part
 from uqpen.figures.style import BLACK, VERMILION
-from uqpen.figures.texts import plain
-from uqpen.labels import INTERVAL_LEVEL, MOMENTS, QUANTILES, SHARES
-from uqpen.summary.digits import grouped, percent
-from uqpen.summary.table import quantile_label
+from uqpen.figures.texts import plain_text
+from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.table import quantile_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["binned", "histogram", "marks_of"]
+__all__ = ["bin_values", "histogram", "marked_estimates"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -39,59 +39,65 @@ _LINES: dict[str, tuple[str, object]] = {
 }
 
 
-def histogram(part: Part) -> Iterator[Panel]:
+def histogram(view: ArchiveView) -> Iterator[Panel]:
     """Runs of one design, with mean and quantiles."""
-    design = next((name for name in part.samples if part.came_back(name)), None)
+    design = next((name for name in view.sample_designs if view.has_completed_runs(name)), None)
     if design is None:
         return
-    for output in part.numbers:
-        values = part.measure(output).from_si(part.runs(design)[output].values)
+    for output in view.numeric_outputs:
+        values = view.scale(output).from_si(view.runs(design)[output].values)
         finite = values[np.isfinite(values)]
-        counted = f"{grouped(finite.size)} run{'s' * (finite.size > 1)}"
-        title = part.titled(f"{output}: {counted} of {design}")
+        counted = f"{grouped_number(finite.size)} run{'s' * (finite.size > 1)}"
+        title = view.title(f"{output}: {counted} of {design}")
         if finite.size:
-            yield Panel(title, partial(_draw, part, output, design, finite))
-    for output in part.kinds:
-        shares = group(part.tree, SHARES, design).get(output)
+            yield Panel(title, partial(_draw, view, output, design, finite))
+    for output in view.categorical_outputs:
+        shares = read_group(view.tree, SHARES, design).get(output)
         if shares is not None and np.isfinite(shares.values[:, 0]).any():
             labels = tuple(map(str, shares[f"{output}_category_label"].values))
-            title = part.titled(f"{output}: shares, {design}")
-            yield Panel(title, partial(_draw_shares, part, output, design, shares), rows=labels)
+            title = view.title(f"{output}: shares, {design}")
+            yield Panel(title, partial(_draw_shares, view, output, design, shares), rows=labels)
 
 
-def binned(values: FloatArray) -> tuple[IntArray, FloatArray]:
+def bin_values(values: FloatArray) -> tuple[IntArray, FloatArray]:
     """How many values lie in each bin, and the bins' edges, which leave long tails out."""
-    lower, upper, _ = span([values])
+    lower, upper, _ = axis_span([values])
     bins = min(_MOST_BINS, max(_FEWEST_BINS, int(2 * values.size ** (1 / 2.5))))
     counts, edges = np.histogram(values, bins=bins, range=(lower, upper))
     return counts.astype(np.int64), edges
 
 
-def _draw(part: Part, output: str, design: str, values: FloatArray, axes: Axes) -> Iterator[str]:
-    counts, edges = binned(values)
+def _draw(
+    view: ArchiveView, output: str, design: str, values: FloatArray, axes: Axes
+) -> Iterator[str]:
+    counts, edges = bin_values(values)
     lower, upper, outside = edges[0], edges[-1], values.size - int(counts.sum())
     axes.stairs(
-        counts, edges, fill=True, color=part.look(design).colour, alpha=_LIGHT, label="runs"
+        counts, edges, fill=True, color=view.look(design).colour, alpha=_LIGHT, label="runs"
     )
-    axes.set(xlabel=part.axis(output), ylabel="runs in a bin", xlim=(lower, upper), ylim=(0, None))
+    axes.set(
+        xlabel=view.axis_label(output), ylabel="runs in a bin", xlim=(lower, upper), ylim=(0, None)
+    )
     if outside:
-        yield f"{output}: {grouped(outside)} runs lie outside of the axis"
-    marks = list(marks_of(part, output, design))
-    convert = part.measure(output).from_si
+        yield f"{output}: {grouped_number(outside)} runs lie outside of the axis"
+    marks = list(marked_estimates(view, output, design))
+    convert = view.scale(output).from_si
     lacks = [_mark(axes, name, convert(estimate.values)) for name, estimate in marks]
     levels = {each.attrs[INTERVAL_LEVEL] for _, each in marks if INTERVAL_LEVEL in each.attrs}
     if not all(lacks) and levels:
-        yield f"shades: {percent(max(levels))} intervals of what the lines mark"
+        yield f"shades: {percent_text(max(levels))} intervals of what the lines mark"
     if any(lacks):
         yield f"no interval: {', '.join(dict.fromkeys(filter(None, lacks)))}"
 
 
-def marks_of(part: Part, output: str, design: str) -> Iterator[tuple[str, xr.DataArray]]:
+def marked_estimates(
+    view: ArchiveView, output: str, design: str
+) -> Iterator[tuple[str, xr.DataArray]]:
     """What is marked: its name, and its estimate along ``bound``, in SI units."""
-    mean = group(part.tree, MOMENTS, design).get(f"{output}_mean")
+    mean = read_group(view.tree, MOMENTS, design).get(f"{output}_mean")
     if mean is not None:
         yield "mean", mean
-    quantiles = group(part.tree, QUANTILES, design).get(output)
+    quantiles = read_group(view.tree, QUANTILES, design).get(output)
     if quantiles is not None:
         for position, p in enumerate(quantiles[f"{output}_probability"].values.tolist()):
             yield quantile_label(p), quantiles[position]
@@ -100,7 +106,7 @@ def marks_of(part: Part, output: str, design: str) -> Iterator[tuple[str, xr.Dat
 def _mark(axes: Axes, name: str, bounds: FloatArray) -> str:
     """A line at an estimate, its interval shaded; the name of one that has none."""
     colour, line = _LINES.get(name, (BLACK, (0, (1, 1.2))))
-    axes.axvline(bounds[0], color=colour, linestyle=line, linewidth=1.2, label=plain(name))
+    axes.axvline(bounds[0], color=colour, linestyle=line, linewidth=1.2, label=plain_text(name))
     if not np.isfinite(bounds[1:]).all():
         return name
     axes.axvspan(*bounds[1:], color=colour, alpha=_SHADE, linewidth=0)
@@ -108,14 +114,14 @@ def _mark(axes: Axes, name: str, bounds: FloatArray) -> str:
 
 
 def _draw_shares(
-    part: Part, output: str, design: str, shares: xr.DataArray, axes: Axes
+    view: ArchiveView, output: str, design: str, shares: xr.DataArray, axes: Axes
 ) -> Iterator[str]:
-    colour = part.look(design).colour
+    colour = view.look(design).colour
     for row, bounds in enumerate(shares.values):
         has_interval = bool(np.isfinite(bounds[1:]).any())
-        error = interval(bounds) if has_interval else None
+        error = error_bar_lengths(bounds) if has_interval else None
         axes.barh(row, bounds[0], height=0.6, color=colour, alpha=_LIGHT)
         axes.errorbar(bounds[:1], [row], xerr=error, fmt="none", color=BLACK, capsize=3)
-    axes.set(xlabel=f"share of {plain(output, 40)}", xlim=(0, 1))
+    axes.set(xlabel=f"share of {plain_text(output, 40)}", xlim=(0, 1))
     if not np.isfinite(shares.values[:, 1:]).any():
         yield "shares have no interval"

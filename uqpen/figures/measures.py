@@ -10,17 +10,17 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.figures.estimates import Dot, draw_dots
+from uqpen.core.labels import INPUT, SENSITIVITY
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.estimate_dots import EstimateDot, draw_dots
 from uqpen.figures.panel import Panel
-from uqpen.figures.part import Part
-from uqpen.figures.style import GREY, Look
-from uqpen.labels import INPUT, SENSITIVITY
-from uqpen.summary.table import Conversion
+from uqpen.figures.style import GREY, SourceStyle
+from uqpen.results.table import Conversion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Series", "panel_of", "series", "shown_inputs"]
+__all__ = ["MeasureSeries", "largest_inputs", "measure_series", "measures_panel"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -29,7 +29,7 @@ _MOST_INPUTS = 15
 _ROW, _GAP, _FRAME = 0.12, 0.12, 0.75
 
 
-class Series(NamedTuple):
+class MeasureSeries(NamedTuple):
     """One measure of all inputs, told by one source; an array along input and bound."""
 
     source: str
@@ -38,40 +38,42 @@ class Series(NamedTuple):
     array: xr.DataArray
 
 
-def series(part: Part, output: str, measures: Sequence[tuple[str, str, str]]) -> list[Series]:
+def measure_series(
+    view: ArchiveView, output: str, measures: Sequence[tuple[str, str, str]]
+) -> list[MeasureSeries]:
     """What all sources tell of some measures.
 
     Parameters
     ----------
-    part : Part
+    view : ArchiveView
     output : str
     measures : sequence of tuple
         How each one's variable's name ends, what a person reads, and its marker.
     """
     return [
-        Series(source, label, marker, told[f"{output}_{suffix}"])
-        for source, told in part.told(SENSITIVITY)
+        MeasureSeries(source, label, marker, dataset[f"{output}_{suffix}"])
+        for source, dataset in view.source_groups(SENSITIVITY)
         for suffix, label, marker in measures
-        if f"{output}_{suffix}" in told
-        and np.isfinite(told[f"{output}_{suffix}"].values[:, 0]).any()
+        if f"{output}_{suffix}" in dataset
+        and np.isfinite(dataset[f"{output}_{suffix}"].values[:, 0]).any()
     ]
 
 
-def panel_of(
-    part: Part,
+def measures_panel(
+    view: ArchiveView,
     title: str,
     axis: str,
-    found: Sequence[Series],
+    found: Sequence[MeasureSeries],
     convert: Conversion,
 ) -> Panel:
     """A panel with a row for each input, and in that a dot for each series."""
-    inputs, note = shown_inputs(found)
+    inputs, note = largest_inputs(found)
     height = _FRAME + len(inputs) * (_GAP + _ROW * len(found))
-    draw = partial(_draw, part, axis, found, inputs, note, convert)
+    draw = partial(_draw, view, axis, found, inputs, note, convert)
     return Panel(title, draw, height, inputs)
 
 
-def shown_inputs(found: Sequence[Series]) -> tuple[tuple[str, ...], str]:
+def largest_inputs(found: Sequence[MeasureSeries]) -> tuple[tuple[str, ...], str]:
     """The inputs with the largest estimates, in the study's order, and what is said if not all."""
     largest: dict[str, float] = {}
     for each in found:
@@ -86,9 +88,9 @@ def shown_inputs(found: Sequence[Series]) -> tuple[tuple[str, ...], str]:
 
 
 def _draw(
-    part: Part,
+    view: ArchiveView,
     axis: str,
-    found: Sequence[Series],
+    found: Sequence[MeasureSeries],
     inputs: tuple[str, ...],
     note: str,
     convert: Conversion,
@@ -98,26 +100,26 @@ def _draw(
     for row in range(1, len(inputs)):
         axes.axhline(row - 0.5, color=GREY, linewidth=0.4, alpha=0.4)
     axes.set_xlabel(axis)
-    yield from draw_dots(axes, list(_dots(part, found, inputs, convert)))
+    yield from draw_dots(axes, list(_dots(view, found, inputs, convert)))
     if note:
         yield note
 
 
 def _dots(
-    part: Part,
-    found: Sequence[Series],
+    view: ArchiveView,
+    found: Sequence[MeasureSeries],
     inputs: tuple[str, ...],
     convert: Conversion,
-) -> Iterator[Dot]:
+) -> Iterator[EstimateDot]:
     room = 1 / (len(found) + 1)
     for number, each in enumerate(found):
         known = each.array[INPUT].values.tolist()
-        shown = part.look(each.source)
-        appearance = Look(shown.colour, each.marker if each.label else shown.marker, "-")
+        shown = view.look(each.source)
+        appearance = SourceStyle(shown.colour, each.marker if each.label else shown.marker, "-")
         label = ", ".join(filter(None, (each.label, each.source)))
         for row, name in enumerate(inputs):
             if name in known and np.isfinite(each.array.values[known.index(name), 0]):
-                figure = each.array[known.index(name)]
+                estimate = each.array[known.index(name)]
                 place = row + (number + 1) * room - 0.5
-                yield Dot.of(figure, convert, place, appearance, label)
+                yield EstimateDot.from_array(estimate, convert, place, appearance, label)
                 label = ""

@@ -9,23 +9,23 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from uqpen.archive.read import models_in
-from uqpen.errors import ArchiveError, FigureError
+from uqpen.archive.read import model_trees
+from uqpen.core.errors import ArchiveError, FigureError
+from uqpen.core.labels import BENCHMARK, KIND
+from uqpen.core.lookup import resolve_name
 from uqpen.figures import FIGURES
-from uqpen.figures.needs import faults
+from uqpen.figures.archive_view import ArchiveView, select_view
 from uqpen.figures.panel import LONGEST_ROW, Panel
-from uqpen.figures.part import Part, part_of
-from uqpen.figures.style import required, style
-from uqpen.figures.texts import plain
-from uqpen.labels import HEAD_TO_HEAD, KIND
-from uqpen.lookup import resolve_name
+from uqpen.figures.requirements import find_faults
+from uqpen.figures.style import figure_style, require_matplotlib
+from uqpen.figures.texts import plain_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from uqpen.figures.drawing import Drawing
 
-__all__ = ["available", "check", "figure", "panels"]
+__all__ = ["available", "check_archive", "figure", "panels"]
 
 # Inches, and characters to an inch of the notes.
 _WIDTHS = {1: 4.6, 2: 7.2, 3: 9.2, 4: 11.4}
@@ -64,7 +64,7 @@ def figure(
     Returns
     -------
     Drawing
-        A figure of matplotlib's; a notebook shows it, and its `save` writes it to a file.
+        A figure of matplotlib's; a notebook shows it, and its `save_figure` writes it to a file.
 
     Raises
     ------
@@ -80,8 +80,8 @@ def figure(
         for each in (name, *others)
         for panel in panels(tree, each, output=output, source=source, model=model)
     ]
-    required()
-    return _laid_out(found, str(tree.attrs.get("title", "")))
+    require_matplotlib()
+    return _lay_out(found, str(tree.attrs.get("title", "")))
 
 
 def panels(
@@ -96,24 +96,28 @@ def panels(
 
     Parameters and errors are those of `figure`.
     """
-    part = _part(tree, output, source, model)
-    found = list(resolve_name(FIGURES, name, "figure")(part))
+    view = _select_view(tree, output, source, model)
+    found = list(resolve_name(FIGURES, name, "figure")(view))
     if not found:
-        asked = " and ".join(f'"{each}"' for each in (output, source, model) if each)
-        of = f" of {asked}" if asked else ""
-        has = ", ".join(_names(_part(tree, None, None, model))) or "none"
-        lost = "" if any(map(part.came_back, part.designs)) else ", as no run came back"
-        found_none = f'the archive has nothing for the figure "{name}"{of}{lost}; it has: {has}'
+        selection = " and ".join(f'"{each}"' for each in (output, source, model) if each)
+        of = f" of {selection}" if selection else ""
+        has = ", ".join(_available_names(_select_view(tree, None, None, model))) or "none"
+        no_runs_note = (
+            "" if any(map(view.has_completed_runs, view.designs)) else ", as no run came back"
+        )
+        found_none = (
+            f'the archive has nothing for the figure "{name}"{of}{no_runs_note}; it has: {has}'
+        )
         raise FigureError(found_none)
     return found
 
 
 def available(tree: xr.DataTree) -> dict[str, str]:
     """The figures that an archive has something for, and what each shows."""
-    return _names(_part(tree, None, None, None))
+    return _available_names(_select_view(tree, None, None, None))
 
 
-def check(tree: xr.DataTree) -> None:
+def check_archive(tree: xr.DataTree) -> None:
     """Hold an archive against what figures go by.
 
     Raises
@@ -123,67 +127,71 @@ def check(tree: xr.DataTree) -> None:
     ArchiveError
         If it lacks anything.
     """
-    if tree.attrs.get(KIND) == HEAD_TO_HEAD:
+    if tree.attrs.get(KIND) == BENCHMARK:
         raise FigureError("there are no figures of an archive of methods head to head")
-    for each in models_in(tree).values():
-        if fault := next(faults(each), None):
+    for each in model_trees(tree).values():
+        if fault := next(find_faults(each), None):
             raise ArchiveError(f"the archive is damaged: {fault}")
 
 
-def _part(tree: xr.DataTree, output: str | None, source: str | None, model: str | None) -> Part:
-    check(tree)
-    return part_of(tree, output, source, model)
+def _select_view(
+    tree: xr.DataTree, output: str | None, source: str | None, model: str | None
+) -> ArchiveView:
+    check_archive(tree)
+    return select_view(tree, output, source, model)
 
 
-def _names(part: Part) -> dict[str, str]:
+def _available_names(view: ArchiveView) -> dict[str, str]:
     found = {}
     for name in FIGURES:
         make = resolve_name(FIGURES, name, "figure")
-        if next(iter(make(part)), None) is not None:
+        if next(iter(make(view)), None) is not None:
             found[name] = (make.__doc__ or "").partition("\n")[0].removesuffix(".")
     return found
 
 
-def _laid_out(found: Sequence[Panel], title: str) -> Drawing:
+def _lay_out(found: Sequence[Panel], title: str) -> Drawing:
     from uqpen.figures.drawing import Drawing
 
     shown = found[:_MOST_PANELS]
-    columns, rows = _rows(shown)
+    columns, rows = _panel_rows(shown)
     heights = [max(panel.height for panel in row) for row in rows]
-    with style():
+    with figure_style():
         page = Drawing(layout="constrained")
         grid = page.add_gridspec(len(rows), columns, height_ratios=heights)
         notes: dict[str, None] = {}
-        for place, panel, left in _placed(rows):
+        for place, panel, left in _place_panels(rows):
             axes = page.add_subplot(grid[place])
-            notes |= dict.fromkeys(panel.on(axes))
+            notes |= dict.fromkeys(panel.draw_on_axes(axes))
             has_rows = left is None or not panel.rows or panel.rows != left.rows
-            _fit(axes, panel, columns, has_rows=has_rows)
+            _fit_panel(axes, panel, columns, has_rows=has_rows)
         if len(shown) < len(found):
             notes |= {f"the first {len(shown)} of {len(found)} panels; ask for one output": None}
         below = _legend(page, list(notes), columns)
         page.set_size_inches(_WIDTHS[columns], sum(heights) + below + _HEAD)
-        page.suptitle(plain(title, int(13 * _WIDTHS[columns])), x=0.01, ha="left", parse_math=False)
+        page.suptitle(
+            plain_text(title, int(13 * _WIDTHS[columns])), x=0.01, ha="left", parse_math=False
+        )
     return page
 
 
-def _fit(axes: Axes, panel: Panel, columns: int, *, has_rows: bool) -> None:
+def _fit_panel(axes: Axes, panel: Panel, columns: int, *, has_rows: bool) -> None:
     """Break what is too long for its place; rows are named once where they are the same."""
     longest = min(max(map(len, panel.rows), default=0), LONGEST_ROW)
     across = _TITLE[columns] - longest // columns
-    axes.set_title(_broken(panel.title, across, 3), parse_math=False)
-    axes.set_xlabel(_broken(axes.get_xlabel(), across, 2), parse_math=False)
-    axes.set_ylabel(_broken(axes.get_ylabel(), int(10 * panel.height), 2), parse_math=False)
+    axes.set_title(_break_lines(panel.title, across, 3), parse_math=False)
+    axes.set_xlabel(_break_lines(axes.get_xlabel(), across, 2), parse_math=False)
+    axes.set_ylabel(_break_lines(axes.get_ylabel(), int(10 * panel.height), 2), parse_math=False)
     if not has_rows:
         axes.tick_params(labelleft=False)
 
 
-def _broken(text: str, width: int, most: int) -> str:
+def _break_lines(text: str, width: int, most: int) -> str:
     """A text in lines, cut where there would be too many."""
-    return "\n".join(textwrap.wrap(plain(text, 200), width, max_lines=most, placeholder="…"))
+    return "\n".join(textwrap.wrap(plain_text(text, 200), width, max_lines=most, placeholder="…"))
 
 
-def _rows(shown: Sequence[Panel]) -> tuple[int, list[list[Panel]]]:
+def _panel_rows(shown: Sequence[Panel]) -> tuple[int, list[list[Panel]]]:
     """How many columns there are, and which panels stand in each row."""
     groups = [list(group) for _, group in itertools.groupby(shown, lambda panel: panel.group)]
     columns = 1 if len(shown) == 1 else 2 if len(shown) <= 4 else 3
@@ -197,7 +205,7 @@ def _rows(shown: Sequence[Panel]) -> tuple[int, list[list[Panel]]]:
     return columns, rows
 
 
-def _placed(
+def _place_panels(
     rows: Sequence[Sequence[Panel]],
 ) -> Iterator[tuple[tuple[int, int], Panel, Panel | None]]:
     """Each panel with its row and column, and what stands to the left of it."""
@@ -213,7 +221,7 @@ def _legend(page: Drawing, notes: list[str], columns: int) -> float:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     width = int(_WIDTHS[columns] * _CHARACTERS)
-    lines = [line for note in notes for line in textwrap.wrap(plain(note, 300), width)]
+    lines = [line for note in notes for line in textwrap.wrap(plain_text(note, 300), width)]
     if not handles and not lines:
         return 0.0
     longest = max(map(len, handles), default=1)

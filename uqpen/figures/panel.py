@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from uqpen.figures.style import style
-from uqpen.figures.texts import plain
+from uqpen.figures.style import figure_style
+from uqpen.figures.texts import plain_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +43,7 @@ class Panel:
     rows: tuple[str, ...] = ()
     group: str = ""
 
-    def on(self, axes: Axes) -> tuple[str, ...]:
+    def draw_on_axes(self, axes: Axes) -> tuple[str, ...]:
         """Draw onto axes of the caller's own.
 
         Returns
@@ -53,13 +53,13 @@ class Panel:
         """
         from matplotlib.text import Text
 
-        with style(), warnings.catch_warnings():
+        with figure_style(), warnings.catch_warnings():
             # A character that the font lacks is drawn as a box.
             warnings.filterwarnings("ignore", "Glyph", UserWarning)
-            axes.set_title(plain(self.title), parse_math=False)
+            axes.set_title(plain_text(self.title), parse_math=False)
             if self.rows:
                 axes.set_yticks(
-                    range(len(self.rows)), [plain(row, LONGEST_ROW) for row in self.rows]
+                    range(len(self.rows)), [plain_text(row, LONGEST_ROW) for row in self.rows]
                 )
                 axes.set_ylim(len(self.rows) - 0.5, -0.5)
                 axes.tick_params(axis="y", length=0)

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.figures.measures import panel_of, series
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.measures import measure_series, measures_panel
 from uqpen.figures.panel import Panel
-from uqpen.figures.part import Part
 
-__all__ = ["RESPONSES", "magnitudes", "responses"]
+__all__ = ["RESPONSES", "magnitudes", "response_panels"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -21,13 +21,13 @@ RESPONSES = (
 )
 
 
-def responses(part: Part) -> Iterator[Panel]:
+def response_panels(view: ArchiveView) -> Iterator[Panel]:
     """Relative responses to the inputs, and × uncertainty."""
-    for output in part.numbers:
+    for output in view.numeric_outputs:
         for suffix, label, axis in RESPONSES:
-            if found := series(part, output, ((suffix, "", "o"),)):
-                title = part.titled(f"{output}: {label}")
-                yield panel_of(part, title, axis, found, magnitudes)
+            if found := measure_series(view, output, ((suffix, "", "o"),)):
+                title = view.title(f"{output}: {label}")
+                yield measures_panel(view, title, axis, found, magnitudes)
 
 
 def magnitudes(bounds: FloatArray) -> FloatArray:

@@ -10,19 +10,19 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.figures.curves import span
+from uqpen.core.labels import RUN, STATUS, Status
+from uqpen.core.streams import Stream
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.curves import axis_span
 from uqpen.figures.panel import Panel
-from uqpen.figures.part import Part
 from uqpen.figures.style import VERMILION
-from uqpen.figures.texts import plain
-from uqpen.labels import RUN, STATUS, Status
-from uqpen.streams import Stream
-from uqpen.summary.digits import grouped
+from uqpen.figures.texts import plain_text
+from uqpen.results.digits import grouped_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["jittered", "kinds_of", "scatter", "thinned"]
+__all__ = ["category_labels", "jitter", "scatter_panels", "thin_runs"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -32,35 +32,35 @@ _MOST_LOST = 100
 _FEWEST_RUNS = 250
 
 
-def scatter(part: Part) -> Iterator[Panel]:
+def scatter_panels(view: ArchiveView) -> Iterator[Panel]:
     """Runs of one design: each output against each input."""
-    design = next(iter(part.samples), None)
+    design = next(iter(view.sample_designs), None)
     if design is None:
         return
-    inputs = part.random_inputs(design)
-    outputs = [*part.numbers, *part.kinds]
+    inputs = view.random_inputs(design)
+    outputs = [*view.numeric_outputs, *view.categorical_outputs]
     panels = max(1, len(inputs) * len(outputs))
-    every = part.runs(design)
+    every = view.runs(design)
     is_ok = every[STATUS].values == Status.OK
     most = max(_FEWEST_RUNS, min(_MOST_RUNS, _MOST_IN_ALL // panels))
-    ok, lost = (every.isel({RUN: np.flatnonzero(which)}) for which in (is_ok, ~is_ok))
-    parts = (thinned(ok, most), thinned(lost, _MOST_LOST))
-    told = "; ".join(
-        f"{grouped(some.sizes[RUN])} of {grouped(whole.sizes[RUN])} runs {what}"
-        for some, whole, what in zip(parts, (ok, lost), ("that came back", "lost"), strict=True)
+    ok, failed = (every.isel({RUN: np.flatnonzero(which)}) for which in (is_ok, ~is_ok))
+    parts = (thin_runs(ok, most), thin_runs(failed, _MOST_LOST))
+    note = "; ".join(
+        f"{grouped_number(some.sizes[RUN])} of {grouped_number(whole.sizes[RUN])} runs {what}"
+        for some, whole, what in zip(parts, (ok, failed), ("that came back", "lost"), strict=True)
         if whole.sizes[RUN]
     )
-    told = f"drawn of {design}: {told}"
-    colour = part.look(design).colour
+    note = f"drawn of {design}: {note}"
+    colour = view.look(design).colour
     for output in outputs:
         for name in inputs:
-            title = part.titled(f"{output}, {name}")
+            title = view.title(f"{output}, {name}")
             yield Panel(
-                title, partial(_draw, part, name, output, parts, colour, told), 2.2, group=output
+                title, partial(_draw, view, name, output, parts, colour, note), 2.2, group=output
             )
 
 
-def thinned(runs: xr.Dataset, most: int) -> xr.Dataset:
+def thin_runs(runs: xr.Dataset, most: int) -> xr.Dataset:
     """Some of the runs, the same ones each time; in order, as a table's need not be at random."""
     size = runs.sizes[RUN]
     if size <= most:
@@ -70,7 +70,7 @@ def thinned(runs: xr.Dataset, most: int) -> xr.Dataset:
 
 
 def _draw(
-    part: Part,
+    view: ArchiveView,
     name: str,
     output: str,
     runs: tuple[xr.Dataset, xr.Dataset],
@@ -78,19 +78,19 @@ def _draw(
     told: str,
     axes: Axes,
 ) -> Iterator[str]:
-    ok, lost = runs
-    x, x_lost = (part.measure(name).from_si(each[name].values) for each in runs)
-    y = _heights(axes, part, output, ok)
+    ok, failed = runs
+    x, x_lost = (view.scale(name).from_si(each[name].values) for each in runs)
+    y = _vertical_positions(axes, view, output, ok)
     axes.plot(x, y, ".", color=colour, markersize=2.2, alpha=0.6)
-    axes.set(xlabel=part.axis(name), ylabel=part.axis(output))
+    axes.set(xlabel=view.axis_label(name), ylabel=view.axis_label(output))
     if not ok.sizes[RUN]:
         axes.set_yticks([])
-    elif output in part.numbers:
-        lower, upper, is_cut = span([y])
+    elif output in view.numeric_outputs:
+        lower, upper, is_cut = axis_span([y])
         axes.set_ylim(lower, upper)
         if is_cut:
             yield "axes of outputs end where all but 1 % lies inside"
-    if lost.sizes[RUN]:
+    if failed.sizes[RUN]:
         axes.plot(
             x_lost,
             np.full(x_lost.size, 0.02),
@@ -104,26 +104,28 @@ def _draw(
     yield told
 
 
-def _heights(axes: Axes, part: Part, output: str, runs: xr.Dataset) -> FloatArray:
+def _vertical_positions(axes: Axes, view: ArchiveView, output: str, runs: xr.Dataset) -> FloatArray:
     """Where each run stands; those of one kind beside each other, so that they can be seen."""
-    if output in part.numbers:
-        heights: FloatArray = part.measure(output).from_si(runs[output].values)
+    if output in view.numeric_outputs:
+        heights: FloatArray = view.scale(output).from_si(runs[output].values)
         return heights
-    kinds = kinds_of(runs[output])
-    axes.set_yticks(range(len(kinds)), [plain(label, 20) for label in kinds.values()])
+    kinds = category_labels(runs[output])
+    axes.set_yticks(range(len(kinds)), [plain_text(label, 20) for label in kinds.values()])
     axes.set_ylim(-0.6, len(kinds) - 0.4)
-    return jittered(runs[output].values, kinds)
+    return jitter(runs[output].values, kinds)
 
 
-def kinds_of(output: xr.DataArray) -> dict[int, str]:
+def category_labels(output: xr.DataArray) -> dict[int, str]:
     """What the kinds of an output are called, by their codes; not that of lost runs."""
-    told: dict[Any, Any] = dict(output.attrs)
-    codes = np.asarray(told["flag_values"]).tolist()
-    labels = map(str, np.atleast_1d(told.get("flag_labels", told["flag_meanings"].split())))
+    attributes: dict[Any, Any] = dict(output.attrs)
+    codes = np.asarray(attributes["flag_values"]).tolist()
+    labels = map(
+        str, np.atleast_1d(attributes.get("flag_labels", attributes["flag_meanings"].split()))
+    )
     return {code: label for code, label in zip(codes, labels, strict=True) if label != "lost"}
 
 
-def jittered(codes: npt.NDArray[np.integer], kinds: Iterable[int]) -> FloatArray:
+def jitter(codes: npt.NDArray[np.integer], kinds: Iterable[int]) -> FloatArray:
     """The row of each run's kind, and up to a quarter beside it, so that many can be seen."""
     row_of = {code: row for row, code in enumerate(kinds)}
     rows = np.array([row_of.get(code, np.nan) for code in codes.tolist()])

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 
 import xarray as xr
 
-from uqpen.archive.read import group
-from uqpen.figures.measures import Series, panel_of, series
+from uqpen.archive.read import read_group
+from uqpen.core.labels import SENSITIVITY
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.measures import MeasureSeries, measure_series, measures_panel
 from uqpen.figures.panel import Panel
-from uqpen.figures.part import Part
-from uqpen.labels import SENSITIVITY
-from uqpen.summary.table import unchanged
+from uqpen.results.table import identity
 
-__all__ = ["EFFECTS", "INDICES", "best", "sensitivity"]
+__all__ = ["EFFECTS", "INDICES", "best_sources", "sensitivity_panels"]
 
 INDICES = (
     ("first_order", "first order", "o"),
@@ -23,31 +23,33 @@ INDICES = (
 EFFECTS = (("mu_star", "mean |effect|", "o"), ("sigma", "sd of effects", "^"))
 
 
-def sensitivity(part: Part) -> Iterator[Panel]:
+def sensitivity_panels(view: ArchiveView) -> Iterator[Panel]:
     """Each input's share of the variance, and its effects."""
-    for output in part.numbers:
-        if found := best(part, series(part, output, INDICES)):
-            title = part.titled(f"{output}: shares of its variance")
-            yield panel_of(part, title, "share of the variance", found, unchanged)
-    for output in part.numbers:
-        if found := series(part, output, EFFECTS):
-            title = part.titled(f"{output}: elementary effects")
-            convert = part.measure(output).difference_from_si
-            yield panel_of(part, title, _effect_on(part, output), found, convert)
+    for output in view.numeric_outputs:
+        if found := best_sources(view, measure_series(view, output, INDICES)):
+            title = view.title(f"{output}: shares of its variance")
+            yield measures_panel(view, title, "share of the variance", found, identity)
+    for output in view.numeric_outputs:
+        if found := measure_series(view, output, EFFECTS):
+            title = view.title(f"{output}: elementary effects")
+            convert = view.scale(output).difference_from_si
+            yield measures_panel(view, title, _effect_unit_label(view, output), found, convert)
 
 
-def _effect_on(part: Part, output: str) -> str:
-    return f"effect on {part.axis(output)}"
+def _effect_unit_label(view: ArchiveView, output: str) -> str:
+    return f"effect on {view.axis_label(output)}"
 
 
-def best(part: Part, found: list[Series]) -> list[Series]:
+def best_sources(view: ArchiveView, found: list[MeasureSeries]) -> list[MeasureSeries]:
     """Without what plain samples tell, unless it is asked for or there is nothing else."""
-    made_for = [each for each in found if not part.is_plain(each.source)]
-    if part.source is not None or made_for or not found:
-        return made_for or found
-    largest = max(found, key=lambda each: _runs(group(part.tree, SENSITIVITY, each.source)))
+    dedicated = [each for each in found if not view.is_sample_design(each.source)]
+    if view.source is not None or dedicated or not found:
+        return dedicated or found
+    largest = max(
+        found, key=lambda each: _run_count(read_group(view.tree, SENSITIVITY, each.source))
+    )
     return [each for each in found if each.source == largest.source]
 
 
-def _runs(told: xr.Dataset) -> int:
+def _run_count(told: xr.Dataset) -> int:
     return int(told.attrs["runs"])

@@ -7,9 +7,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from uqpen.errors import FigureError
+from uqpen.core.errors import FigureError
 
-__all__ = ["BLACK", "BLUE", "GREY", "VERMILION", "Look", "look", "required", "style"]
+__all__ = [
+    "BLACK",
+    "BLUE",
+    "GREY",
+    "VERMILION",
+    "SourceStyle",
+    "figure_style",
+    "require_matplotlib",
+    "source_style",
+]
 
 # Told apart by every kind of colour vision (Okabe & Ito, 2008); without the yellow, which is too
 # light for a line on white.
@@ -64,7 +73,7 @@ _SETTINGS: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class Look:
+class SourceStyle:
     """How what belongs to one source is drawn; a colour alone tells nothing in grey.
 
     Attributes
@@ -79,16 +88,16 @@ class Look:
     line: Any
 
 
-def look(position: int) -> Look:
+def source_style(position: int) -> SourceStyle:
     """The look of the source at a position among those of an archive."""
-    return Look(
+    return SourceStyle(
         _COLOURS[position % len(_COLOURS)],
         _MARKERS[position % len(_MARKERS)],
         _LINES[position % len(_LINES)],
     )
 
 
-def required() -> Any:
+def require_matplotlib() -> Any:
     """The package that draws.
 
     Raises
@@ -106,7 +115,7 @@ def required() -> Any:
 
 
 @contextmanager
-def style() -> Iterator[None]:
+def figure_style() -> Iterator[None]:
     """Draw in the style of these figures, whatever the settings are outside, which come back."""
-    with required().style.context(["default", _SETTINGS]):
+    with require_matplotlib().style.context(["default", _SETTINGS]):
         yield

@@ -9,68 +9,70 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import group, names_in
-from uqpen.errors import ArchiveError
+from uqpen.archive.read import group_names, read_group
+from uqpen.core.errors import ArchiveError
+from uqpen.core.labels import RUN, RUNS, STATUS, SURROGATES, Status
+from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.panel import Panel
-from uqpen.figures.part import Part
-from uqpen.figures.scatter import thinned
+from uqpen.figures.scatter import thin_runs
 from uqpen.figures.style import GREY
-from uqpen.figures.texts import with_unit
-from uqpen.labels import RUN, RUNS, STATUS, SURROGATES, Status
-from uqpen.summary.digits import grouped
-from uqpen.surrogates.restoring import from_dataset
+from uqpen.figures.texts import title_with_unit
+from uqpen.results.digits import grouped_number
+from uqpen.surrogates.restoring import restore_surrogate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["predicted", "quality", "surrogate", "tested_by"]
+__all__ = ["fit_quality", "predict", "surrogate_panels", "test_design"]
 
 _MOST_RUNS = 1000
 
 
-def surrogate(part: Part) -> Iterator[Panel]:
+def surrogate_panels(view: ArchiveView) -> Iterator[Panel]:
     """What a surrogate says of runs, against the model.
 
     They are its check runs or, without any, those that it was fitted to. Only polynomials out of
     the archive are evaluated, no model.
     """
-    for name in names_in(part.tree, SURROGATES):
-        made = group(part.tree, SURROGATES, name)
-        design = tested_by(part, made)
-        if part.source not in (None, name) or not part.came_back(design):
+    for name in group_names(view.tree, SURROGATES):
+        dataset = read_group(view.tree, SURROGATES, name)
+        design = test_design(view, dataset)
+        if view.source not in (None, name) or not view.has_completed_runs(design):
             continue
-        for output in str(made.attrs["outputs"]).split():
-            if output in part.numbers:
-                title = part.titled(f"{output} by {name}: {quality(made, output)}")
-                yield Panel(title, partial(_draw, part, name, design, output), height=3.0)
+        for output in str(dataset.attrs["outputs"]).split():
+            if output in view.numeric_outputs:
+                title = view.title(f"{output} by {name}: {fit_quality(dataset, output)}")
+                yield Panel(title, partial(_draw, view, name, design, output), height=3.0)
 
 
-def tested_by(part: Part, made: xr.Dataset) -> str:
+def test_design(view: ArchiveView, made: xr.Dataset) -> str:
     """The design that a surrogate is compared with: its check, or that it was fitted to."""
     check = str(made.attrs.get("check", ""))
-    return check if check in part.designs else str(made.attrs["design"])
+    return check if check in view.designs else str(made.attrs["design"])
 
 
-def _draw(part: Part, name: str, design: str, output: str, axes: Axes) -> Iterator[str]:
-    made = group(part.tree, SURROGATES, name)
-    runs = group(part.tree, RUNS, design)
+def _draw(view: ArchiveView, name: str, design: str, output: str, axes: Axes) -> Iterator[str]:
+    dataset = read_group(view.tree, SURROGATES, name)
+    runs = read_group(view.tree, RUNS, design)
     runs = runs.isel({RUN: np.flatnonzero(runs[STATUS].values == Status.OK)})
-    shown = thinned(runs, _MOST_RUNS)
-    truth = part.measure(output).from_si(shown[output].values)
-    guess = part.measure(output).from_si(predicted(made, name, shown, output))
+    shown = thin_runs(runs, _MOST_RUNS)
+    truth = view.scale(output).from_si(shown[output].values)
+    guess = view.scale(output).from_si(predict(dataset, name, shown, output))
     ends = np.array([min(truth.min(), guess.min()), max(truth.max(), guess.max())])
-    colour = part.look(name).colour
+    colour = view.look(name).colour
     axes.plot(ends, ends, color=GREY, linewidth=0.9, label="surrogate = model")
     axes.plot(truth, guess, ".", color=colour, markersize=2.5, alpha=0.6)
-    unit = part.unit(output)
-    axes.set(xlabel=with_unit("run of the model", unit), ylabel=with_unit("surrogate", unit))
-    is_fitted_to = design == str(made.attrs["design"])
+    unit = view.unit(output)
+    axes.set(
+        xlabel=title_with_unit("run of the model", unit), ylabel=title_with_unit("surrogate", unit)
+    )
+    is_fitted_to = design == str(dataset.attrs["design"])
     whose = "the very runs it was fitted to" if is_fitted_to else "which it was not fitted to"
-    counted = f"{grouped(shown.sizes[RUN])} of {grouped(runs.sizes[RUN])}"
+    counted = f"{grouped_number(shown.sizes[RUN])} of {grouped_number(runs.sizes[RUN])}"
     yield f"{name}: {counted} runs of {design}, {whose}"
 
 
-def predicted(made: xr.Dataset, name: str, runs: xr.Dataset, output: str) -> np.ndarray:
+def predict(made: xr.Dataset, name: str, runs: xr.Dataset, output: str) -> np.ndarray:
     """What a surrogate says of runs, in the SI unit of the output.
 
     Raises
@@ -79,7 +81,7 @@ def predicted(made: xr.Dataset, name: str, runs: xr.Dataset, output: str) -> np.
         If the surrogate is not whole.
     """
     try:
-        model = from_dataset(made, name)
+        model = restore_surrogate(made, name)
     except (KeyError, TypeError, ValueError) as error:
         reason = f"{type(error).__name__}: {error}"
         raise ArchiveError(f"/{SURROGATES}/{name}: is damaged: {reason}") from None
@@ -87,10 +89,10 @@ def predicted(made: xr.Dataset, name: str, runs: xr.Dataset, output: str) -> np.
     return model.evaluate(inputs).outputs[output]
 
 
-def quality(made: xr.Dataset, output: str) -> str:
+def fit_quality(made: xr.Dataset, output: str) -> str:
     """How well it fits, as its table has it."""
-    told = made[f"{output}_coefficient"].attrs
+    attributes = made[f"{output}_coefficient"].attrs
     for of, key in (("check runs", "check_q2_of_output"), ("runs left out", "q2")):
-        if np.isfinite(told[key]):
-            return f"Q² {float(told[key]):.5g} ({of})"
+        if np.isfinite(attributes[key]):
+            return f"Q² {float(attributes[key]):.5g} ({of})"
     return "Q² unknown"

@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import re
 
-from uqpen.summary.digits import SUPERSCRIPTS
-from uqpen.units import DIMENSIONLESS
+from uqpen.core.units import DIMENSIONLESS
+from uqpen.results.digits import SUPERSCRIPTS
 
-__all__ = ["after_number", "capitalized", "named", "plain", "typeset", "with_unit"]
+__all__ = [
+    "capitalized",
+    "plain_text",
+    "title_with_name",
+    "title_with_unit",
+    "typeset_unit",
+    "unit_suffix",
+]
 
 _LONGEST = 80
 
@@ -27,7 +34,7 @@ def capitalized(text: str) -> str:
     return f"{text[0].upper()}{text[1:]}"
 
 
-def plain(text: str, longest: int = _LONGEST) -> str:
+def plain_text(text: str, longest: int = _LONGEST) -> str:
     """A text in one line, its control characters spelled out, and cut where it is too long."""
     shown = "".join(
         character
@@ -38,7 +45,7 @@ def plain(text: str, longest: int = _LONGEST) -> str:
     return shown if len(shown) <= longest else f"{shown[: longest - 1]}…"
 
 
-def typeset(unit: str) -> str:
+def typeset_unit(unit: str) -> str:
     """A unit with its powers raised.
 
     >>> typeset("kg m-3"), typeset("g/cm^3")
@@ -47,7 +54,7 @@ def typeset(unit: str) -> str:
     return _POWER.sub(lambda match: match[1].translate(SUPERSCRIPTS), unit)
 
 
-def named(title: str, name: str) -> str:
+def title_with_name(title: str, name: str) -> str:
     """A title and, in brackets, the name that a study gives it, unless that says the same.
 
     >>> named("wall heat flux", "wall_heat_flux"), named("depth", "h")
@@ -56,16 +63,16 @@ def named(title: str, name: str) -> str:
     return title if title.replace(" ", "_") == name else f"{title} ({name})"
 
 
-def after_number(unit: str) -> str:
+def unit_suffix(unit: str) -> str:
     """What stands behind a number in a text: a space and its unit, if it has one.
 
     >>> after_number("kg m-3"), after_number("1")
     (' kg m⁻³', '')
     """
-    return "" if unit == DIMENSIONLESS else f" {plain(typeset(unit), 30)}"
+    return "" if unit == DIMENSIONLESS else f" {plain_text(typeset_unit(unit), 30)}"
 
 
-def with_unit(title: str, unit: str) -> str:
+def title_with_unit(title: str, unit: str) -> str:
     """What an axis says: a quantity and, in brackets, its unit, if it has one."""
-    head = plain(title, 50)
-    return head if unit == DIMENSIONLESS else f"{head} [{plain(typeset(unit), 30)}]"
+    head = plain_text(title, 50)
+    return head if unit == DIMENSIONLESS else f"{head} [{plain_text(typeset_unit(unit), 30)}]"

@@ -9,18 +9,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import group
+from uqpen.archive.read import read_group
+from uqpen.core.labels import TRAJECTORY
+from uqpen.core.units import DIMENSIONLESS
+from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.panel import Panel
-from uqpen.figures.part import Part
-from uqpen.figures.style import look
-from uqpen.figures.texts import plain, with_unit
-from uqpen.labels import TRAJECTORY
-from uqpen.units import DIMENSIONLESS
+from uqpen.figures.style import source_style
+from uqpen.figures.texts import plain_text, title_with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["called", "courses_of", "shared_panels", "shown_unit", "symbol", "trajectory"]
+__all__ = [
+    "find_trajectories",
+    "quantity_name",
+    "quantity_symbol",
+    "readable_unit",
+    "shared_panels",
+    "trajectory_panels",
+]
 
 # Quantities of one unit share a panel unless one is this much smaller than the other.
 _ALIKE = 8.0
@@ -29,23 +36,23 @@ _SMALLER = {"m": ("mm", 1e3), "s": ("ms", 1e3)}
 _FEW = 0.02
 
 
-def trajectory(part: Part) -> Iterator[Panel]:
+def trajectory_panels(view: ArchiveView) -> Iterator[Panel]:
     """The course at the nominal inputs; several models' together."""
-    courses = courses_of(part)
-    if not courses:
+    trajectories = find_trajectories(view)
+    if not trajectories:
         return
-    first = next(iter(courses.values()))
+    first = next(iter(trajectories.values()))
     for names in shared_panels(first):
-        titles = "; ".join(called(first[name]) for name in names)
-        yield Panel(titles, partial(_draw, part, courses, names))
+        titles = "; ".join(quantity_name(first[name]) for name in names)
+        yield Panel(titles, partial(_draw, view, trajectories, names))
 
 
-def courses_of(part: Part) -> dict[str, xr.Dataset]:
+def find_trajectories(view: ArchiveView) -> dict[str, xr.Dataset]:
     """The course of each model that tells one."""
     return {
-        each.model: told
-        for each in (part.others if part.model else [part])
-        if (told := group(each.tree, TRAJECTORY))
+        each.model: trajectory
+        for each in (view.model_views if view.model else [view])
+        if (trajectory := read_group(each.tree, TRAJECTORY))
     }
 
 
@@ -56,7 +63,9 @@ def shared_panels(course: xr.Dataset) -> list[list[str]]:
         for names in found:
             other = course[names[0]]
             is_same = other.attrs.get("units") == variable.attrs.get("units")
-            if is_same and _reach(other) < _ALIKE * _reach(variable) < _ALIKE**2 * _reach(other):
+            if is_same and _largest_value(other) < _ALIKE * _largest_value(
+                variable
+            ) < _ALIKE**2 * _largest_value(other):
                 names.append(str(name))
                 break
         else:
@@ -64,60 +73,62 @@ def shared_panels(course: xr.Dataset) -> list[list[str]]:
     return found
 
 
-def _reach(array: xr.DataArray) -> float:
+def _largest_value(array: xr.DataArray) -> float:
     return float(np.nanmax(np.abs(array.values), initial=0.0)) or 1.0
 
 
-def called(array: xr.DataArray) -> str:
+def quantity_name(array: xr.DataArray) -> str:
     """What a quantity of a course is called."""
     return str(array.attrs.get("long_name", array.name))
 
 
-def symbol(array: xr.DataArray) -> str:
+def quantity_symbol(array: xr.DataArray) -> str:
     """The short symbol that ends what a quantity is called, or all of that without one."""
-    text, _, short = called(array).rpartition(", ")
-    return short if text and len(short) <= 2 else called(array)
+    text, _, short = quantity_name(array).rpartition(", ")
+    return short if text and len(short) <= 2 else quantity_name(array)
 
 
 def _draw(
-    part: Part, courses: dict[str, xr.Dataset], names: list[str], axes: Axes
+    view: ArchiveView, trajectories: dict[str, xr.Dataset], names: list[str], axes: Axes
 ) -> Iterator[str]:
-    every = [each.model for each in part.others]
-    first = next(iter(courses.values()))
+    every = [each.model for each in view.model_views]
+    first = next(iter(trajectories.values()))
     along = str(next(iter(first.dims)))
-    unit, factor = shown_unit(first[names[0]])
-    for model, course in courses.items():
-        depth = part.measure(along).from_si(course[along].values)
+    unit, factor = readable_unit(first[names[0]])
+    for model, trajectory in trajectories.items():
+        depth = view.scale(along).from_si(trajectory[along].values)
         for number, name in enumerate(names):
-            appearance = look(every.index(model) if model else number)
+            appearance = source_style(every.index(model) if model else number)
             axes.plot(
                 depth,
-                course[name].values * factor,
+                trajectory[name].values * factor,
                 color=appearance.colour,
                 linestyle=appearance.line,
                 linewidth=0.8 if number and model else 1.5,
-                label=_label(course, model, names, number),
+                label=_label(trajectory, model, names, number),
             )
             if number and model:
-                yield f"thin lines: {called(course[name])}"
-    axes.set_xlabel(with_unit(called(first[along]), part.unit(along)))
-    axes.set_ylabel(with_unit(", ".join(symbol(first[name]) for name in names), unit))
+                yield f"thin lines: {quantity_name(trajectory[name])}"
+    axes.set_xlabel(title_with_unit(quantity_name(first[along]), view.unit(along)))
+    axes.set_ylabel(
+        title_with_unit(", ".join(quantity_symbol(first[name]) for name in names), unit)
+    )
     axes.set(xlim=(0, None), ylim=(0, None))
-    if lacking := [name for name in every if name not in courses]:
-        yield f"no course is told by {', '.join(map(plain, lacking))}"
+    if lacking := [name for name in every if name not in trajectories]:
+        yield f"no course is told by {', '.join(map(plain_text, lacking))}"
     yield "at the nominal inputs"
 
 
 def _label(course: xr.Dataset, model: str, names: list[str], number: int) -> str | None:
     """What the legend says of a line; None where it is told by the title or another panel."""
     if model:
-        return None if number else plain(model, 40)
-    return plain(called(course[names[number]]), 60) if len(names) > 1 else None
+        return None if number else plain_text(model, 40)
+    return plain_text(quantity_name(course[names[number]]), 60) if len(names) > 1 else None
 
 
-def shown_unit(array: xr.DataArray) -> tuple[str, float]:
+def readable_unit(array: xr.DataArray) -> tuple[str, float]:
     """The unit to show a quantity in, and how many of it are one SI unit."""
     unit = str(array.attrs.get("units", DIMENSIONLESS))
-    if unit in _SMALLER and _reach(array) < _FEW:
+    if unit in _SMALLER and _largest_value(array) < _FEW:
         return _SMALLER[unit]
     return unit, 1.0

@@ -16,16 +16,16 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.read import group
+from uqpen.archive.read import read_group
+from uqpen.core.labels import TRAJECTORY
+from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.panel import Panel
-from uqpen.figures.part import Part
-from uqpen.figures.style import GREY, look
-from uqpen.labels import TRAJECTORY
+from uqpen.figures.style import GREY, source_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["profile", "velocity_profile"]
+__all__ = ["axial_velocity", "velocity_profile_panels"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -36,17 +36,17 @@ _DEPTHS = (0.1, 0.5, 0.9)
 _POINTS = 200
 
 
-def velocity_profile(part: Part) -> Iterator[Panel]:
+def velocity_profile_panels(view: ArchiveView) -> Iterator[Panel]:
     """Velocity along the axis of an eroding rod and its target."""
-    course = group(part.tree, TRAJECTORY)
-    has_all = all(name in course for name in _NEEDED) and all(
-        f"nominal_{name}" in course.attrs for name in _NOMINAL
+    trajectory = read_group(view.tree, TRAJECTORY)
+    has_all = all(name in trajectory for name in _NEEDED) and all(
+        f"nominal_{name}" in trajectory.attrs for name in _NOMINAL
     )
-    if has_all and (course["plastic_extent"].values > 0).any():
-        yield Panel(part.titled("velocity along the axis"), partial(_draw, course), height=3.0)
+    if has_all and (trajectory["plastic_extent"].values > 0).any():
+        yield Panel(view.title("velocity along the axis"), partial(_draw, trajectory), height=3.0)
 
 
-def profile(
+def axial_velocity(
     velocities: tuple[float, float], s: float, nominal: tuple[float, float, float]
 ) -> tuple[FloatArray, FloatArray]:
     """Distances from the nose, m, and the velocities there, m s-1.
@@ -82,8 +82,8 @@ def _draw(course: xr.Dataset, axes: Axes) -> Iterator[str]:
     for number, fraction in enumerate(_DEPTHS):
         at = int(np.argmin(np.abs(depth - fraction * eroding)))
         u, v = (float(course[name].values[at]) for name in _NEEDED[:2])
-        places, velocities = profile((u, v), float(extent[at]), (R, S, epsilon))
-        appearance = look(number)
+        places, velocities = axial_velocity((u, v), float(extent[at]), (R, S, epsilon))
+        appearance = source_style(number)
         axes.plot(
             1e3 * places,
             velocities,

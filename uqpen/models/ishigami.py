@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqpen.model import Arrays, Bounds, Input, Output, Results
-from uqpen.models.source import BuiltIn
-from uqpen.settings import number, validate
+from uqpen.core.model import Arrays, Bounds, Input, Output, Results
+from uqpen.core.settings import number, validate
+from uqpen.models.source import BuiltInModel
 
 __all__ = ["Ishigami"]
 
@@ -17,7 +17,7 @@ _RANGE = Bounds(-math.pi, math.pi, lower_included=True, upper_included=True)
 
 
 @dataclass(frozen=True)
-class Ishigami(BuiltIn):
+class Ishigami(BuiltInModel):
     """y = sin x1 + a sin² x2 + b x3⁴ sin x1, smooth, not monotonic, with an interaction.
 
     With x1, x2, x3 uniform over -π to π its mean is a / 2 and its variance

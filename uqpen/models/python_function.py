@@ -17,15 +17,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.arrays import floats
-from uqpen.errors import ModelError
-from uqpen.files import FileRead
-from uqpen.labels import Status
-from uqpen.limits import Limits
-from uqpen.model import Arrays, Input, Model, Output, Results
+from uqpen.core.arrays import floats
+from uqpen.core.errors import ModelError
+from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import Status
+from uqpen.core.limits import Limits
+from uqpen.core.model import Arrays, Input, Model, Output, Results
+from uqpen.core.units import scale
 from uqpen.models.reasons import one_line
-from uqpen.models.surroundings import Surroundings
-from uqpen.units import scale
+from uqpen.models.surroundings import ModelFolder
 
 __all__ = ["PythonFunction", "check_signature", "load_function"]
 
@@ -42,18 +42,18 @@ class PythonFunction(Model):
     ----------
     function : callable
         Takes a keyword argument for each input, returns a mapping with each output; values are in
-        the units of `called_in`.
+        the units of `units`.
     name : str
         What a person calls it; with surroundings, the reference that `load_function` found it by.
     inputs, outputs : tuple
         As of any model, in SI units.
-    called_in : mapping of str to str
+    units : mapping of str to str
         The unit that the function takes each input and gives each output in.
     vectorized : bool
         Whether it takes and returns arrays of shape (run,); else one float for each.
-    surroundings : Surroundings, optional
+    surroundings : ModelFolder, optional
         What the function must be called in; its source tells one version of a model from another.
-    supervision : Limits
+    enforced_limits : Limits
         What one run may use; if anything is limited, runs are made in a process of their own.
     """
 
@@ -61,22 +61,22 @@ class PythonFunction(Model):
     name: str
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
-    called_in: Mapping[str, str]
+    units: Mapping[str, str]
     vectorized: bool = False
-    surroundings: Surroundings | None = field(default=None, repr=False, compare=False)
-    supervision: Limits = Limits()
-    is_foreign: bool = field(default=True, init=False)
+    surroundings: ModelFolder | None = field(default=None, repr=False, compare=False)
+    enforced_limits: Limits = Limits()
+    is_untrusted: bool = field(default=True, init=False)
 
     def evaluate(self, inputs: Arrays) -> Results:
         arguments = {
-            name: scale(self.called_in[name]).from_si(values) for name, values in inputs.items()
+            name: scale(self.units[name]).from_si(values) for name, values in inputs.items()
         }
         runs = len(next(iter(inputs.values())))
         outputs = {output.name: np.full(runs, np.nan) for output in self.outputs}
         status = np.full(runs, Status.OK, dtype=np.int8)
         reasons: dict[int, str] = {}
-        with self.surroundings.entered() if self.surroundings else contextlib.nullcontext():
-            for batch, answer in self._answers(arguments, runs):
+        with self.surroundings.on_import_path() if self.surroundings else contextlib.nullcontext():
+            for batch, answer in self._batch_answers(arguments, runs):
                 if isinstance(answer, str):
                     status[batch] = Status.FAILED
                     reasons[batch.start] = answer
@@ -84,24 +84,24 @@ class PythonFunction(Model):
                 for name, values in answer.items():
                     outputs[name][batch] = values
         for output in self.outputs:
-            measure = scale(self.called_in[output.name])
+            measure = scale(self.units[output.name])
             outputs[output.name] = outputs[output.name] * measure.factor + measure.offset
         imported = self.surroundings.imported if self.surroundings else frozenset()
         return Results(outputs, status, reasons, imported)
 
-    def consists_of(self, files: frozenset[str]) -> None:
+    def record_files(self, files: frozenset[str]) -> None:
         if self.surroundings:
-            self.surroundings.note(files)
+            self.surroundings.add_imported(files)
 
-    def files(self) -> tuple[FileRead, ...]:
+    def files(self) -> tuple[FileSnapshot, ...]:
         return self.surroundings.files() if self.surroundings else ()
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Another process loads the function itself: its modules cannot be sent.
-        declared = (self.name, self.inputs, self.outputs, self.called_in, self.vectorized)
+        declared = (self.name, self.inputs, self.outputs, self.units, self.vectorized)
         if self.surroundings is None:
-            return PythonFunction, (self.function, *declared, None, self.supervision)
-        return _loaded, (self.surroundings.folder, *declared, self.supervision)
+            return PythonFunction, (self.function, *declared, None, self.enforced_limits)
+        return _restore, (self.surroundings.folder, *declared, self.enforced_limits)
 
     def identity(self) -> dict[str, str]:
         if self.surroundings is None:
@@ -109,7 +109,7 @@ class PythonFunction(Model):
         sources = self.surroundings.sources()
         return {"name": self.name, "source_sha256": hashlib.sha256(sources).hexdigest()}
 
-    def _answers(
+    def _batch_answers(
         self, arguments: Arrays, runs: int
     ) -> Iterator[tuple[slice, dict[str, npt.NDArray[np.float64]] | str]]:
         """For each batch of runs what came of it: the outputs, or the reason it has none."""
@@ -140,14 +140,14 @@ class PythonFunction(Model):
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # whatever else a black box raises is data
-            return _described(error)
+            return _error_text(error)
         try:
-            return _checked(returned, [output.name for output in self.outputs], runs)
+            return _check_outputs(returned, [output.name for output in self.outputs], runs)
         except _UnusableError as refused:
             return one_line(str(refused))
 
 
-def _checked(
+def _check_outputs(
     returned: object, names: list[str], runs: int | None
 ) -> dict[str, npt.NDArray[np.float64]]:
     """The outputs out of what a function returned, which can be anything."""
@@ -168,7 +168,7 @@ def _checked(
     return outputs
 
 
-def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], Surroundings]:
+def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], ModelFolder]:
     """The function behind ``"file.py:function"`` or ``"package.module:function"``.
 
     Parameters
@@ -181,7 +181,7 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], Sur
     Returns
     -------
     function : callable
-    surroundings : Surroundings
+    surroundings : ModelFolder
         What it must be called in.
 
     Raises
@@ -192,9 +192,9 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], Sur
     where, _, name = reference.rpartition(":")
     if not where or not name:
         raise ModelError(f'"{reference}" is not of the form "my_model.py:function"')
-    surroundings = Surroundings(folder)
-    with surroundings.entered():
-        module = _imported(where, folder)
+    surroundings = ModelFolder(folder)
+    with surroundings.on_import_path():
+        module = _import_module(where, folder)
     if where.endswith(".py"):
         # It may lie elsewhere.
         surroundings.read(str(folder / where))
@@ -206,19 +206,19 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], Sur
     return function, surroundings
 
 
-def _loaded(
+def _restore(
     folder: Path,
     reference: str,
     inputs: tuple[Input, ...],
     outputs: tuple[Output, ...],
-    called_in: Mapping[str, str],
+    units: Mapping[str, str],
     vectorized: bool,
     limits: Limits,
 ) -> PythonFunction:
     """A model as it was declared, its function loaded anew."""
     function, surroundings = load_function(reference, folder)
     return PythonFunction(
-        function, reference, inputs, outputs, called_in, vectorized, surroundings, limits
+        function, reference, inputs, outputs, units, vectorized, surroundings, limits
     )
 
 
@@ -241,10 +241,10 @@ def check_signature(function: Callable[..., Any], names: list[str]) -> None:
         raise ModelError(f"{label}{signature} cannot take the inputs: {error}") from None
 
 
-def _imported(where: str, folder: Path) -> Any:
+def _import_module(where: str, folder: Path) -> Any:
     try:
         if where.endswith(".py"):
-            return _from_file(folder / where)
+            return _load_file(folder / where)
         return importlib.import_module(where)
     except ModelError:
         raise
@@ -253,11 +253,11 @@ def _imported(where: str, folder: Path) -> Any:
     except (Exception, SystemExit) as error:  # a user's module can raise anything when imported
         place = traceback.extract_tb(error.__traceback__)[-1]
         line = getattr(error, "lineno", None) or place.lineno
-        text = f'importing "{where}" failed at line {line}: {_described(error)}'
+        text = f'importing "{where}" failed at line {line}: {_error_text(error)}'
         raise ModelError(one_line(text)) from None
 
 
-def _from_file(path: Path) -> Any:
+def _load_file(path: Path) -> Any:
     if not path.is_file():
         raise ModelError(f'there is no file "{path.name}" beside the study')
     # Under a name of our own: a model in "random.py" must not stand in for Python's module.
@@ -270,7 +270,7 @@ def _from_file(path: Path) -> Any:
     return module
 
 
-def _described(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     """An exception in one line, whatever its own text does."""
     try:
         return one_line(f"{type(error).__name__}: {error}").removesuffix(":")

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from uqpen.errors import TrajectoryError
-from uqpen.model import Arrays, BoolArray, Results
+from uqpen.core.errors import TrajectoryError
+from uqpen.core.model import Arrays, BoolArray, Results
 from uqpen.models import rod_and_target
-from uqpen.models.rod_course import DEPTHS, Trajectory, as_dataset, while_rigid
-from uqpen.models.source import BuiltIn
+from uqpen.models.rod_course import DEPTHS, Trajectory, rigid_motion, trajectory_dataset
+from uqpen.models.source import BuiltInModel
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -23,7 +23,7 @@ __all__ = ["RigidPenetration"]
 FloatArray = npt.NDArray[np.float64]
 
 
-class RigidPenetration(BuiltIn):
+class RigidPenetration(BuiltInModel):
     """Penetration of a rod that keeps its length, with Walker and Anderson's target.
 
     It takes the inputs of `walker-anderson` and gives its outputs, so that a study can put one in
@@ -65,10 +65,10 @@ class RigidPenetration(BuiltIn):
         if not 0 < rest < np.inf:
             raise TrajectoryError("inputs too large or too small")
         depth = np.linspace(0.0, rest, DEPTHS)
-        time, velocity = while_rigid(depth, rest, inputs["impact_velocity"], inertia, resistance)
+        time, velocity = rigid_motion(depth, rest, inputs["impact_velocity"], inertia, resistance)
         length = np.full_like(depth, inputs["projectile_length"])
         still = np.zeros_like(depth)
-        return as_dataset(Trajectory(depth, time, velocity, velocity, length, still))
+        return trajectory_dataset(Trajectory(depth, time, velocity, velocity, length, still))
 
 
 def _constants(inputs: Arrays) -> tuple[FloatArray, FloatArray]:

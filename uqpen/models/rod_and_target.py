@@ -16,7 +16,7 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.model import POSITIVE, Arrays, BoolArray, Bounds, Category, Input, Output
+from uqpen.core.model import POSITIVE, Arrays, BoolArray, Bounds, Category, Input, Output
 
 __all__ = ["ALTERNATIVES", "INPUTS", "OUTPUTS", "Termination", "conditions", "sound_speed"]
 
@@ -104,7 +104,7 @@ def sound_speed(inputs: Arrays) -> npt.NDArray[np.float64]:
 
 
 def conditions(inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
-    """What the inputs must satisfy together; see `uqpen.model.Model.conditions`."""
+    """What the inputs must satisfy together; see `uqpen.core.model.Model.conditions`."""
     yield inputs["plasticity_radius"] > inputs["crater_radius"], "plasticity_radius > crater_radius"
     if "projectile_sound_speed" in inputs and "projectile_young_modulus" in inputs:
         given = inputs["projectile_sound_speed"]

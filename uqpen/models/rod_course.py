@@ -12,7 +12,7 @@ from scipy import special
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["DEPTHS", "Trajectory", "as_dataset", "while_rigid"]
+__all__ = ["DEPTHS", "Trajectory", "rigid_motion", "trajectory_dataset"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -23,7 +23,7 @@ DEPTHS = 401
 _DEPTH = "penetration_depth"
 
 # What the course of a run is made of: variable, unit, what a person reads.
-_COURSE = (
+_VARIABLES = (
     ("time", "s", "time since impact"),
     ("nose_velocity", "m s-1", "velocity of the projectile's nose, u"),
     ("tail_velocity", "m s-1", "velocity of the projectile's tail, v"),
@@ -57,7 +57,7 @@ class Trajectory(NamedTuple):
     plastic_extent: FloatArray
 
 
-def as_dataset(course: Trajectory) -> xr.Dataset:
+def trajectory_dataset(course: Trajectory) -> xr.Dataset:
     """A course as an archive keeps it, along ``penetration_depth``."""
     import xarray as xr
 
@@ -65,13 +65,13 @@ def as_dataset(course: Trajectory) -> xr.Dataset:
     return xr.Dataset(
         {
             name: (_DEPTH, getattr(course, name), {"units": unit, "long_name": long_name})
-            for name, unit, long_name in _COURSE
+            for name, unit, long_name in _VARIABLES
         },
         {_DEPTH: (_DEPTH, course.depth, described)},
     )
 
 
-def while_rigid(
+def rigid_motion(
     depth: FloatArray, rest: float, u0: float, inertia: float, resistance: float
 ) -> tuple[FloatArray, FloatArray]:
     """How a rigid rod comes to rest.

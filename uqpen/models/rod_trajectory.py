@@ -20,14 +20,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.errors import TrajectoryError
-from uqpen.models.rod_course import DEPTHS, Trajectory, while_rigid
+from uqpen.core.errors import TrajectoryError
+from uqpen.models.rod_course import DEPTHS, Trajectory, rigid_motion
 
 __all__ = [
     "Rod",
     "erosion_slopes",
     "integrate_erosion",
-    "rod_in_target",
+    "make_rod",
     "trajectory",
 ]
 
@@ -38,7 +38,7 @@ _MOST_EVALUATIONS = 200_000
 
 
 class Rod(NamedTuple):
-    """A rod and its target, as the equations take them; see `rod_in_target`."""
+    """A rod and its target, as the equations take them; see `make_rod`."""
 
     density_ratio: float  # Ω
     profile: float  # 2 + ε
@@ -57,7 +57,7 @@ def trajectory(rod: Rod, *, depths: int = DEPTHS, tolerance: float = 1e-10) -> T
     Parameters
     ----------
     rod : Rod
-        What `rod_in_target` returns.
+        What `make_rod` returns.
     depths : int
         How many depths to give the course at.
     tolerance : float
@@ -80,8 +80,8 @@ def trajectory(rod: Rod, *, depths: int = DEPTHS, tolerance: float = 1e-10) -> T
     rest = z + inertia * math.log1p(u**2 / rod.resistance)
     depth = np.linspace(0.0, rest, depths)
     eroding = depth < z
-    during = _while_eroding(solution, depth[eroding], rod)
-    time, velocity = while_rigid(depth[~eroding], rest, u, inertia, rod.resistance)
+    during = _erosion_phase(solution, depth[eroding], rod)
+    time, velocity = rigid_motion(depth[~eroding], rest, u, inertia, rod.resistance)
     length = np.full_like(time, L)
     # A rod that stops while it erodes keeps its plastic extent; else x is 0.
     extent = np.full_like(time, rod.plastic_scale * x if u == 0 else 0.0)
@@ -89,7 +89,7 @@ def trajectory(rod: Rod, *, depths: int = DEPTHS, tolerance: float = 1e-10) -> T
     return Trajectory(depth, *map(np.concatenate, zip(during, after, strict=True)))
 
 
-def rod_in_target(
+def make_rod(
     *,
     projectile_density: float,
     projectile_yield_limit: float,
@@ -202,7 +202,7 @@ def integrate_erosion(rod: Rod, tolerance: float, *, dense_output: bool = False)
             (0.0, longest if erodes else 0.0),
             at_impact,
             method="DOP853",
-            events=(_tail_caught_up, _nose_at_rest),
+            events=(_tail_lead, _nose_velocity),
             dense_output=dense_output,
             args=(rod,),
             rtol=tolerance,
@@ -213,28 +213,28 @@ def integrate_erosion(rod: Rod, tolerance: float, *, dense_output: bool = False)
     return solution
 
 
-def _tail_caught_up(time: float, state: FloatArray, rod: Rod) -> float:
+def _tail_lead(time: float, state: FloatArray, rod: Rod) -> float:
     return float(state[1])
 
 
-def _nose_at_rest(time: float, state: FloatArray, rod: Rod) -> float:
+def _nose_velocity(time: float, state: FloatArray, rod: Rod) -> float:
     return float(state[0])
 
 
-for _event in (_tail_caught_up, _nose_at_rest):
+for _event in (_tail_lead, _nose_velocity):
     _event.terminal = True  # type: ignore[attr-defined]
     _event.direction = -1  # type: ignore[attr-defined]
 
 
-def _while_eroding(solution: Any, depth: FloatArray, rod: Rod) -> tuple[FloatArray, ...]:
+def _erosion_phase(solution: Any, depth: FloatArray, rod: Rod) -> tuple[FloatArray, ...]:
     if depth.size == 0:
         return (depth,) * 5
-    time = _time_at(depth, solution)
+    time = _times_at_depths(depth, solution)
     u, x, L, _ = solution.sol(time)
     return time, u, u * (1 + x), L, rod.plastic_scale * x
 
 
-def _time_at(depth: FloatArray, solution: Any) -> FloatArray:
+def _times_at_depths(depth: FloatArray, solution: Any) -> FloatArray:
     """The times at which depths are reached, by bisection to the last bit."""
     early = np.zeros_like(depth)
     late = np.full_like(depth, solution.t[-1])

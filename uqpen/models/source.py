@@ -9,10 +9,10 @@ import importlib.metadata
 from collections.abc import Iterator
 from pathlib import Path
 
-from uqpen.model import Model
-from uqpen.settings import declared
+from uqpen.core.model import Model
+from uqpen.core.settings import declared_settings
 
-__all__ = ["BuiltIn", "source_sha256"]
+__all__ = ["BuiltInModel", "source_sha256"]
 
 _PACKAGE = "uqpen.models"
 _FOLDER = Path(__file__).parent
@@ -21,12 +21,14 @@ _FOLDER = Path(__file__).parent
 _APART = Path(__file__).stem
 
 
-class BuiltIn(Model):
+class BuiltInModel(Model):
     """A model that comes with uqpen, told from others by its settings, version and source."""
 
     def identity(self) -> dict[str, str]:
         """Its name and settings, uqpen's version, and the hash of the model's source."""
-        settings = {field.name: repr(getattr(self, field.name)) for field, _ in declared(self)}
+        settings = {
+            field.name: repr(getattr(self, field.name)) for field, _ in declared_settings(self)
+        }
         return {
             "name": self.name,
             **settings,
@@ -54,7 +56,7 @@ def source_sha256(module: str) -> str:
         if name != _APART and name not in sources:
             # Whoever has checked it out on Windows has other ends of lines.
             sources[name] = _path(name).read_bytes().replace(b"\r\n", b"\n")
-            found += _imported(sources[name])
+            found += _imported_modules(sources[name])
     digest = hashlib.sha256()
     for name, source in sorted(sources.items()):
         # With its length, so that no two sequences of sources look alike.
@@ -62,7 +64,7 @@ def source_sha256(module: str) -> str:
     return digest.hexdigest()
 
 
-def _imported(source: bytes) -> Iterator[str]:
+def _imported_modules(source: bytes) -> Iterator[str]:
     """The modules of this package that a source imports, wherever in it."""
     if _PACKAGE.encode() not in source and b"from ." not in source:
         return

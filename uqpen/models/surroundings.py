@@ -11,10 +11,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
-from uqpen.errors import ModelError
-from uqpen.files import FileRead
+from uqpen.core.errors import ModelError
+from uqpen.core.files import FileSnapshot
 
-__all__ = ["Surroundings"]
+__all__ = ["ModelFolder"]
 
 # Where Python and what is installed lie; a folder around them does not make them the user's.
 _INSTALLED = tuple(
@@ -25,7 +25,7 @@ _INSTALLED = tuple(
 _BETWEEN = "  "
 
 
-class Surroundings:
+class ModelFolder:
     """Modules beside a model, which it can import as it would when run from its own folder.
 
     Two models may lie beside modules of the same name, and the program that calls uqpen may have
@@ -54,15 +54,15 @@ class Surroundings:
         return Path(self._folder)
 
     @contextlib.contextmanager
-    def entered(self) -> Iterator[None]:
+    def on_import_path(self) -> Iterator[None]:
         """While this lasts, an import finds what lies in the folder first."""
-        outside = self._taken_out()
+        outside = self._remove_modules()
         sys.modules.update(self._modules)
         sys.path.insert(0, self._folder)
         try:
             yield
         finally:
-            self._modules = self._taken_out()
+            self._modules = self._remove_modules()
             for module in self._modules.values():
                 self.read(str(module.__file__))
             sys.modules.update(outside)
@@ -82,7 +82,7 @@ class Surroundings:
         """The files that have been imported as modules, as in `Results.files`."""
         return self._imported
 
-    def note(self, imported: frozenset[str]) -> None:
+    def add_imported(self, imported: frozenset[str]) -> None:
         """Count files among those that have been imported, by whatever process.
 
         Raises
@@ -100,9 +100,9 @@ class Surroundings:
                     "or start over with --fresh"
                 )
 
-    def files(self) -> tuple[FileRead, ...]:
+    def files(self) -> tuple[FileSnapshot, ...]:
         """The files that have been imported, as they were."""
-        return tuple(FileRead.of(path, content) for path, content in self._sorted())
+        return tuple(FileSnapshot.from_content(path, content) for path, content in self._sorted())
 
     def sources(self) -> bytes:
         """The source of every module that has been imported, in one."""
@@ -111,7 +111,7 @@ class Surroundings:
     def _sorted(self) -> list[tuple[Path, bytes]]:
         return sorted((Path(file), content) for file, content in self._contents.items())
 
-    def _taken_out(self) -> dict[str, ModuleType]:
+    def _remove_modules(self) -> dict[str, ModuleType]:
         """Imported modules of the folder, which are imported no longer."""
         inside = self._folder + os.sep
         found = {}

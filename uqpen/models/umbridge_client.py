@@ -17,11 +17,11 @@ from types import TracebackType
 from typing import Any
 from urllib.parse import urlsplit
 
-from uqpen.labels import Status
-from uqpen.limits import Limits
+from uqpen.core.labels import Status
+from uqpen.core.limits import Limits
 from uqpen.models.reasons import one_line
 
-__all__ = ["PROTOCOL", "Address", "NoAnswerError", "Questions"]
+__all__ = ["PROTOCOL", "Address", "NoAnswerError", "UmbridgeClient"]
 
 PROTOCOL = 1.0
 
@@ -38,7 +38,7 @@ _SILENCE = {
 
 _LARGEST = 16 * 1024 * 1024
 
-_LOST = "the server cannot be reached, or has closed the connection"
+_DISCONNECTED = "the server cannot be reached, or has closed the connection"
 # Where something lies differs from one day to the next, and a reason must not.
 _PLACES = re.compile(r"https?://[^\s\"'<>]+|\b0x[0-9a-fA-F]+")
 # Numbers that JSON does not know, as UM-Bridge's own server writes them.
@@ -74,7 +74,7 @@ class Address:
     is_secure: bool = False
 
     @classmethod
-    def parsed(cls, text: str) -> Address:
+    def parse(cls, text: str) -> Address:
         """The address in a text such as ``"http://127.0.0.1:4242"``.
 
         Raises
@@ -92,7 +92,7 @@ class Address:
         return cls(host, port, parts.path.rstrip("/"), is_secure)
 
 
-class Questions:
+class UmbridgeClient:
     """One question after the other to a server, over one connection while it lasts.
 
     Parameters
@@ -110,7 +110,7 @@ class Questions:
         self._connection = kind(address.host, address.port, timeout=_PATIENCE)
         self._is_gone = False
 
-    def __enter__(self) -> Questions:
+    def __enter__(self) -> UmbridgeClient:
         return self
 
     def __exit__(
@@ -121,14 +121,14 @@ class Questions:
     ) -> None:
         self._connection.close()
 
-    def ask(self, what: str, question: dict[str, Any] | None = None) -> dict[str, Any]:
+    def request(self, what: str, body: dict[str, Any] | None = None) -> dict[str, Any]:
         """What a server answers.
 
         Parameters
         ----------
         what : str
             What of the protocol is asked, such as ``"Evaluate"``.
-        question : dict, optional
+        body : dict, optional
             The body, which JSON must be able to hold; without one, it is a mere look.
 
         Raises
@@ -137,36 +137,36 @@ class Questions:
             If there is no answer, or it is an error.
         """
         try:
-            code, phrase, content = self._exchanged(what, question)
+            code, phrase, content = self._exchange(what, body)
         except NoAnswerError:
             self._connection.close()
             raise
-        answer = _understood(content)
+        answer = _parse_object(content)
         if answer is None:
-            told = "" if code == http.HTTPStatus.OK else f" (HTTP {code} {phrase}".rstrip() + ")"
-            raise NoAnswerError(one_line(f"the server's answer is no JSON object{told}"))
+            suffix = "" if code == http.HTTPStatus.OK else f" (HTTP {code} {phrase}".rstrip() + ")"
+            raise NoAnswerError(one_line(f"the server's answer is no JSON object{suffix}"))
         if "error" in answer:
-            raise NoAnswerError(_told(answer["error"]))
+            raise NoAnswerError(_error_reason(answer["error"]))
         return answer
 
-    def _exchanged(self, what: str, question: dict[str, Any] | None) -> tuple[int, str, bytes]:
+    def _exchange(self, what: str, request: dict[str, Any] | None) -> tuple[int, str, bytes]:
         """Code, phrase and content of an answer over HTTP."""
         was_open = self._is_open
         try:
-            return self._tried(what, question)
+            return self._try_request(what, request)
         except ConnectionError:
             # A server closes a connection that it finds old, which it says by not answering.
             self._connection.close()
             if not was_open:
-                raise NoAnswerError(_LOST) from None
+                raise NoAnswerError(_DISCONNECTED) from None
         try:
-            return self._tried(what, question)
+            return self._try_request(what, request)
         except ConnectionError:
-            raise NoAnswerError(_LOST) from None
+            raise NoAnswerError(_DISCONNECTED) from None
 
-    def _tried(self, what: str, question: dict[str, Any] | None) -> tuple[int, str, bytes]:
+    def _try_request(self, what: str, request: dict[str, Any] | None) -> tuple[int, str, bytes]:
         self._connect()
-        body = None if question is None else json.dumps(question).encode()
+        body = None if request is None else json.dumps(request).encode()
         try:
             self._connection.request(
                 "GET" if body is None else "POST",
@@ -178,12 +178,12 @@ class Questions:
             content = response.read(_LARGEST + 1)
         except TimeoutError as error:
             if error.errno is not None:  # the system's own patience, not ours
-                raise NoAnswerError(_LOST) from None
-            raise NoAnswerError(self._limits.lateness, Status.TIMED_OUT) from None
+                raise NoAnswerError(_DISCONNECTED) from None
+            raise NoAnswerError(self._limits.timeout_reason, Status.TIMED_OUT) from None
         except (ConnectionError, http.client.IncompleteRead):
             raise ConnectionResetError from None
         except OSError:
-            raise NoAnswerError(_LOST) from None
+            raise NoAnswerError(_DISCONNECTED) from None
         except http.client.HTTPException:
             raise NoAnswerError("the server's answer is not HTTP") from None
         if len(content) > _LARGEST:
@@ -200,19 +200,19 @@ class Questions:
         if self._is_open:
             return
         if self._is_gone:
-            raise NoAnswerError(_LOST)
+            raise NoAnswerError(_DISCONNECTED)
         begun = time.monotonic()
         try:
             self._connection.connect()
         except OSError:
             # Whoever does not even refuse would keep every later run waiting as well.
             self._is_gone = time.monotonic() - begun > _PATIENCE / 2
-            raise NoAnswerError(_LOST) from None
+            raise NoAnswerError(_DISCONNECTED) from None
         self._connection.sock.settimeout(self._limits.seconds)
-        _notice_silence(self._connection.sock)
+        _enable_keepalive(self._connection.sock)
 
 
-def _notice_silence(connection: socket.socket) -> None:
+def _enable_keepalive(connection: socket.socket) -> None:
     """Have a connection end when its other end has vanished, however long a run may take."""
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for name, value in _SILENCE.items():
@@ -220,13 +220,13 @@ def _notice_silence(connection: socket.socket) -> None:
             connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
-def _understood(content: bytes) -> dict[str, Any] | None:
+def _parse_object(content: bytes) -> dict[str, Any] | None:
     """The object that an answer is, or None."""
     try:
         text = content.decode()
         with contextlib.suppress(json.JSONDecodeError):
             return _object(json.loads(text))
-        return _object(json.loads(_PYTHON_NUMBER.sub(_as_json, text)))
+        return _object(json.loads(_PYTHON_NUMBER.sub(_json_number, text)))
     except (ValueError, RecursionError):
         return None
 
@@ -235,11 +235,11 @@ def _object(answer: object) -> dict[str, Any] | None:
     return answer if isinstance(answer, dict) else None
 
 
-def _as_json(match: re.Match[str]) -> str:
+def _json_number(match: re.Match[str]) -> str:
     return match[1] + _JSON_NUMBER[match[2]]
 
 
-def _told(error: object) -> str:
+def _error_reason(error: object) -> str:
     """The reason in an error that a server has answered with."""
     if not isinstance(error, dict):
         return one_line(f"the server answers with an error: {_PLACES.sub('…', str(error))}")

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqpen.errors import TrajectoryError
-from uqpen.labels import Status
-from uqpen.model import Arrays, BoolArray, Results
+from uqpen.core.errors import TrajectoryError
+from uqpen.core.labels import Status
+from uqpen.core.model import Arrays, BoolArray, Results
+from uqpen.core.settings import number, validate
 from uqpen.models import rod_and_target
-from uqpen.models.source import BuiltIn
-from uqpen.settings import number, validate
+from uqpen.models.source import BuiltInModel
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,7 +24,7 @@ _UNSOLVED = "the integration did not reach the end of erosion within its steps"
 
 
 @dataclass(frozen=True)
-class WalkerAnderson(BuiltIn):
+class WalkerAnderson(BuiltInModel):
     """An eroding rod penetrating a thick target, original or with a smoothed velocity profile.
 
     Erosion ends where the tail is as slow as the nose (the rest of the rod goes on as a rigid
@@ -90,16 +90,16 @@ class WalkerAnderson(BuiltIn):
             ``time``, ``nose_velocity``, ``tail_velocity``, ``length`` and ``plastic_extent`` along
             ``penetration_depth``, from the surface to where the rod stops.
         """
-        from uqpen.models.rod_course import as_dataset
-        from uqpen.models.rod_trajectory import rod_in_target, trajectory
+        from uqpen.models.rod_course import trajectory_dataset
+        from uqpen.models.rod_trajectory import make_rod, trajectory
 
         scalars = {name: np.asarray(value, dtype=np.float64) for name, value in inputs.items()}
         constants: dict[str, Any] = {name: float(value) for name, value in _rod(scalars).items()}
         try:
-            course = trajectory(rod_in_target(**constants))
+            solution = trajectory(make_rod(**constants))
         except (OverflowError, ZeroDivisionError) as error:
             raise TrajectoryError(f"inputs too large or too small: {error}") from None
-        return as_dataset(course)
+        return trajectory_dataset(solution)
 
 
 def _rod(inputs: Arrays) -> Arrays:

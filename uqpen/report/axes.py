@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from uqpen.report.blocks import Axis
-from uqpen.summary.digits import SUPERSCRIPTS, grouped
+from uqpen.results.digits import SUPERSCRIPTS, grouped_number
 
-__all__ = ["logarithmic", "padded"]
+__all__ = ["logarithmic_axis", "padded_limits"]
 
 # Room at either end, and how many times the first value the last one is at least, by tenfolds.
 _MARGIN, _SHORTEST = 0.08, 0.7
@@ -17,7 +17,7 @@ _MOST = 6
 _STEPS = ((1, 2, 5), (1, 3), (1,))
 
 
-def padded(lower: float, upper: float, share: float = 0.03) -> tuple[float, float]:
+def padded_limits(lower: float, upper: float, share: float = 0.03) -> tuple[float, float]:
     """The ends of an axis that has some room beyond two values.
 
     Parameters
@@ -31,7 +31,7 @@ def padded(lower: float, upper: float, share: float = 0.03) -> tuple[float, floa
     return lower - margin, upper + margin
 
 
-def logarithmic(title: str, values: Iterable[float]) -> Axis:
+def logarithmic_axis(title: str, values: Iterable[float]) -> Axis:
     """A logarithmic axis that holds some values, all of them above zero."""
     powers = [math.log10(value) for value in values]
     lower, upper = min(powers), max(powers)
@@ -41,23 +41,23 @@ def logarithmic(title: str, values: Iterable[float]) -> Axis:
 
 
 def _ticks(lower: float, upper: float) -> Iterator[tuple[float, str]]:
-    found = [list(_between(lower, upper, steps)) for steps in _STEPS]
+    found = [list(_ticks_between(lower, upper, steps)) for steps in _STEPS]
     chosen = next((each for each in found if len(each) <= _MOST), found[-1])
     for step, power in chosen[:: -(-len(chosen) // _MOST)]:
-        yield float(f"{step}e{power}"), _text(step, power)
+        yield float(f"{step}e{power}"), _tick_text(step, power)
 
 
-def _between(lower: float, upper: float, steps: Sequence[int]) -> Iterator[tuple[int, int]]:
+def _ticks_between(lower: float, upper: float, steps: Sequence[int]) -> Iterator[tuple[int, int]]:
     for power in range(math.floor(lower), math.ceil(upper) + 1):
         for step in steps:
             if lower <= math.log10(step) + power <= upper:
                 yield step, power
 
 
-def _text(step: int, power: int) -> str:
+def _tick_text(step: int, power: int) -> str:
     """A number as it is read: written out as long as it is short."""
     if 0 <= power < 6:
-        return grouped(step * 10**power)
+        return grouped_number(step * 10**power)
     if -5 < power < 0:
         return f"{step * 10.0**power:.{-power}f}"
     written = f"10{str(power).translate(SUPERSCRIPTS)}"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from uqpen.report.marks import Trace
 from uqpen.report.shapes import Shape
-from uqpen.summary.table import OutputTable
+from uqpen.results.table import OutputTable
 
 __all__ = [
     "Axis",
@@ -15,14 +15,14 @@ __all__ = [
     "Chart",
     "Charts",
     "Heading",
-    "Key",
+    "LegendKey",
     "Listing",
     "Quote",
-    "Reading",
     "Remarks",
     "Table",
     "Text",
-    "charts_in",
+    "ThresholdReadout",
+    "find_charts",
 ]
 
 
@@ -116,7 +116,7 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Key:
+class LegendKey:
     """An entry of a legend.
 
     Parameters
@@ -137,7 +137,7 @@ class Key:
 
 
 @dataclass(frozen=True)
-class Reading:
+class ThresholdReadout:
     """A threshold that is moved over a distribution function, and what is read off there.
 
     Parameters
@@ -186,7 +186,7 @@ class Chart(Block):
         See `marks`.
     shapes : tuple
         Lines and shades behind the traces, see `shapes`.
-    keys : tuple of Key
+    keys : tuple of LegendKey
         The legend.
     notes : tuple of str
         What a reader must know.
@@ -194,7 +194,7 @@ class Chart(Block):
         The numbers behind it.
     height : int
         In CSS pixels.
-    reading : Reading, optional
+    reading : ThresholdReadout, optional
     is_compared : bool
         Whether a pointer reads off all lines at once.
     """
@@ -205,11 +205,11 @@ class Chart(Block):
     y: Axis
     traces: tuple[Trace, ...]
     shapes: tuple[Shape, ...] = ()
-    keys: tuple[Key, ...] = ()
+    keys: tuple[LegendKey, ...] = ()
     notes: tuple[str, ...] = ()
     tables: tuple[OutputTable, ...] = ()
     height: int = 300
-    reading: Reading | None = None
+    reading: ThresholdReadout | None = None
     is_compared: bool = False
 
 
@@ -225,12 +225,12 @@ class Charts(Block):
     """
 
     charts: tuple[Chart, ...]
-    keys: tuple[Key, ...] = ()
+    keys: tuple[LegendKey, ...] = ()
     notes: tuple[str, ...] = ()
     tables: tuple[OutputTable, ...] = ()
 
 
-def charts_in(blocks: Iterable[Block]) -> Iterator[Chart]:
+def find_charts(blocks: Iterable[Block]) -> Iterator[Chart]:
     """All charts among blocks, in the order of the page."""
     for block in blocks:
         if isinstance(block, Chart):

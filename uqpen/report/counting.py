@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from decimal import Decimal, InvalidOperation
 
-from uqpen.summary.digits import SUPERSCRIPTS, alike, grouped
+from uqpen.results.digits import SUPERSCRIPTS, estimate_texts, grouped_number
 
-__all__ = ["counted", "in_percent"]
+__all__ = ["count_text", "percent_texts"]
 
 _PLAIN = {superscript: plain for plain, superscript in SUPERSCRIPTS.items()}
 
@@ -14,16 +14,16 @@ _PLAIN = {superscript: plain for plain, superscript in SUPERSCRIPTS.items()}
 _LEAST = Decimal("0.00001")
 
 
-def counted(number: int, noun: str) -> str:
+def count_text(number: int, noun: str) -> str:
     """So many of something, in the singular where there is one.
 
     >>> counted(1, "run"), counted(20, "run")
     ('1 run', '20 runs')
     """
-    return f"{grouped(number)} {noun}{'s' * (number != 1)}"
+    return f"{grouped_number(number)} {noun}{'s' * (number != 1)}"
 
 
-def in_percent(estimate: float, lower: float, upper: float, *others: float) -> tuple[str, ...]:
+def percent_texts(estimate: float, lower: float, upper: float, *others: float) -> tuple[str, ...]:
     """A probability, the ends of its interval, and others, in the very digits of the tables.
 
     A hundred times the number would be rounded anew, and differ where it ends in a five.
@@ -31,10 +31,12 @@ def in_percent(estimate: float, lower: float, upper: float, *others: float) -> t
     >>> in_percent(0.2075, 0.1825, 0.2325)
     ('20.7 %', '18.2 %', '23.3 %')
     """
-    return tuple(f"{_hundredfold(text)} %" for text in alike(estimate, lower, upper, *others))
+    return tuple(
+        f"{_times_hundred(text)} %" for text in estimate_texts(estimate, lower, upper, *others)
+    )
 
 
-def _hundredfold(text: str) -> str:
+def _times_hundred(text: str) -> str:
     """A number as it is written, its point two places further on."""
     mantissa, times, power = text.partition("×10")
     exponent = int(power.translate(_PLAIN)) if times else 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["OUTLINES", "STROKES", "colour"]
+__all__ = ["OUTLINES", "STROKES", "colour_name"]
 
 # SVG paths of markers and dashes of lines, by Plotly's names, in the order in which sources take
 # them; the cross is for what is lost or refused.
@@ -33,6 +33,6 @@ STROKES = {
 }
 
 
-def colour(series: int | str) -> str:
+def colour_name(series: int | str) -> str:
     """The name of a colour in the style sheet."""
     return f"s{series % 10}" if isinstance(series, int) else series

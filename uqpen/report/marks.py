@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.figures.texts import plain
+from uqpen.figures.texts import plain_text
 from uqpen.report.legend import OUTLINES, STROKES
 from uqpen.report.notes import has_interval
 
@@ -21,16 +21,16 @@ __all__ = [
     "DASHES",
     "MARKERS",
     "Trace",
-    "band",
-    "bars",
-    "crosses",
-    "dash_of",
-    "dots",
-    "line",
-    "marker_of",
-    "points",
-    "rounded",
-    "written",
+    "band_traces",
+    "bar_trace",
+    "cross_trace",
+    "dot_trace",
+    "escape_text",
+    "line_trace",
+    "point_trace",
+    "rounded_numbers",
+    "series_dash",
+    "series_marker",
 ]
 
 # As Plotly takes them; all are made by the functions below.
@@ -48,22 +48,22 @@ _EXACT = 9
 _READ = str.maketrans({"&": "&#38;", "<": "&#60;", ">": "&#62;", "%": "&#37;"})
 
 
-def marker_of(series: int) -> str:
+def series_marker(series: int) -> str:
     """The marker of a source, by its position."""
     return MARKERS[series % len(MARKERS)]
 
 
-def dash_of(series: int) -> str:
+def series_dash(series: int) -> str:
     """The dashes of a source's line, by its position."""
     return DASHES[series % len(DASHES)]
 
 
-def written(text: str, longest: int = 80) -> str:
+def escape_text(text: str, longest: int = 80) -> str:
     """A text for Plotly, which shows it as it stands."""
-    return plain(text, longest).translate(_READ)
+    return plain_text(text, longest).translate(_READ)
 
 
-def rounded(values: Numbers, digits: int = 6) -> list[float | None]:
+def rounded_numbers(values: Numbers, digits: int = 6) -> list[float | None]:
     """Numbers in the digits that a screen can show; None for what is none."""
     return [
         float(f"{value:.{digits}g}") if np.isfinite(value) else None
@@ -71,7 +71,7 @@ def rounded(values: Numbers, digits: int = 6) -> list[float | None]:
     ]
 
 
-def line(
+def line_trace(
     x: Numbers,
     y: Numbers,
     series: int | str,
@@ -91,8 +91,8 @@ def line(
     series : int or str
         Its colour.
     hover : str
-        What is shown under a pointer, with Plotly's placeholders; texts in it are `written`. Empty
-        for nothing.
+        What is shown under a pointer, with Plotly's placeholders; texts in it are `escape_text`.
+        Empty for nothing.
     name : str
         What a test or a reader finds it by.
     beside : sequence of array_like
@@ -107,22 +107,22 @@ def line(
     trace: Trace = {
         "type": "scatter",
         "mode": "lines",
-        "name": written(name),
-        "x": rounded(x),
-        "y": rounded(y),
+        "name": escape_text(name),
+        "x": rounded_numbers(x),
+        "y": rounded_numbers(y),
         "line": {
             "color": series,
             "dash": dash,
             "width": width,
             "shape": "hv" if is_stepped else "linear",
         },
-    } | _under_pointer(hover)
+    } | _hover_attributes(hover)
     if beside:
-        trace["customdata"] = list(zip(*(rounded(each) for each in beside), strict=True))
+        trace["customdata"] = list(zip(*(rounded_numbers(each) for each in beside), strict=True))
     return trace
 
 
-def band(
+def band_traces(
     x: Numbers, lower: Numbers, upper: Numbers, series: int | str, *, is_stepped: bool = False
 ) -> list[Trace]:
     """What lies between two lines."""
@@ -130,15 +130,15 @@ def band(
     edge: Trace = {
         "type": "scatter",
         "mode": "lines",
-        "x": rounded(x),
+        "x": rounded_numbers(x),
         "line": {"width": 0, "shape": shape},
         "hoverinfo": "skip",
     }
-    filled = {"y": rounded(upper), "fill": "tonexty", "fillcolor": series}
-    return [edge | {"y": rounded(lower)}, edge | filled]
+    filled = {"y": rounded_numbers(upper), "fill": "tonexty", "fillcolor": series}
+    return [edge | {"y": rounded_numbers(lower)}, edge | filled]
 
 
-def points(
+def point_trace(
     x: Numbers,
     y: Numbers,
     series: int | str,
@@ -159,7 +159,7 @@ def points(
     series : int or str
         Their colour.
     hover : str
-        As of a `line`.
+        As of a `line_trace`.
     name : str
     texts : sequence of str
         Plain texts, one for each point: what the placeholder ``text`` stands for.
@@ -174,28 +174,28 @@ def points(
     trace: Trace = {
         "type": "scatter",
         "mode": "markers",
-        "name": written(name),
-        "x": rounded(x, 5),
-        "y": rounded(y, 5),
+        "name": escape_text(name),
+        "x": rounded_numbers(x, 5),
+        "y": rounded_numbers(y, 5),
         "marker": {"color": series, "symbol": marker, "size": size, "opacity": opacity},
-    } | _under_pointer(hover)
+    } | _hover_attributes(hover)
     if texts:
-        trace["text"] = [written(each, 200) for each in texts]
+        trace["text"] = [escape_text(each, 200) for each in texts]
     if numbers:
         trace["customdata"] = list(numbers)
     return trace
 
 
-def crosses(estimates: Numbers, places: Numbers, name: str) -> Trace:
-    """What crosses out `dots` that are refused; a pointer still finds these."""
-    trace = points(
+def cross_trace(estimates: Numbers, places: Numbers, name: str) -> Trace:
+    """What crosses out `dot_trace` that are refused; a pointer still finds these."""
+    trace = point_trace(
         estimates, places, "ink", hover="", name=name, marker="x-thin-open", size=11, opacity=1
     )
     trace["marker"]["line"] = {"color": "ink", "width": 2}
-    return trace | {"x": rounded(estimates, _EXACT)}
+    return trace | {"x": rounded_numbers(estimates, _EXACT)}
 
 
-def dots(
+def dot_trace(
     bounds: npt.NDArray[np.float64],
     places: Numbers,
     series: int | str,
@@ -231,14 +231,14 @@ def dots(
     trace: Trace = {
         "type": "scatter",
         "mode": "markers",
-        "name": written(name),
-        along: rounded(estimates, _EXACT),
-        across: rounded(places),
+        "name": escape_text(name),
+        along: rounded_numbers(estimates, _EXACT),
+        across: rounded_numbers(places),
         f"error_{along}": {
             "type": "data",
             "symmetric": False,
-            "array": _lengths(sides[1]),
-            "arrayminus": _lengths(sides[0]),
+            "array": _bar_lengths(sides[1]),
+            "arrayminus": _bar_lengths(sides[0]),
             "color": series,
             "thickness": 1.6,
             "width": 4,
@@ -248,7 +248,7 @@ def dots(
             "size": 8,
             "symbol": [marker if known else f"{marker}-open" for known in has_interval(bounds)],
         },
-        "text": [written(each, 200) for each in hovers],
+        "text": [escape_text(each, 200) for each in hovers],
         "hoverinfo": "text",
     }
     if is_joined:
@@ -256,24 +256,26 @@ def dots(
     return trace
 
 
-def _under_pointer(hover: str) -> Trace:
+def _hover_attributes(hover: str) -> Trace:
     return {"hovertemplate": f"{hover}<extra></extra>"} if hover else {"hoverinfo": "skip"}
 
 
-def _lengths(sides: Numbers) -> list[float | str]:
+def _bar_lengths(sides: Numbers) -> list[float | str]:
     # Plotly takes None for 0, and draws the end of a bar there.
-    return ["none" if length is None else length for length in rounded(sides)]
+    return ["none" if length is None else length for length in rounded_numbers(sides)]
 
 
-def bars(edges: Numbers, counts: Numbers, series: int | str, *, hover: str) -> Trace:
+def bar_trace(edges: Numbers, counts: Numbers, series: int | str, *, hover: str) -> Trace:
     """Counts of what lies between edges."""
     edges = np.asarray(edges, dtype=np.float64)
     return {
         "type": "bar",
-        "x": rounded((edges[1:] + edges[:-1]) / 2),
-        "y": rounded(counts),
-        "width": rounded(np.diff(edges)),
-        "customdata": list(zip(rounded(edges[:-1], 4), rounded(edges[1:], 4), strict=True)),
+        "x": rounded_numbers((edges[1:] + edges[:-1]) / 2),
+        "y": rounded_numbers(counts),
+        "width": rounded_numbers(np.diff(edges)),
+        "customdata": list(
+            zip(rounded_numbers(edges[:-1], 4), rounded_numbers(edges[1:], 4), strict=True)
+        ),
         "marker": {"color": series, "opacity": 0.55},
         "hovertemplate": f"{hover}<extra></extra>",
     }

@@ -6,28 +6,28 @@ from collections.abc import Iterator
 
 import xarray as xr
 
-from uqpen.archive.read import group, models_in, names_in
-from uqpen.labels import BUDGET, HEAD_TO_HEAD, KIND, METHODS, RUN, RUNS, SOURCE
-from uqpen.report.counting import counted
+from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.core.labels import BENCHMARK, BUDGET, KIND, METHODS, RUN, RUNS, SOURCE
+from uqpen.report.counting import count_text
 
-__all__ = ["facts", "heading"]
+__all__ = ["page_facts", "page_heading"]
 
 # Of a title, or another text at the head.
 _LONGEST = 1000
 
 
-def heading(tree: xr.DataTree) -> str:
+def page_heading(tree: xr.DataTree) -> str:
     """The title of an archive's page."""
-    title = _cut(str(tree.attrs.get("title", "")).strip()) or "A study without a title"
+    title = _cut_text(str(tree.attrs.get("title", "")).strip()) or "A study without a title"
     return f"{title}: methods head to head" if _is_comparison(tree) else title
 
 
-def facts(tree: xr.DataTree) -> list[str]:
+def page_facts(tree: xr.DataTree) -> list[str]:
     """Which study, which model, how many runs, and what made them."""
-    return [_cut(text) for text in _facts(tree) if text.strip()]
+    return [_cut_text(text) for text in _all_facts(tree) if text.strip()]
 
 
-def _facts(tree: xr.DataTree) -> Iterator[str]:
+def _all_facts(tree: xr.DataTree) -> Iterator[str]:
     if name := str(tree.attrs.get("study_name", "")):
         yield f"study {name}"
     yield from _methods(tree) if _is_comparison(tree) else _runs(tree)
@@ -37,30 +37,32 @@ def _facts(tree: xr.DataTree) -> Iterator[str]:
 
 def _runs(tree: xr.DataTree) -> Iterator[str]:
     """The models, and the runs that all designs made of each."""
-    models = models_in(tree)
+    models = model_trees(tree)
     if len(models) > 1:
         yield f"models {', '.join(models)}"
     elif name := str(tree.attrs.get("model_name", "")):
         yield f"model {name}"
     first = next(iter(models.values()))
-    designs = names_in(first, RUNS)
-    runs = sum(group(first, RUNS, design).sizes[RUN] for design in designs)
+    designs = group_names(first, RUNS)
+    runs = sum(read_group(first, RUNS, design).sizes[RUN] for design in designs)
     each = " of each" * (len(models) > 1)
-    yield f"{counted(runs, 'run')}{each} by {counted(len(designs), 'design')}"
+    yield f"{count_text(runs, 'run')}{each} by {count_text(len(designs), 'design')}"
 
 
 def _methods(tree: xr.DataTree) -> Iterator[str]:
     """How many methods there are, at how many budgets, how often each."""
-    methods = group(tree, METHODS)
+    methods = read_group(tree, METHODS)
     sources = dict.fromkeys(methods[SOURCE].values.tolist())
-    budgets = counted(methods.sizes[BUDGET], "budget")
-    yield f"{counted(len(sources), 'method')} at {budgets}, {methods.attrs['repeats']} times each"
+    budgets = count_text(methods.sizes[BUDGET], "budget")
+    yield (
+        f"{count_text(len(sources), 'method')} at {budgets}, {methods.attrs['repeats']} times each"
+    )
 
 
-def _cut(text: str) -> str:
+def _cut_text(text: str) -> str:
     """A text that a browser can set: of a megabyte it would make minutes of work."""
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
 
 
 def _is_comparison(tree: xr.DataTree) -> bool:
-    return bool(tree.attrs.get(KIND) == HEAD_TO_HEAD)
+    return bool(tree.attrs.get(KIND) == BENCHMARK)

@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.figures.estimates import HOLLOW
+from uqpen.core.labels import INTERVAL_LEVEL
+from uqpen.figures.estimate_dots import HOLLOW
 from uqpen.figures.texts import capitalized
-from uqpen.labels import INTERVAL_LEVEL
-from uqpen.summary.digits import percent
+from uqpen.results.digits import percent_text
 
-__all__ = ["all_bounded", "bars_of", "has_interval", "hollow_of"]
+__all__ = ["all_bounded", "has_interval", "hollow_note", "interval_notes"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -44,7 +44,7 @@ def all_bounded(bounds: FloatArray) -> bool:
     return bool(has_interval(bounds)[np.isfinite(bounds[..., 0])].all())
 
 
-def hollow_of(bounds: FloatArray) -> Iterator[str]:
+def hollow_note(bounds: FloatArray) -> Iterator[str]:
     """A note on estimates without an interval, if there are any, for a chart that has a table.
 
     Parameters
@@ -55,19 +55,19 @@ def hollow_of(bounds: FloatArray) -> Iterator[str]:
         yield f"{capitalized(HOLLOW)}; the table says why."
 
 
-def bars_of(figures: Iterable[xr.DataArray], each: str = "") -> Iterator[str]:
+def interval_notes(estimates: Iterable[xr.DataArray], each: str = "") -> Iterator[str]:
     """A note for each level of the intervals that are drawn as bars.
 
     Parameters
     ----------
-    figures : iterable of DataArray
+    estimates : iterable of DataArray
         Along ``bound`` at the last; those without an interval do not count.
     each : str
         What else is said of the intervals, with all that stands before it.
     """
     levels = {
-        float(figure.attrs[INTERVAL_LEVEL])
-        for figure in figures
-        if INTERVAL_LEVEL in figure.attrs and has_interval(figure.values).any()
+        float(estimate.attrs[INTERVAL_LEVEL])
+        for estimate in estimates
+        if INTERVAL_LEVEL in estimate.attrs and has_interval(estimate.values).any()
     }
-    yield from (f"Bars: {percent(level)} intervals{each}." for level in sorted(levels))
+    yield from (f"Bars: {percent_text(level)} intervals{each}." for level in sorted(levels))

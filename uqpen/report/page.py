@@ -14,23 +14,23 @@ from typing import Any, NamedTuple
 import jinja2
 import xarray as xr
 
-from uqpen.archive.read import models_in
-from uqpen.errors import ReportError
-from uqpen.figures.page import check
-from uqpen.figures.part import Part
-from uqpen.figures.texts import plain
-from uqpen.files import replace_file
-from uqpen.labels import HEAD_TO_HEAD, KIND
-from uqpen.lookup import resolve
-from uqpen.report import SECTIONS, SECTIONS_OF_COMPARISON, Section
-from uqpen.report.blocks import Block, Heading, charts_in
-from uqpen.report.head_to_head.contest import check_comparison
-from uqpen.report.legend import OUTLINES, STROKES, colour
-from uqpen.report.masthead import facts, heading
-from uqpen.report.plotted import as_json
-from uqpen.summary.digits import percent
+from uqpen.archive.read import model_trees
+from uqpen.core.errors import ReportError
+from uqpen.core.files import replace_file
+from uqpen.core.labels import BENCHMARK, KIND
+from uqpen.core.lookup import resolve
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.page import check_archive
+from uqpen.figures.texts import plain_text
+from uqpen.report import BENCHMARK_SECTIONS, SECTIONS, ReportSection
+from uqpen.report.benchmark.plotted_methods import check_benchmark
+from uqpen.report.blocks import Block, Heading, find_charts
+from uqpen.report.chart_json import charts_json
+from uqpen.report.legend import OUTLINES, STROKES, colour_name
+from uqpen.report.masthead import page_facts, page_heading
+from uqpen.results.digits import percent_text
 
-__all__ = ["page", "write_report"]
+__all__ = ["report_page", "write_report"]
 
 _ASSETS = files("uqpen.report") / "assets"
 # So that no study or archive is overwritten by a slip.
@@ -44,11 +44,11 @@ _UNFIT = re.compile(
 )
 
 
-class _Filled(NamedTuple):
+class _FilledSection(NamedTuple):
     """A section, by the name that links have, and what an archive has for it."""
 
     name: str
-    section: Section
+    section: ReportSection
     blocks: tuple[Block, ...]
 
 
@@ -74,14 +74,14 @@ def write_report(tree: xr.DataTree, path: str | Path) -> None:
     if path.suffix.lower() not in _ENDINGS:
         found = f"found the ending {path.suffix or 'none'}"
         raise ReportError(f"{path}: {found}; expected {' or '.join(_ENDINGS)}")
-    content = page(tree).encode("utf-8")
+    content = report_page(tree).encode("utf-8")
     try:
         replace_file(path, content)
     except OSError as error:
         raise ReportError(f"{path}: cannot be written: {error.strerror}") from None
 
 
-def page(tree: xr.DataTree) -> str:
+def report_page(tree: xr.DataTree) -> str:
     """The report of an archive as HTML; the same text each time.
 
     Parameters
@@ -95,7 +95,7 @@ def page(tree: xr.DataTree) -> str:
     """
     every = list(_sections(tree))
     sections = [filled for filled in every if filled.blocks]
-    charts = [chart for filled in sections for chart in charts_in(filled.blocks)]
+    charts = [chart for filled in sections for chart in find_charts(filled.blocks)]
     # By identity, as what a chart holds has no hash.
     numbers = {id(chart): number for number, chart in enumerate(charts)}
     style, script = ((_ASSETS / name).read_text("utf-8") for name in ("page.css", "page.js"))
@@ -104,16 +104,20 @@ def page(tree: xr.DataTree) -> str:
         _environment()
         .get_template("page.html")
         .render(
-            title=heading(tree),
-            facts=facts(tree),
+            title=page_heading(tree),
+            facts=page_facts(tree),
             sections=sections,
-            lacks=[each.section.lacks for each in every if each.section.lacks and not each.blocks],
+            lacks=[
+                each.section.absence_note
+                for each in every
+                if each.section.absence_note and not each.blocks
+            ],
             number_of=lambda chart: numbers[id(chart)],
-            data=as_json(charts),
+            data=charts_json(charts),
             style=style,
             library=library,
             script=script,
-            hashes=[_hash(text) for text in (library, script)],
+            hashes=[_script_hash(text) for text in (library, script)],
         )
     )
 
@@ -126,50 +130,50 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
-        finalize=_legible,
+        finalize=_legible_text,
     )
-    environment.globals |= {"level": percent, "colour": colour}
+    environment.globals |= {"level": percent_text, "colour": colour_name}
     environment.globals |= {"strokes": STROKES, "outlines": OUTLINES}
     return environment
 
 
-def _sections(tree: xr.DataTree) -> Iterator[_Filled]:
+def _sections(tree: xr.DataTree) -> Iterator[_FilledSection]:
     """All sections for an archive of its kind, some of which may be empty."""
-    if tree.attrs.get(KIND) != HEAD_TO_HEAD:
-        check(tree)
+    if tree.attrs.get(KIND) != BENCHMARK:
+        check_archive(tree)
         for name, section in SECTIONS.items():
-            yield _Filled(name, section, tuple(_of_models(tree, section)))
+            yield _FilledSection(name, section, tuple(_model_blocks(tree, section)))
         return
-    check_comparison(tree)
-    for name, section in SECTIONS_OF_COMPARISON.items():
-        yield _Filled(name, section, tuple(resolve(section.make)(tree)))
+    check_benchmark(tree)
+    for name, section in BENCHMARK_SECTIONS.items():
+        yield _FilledSection(name, section, tuple(resolve(section.function)(tree)))
 
 
-def _of_models(tree: xr.DataTree, section: Section) -> Iterator[Block]:
+def _model_blocks(tree: xr.DataTree, section: ReportSection) -> Iterator[Block]:
     """What a section tells of each model of an archive, or of all of them together."""
-    make = resolve(section.make)
-    models = list(models_in(tree))
+    make = resolve(section.function)
+    models = list(model_trees(tree))
     for model in models[:1] if section.is_common else models:
-        blocks = list(make(Part(tree, model)))
+        blocks = list(make(ArchiveView(tree, model)))
         if blocks and model and not section.is_common:
             yield Heading(model)
-            blocks = [_below(block) for block in blocks]
+            blocks = [_lower_heading(block) for block in blocks]
         yield from blocks
 
 
-def _below(block: Block) -> Block:
+def _lower_heading(block: Block) -> Block:
     """A block below the heading of a model."""
     return replace(block, level=4) if isinstance(block, Heading) else block
 
 
-def _legible(value: Any) -> Any:
+def _legible_text(value: Any) -> Any:
     """A text of which a page can show each character; others are spelled out."""
     if not isinstance(value, str) or hasattr(value, "__html__"):
         return value
-    return _UNFIT.sub(lambda found: plain(found[0]), value.replace("\r\n", "\n"))
+    return _UNFIT.sub(lambda found: plain_text(found[0]), value.replace("\r\n", "\n"))
 
 
-def _hash(text: str) -> str:
+def _script_hash(text: str) -> str:
     """What the page's policy knows a script by."""
     digest = hashlib.sha256(text.encode("utf-8")).digest()
     return f"sha256-{base64.b64encode(digest).decode('ascii')}"

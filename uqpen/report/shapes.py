@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["Shape", "level", "shade", "upright"]
+__all__ = ["Shape", "horizontal_line", "shaded_interval", "vertical_line"]
 
 Shape = dict[str, Any]
 
 
-def upright(x: float, series: int | str, dash: str = "solid") -> Shape:
+def vertical_line(x: float, series: int | str, dash: str = "solid") -> Shape:
     """A line from the foot of a chart to its top."""
     return {
         "type": "line",
@@ -25,7 +25,7 @@ def upright(x: float, series: int | str, dash: str = "solid") -> Shape:
     }
 
 
-def level(y: float, series: int | str, dash: str = "solid") -> Shape:
+def horizontal_line(y: float, series: int | str, dash: str = "solid") -> Shape:
     """A thin line from the left of a chart to its right."""
     return {
         "type": "line",
@@ -39,7 +39,7 @@ def level(y: float, series: int | str, dash: str = "solid") -> Shape:
     }
 
 
-def shade(lower: float, upper: float, series: int | str) -> Shape:
+def shaded_interval(lower: float, upper: float, series: int | str) -> Shape:
     """What lies between two such lines."""
     return {
         "type": "rect",

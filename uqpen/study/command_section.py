@@ -7,15 +7,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from uqpen.errors import ModelError, as_written
-from uqpen.executors.memory import CAN_LIMIT
-from uqpen.models.command.model import INPUTS, OUTCOME, OUTPUTS, Command, Kept
-from uqpen.models.command.placeholders import mistakes, names_in
+from uqpen.core.errors import ModelError, toml_text
+from uqpen.execution.memory_limit import CAN_LIMIT
+from uqpen.models.command.model import INPUTS, OUTCOME, OUTPUTS, Command, FolderPolicy
+from uqpen.models.command.placeholders import find_mistakes, names_in
 from uqpen.models.command.process import STDERR, STDOUT
-from uqpen.models.command.program import Program, found_program, lies_beside
+from uqpen.models.command.program import Program, is_beside_study, locate_program
 from uqpen.study.limits_section import read_limits
 from uqpen.study.readings_section import is_inside, read_readings
-from uqpen.study.section import Section
+from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import read_variables
 
 __all__ = ["read_command"]
@@ -30,12 +30,12 @@ _PATHS = ("inputs", "outputs")
 _TAKEN = (INPUTS, OUTPUTS, OUTCOME, STDOUT, STDERR)
 
 
-def read_command(table: Section, folder: Path, *, trust: bool) -> Command | None:
+def read_command(table: TableReader, folder: Path, *, trust: bool) -> Command | None:
     """A program as a model, or None where a mistake was noted.
 
     Parameters
     ----------
-    table : Section
+    table : TableReader
         Of the model.
     folder : Path
         Where the study lies.
@@ -43,13 +43,13 @@ def read_command(table: Section, folder: Path, *, trust: bool) -> Command | None
         Whether it may be executed; if not, neither the program nor its files are looked for.
     """
     noted = len(table.problems)
-    words = tuple(_words(table))
+    words = tuple(_read_words(table))
     variables = read_variables(table)
-    handed = _Handed(table, folder, trust)
+    handed = _ProgramFiles(table, folder, trust)
     handed.read_templates()
     handed.read_copied()
     limits = read_limits(table, can_limit_memory=CAN_LIMIT or not trust)
-    kept = _kept(table, folder)
+    kept = _folder_policy(table, folder)
     named = set().union(*map(names_in, [*words, *handed.templates.values()]))
     readings = read_readings(table, variables.outputs, OUTPUTS if "outputs" in named else STDOUT)
     if len(table.problems) == noted:
@@ -70,10 +70,10 @@ def read_command(table: Section, folder: Path, *, trust: bool) -> Command | None
 
 
 @dataclass
-class _Handed:
+class _ProgramFiles:
     """What a program is handed: words, templates, files; each is checked as it is read."""
 
-    table: Section
+    table: TableReader
     folder: Path
     trust: bool
     templates: dict[str, str] = field(default_factory=dict)
@@ -87,7 +87,9 @@ class _Handed:
             assert section is not None
             file = section.text(name, _BESIDE)
             if not is_inside(name) or name in _TAKEN:
-                section.wrong(name, as_written(name), f"{_INSIDE}, none of {', '.join(_TAKEN)}")
+                section.add_problem(
+                    name, toml_text(name), f"{_INSIDE}, none of {', '.join(_TAKEN)}"
+                )
             elif file is not None and self.trust:
                 self._read_template(section, name, file)
 
@@ -96,11 +98,11 @@ class _Handed:
         for position, name in enumerate(self.table.entries("files")):
             at = ("files", position)
             if not isinstance(name, str) or not is_inside(name):
-                self.table.wrong(at, as_written(name), _BESIDE)
+                self.table.add_problem(at, toml_text(name), _BESIDE)
             elif name in _TAKEN or name in self.templates:
-                self.table.wrong(at, as_written(name), "a name that nothing else has")
-            elif self.trust and not lies_beside(name, self.folder):
-                self.table.wrong(at, f'no file "{name}" beside the study', _BESIDE)
+                self.table.add_problem(at, toml_text(name), "a name that nothing else has")
+            elif self.trust and not is_beside_study(name, self.folder):
+                self.table.add_problem(at, f'no file "{name}" beside the study', _BESIDE)
             else:
                 self.copied.append(name)
 
@@ -108,75 +110,81 @@ class _Handed:
         """Note placeholders that stand for nothing, and inputs that no placeholder stands for."""
         for taken in set(inputs).intersection(_PATHS):
             expected = "another name: {inputs} and {outputs} are files"
-            self.table.wrong(("inputs", taken), as_written(taken), expected)
+            self.table.add_problem(("inputs", taken), toml_text(taken), expected)
         for position, word in enumerate(words):
-            for _, found, expected in mistakes(word, inputs, _PATHS):
-                self.table.wrong(("command", position), f"{found} in {as_written(word)}", expected)
+            for _, found, expected in find_mistakes(word, inputs, _PATHS):
+                self.table.add_problem(
+                    ("command", position), f"{found} in {toml_text(word)}", expected
+                )
         for name, text in self.templates.items():
             file = self.template_files[name]
-            for line, found, expected in mistakes(text, inputs, _PATHS):
-                self.table.wrong(("templates", name), f'{found} in "{file}", line {line}', expected)
+            for line, found, expected in find_mistakes(text, inputs, _PATHS):
+                self.table.add_problem(
+                    ("templates", name), f'{found} in "{file}", line {line}', expected
+                )
         for name in inputs if self.trust and "inputs" not in named else ():
             if name not in named:
                 expected = f"{{inputs}} or {{{name}}} in the command, or in a template"
-                self.table.wrong(("inputs", name), "an input that is handed to nobody", expected)
+                self.table.add_problem(
+                    ("inputs", name), "an input that is handed to nobody", expected
+                )
 
     def program(self, words: tuple[str, ...]) -> Program | None:
         """The program with the files that belong to it, or None where there is none."""
         if sys.platform == "win32":
             expected = "Linux or macOS: elsewhere a program and its children cannot be ended"
-            self.table.wrong("command", "a program to be run on Windows", expected)
+            self.table.add_problem("command", "a program to be run on Windows", expected)
             return None
         inside = {*self.templates, *self.copied}
         named = [
-            word for word in words[1:] if word not in inside and lies_beside(word, self.folder)
+            word for word in words[1:] if word not in inside and is_beside_study(word, self.folder)
         ]
         try:
             others = [*named, *self.copied, *self.template_files.values()]
-            return found_program(words[0], self.folder, others)
+            return locate_program(words[0], self.folder, others)
         except ModelError as error:
-            self.table.wrong("command", str(error), "a program that can be executed")
+            self.table.add_problem("command", str(error), "a program that can be executed")
         return None
 
-    def _read_template(self, section: Section, name: str, file: str) -> None:
-        if not lies_beside(file, self.folder):
-            section.wrong(name, f'no file "{file}" beside the study', _BESIDE)
+    def _read_template(self, section: TableReader, name: str, file: str) -> None:
+        if not is_beside_study(file, self.folder):
+            section.add_problem(name, f'no file "{file}" beside the study', _BESIDE)
             return
         try:
             text = (self.folder / file).read_bytes().decode("utf-8")
         except OSError as error:
-            section.wrong(name, f'"{file}", which cannot be read: {error.strerror}', _BESIDE)
+            section.add_problem(name, f'"{file}", which cannot be read: {error.strerror}', _BESIDE)
         except UnicodeDecodeError:
-            section.wrong(name, f'"{file}", which is not UTF-8', "a text file saved as UTF-8")
+            section.add_problem(name, f'"{file}", which is not UTF-8', "a text file saved as UTF-8")
         else:
             self.templates[name], self.template_files[name] = text, file
 
 
-def _words(table: Section) -> Iterator[str]:
+def _read_words(table: TableReader) -> Iterator[str]:
     """The words of a command, as they stand there."""
     words = table.take("command")
     if not isinstance(words, list) or not words:
-        table.wrong("command", as_written(words) if words != [] else "an empty list", _COMMAND)
+        table.add_problem("command", toml_text(words) if words != [] else "an empty list", _COMMAND)
         return
     for position, word in enumerate(words):
         if not isinstance(word, str) or "\0" in word or (position == 0 and not word.strip()):
-            table.wrong(("command", position), as_written(word), "a word in quotes")
+            table.add_problem(("command", position), toml_text(word), "a word in quotes")
         elif position == 0 and names_in(word):
-            table.wrong(("command", 0), as_written(word), "a program, without placeholders")
+            table.add_problem(("command", 0), toml_text(word), "a program, without placeholders")
         else:
             yield word
 
 
-def _kept(table: Section, folder: Path) -> Kept:
+def _folder_policy(table: TableReader, folder: Path) -> FolderPolicy:
     """Which folders of runs are kept: beside the study, in one that is called after it."""
     which = table.text("keep", _KEPT, default="failed")
     place = folder / f"{Path(table.document.label).stem}_runs"
     if len(table.path) > 1:  # one of several models
         place /= str(table.path[-1])
     if which == "all":
-        return Kept("all", place)
+        return FolderPolicy("all", place)
     if which == "none":
-        return Kept("none", place)
+        return FolderPolicy("none", place)
     if which not in ("failed", None):
-        table.wrong("keep", as_written(which), _KEPT)
-    return Kept("failed", place)
+        table.add_problem("keep", toml_text(which), _KEPT)
+    return FolderPolicy("failed", place)

@@ -7,14 +7,14 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from uqpen.errors import SettingsError, as_written
-from uqpen.inputs.copulas import COPULAS
-from uqpen.inputs.dependence import Dependence
-from uqpen.inputs.elliptical_copulas import MEASURES, Elliptical, of_scores
-from uqpen.inputs.law import InputLaw
-from uqpen.lookup import choices
-from uqpen.settings import declared
-from uqpen.study.section import Section, member
+from uqpen.core.errors import SettingsError, toml_text
+from uqpen.core.lookup import choices
+from uqpen.core.settings import declared_settings
+from uqpen.distributions.copulas import COPULAS
+from uqpen.distributions.dependence import Dependence
+from uqpen.distributions.elliptical_copulas import MEASURES, EllipticalCopula, score_correlation
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.study.table_reader import TableReader, family_member
 
 __all__ = ["read_dependence"]
 
@@ -22,31 +22,31 @@ _CORRELATION = "a correlation, strictly between -1 and 1"
 _PAIR = '{ inputs = ["a", "b"], correlation = 0.6 }'
 
 
-def read_dependence(table: Section | None, law: InputLaw) -> InputLaw:
+def read_dependence(table: TableReader | None, joint: JointDistribution) -> JointDistribution:
     """The law with its inputs' dependence; without, where a mistake was noted."""
     if table is None:
-        return law
-    copula = member(table, "copula", COPULAS, "a copula")
+        return joint
+    copula = family_member(table, "copula", COPULAS, "a copula")
     if copula is None:
-        return law
+        return joint
     noted = len(table.problems)
-    is_elliptical = issubclass(copula, Elliptical)
-    parameters = _elliptical(table, law, copula) if is_elliptical else _inputs(table, law)
-    for field, setting in declared(copula):
+    is_elliptical = issubclass(copula, EllipticalCopula)
+    parameters = _elliptical(table, joint, copula) if is_elliptical else _inputs(table, joint)
+    for field, setting in declared_settings(copula):
         value = table.take(field.name)
         if value is None and field.default is dataclasses.MISSING:
-            table.missing(field.name, setting.expected)
+            table.add_missing(field.name, setting.expected)
         elif value is not None:
-            parameters[field.name] = _double(value)
-    table.close()
+            parameters[field.name] = _as_float(value)
+    table.check_unknown_keys()
     if len(table.problems) > noted:
-        return law
-    dependence = _built(table, copula, parameters)
-    return law if dependence is None else dataclasses.replace(law, dependence=dependence)
+        return joint
+    dependence = _build_copula(table, copula, parameters)
+    return joint if dependence is None else dataclasses.replace(joint, dependence=dependence)
 
 
-def _built(
-    table: Section, copula: Callable[..., Dependence], parameters: dict[str, Any]
+def _build_copula(
+    table: TableReader, copula: Callable[..., Dependence], parameters: dict[str, Any]
 ) -> Dependence | None:
     try:
         return copula(**parameters)
@@ -54,97 +54,107 @@ def _built(
         for problem in error.problems:
             if problem.path == ("matrix",):  # a fault of all of it, told in the problem's words
                 key = "matrix" if "matrix" in table else "pairs"
-                table.wrong(key, problem.found, problem.expected)
+                table.add_problem(key, problem.found, problem.expected)
             else:
-                table.refused(SettingsError([problem]))
+                table.add_problems(SettingsError([problem]))
     return None
 
 
-def _inputs(table: Section, law: InputLaw) -> dict[str, Any]:
+def _inputs(table: TableReader, joint: JointDistribution) -> dict[str, Any]:
     if "inputs" not in table:
-        table.missing("inputs", 'the random inputs that it joins, such as ["a", "b"]')
+        table.add_missing("inputs", 'the random inputs that it joins, such as ["a", "b"]')
     names = table.entries("inputs")
-    _check_names(table, ("inputs",), names, law)
+    _check_names(table, ("inputs",), names, joint)
     return {"inputs": tuple(names)}
 
 
 def _check_names(
-    table: Section, path: tuple[str | int, ...], names: list[Any], law: InputLaw
+    table: TableReader, path: tuple[str | int, ...], names: list[Any], joint: JointDistribution
 ) -> None:
     """Note names that are none of a random input."""
-    random = [entry.variable.name for entry in law.random]
-    fixed = {entry.variable.name for entry in law.fixed}
+    random = [entry.variable.name for entry in joint.random]
+    fixed = {entry.variable.name for entry in joint.fixed}
     for position, name in enumerate(names):
         if name in random if isinstance(name, str) else False:
             continue
         is_fixed = isinstance(name, str) and name in fixed
-        found = f"{as_written(name)}{', an input that is fixed' if is_fixed else ''}"
-        table.wrong((*path, position), found, f"a random input; {choices(str(name), random)}")
+        found = f"{toml_text(name)}{', an input that is fixed' if is_fixed else ''}"
+        table.add_problem((*path, position), found, f"a random input; {choices(str(name), random)}")
 
 
-def _elliptical(table: Section, law: InputLaw, copula: type[Elliptical]) -> dict[str, Any]:
+def _elliptical(
+    table: TableReader, joint: JointDistribution, copula: type[EllipticalCopula]
+) -> dict[str, Any]:
     """Inputs and matrix of scores, from a matrix or from pairs."""
     measures = {name: MEASURES[name] for name in copula.measures}
     listing = "; ".join(f'"{name}": {meaning}' for name, meaning in measures.items())
     expected = f"what the correlations are of: {listing}"
     measure = table.text("of", expected)
     if measure is not None and measure not in measures:
-        table.wrong("of", as_written(measure), expected)
+        table.add_problem("of", toml_text(measure), expected)
         measure = None
     if ("pairs" in table) == ("matrix" in table):
         found = "both pairs and matrix" if "pairs" in table else "no correlations"
-        table.wrong((), found, f"either pairs = [{_PAIR}], or inputs with a matrix")
+        table.add_problem((), found, f"either pairs = [{_PAIR}], or inputs with a matrix")
         for key in ("pairs", "inputs", "matrix"):
             table.take(key)
         return {}
-    convert = lambda value: of_scores(value, measure or "")  # noqa: E731 - of this study's measure
+    convert = lambda value: score_correlation(value, measure or "")  # noqa: E731 - of this study's measure
     if "matrix" in table:
-        return {**_inputs(table, law), "matrix": _matrix(table, convert)}
-    return _pairs(table, law, convert)
+        return {**_inputs(table, joint), "matrix": _matrix(table, convert)}
+    return _pairs(table, joint, convert)
 
 
-def _matrix(table: Section, convert: Callable[[float], float]) -> tuple[tuple[float, ...], ...]:
+def _matrix(table: TableReader, convert: Callable[[float], float]) -> tuple[tuple[float, ...], ...]:
     rows = []
     for row, values in enumerate(table.entries("matrix")):
         if not isinstance(values, list):
-            table.wrong(("matrix", row), as_written(values), "a row of correlations in brackets")
+            table.add_problem(
+                ("matrix", row), toml_text(values), "a row of correlations in brackets"
+            )
             continue
         found = []
         for column, value in enumerate(values):
             if not _is_number(value):
-                table.wrong(("matrix", row, column), as_written(value), "a number")
+                table.add_problem(("matrix", row, column), toml_text(value), "a number")
             elif row == column or not abs(value) < 1:  # which the copula refuses where it is wrong
-                found.append(_double(value))
+                found.append(_as_float(value))
             else:
                 found.append(convert(value))
         rows.append(tuple(found))
     return tuple(rows)
 
 
-def _pairs(table: Section, law: InputLaw, convert: Callable[[float], float]) -> dict[str, Any]:
+def _pairs(
+    table: TableReader, joint: JointDistribution, convert: Callable[[float], float]
+) -> dict[str, Any]:
     """Of a pair that is not given, the scores are not correlated."""
     correlations: dict[frozenset[str], float] = {}
     for position, entry in enumerate(table.entries("pairs")):
         if not isinstance(entry, dict):
-            table.wrong(("pairs", position), as_written(entry), _PAIR)
+            table.add_problem(("pairs", position), toml_text(entry), _PAIR)
             continue
-        pair = Section(table.document, table.problems, (*table.path, "pairs", position), entry)
+        pair = TableReader(table.document, table.problems, (*table.path, "pairs", position), entry)
         noted = len(table.problems)
         names, value = pair.entries("inputs"), pair.take("correlation")
-        pair.close()
-        _check_names(pair, ("inputs",), names, law)
+        pair.check_unknown_keys()
+        _check_names(pair, ("inputs",), names, joint)
         if not _is_number(value) or not abs(value) < 1:
-            found = "nothing" if value is None else as_written(value)
-            pair.wrong("correlation", found, _CORRELATION)
+            found = "nothing" if value is None else toml_text(value)
+            pair.add_problem("correlation", found, _CORRELATION)
         if len(table.problems) > noted:
             continue
         if len(names) != 2 or names[0] == names[1]:
-            pair.wrong("inputs", f"{len(set(names))} of them", 'two inputs, such as ["a", "b"]')
+            pair.add_problem(
+                "inputs", f"{len(set(names))} of them", 'two inputs, such as ["a", "b"]'
+            )
         elif frozenset(names) in correlations:
-            pair.wrong("inputs", f"{names[0]} and {names[1]} for the second time", "each pair once")
+            pair.add_problem(
+                "inputs", f"{names[0]} and {names[1]} for the second time", "each pair once"
+            )
         else:
             correlations[frozenset(names)] = convert(value)
-    joined = [entry.variable.name for entry in law.random]
+    joined = [entry.variable.name for entry in joint.random]
     joined = [name for name in joined if any(name in pair for pair in correlations)]
     matrix = tuple(
         tuple(1.0 if a == b else correlations.get(frozenset((a, b)), 0.0) for b in joined)
@@ -157,7 +167,7 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _double(value: Any) -> Any:
+def _as_float(value: Any) -> Any:
     """A number as a float, of which TOML's whole numbers may be too large; else the value."""
     if not _is_number(value):
         return value

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from uqpen.core.errors import TableError, toml_text
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
-from uqpen.designs.table import Table
-from uqpen.errors import TableError, as_written
-from uqpen.inputs.law import InputLaw
-from uqpen.study.section import Section, member, named
+from uqpen.designs.table import TableDesign
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.study.table_reader import TableReader, family_member, named_tables
 
 __all__ = ["check_designs", "read_designs"]
 
@@ -21,19 +21,21 @@ _VALID = (
 )
 
 
-def read_designs(table: Section, folder: Path) -> dict[str, Design]:
+def read_designs(table: TableReader, folder: Path) -> dict[str, Design]:
     """The designs of a study; what could not be understood is noted and left out."""
     found: dict[str, Design] = {}
-    for name, section in named(table):
-        design = _design(section, folder)
+    for name, section in named_tables(table):
+        design = _read_design(section, folder)
         if design is not None:
             found[name] = design
     if not table.content:
-        table.wrong((), "no design", f"a [designs.<name>] of kind {', '.join(DESIGNS)}")
+        table.add_problem((), "no design", f"a [designs.<name>] of kind {', '.join(DESIGNS)}")
     return found
 
 
-def check_designs(table: Section, designs: dict[str, Design], law: InputLaw) -> set[str]:
+def check_designs(
+    table: TableReader, designs: dict[str, Design], joint: JointDistribution
+) -> set[str]:
     """Note designs that do not fit the inputs.
 
     Returns
@@ -43,32 +45,32 @@ def check_designs(table: Section, designs: dict[str, Design], law: InputLaw) -> 
     """
     given: list[set[str]] = []
     for name, design in designs.items():
-        if isinstance(design, Table):
+        if isinstance(design, TableDesign):
             try:
-                given.append(set(design.columns(law)))
+                given.append(set(design.columns(joint)))
             except TableError as error:
                 expected = 'a column "name [unit]" for each input that it varies'
-                table.wrong((name, "file"), str(error), expected)
+                table.add_problem((name, "file"), str(error), expected)
             continue
         given.append(set())
-        if not law.random:
+        if not joint.random:
             expected = 'a random input, such as "(2.5 ± 0.1) m" or { uniform = { … } }'
-            table.wrong(name, "a design over inputs that are all fixed", expected)
+            table.add_problem(name, "a design over inputs that are all fixed", expected)
             continue
-        if design.assumes_independence and not law.is_independent:
-            kind = as_written(table.content[name]["kind"])
+        if design.assumes_independence and not joint.is_independent:
+            kind = toml_text(table.content[name]["kind"])
             found = f"{kind} with inputs that depend on each other ([dependence])"
-            table.wrong((name, "kind"), found, f"{design.independence_reason}; {_VALID}")
+            table.add_problem((name, "kind"), found, f"{design.independence_reason}; {_VALID}")
             continue
-        for problem in design.misfit(law):
-            table.wrong((name, *problem.path), problem.found, problem.expected)
+        for problem in design.check_inputs(joint):
+            table.add_problem((name, *problem.path), problem.found, problem.expected)
     return set.intersection(*given) if given else set()
 
 
-def _design(table: Section, folder: Path) -> Design | None:
-    kind = member(table, "kind", DESIGNS, "a kind of design")
+def _read_design(table: TableReader, folder: Path) -> Design | None:
+    kind = family_member(table, "kind", DESIGNS, "a kind of design")
     if kind is None:
         return None
     design: Design | None = table.settings(kind, folder=folder)
-    table.close()
+    table.check_unknown_keys()
     return design

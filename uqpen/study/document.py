@@ -10,18 +10,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from uqpen.errors import Problem, StudyError, as_written
+from uqpen.core.errors import Problem, StudyError, toml_text
 
 __all__ = ["Document", "read_document"]
 
 _POSITION = re.compile(r"\s*\(at line (\d+), column (\d+)\)\Z")
-_TWICE = ("Cannot overwrite a value", "Cannot declare", "Cannot redefine", "Duplicate")
+_DUPLICATE_MESSAGES = ("Cannot overwrite a value", "Cannot declare", "Cannot redefine", "Duplicate")
 
 # No study comes near it; a parser that is given more only serves to exhaust memory.
 _LARGEST = 4 * 1024 * 1024
 
 # Nobody mends more mistakes than this before looking again.
-_MOST_TOLD = 50
+_MOST_LISTED = 50
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,10 @@ class Document:
     text: str
     content: dict[str, Any]
 
-    def written_at(self, path: Sequence[str | int]) -> str | None:
+    def value_text(self, path: Sequence[str | int]) -> str | None:
         """The value at a path as its author wrote it, near enough; None where there is none."""
         try:
-            return as_written(_descend(self.content, path))
+            return toml_text(_descend(self.content, path))
         except (KeyError, IndexError, TypeError):
             return None
 
@@ -56,14 +56,14 @@ class Document:
         runs on, and has the key from the line on that defines it: so bisect.
         """
         path = list(path)
-        while path and not _has(self.content, path):
+        while path and not _has_path(self.content, path):
             path.pop()
         if not path:
             return None
         low, high = 0, len(self._lines)  # the key is absent after `low` lines, there after `high`
         while high - low > 1:
             middle = (low + high) // 2
-            if _has(self._whole_prefix(middle)[1], path):
+            if _has_path(self._whole_prefix(middle)[1], path):
                 high = middle
             else:
                 low = middle
@@ -87,19 +87,19 @@ class Document:
                 self._prefixes[cut] = cut, tomllib.loads("".join(self._lines[:cut]))
             except ValueError:
                 cut -= 1
-        for asked in range(cut + 1, end + 1):
-            self._prefixes[asked] = self._prefixes[cut]
+        for line_count in range(cut + 1, end + 1):
+            self._prefixes[line_count] = self._prefixes[cut]
         return self._prefixes[end]
 
     def error(self, problems: Sequence[Problem]) -> StudyError:
         """All mistakes in one error, in the order of their lines."""
         located = sorted(
-            ((self.line(problem.path) or 0, problem) for problem in problems[:_MOST_TOLD]),
+            ((self.line(problem.path) or 0, problem) for problem in problems[:_MOST_LISTED]),
             key=lambda pair: pair[0],
         )
         count = "1 mistake" if len(problems) == 1 else f"{len(problems)} mistakes"
         blocks = [f"{self.label}: {count}; nothing was run"]
-        blocks += [_block(self.label, line, problem) for line, problem in located]
+        blocks += [_message_block(self.label, line, problem) for line, problem in located]
         if len(problems) > len(located):
             blocks.append(f"  and {len(problems) - len(located)} more")
         return StudyError("\n\n".join(blocks), [problem for _, problem in located])
@@ -124,10 +124,10 @@ def read_document(path: Path) -> Document:
         line = data.count(b"\n", 0, error.start) + 1
         found = f"byte 0x{data[error.start]:02x}, which is not UTF-8"
         problem = Problem((), found, "a text file saved as UTF-8")
-        raise _unreadable(label, line, problem) from None
+        raise _parse_error(label, line, problem) from None
     if len(data) > _LARGEST:
         problem = Problem((), f"{len(data)} bytes", f"a study of at most {_LARGEST} bytes")
-        raise _unreadable(label, 1, problem)
+        raise _parse_error(label, 1, problem)
     return parse_document(text, label)
 
 
@@ -146,22 +146,22 @@ def parse_document(text: str, label: str) -> Document:
         match = _POSITION.search(message)
         line = int(match[1]) if match else len(text.rstrip("\n").split("\n"))
         found = _POSITION.sub("", message).removesuffix(" (at end of document)")
-        is_twice = message.startswith(_TWICE)
+        is_twice = message.startswith(_DUPLICATE_MESSAGES)
         expected = "every key and table once" if is_twice else "TOML (see https://toml.io)"
-        raise _unreadable(label, line, Problem((), found, expected)) from None
+        raise _parse_error(label, line, Problem((), found, expected)) from None
     except ValueError as error:  # a number with too many digits
-        raise _unreadable(label, 1, Problem((), str(error), "a study")) from None
+        raise _parse_error(label, 1, Problem((), str(error), "a study")) from None
     except RecursionError:
         problem = Problem((), "brackets nested too deeply", "a study")
-        raise _unreadable(label, 1, problem) from None
+        raise _parse_error(label, 1, problem) from None
 
 
-def _unreadable(label: str, line: int, problem: Problem) -> StudyError:
+def _parse_error(label: str, line: int, problem: Problem) -> StudyError:
     head = f"{label}: cannot be read as a study; nothing was run"
-    return StudyError("\n\n".join([head, _block(label, line, problem)]), [problem])
+    return StudyError("\n\n".join([head, _message_block(label, line, problem)]), [problem])
 
 
-def _block(label: str, line: int | None, problem: Problem) -> str:
+def _message_block(label: str, line: int | None, problem: Problem) -> str:
     where = f"{label}:{line}" if line else label
     return (
         f"  {where}  {problem.key}".rstrip()
@@ -177,7 +177,7 @@ def _descend(content: Any, path: Sequence[str | int]) -> Any:
     return content
 
 
-def _has(content: dict[str, Any], path: Sequence[str | int]) -> bool:
+def _has_path(content: dict[str, Any], path: Sequence[str | int]) -> bool:
     try:
         _descend(content, path)
     except (KeyError, IndexError, TypeError):

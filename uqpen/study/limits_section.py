@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 
-from uqpen.errors import as_written
-from uqpen.limits import Limits
-from uqpen.study.section import Section
+from uqpen.core.errors import toml_text
+from uqpen.core.limits import Limits
+from uqpen.study.table_reader import TableReader
 
 __all__ = ["read_limits", "read_time_limit"]
 
@@ -23,29 +23,29 @@ _PREFIXES = {"": 1} | {
 _LEAST, _MOST = 1e6, 1e15
 
 
-def read_limits(table: Section, *, can_limit_memory: bool) -> Limits:
+def read_limits(table: TableReader, *, can_limit_memory: bool) -> Limits:
     """What one run may use; as much as it likes where a model's table does not say.
 
     Parameters
     ----------
-    table : Section
+    table : TableReader
         Of the model.
     can_limit_memory : bool
         Whether this system is known to keep a limit on memory, should there be one.
     """
-    return Limits(read_time_limit(table), _bytes(table, can_limit=can_limit_memory))
+    return Limits(read_time_limit(table), _read_memory_limit(table, can_limit=can_limit_memory))
 
 
-def read_time_limit(table: Section) -> float | None:
+def read_time_limit(table: TableReader) -> float | None:
     """How many seconds one run may take."""
     seconds = table.quantity("time_limit", "s")
     if seconds is not None and not 0 < seconds < float("inf"):
-        table.wrong("time_limit", as_written(table.content["time_limit"]), _TIME)
+        table.add_problem("time_limit", toml_text(table.content["time_limit"]), _TIME)
         return None
     return seconds
 
 
-def _bytes(table: Section, *, can_limit: bool) -> int | None:
+def _read_memory_limit(table: TableReader, *, can_limit: bool) -> int | None:
     """How much memory one run may use."""
     written = table.take("memory_limit")
     if written is None:
@@ -53,9 +53,9 @@ def _bytes(table: Section, *, can_limit: bool) -> int | None:
     match = _SIZE.match(written) if isinstance(written, str) else None
     size = float(match[1]) * _PREFIXES[match[2]] if match else 0.0
     if not _LEAST <= size <= _MOST:
-        table.wrong("memory_limit", as_written(written), _MEMORY)
+        table.add_problem("memory_limit", toml_text(written), _MEMORY)
         return None
     if not can_limit:
-        table.wrong("memory_limit", as_written(written), _WHERE)
+        table.add_problem("memory_limit", toml_text(written), _WHERE)
         return None
     return int(size)

@@ -7,22 +7,22 @@ from pathlib import Path
 
 import numpy as np
 
-from uqpen.errors import Problem, as_written
-from uqpen.inputs.law import InputLaw
-from uqpen.model import inadmissible
-from uqpen.streams import Stream
+from uqpen.core.errors import Problem, toml_text
+from uqpen.core.model import violated_conditions
+from uqpen.core.streams import Stream
+from uqpen.core.units import describe
+from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.study.dependence_section import read_dependence
 from uqpen.study.designs_section import check_designs, read_designs
 from uqpen.study.document import Document, parse_document, read_document
 from uqpen.study.failures_section import read_failures
 from uqpen.study.inputs_section import read_constraints, read_inputs
 from uqpen.study.models_section import check_variants, read_models
-from uqpen.study.outputs_section import read_questions
+from uqpen.study.outputs_section import read_quantities_of_interest
 from uqpen.study.published_section import read_published
-from uqpen.study.section import Section
 from uqpen.study.study import Study, Variant
 from uqpen.study.surrogates_section import check_surrogates, read_surrogates
-from uqpen.units import describe
+from uqpen.study.table_reader import TableReader
 
 __all__ = ["load_study", "parse_study"]
 
@@ -46,7 +46,7 @@ def load_study(path: str | Path) -> Study:
         Listing every mistake with its line, what was found and what is expected.
     """
     path = Path(path)
-    return _study(read_document(path), path.stem, path.absolute().parent, trust=True)
+    return _read_study(read_document(path), path.stem, path.absolute().parent, trust=True)
 
 
 def parse_study(
@@ -71,7 +71,7 @@ def parse_study(
         not, they cannot be run, but all else can be asked of the study.
     """
     document = parse_document(text, f"{name}.toml")
-    return _study(document, name, Path(folder).absolute(), trust=trust)
+    return _read_study(document, name, Path(folder).absolute(), trust=trust)
 
 
 # The tables of a study beside its models, with what is expected of those that it must have.
@@ -87,14 +87,14 @@ _TABLES = {
 }
 
 
-def _study(document: Document, name: str, folder: Path, *, trust: bool) -> Study:
+def _read_study(document: Document, name: str, folder: Path, *, trust: bool) -> Study:
     problems: list[Problem] = []
-    root = Section(document, problems, (), document.content)
+    root = TableReader(document, problems, (), document.content)
     title = root.text("title", "a title in quotes", default=name)
     seed = _seed(root)
     models = read_models(root, folder, trust=trust)
     tables = {key: root.table(key, expected) for key, expected in _TABLES.items()}
-    root.close()
+    root.check_unknown_keys()
     inputs, designs_table = tables["inputs"], tables["designs"]
     failures = read_failures(tables["failures"])
     designs = read_designs(designs_table, folder) if designs_table else {}
@@ -104,17 +104,17 @@ def _study(document: Document, name: str, folder: Path, *, trust: bool) -> Study
         raise document.error(problems)
     model = next(iter(models.values())).model
     noted = len(problems)
-    law = read_inputs(inputs, model, folder, Stream(seed or 0, "inputs"))
+    joint = read_inputs(inputs, model, folder, Stream(seed or 0, "inputs"))
     constraints = read_constraints(tables["constraints"], model, inputs.content)
-    questions = read_questions(tables["outputs"], model)
+    quantities = read_quantities_of_interest(tables["outputs"], model)
     published = read_published(tables["published"], model, {*designs, *surrogates})
     if len(problems) == noted:
         # Inputs that could not be understood would only cause mistakes that are none.
-        law = read_dependence(tables["dependence"], law)
-        given_by_tables = check_designs(designs_table, designs, law)
-        check_surrogates(tables["surrogates"], surrogates, designs, model, law)
-        check_variants(root, models, {entry.variable.name for entry in law.random})
-        _check_models(inputs, models, law, given_by_tables)
+        joint = read_dependence(tables["dependence"], joint)
+        given_by_tables = check_designs(designs_table, designs, joint)
+        check_surrogates(tables["surrogates"], surrogates, designs, model, joint)
+        check_variants(root, models, {entry.variable.name for entry in joint.random})
+        _check_models(inputs, models, joint, given_by_tables)
     if problems or title is None or seed is None:
         raise document.error(problems)
     return Study(
@@ -122,9 +122,9 @@ def _study(document: Document, name: str, folder: Path, *, trust: bool) -> Study
         title=title,
         seed=seed,
         models=models,
-        law=law,
+        joint=joint,
         constraints=constraints,
-        questions=questions,
+        quantities_of_interest=quantities,
         designs=designs,
         text=document.text,
         surrogates=surrogates,
@@ -135,7 +135,10 @@ def _study(document: Document, name: str, folder: Path, *, trust: bool) -> Study
 
 
 def _check_models(
-    table: Section, models: Mapping[str, Variant], law: InputLaw, given_by_tables: set[str]
+    table: TableReader,
+    models: Mapping[str, Variant],
+    joint: JointDistribution,
+    given_by_tables: set[str],
 ) -> None:
     """Note what a model lacks, or does not admit at the nominal inputs."""
     noted = len(table.problems)
@@ -143,38 +146,38 @@ def _check_models(
         _check_completeness(table, variant, given_by_tables)
     if len(table.problems) == noted:
         for variant in models.values():
-            _check_nominal(table, variant, law)
+            _check_nominal(table, variant, joint)
 
 
-def _seed(root: Section) -> int | None:
+def _seed(root: TableReader) -> int | None:
     expected = "a whole number, 0 or more: the same seed gives the same draws"
     seed = root.take("seed")
     if seed is None:
-        root.missing("seed", expected)
+        root.add_missing("seed", expected)
         return None
     if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
-        root.wrong("seed", as_written(seed), expected)
+        root.add_problem("seed", toml_text(seed), expected)
         return None
     return seed
 
 
-def _check_completeness(table: Section, variant: Variant, given_by_tables: set[str]) -> None:
+def _check_completeness(table: TableReader, variant: Variant, given_by_tables: set[str]) -> None:
     """Note inputs that nothing gives: neither the study nor a column of every table."""
     model = variant.model
-    for name in model.missing(given_by_tables.union(table, variant.given)):
+    for name in model.missing_inputs(given_by_tables.union(table, variant.given)):
         variable = model.input(name)
         alternatives = next((group for group in model.alternatives if name in group), ())
         instead = f' (or "{alternatives[1]}")' if len(alternatives) > 1 else ""
-        table.missing(name, describe(variable.unit) + instead)
+        table.add_missing(name, describe(variable.unit) + instead)
 
 
-def _check_nominal(table: Section, variant: Variant, law: InputLaw) -> None:
+def _check_nominal(table: TableReader, variant: Variant, joint: JointDistribution) -> None:
     """Note a condition of the model's that its nominal inputs violate."""
-    model, nominal = variant.model, {**law.nominal(), **variant.given}
-    if next(model.missing(nominal), None) is not None:
+    model, nominal = variant.model, {**joint.nominal(), **variant.given}
+    if next(model.missing_inputs(nominal), None) is not None:
         return  # a table gives some of the inputs, and its points are data
     inputs = {name: np.array([value]) for name, value in nominal.items()}
-    for violated, condition in inadmissible(model, inputs):
+    for violated, condition in violated_conditions(model, inputs):
         if violated.any():
             found = f"inputs that, at their medians, violate {condition}"
-            table.wrong((), found, f"inputs that {model.name} admits")
+            table.add_problem((), found, f"inputs that {model.name} admits")

@@ -10,27 +10,27 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.columns import Column
-from uqpen.errors import SettingsError, TableError, as_written
-from uqpen.files import FileRead
-from uqpen.inputs.distribution import Distribution
-from uqpen.inputs.distributions import DISTRIBUTIONS
-from uqpen.inputs.empirical import Empirical
-from uqpen.inputs.measurements import (
+from uqpen.core.columns import Column
+from uqpen.core.errors import SettingsError, TableError, toml_text
+from uqpen.core.files import FileSnapshot
+from uqpen.core.lookup import choices
+from uqpen.core.model import Input
+from uqpen.core.settings import declared_settings
+from uqpen.core.streams import Stream
+from uqpen.distributions.continuous import DISTRIBUTIONS
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.empirical import Empirical
+from uqpen.distributions.measurements import (
     FEWEST,
-    FEWEST_OF_A_FAMILY,
+    FEWEST_FOR_A_FAMILY,
     Measurements,
-    parameters_shown,
-    problems,
-    shown,
+    check_measurements,
+    parameters_text,
+    value_text,
 )
-from uqpen.lookup import choices
-from uqpen.model import Input
-from uqpen.settings import declared
-from uqpen.streams import Stream
-from uqpen.study.section import Section
+from uqpen.study.table_reader import TableReader
 
-__all__ = ["MEASURED", "Origin", "read_measured"]
+__all__ = ["MEASURED", "InputDistribution", "read_measured"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -41,12 +41,12 @@ _TEST = "Kolmogorov-Smirnov distance; p value by parametric bootstrap"
 
 
 @dataclass(frozen=True)
-class Origin:
+class InputDistribution:
     """A law, and what it was made from.
 
     Parameters
     ----------
-    law : Distribution
+    distribution : Distribution
         In SI units.
     unit : str
         That its author wrote.
@@ -54,23 +54,25 @@ class Origin:
         In one line.
     fit : mapping of str to str, int or float
         Where it follows from measurements: what an archive keeps of them.
-    files : tuple of FileRead
+    files : tuple of FileSnapshot
         Where those measurements stand.
     """
 
-    law: Distribution
+    distribution: Distribution
     unit: str
     description: str
     fit: Mapping[str, str | int | float] = field(default_factory=dict)
-    files: tuple[FileRead, ...] = ()
+    files: tuple[FileSnapshot, ...] = ()
 
 
-def read_measured(table: Section, variable: Input, folder: Path, stream: Stream) -> Origin | None:
+def read_measured(
+    table: TableReader, variable: Input, folder: Path, stream: Stream
+) -> InputDistribution | None:
     """The law that measurements give; None where a mistake was noted.
 
     Parameters
     ----------
-    table : Section
+    table : TableReader
         What stands behind ``measured =``.
     variable : Input
         What was measured.
@@ -83,19 +85,19 @@ def read_measured(table: Section, variable: Input, folder: Path, stream: Stream)
     measurements = table.settings(Measurements, folder=folder)
     heading = table.text("column", "the heading of a column", default="")
     family = table.text("family", "the name of a distribution", default="")
-    table.close()
+    table.check_unknown_keys()
     if family:
         _check_family(table, family)
     if measurements is None or heading is None or family is None or len(table.problems) > noted:
         return None
-    found = _read(table, measurements, heading, variable)
+    found = _read_column(table, measurements, heading, variable)
     if found is None:
         return None
     column, values = found
     source = f"{measurements.file.name}, {column.heading}"
-    fewest = FEWEST_OF_A_FAMILY if family else FEWEST
-    for problem in problems(values, column, variable, fewest=fewest):
-        table.wrong("file", f"{problem.found} in {source}", problem.expected)
+    fewest = FEWEST_FOR_A_FAMILY if family else FEWEST
+    for problem in check_measurements(values, column, variable, fewest=fewest):
+        table.add_problem("file", f"{problem.found} in {source}", problem.expected)
     if len(table.problems) > noted:
         return None
     if family:
@@ -105,70 +107,78 @@ def read_measured(table: Section, variable: Input, folder: Path, stream: Stream)
     return origin and replace(origin, files=(measurements.source,))
 
 
-def _check_family(table: Section, family: str) -> None:
-    from uqpen.inputs.fitting import FAMILIES, UNFITTED
+def _check_family(table: TableReader, family: str) -> None:
+    from uqpen.distributions.fitting import FAMILIES, NOT_FITTABLE
 
     if family not in DISTRIBUTIONS:
-        table.wrong("family", as_written(family), f"a distribution; {choices(family, FAMILIES)}")
-    elif family in UNFITTED:
-        found = f"{as_written(family)}, which is not fitted: {UNFITTED[family]}"
+        table.add_problem(
+            "family", toml_text(family), f"a distribution; {choices(family, FAMILIES)}"
+        )
+    elif family in NOT_FITTABLE:
+        found = f"{toml_text(family)}, which is not fitted: {NOT_FITTABLE[family]}"
         expected = f"one of {', '.join(FAMILIES)}, or no family for the measurements themselves"
-        table.wrong("family", found, expected)
+        table.add_problem("family", found, expected)
 
 
-def _read(
-    table: Section, measurements: Measurements, heading: str, variable: Input
+def _read_column(
+    table: TableReader, measurements: Measurements, heading: str, variable: Input
 ) -> tuple[Column, FloatArray] | None:
     expected = f'a CSV or NetCDF file beside the study, with a column such as "x [{variable.unit}]"'
     try:
         _ = measurements.columns
     except TableError as error:
-        table.wrong("file", str(error), expected)
+        table.add_problem("file", str(error), expected)
         return None
     try:
         column = measurements.column(heading)
         return column, column.values(variable.unit)
     except TableError as error:
-        table.wrong("column", str(error), f"the heading of a column of {variable.title}")
+        table.add_problem("column", str(error), f"the heading of a column of {variable.title}")
     return None
 
 
-def _empirical(values: FloatArray, unit: str, source: str) -> Origin:
-    law = Empirical(tuple(values.tolist()))
-    ends = f"from {shown(float(values.min()), unit)} to {shown(float(values.max()), unit)}"
+def _empirical(values: FloatArray, unit: str, source: str) -> InputDistribution:
+    distribution = Empirical(tuple(values.tolist()))
+    ends = (
+        f"from {value_text(float(values.min()), unit)} to {value_text(float(values.max()), unit)}"
+    )
     description = f"as measured: {len(values)} values of {source}, {ends}"
-    return Origin(law, unit, description, _measured("empirical", values, source))
+    return InputDistribution(
+        distribution, unit, description, _measurement_attributes("empirical", values, source)
+    )
 
 
 def _fitted(
-    table: Section, family: str, values: FloatArray, unit: str, source: str, stream: Stream
-) -> Origin | None:
-    from uqpen.inputs.fitting import fit
+    table: TableReader, family: str, values: FloatArray, unit: str, source: str, stream: Stream
+) -> InputDistribution | None:
+    from uqpen.distributions.fitting import fit_distribution
 
     try:
-        fitted = fit(family, values, stream.generator("fit"))
+        fitted = fit_distribution(family, values, stream.generator("fit"))
     except SettingsError as error:
         for problem in error.problems:
-            table.wrong("family", f"{problem.found}, in {source}", problem.expected)
+            table.add_problem("family", f"{problem.found}, in {source}", problem.expected)
         return None
     test = f"Kolmogorov-Smirnov distance {fitted.distance:.3g}, p = {fitted.p_value:.2g}"
-    law = f"{family} fitted to {len(values)} values of {source}"
-    described = f"{law}: {parameters_shown(fitted.distribution, unit)}; {test}"
-    attributes = _measured(family, values, source)
-    for parameter, _ in declared(fitted.distribution):
+    distribution = f"{family} fitted to {len(values)} values of {source}"
+    described = f"{distribution}: {parameters_text(fitted.distribution, unit)}; {test}"
+    attributes = _measurement_attributes(family, values, source)
+    for parameter, _ in declared_settings(fitted.distribution):
         attributes[f"fit_{parameter.name}"] = getattr(fitted.distribution, parameter.name)
     attributes["fit_test"] = _TEST
     attributes["fit_statistic"] = fitted.distance
     attributes["fit_p_value"] = fitted.p_value
-    if fitted.is_bad:
+    if fitted.is_rejected:
         attributes["fit_warning"] = (
             f"{family} does not fit the measurements: of samples of the fitted law, a share of "
             f"{fitted.p_value:.2g} lies as far from it (p value)"
         )
-    return Origin(fitted.distribution, unit, described, attributes)
+    return InputDistribution(fitted.distribution, unit, described, attributes)
 
 
-def _measured(family: str, values: FloatArray, source: str) -> dict[str, str | int | float]:
+def _measurement_attributes(
+    family: str, values: FloatArray, source: str
+) -> dict[str, str | int | float]:
     """What an archive keeps of measurements, whatever law they gave."""
     return {
         "fit_family": family,

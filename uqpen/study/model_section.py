@@ -6,27 +6,27 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from uqpen.errors import ModelError, as_written
-from uqpen.executors.memory import CAN_LIMIT
-from uqpen.lookup import choices, resolve
-from uqpen.model import Model
+from uqpen.core.errors import ModelError, toml_text
+from uqpen.core.lookup import choices, resolve
+from uqpen.core.model import Model
+from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models import MODELS
 from uqpen.models.python_function import PythonFunction, check_signature, load_function
 from uqpen.study.limits_section import read_limits
-from uqpen.study.section import Section
+from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import read_variables
 
-__all__ = ["FOREIGN", "read_model"]
+__all__ = ["EXTERNAL_MODELS", "read_model"]
 
 # The keys that name a model from outside, and who reads its table: called with the table, the
 # folder of the study, and whether what it names may be executed or asked.
-FOREIGN = {
+EXTERNAL_MODELS = {
     "python": "uqpen.study.model_section:read_function",
     "command": "uqpen.study.command_section:read_command",
     "umbridge": "uqpen.study.umbridge_section:read_umbridge",
 }
 
-_WAYS = {
+_MODEL_KEYS = {
     "use": 'use = "…" (a built-in model)',
     "python": 'python = "my_model.py:function"',
     "command": 'command = ["./program", …]',
@@ -34,45 +34,45 @@ _WAYS = {
 }
 
 
-def read_model(table: Section, folder: Path, *, trust: bool) -> Model | None:
+def read_model(table: TableReader, folder: Path, *, trust: bool) -> Model | None:
     """The model of a study, or None where a mistake was noted.
 
     Parameters
     ----------
-    table : Section
+    table : TableReader
         Of the model.
     folder : Path
         Where the study lies.
     trust : bool
         Whether what it names may be executed or asked; if not, the model cannot be run.
     """
-    ways = [key for key in _WAYS if key in table]
+    ways = [key for key in _MODEL_KEYS if key in table]
     if len(ways) != 1:
         found = "nothing that names a model" if not ways else " and ".join(ways)
-        table.wrong((), found, f"one of {', '.join(_WAYS.values())}")
+        table.add_problem((), found, f"one of {', '.join(_MODEL_KEYS.values())}")
         return None
     model: Model | None
     if ways == ["use"]:
         model = _built_in(table)
     else:
-        model = resolve(FOREIGN[ways[0]])(table, folder, trust=trust)
+        model = resolve(EXTERNAL_MODELS[ways[0]])(table, folder, trust=trust)
     if model is not None:
-        table.close()
+        table.check_unknown_keys()
     return model
 
 
-def _built_in(table: Section) -> Model | None:
+def _built_in(table: TableReader) -> Model | None:
     name = table.text("use", "the name of a model")
     if name is None:
         return None
     if name not in MODELS:
-        table.wrong("use", as_written(name), f"a built-in model; {choices(name, MODELS)}")
+        table.add_problem("use", toml_text(name), f"a built-in model; {choices(name, MODELS)}")
         return None
     model: Model | None = table.settings(resolve(MODELS[name]))
     return model
 
 
-def read_function(table: Section, folder: Path, *, trust: bool) -> Model | None:
+def read_function(table: TableReader, folder: Path, *, trust: bool) -> Model | None:
     """A Python function as a model, or None where a mistake was noted."""
     noted = len(table.problems)
     reference = table.text("python", "a function")
@@ -80,23 +80,25 @@ def read_function(table: Section, folder: Path, *, trust: bool) -> Model | None:
     limits = read_limits(table, can_limit_memory=CAN_LIMIT or not trust)
     if vectorized and limits:
         limit = "time_limit" if limits.seconds is not None else "memory_limit"
-        table.wrong(limit, "a limit of one run", "vectorized = false, so that runs are apart")
-    inputs, outputs, called_in = read_variables(table)
+        table.add_problem(limit, "a limit of one run", "vectorized = false, so that runs are apart")
+    inputs, outputs, units = read_variables(table)
     if reference is None or len(table.problems) > noted:
         return None
-    load = load_function if trust else _not_loaded
+    load = load_function if trust else _unloaded_function
     try:
         function, surroundings = load(reference, folder)
         check_signature(function, [variable.name for variable in inputs])
     except ModelError as error:
-        table.wrong("python", str(error), "a function that can be called with the model's inputs")
+        table.add_problem(
+            "python", str(error), "a function that can be called with the model's inputs"
+        )
         return None
     return PythonFunction(
-        function, reference, inputs, outputs, called_in, vectorized, surroundings, limits
+        function, reference, inputs, outputs, units, vectorized, surroundings, limits
     )
 
 
-def _not_loaded(reference: str, folder: Path) -> tuple[Callable[..., Any], None]:
+def _unloaded_function(reference: str, folder: Path) -> tuple[Callable[..., Any], None]:
     """In place of a function that is not to be executed, one that says so."""
 
     def refuse(**inputs: float) -> Any:

@@ -6,18 +6,18 @@ from pathlib import Path
 
 import numpy as np
 
-from uqpen.errors import as_written
-from uqpen.lookup import choices
-from uqpen.model import Model, Variable
+from uqpen.core.errors import toml_text
+from uqpen.core.lookup import choices
+from uqpen.core.model import Model, Variable
+from uqpen.core.units import are_convertible
 from uqpen.study.model_section import read_model
-from uqpen.study.section import Section, named
 from uqpen.study.study import ONLY_MODEL, Variant
-from uqpen.units import are_alike
+from uqpen.study.table_reader import TableReader, named_tables
 
 __all__ = ["check_variants", "read_models"]
 
 
-def read_models(root: Section, folder: Path, *, trust: bool) -> dict[str, Variant]:
+def read_models(root: TableReader, folder: Path, *, trust: bool) -> dict[str, Variant]:
     """The models of a study, by name; empty where a mistake was noted.
 
     The inputs and outputs of the first are the study's: what goes in and comes out of the others
@@ -25,44 +25,46 @@ def read_models(root: Section, folder: Path, *, trust: bool) -> dict[str, Varian
     """
     table, several = root.table("model"), root.table("models")
     if table is not None and several is not None:
-        root.wrong("models", "[model] and [models]", "one of them")
+        root.add_problem("models", "[model] and [models]", "one of them")
         return {}
     if several is None:
         if table is None and "model" not in root and "models" not in root:
-            root.missing("model", "a [model] table, or [models.<name>] for several")
+            root.add_missing("model", "a [model] table, or [models.<name>] for several")
         model = read_model(table, folder, trust=trust) if table is not None else None
         return {} if model is None else {ONLY_MODEL: Variant(model, {})}
-    return _several(several, folder, trust=trust)
+    return _read_several(several, folder, trust=trust)
 
 
-def check_variants(root: Section, variants: dict[str, Variant], random: set[str]) -> None:
+def check_variants(root: TableReader, variants: dict[str, Variant], random: set[str]) -> None:
     """Note inputs that a model sets for itself though the study draws them."""
     for name, variant in variants.items():
         for given in variant.given:
             if given in random:
                 path = ("models", name, "with", given)
                 found = "an input that the study draws at random"
-                root.wrong(path, found, "an input that has one value in [inputs], or a default")
+                root.add_problem(
+                    path, found, "an input that has one value in [inputs], or a default"
+                )
 
 
-def _several(table: Section, folder: Path, *, trust: bool) -> dict[str, Variant]:
+def _read_several(table: TableReader, folder: Path, *, trust: bool) -> dict[str, Variant]:
     noted = len(table.problems)
     found: dict[str, Variant] = {}
     first: Model | None = None
     if not table.content:
-        table.wrong((), "an empty table", "a [models.<name>]")
-    for name, section in named(table):
+        table.add_problem((), "an empty table", "a [models.<name>]")
+    for name, section in named_tables(table):
         replaced = section.table("with")
         model = read_model(section, folder, trust=trust)
         if model is None:
             continue
         first = first or model
-        _check_alike(section, first, model)
-        found[name] = Variant(model, _given(replaced, model) if replaced else {})
+        _check_same_variables(section, first, model)
+        found[name] = Variant(model, _read_given_inputs(replaced, model) if replaced else {})
     return found if len(table.problems) == noted else {}
 
 
-def _given(table: Section, model: Model) -> dict[str, float]:
+def _read_given_inputs(table: TableReader, model: Model) -> dict[str, float]:
     """Inputs that a model takes in place of the study's, in SI units."""
     known = {variable.name: variable for variable in model.inputs}
     found = {}
@@ -70,19 +72,19 @@ def _given(table: Section, model: Model) -> dict[str, float]:
         if name not in known:
             expected = f"an input of {model.name}; {choices(name, known)}"
             table.take(name)
-            table.wrong(name, "an unknown input", expected)
+            table.add_problem(name, "an unknown input", expected)
             continue
         value = table.quantity(name, known[name].unit)
         if value is None:
             continue
         if not known[name].bounds.contain(np.array(value)):
-            written = as_written(table.content[name])
-            table.wrong(name, written, f"a value {known[name].bounds}")
+            written = toml_text(table.content[name])
+            table.add_problem(name, written, f"a value {known[name].bounds}")
         found[name] = value
     return found
 
 
-def _check_alike(table: Section, first: Model, model: Model) -> None:
+def _check_same_variables(table: TableReader, first: Model, model: Model) -> None:
     """Note what a model has that the study's first does not, or has in another dimension."""
     for what, variables, known in (
         ("an input", model.inputs, first.inputs),
@@ -93,8 +95,8 @@ def _check_alike(table: Section, first: Model, model: Model) -> None:
             if not _is_among(variable, units):
                 found = f'{what} "{variable.name}" [{variable.unit}]'
                 expected = f"{what}s of the first model".replace("an ", "", 1)
-                table.wrong((), found, f"only {expected}, in units of the same dimension")
+                table.add_problem((), found, f"only {expected}, in units of the same dimension")
 
 
 def _is_among(variable: Variable, units: dict[str, str]) -> bool:
-    return variable.name in units and are_alike(variable.unit, units[variable.name])
+    return variable.name in units and are_convertible(variable.unit, units[variable.name])

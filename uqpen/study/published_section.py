@@ -4,53 +4,57 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from uqpen.analyses.published import Published, PublishedFigures
-from uqpen.errors import as_written
-from uqpen.labels import LARGEST_CONTRIBUTION
-from uqpen.lookup import choices
-from uqpen.model import Model, Output
-from uqpen.study.section import Section, named
+from uqpen.core.errors import toml_text
+from uqpen.core.labels import LARGEST_CONTRIBUTION
+from uqpen.core.lookup import choices
+from uqpen.core.model import Model, Output
+from uqpen.statistics.published import Publication, PublishedEstimates
+from uqpen.study.table_reader import TableReader, named_tables
 
 __all__ = ["read_published"]
 
 
 def read_published(
-    table: Section | None, model: Model, taken: Collection[str]
-) -> dict[str, Published]:
+    table: TableReader | None, model: Model, taken: Collection[str]
+) -> dict[str, Publication]:
     """The publications of a study; what could not be understood is noted and left out.
 
     Parameters
     ----------
-    table : Section or None
+    table : TableReader or None
         ``[published]``.
     model : Model
         Whose inputs and outputs they tell of.
     taken : collection of str
         Names of designs and surrogates.
     """
-    found: dict[str, Published] = {}
-    for name, section in named(table):
+    found: dict[str, Publication] = {}
+    for name, section in named_tables(table):
         if name in taken:
-            section.wrong((), as_written(name), "a name that no design or surrogate has")
+            section.add_problem((), toml_text(name), "a name that no design or surrogate has")
             continue
         source = section.text("source", "where the figures stand")
-        figures = [
-            _figures(section, output, model) for output in model.outputs if output.name in section
+        estimates = [
+            _read_estimates(section, output, model)
+            for output in model.outputs
+            if output.name in section
         ]
-        section.close("output")
+        section.check_unknown_keys("output")
         if source is not None:
-            found[name] = Published(source, tuple(each for each in figures if each is not None))
+            found[name] = Publication(source, tuple(each for each in estimates if each is not None))
     return found
 
 
-def _figures(section: Section, output: Output, model: Model) -> PublishedFigures | None:
+def _read_estimates(
+    section: TableReader, output: Output, model: Model
+) -> PublishedEstimates | None:
     table = section.table(output.name)
     if table is None:
         return None
     if output.categories:
         for key in table:
             table.take(key)
-            table.wrong(key, "a figure of an output that has kinds", "an output with numbers")
+            table.add_problem(key, "a figure of an output that has kinds", "an output with numbers")
         return None
     mean = table.quantity("mean", output.unit)
     std = table.quantity("std", output.unit, difference=True)
@@ -60,13 +64,13 @@ def _figures(section: Section, output: Output, model: Model) -> PublishedFigures
     known = [variable.name for variable in model.inputs]
     if largest and largest not in known:
         expected = f"an input of {model.name}; {choices(str(largest), known)}"
-        table.wrong(LARGEST_CONTRIBUTION, as_written(largest), expected)
-    table.close()
-    told = {moment: value for moment, value in moments.items() if value is not None}
-    return PublishedFigures(output, told, responses, str(largest))
+        table.add_problem(LARGEST_CONTRIBUTION, toml_text(largest), expected)
+    table.check_unknown_keys()
+    values = {moment: value for moment, value in moments.items() if value is not None}
+    return PublishedEstimates(output, values, responses, str(largest))
 
 
-def _responses(table: Section | None, model: Model) -> dict[str, float]:
+def _responses(table: TableReader | None, model: Model) -> dict[str, float]:
     known = [variable.name for variable in model.inputs]
     found = {}
     for name in table or ():
@@ -74,7 +78,7 @@ def _responses(table: Section | None, model: Model) -> dict[str, float]:
         value = table.quantity(name, "1")
         if name not in known:
             expected = f"an input of {model.name}; {choices(name, known)}"
-            table.wrong(name, "an unknown input", expected)
+            table.add_problem(name, "an unknown input", expected)
         elif value is not None:
             found[name] = value
     return found

@@ -6,10 +6,16 @@ import re
 from collections.abc import Callable, Sequence
 from pathlib import PurePosixPath
 
-from uqpen.errors import as_written
-from uqpen.model import Output
-from uqpen.models.command.readings import InCsv, InJson, InNetcdf, InText, Reading
-from uqpen.study.section import Section
+from uqpen.core.errors import toml_text
+from uqpen.core.model import Output
+from uqpen.models.command.readings import (
+    CsvReader,
+    JsonReader,
+    NetcdfReader,
+    OutputReader,
+    TextReader,
+)
+from uqpen.study.table_reader import TableReader
 
 __all__ = ["is_inside", "read_readings"]
 
@@ -24,75 +30,79 @@ def is_inside(name: str) -> bool:
     return is_relative and "\0" not in name
 
 
-def read_readings(table: Section, outputs: Sequence[Output], file: str) -> dict[str, Reading]:
+def read_readings(
+    table: TableReader, outputs: Sequence[Output], file: str
+) -> dict[str, OutputReader]:
     """Where each output of a program stands; mistakes are noted.
 
     Parameters
     ----------
-    table : Section
+    table : TableReader
         Of the model. Its table ``read`` holds one for each output, or itself says it for all.
     outputs : sequence of Output
         What the program gives.
     file : str
         The JSON file that outputs are read from of which nothing is said.
     """
-    readings: dict[str, Reading] = {output.name: InJson(file, output.name) for output in outputs}
+    readings: dict[str, OutputReader] = {
+        output.name: JsonReader(file, output.name) for output in outputs
+    }
     section = table.table("read")
     if section is None:
         return readings
-    is_common = any(isinstance(section.content.get(kind), str) for kind in _KINDS)
+    is_common = any(isinstance(section.content.get(kind), str) for kind in _READERS)
     for name in readings:
-        own = section.table(name) if _is_own(section, name) else None
+        own = section.table(name) if _is_output_key(section, name) else None
         reading = None
         if own is not None:
-            reading = _reading(own, name)
-            own.close()
+            reading = _output_reader(own, name)
+            own.check_unknown_keys()
         elif is_common:
-            reading = _reading(section, name)
+            reading = _output_reader(section, name)
         readings[name] = reading or readings[name]
     for name in readings:
         section.take(name)
-    section.close("output")
+    section.check_unknown_keys("output")
     return readings
 
 
-def _is_own(section: Section, name: str) -> bool:
+def _is_output_key(section: TableReader, name: str) -> bool:
     """Whether a key is an output's; one may be called as a kind of file is."""
     is_table = isinstance(section.content.get(name), dict)
-    return name in section and (is_table or name not in _KINDS)
+    return name in section and (is_table or name not in _READERS)
 
 
-def _reading(section: Section, name: str) -> Reading | None:
-    kinds = [kind for kind in _KINDS if isinstance(section.content.get(kind), str)]
+def _output_reader(section: TableReader, name: str) -> OutputReader | None:
+    kinds = [kind for kind in _READERS if isinstance(section.content.get(kind), str)]
     if len(kinds) != 1:
         found = " and ".join(kinds) or "nothing that names a file"
-        section.wrong((), found, f"one of {', '.join(_KINDS)}, with the name of a file")
-        for kind in _KINDS:
+        section.add_problem((), found, f"one of {', '.join(_READERS)}, with the name of a file")
+        for kind in _READERS:
             section.take(kind)
         return None
     file = section.text(kinds[0], _FILE)
     if file is not None and not is_inside(file):
-        section.wrong(kinds[0], as_written(file), f"{_FILE}, relative to it")
-    return None if file is None else _KINDS[kinds[0]](section, file, name)
+        section.add_problem(kinds[0], toml_text(file), f"{_FILE}, relative to it")
+    return None if file is None else _READERS[kinds[0]](section, file, name)
 
 
-def _json(section: Section, file: str, name: str) -> Reading | None:
+def _json(section: TableReader, file: str, name: str) -> OutputReader | None:
     key = section.text("key", "the names that lead to it, with dots between", default=name)
-    return None if key is None else InJson(file, key)
+    return None if key is None else JsonReader(file, key)
 
 
-def _csv(section: Section, file: str, name: str) -> Reading | None:
+def _csv(section: TableReader, file: str, name: str) -> OutputReader | None:
     column = section.text("column", "a heading", default=name)
     row = _row(section)
-    return None if column is None else InCsv(file, column.strip(), -1 if row is None else row)
+    return None if column is None else CsvReader(file, column.strip(), -1 if row is None else row)
 
 
-def _netcdf(section: Section, file: str, name: str) -> Reading | None:
+def _netcdf(section: TableReader, file: str, name: str) -> OutputReader | None:
     variable = section.text("variable", "the name of a variable", default=name)
-    return None if variable is None else InNetcdf(file, variable, _row(section))
+    return None if variable is None else NetcdfReader(file, variable, _row(section))
 
 
-def _text(section: Section, file: str, name: str) -> Reading | None:
+def _text(section: TableReader, file: str, name: str) -> OutputReader | None:
     expected = f"a regular expression with one group, or one called {name}: '{name} = (\\S+)'"
     pattern = section.text("pattern", expected)
     if pattern is None:
@@ -100,25 +110,25 @@ def _text(section: Section, file: str, name: str) -> Reading | None:
     try:
         compiled = re.compile(pattern, re.MULTILINE)
     except (re.error, OverflowError, RecursionError) as error:
-        section.wrong("pattern", f"{as_written(pattern)}: {error}", expected)
+        section.add_problem("pattern", f"{toml_text(pattern)}: {error}", expected)
         return None
     if name in compiled.groupindex:
-        return InText(file, pattern, compiled.groupindex[name])
+        return TextReader(file, pattern, compiled.groupindex[name])
     if compiled.groups != 1:
-        found = f"{as_written(pattern)}, with {compiled.groups or 'no'} groups"
-        section.wrong("pattern", found, expected)
-    return InText(file, pattern)
+        found = f"{toml_text(pattern)}, with {compiled.groups or 'no'} groups"
+        section.add_problem("pattern", found, expected)
+    return TextReader(file, pattern)
 
 
-def _row(section: Section) -> int | None:
+def _row(section: TableReader) -> int | None:
     row = section.take("row")
     if row is None or (isinstance(row, int) and not isinstance(row, bool)):
         return row
-    section.wrong("row", as_written(row), _ROW)
+    section.add_problem("row", toml_text(row), _ROW)
     return None
 
 
-_KINDS: dict[str, Callable[[Section, str, str], Reading | None]] = {
+_READERS: dict[str, Callable[[TableReader, str, str], OutputReader | None]] = {
     "json": _json,
     "csv": _csv,
     "netcdf": _netcdf,

@@ -7,14 +7,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from uqpen.analyses.published import Published
-from uqpen.analyses.question import Question
+from uqpen.core.files import FileSnapshot
+from uqpen.core.model import Model
 from uqpen.designs.design import Design
-from uqpen.evaluation import Failures
-from uqpen.files import FileRead
-from uqpen.inputs.constraints import Constraint
-from uqpen.inputs.law import InputLaw
-from uqpen.model import Model
+from uqpen.distributions.constraints import Constraint
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.execution import FailurePolicy
+from uqpen.statistics.published import Publication
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["ONLY_MODEL", "Study", "Variant"]
@@ -54,11 +54,11 @@ class Study:
     models : mapping of str to Variant
         What is run, by name, all at the same points; `ONLY_MODEL` names a single one. The inputs
         and outputs of the first are the study's.
-    law : InputLaw
+    joint : JointDistribution
         The inputs.
     constraints : tuple of Constraint
         Where the law ends.
-    questions : tuple of Question
+    quantities_of_interest : tuple of QuantityOfInterest
         One for each of the first model's outputs, in its order.
     designs : mapping of str to Design
         The runs to make, by name.
@@ -66,11 +66,11 @@ class Study:
         The study file, verbatim.
     surrogates : mapping of str to Surrogate
         The cheap models to fit, by name.
-    published : mapping of str to Published
+    published : mapping of str to Publication
         Figures from elsewhere to stand beside its own.
     folder : Path
         Where it lies, and from where it names files.
-    failures : Failures
+    failures : FailurePolicy
         What is done about runs that are lost.
     """
 
@@ -78,15 +78,15 @@ class Study:
     title: str
     seed: int
     models: Mapping[str, Variant]
-    law: InputLaw
+    joint: JointDistribution
     constraints: tuple[Constraint, ...]
-    questions: tuple[Question, ...]
+    quantities_of_interest: tuple[QuantityOfInterest, ...]
     designs: Mapping[str, Design]
     text: str
     surrogates: Mapping[str, Surrogate] = field(default_factory=dict)
-    published: Mapping[str, Published] = field(default_factory=dict)
+    published: Mapping[str, Publication] = field(default_factory=dict)
     folder: Path = Path()
-    failures: Failures = Failures()
+    failures: FailurePolicy = FailurePolicy()
 
     @property
     def model(self) -> Model:
@@ -98,33 +98,33 @@ class Study:
         """Whether its models have names, and so groups of their own."""
         return ONLY_MODEL not in self.models
 
-    def questions_to(self, model: Model) -> tuple[Question, ...]:
+    def model_quantities(self, model: Model) -> tuple[QuantityOfInterest, ...]:
         """The questions that a model has the outputs for."""
         outputs = {output.name: output for output in model.outputs}
         return tuple(
-            replace(question, output=outputs[question.output.name])
-            for question in self.questions
-            if question.output.name in outputs
+            replace(quantity, output=outputs[quantity.output.name])
+            for quantity in self.quantities_of_interest
+            if quantity.output.name in outputs
         )
 
-    def witnesses(self, surrogate: Surrogate) -> list[str]:
+    def validation_designs(self, surrogate: Surrogate) -> list[str]:
         """The designs whose runs a surrogate is held against, the one that checks it first.
 
         That is the one it names; else the first sample of the law that it was not fitted to.
         """
         others = [name for name in self.designs if name != surrogate.design]
-        samples = [name for name in others if self.designs[name].follows(self.law)]
+        samples = [name for name in others if self.designs[name].samples_inputs(self.joint)]
         first = [surrogate.check] if surrogate.check else samples[:1]
         return first + [name for name in samples if name not in first]
 
-    def files(self) -> Iterator[FileRead]:
+    def files(self) -> Iterator[FileSnapshot]:
         """The files that it names, as they stood when they were read.
 
         What models of the user's own consist of is known only after their runs.
         """
         for variant in self.models.values():
             yield from variant.model.files()
-        yield from self.law.files
+        yield from self.joint.files
         for design in self.designs.values():
             yield from design.files()
 
@@ -136,5 +136,5 @@ class Study:
     @property
     def runs(self) -> int:
         """How many runs its designs make in all, with all models."""
-        each = sum(design.size(self.law) for design in self.designs.values())
+        each = sum(design.run_count(self.joint) for design in self.designs.values())
         return each * len(self.models)

@@ -4,103 +4,105 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
+from uqpen.core.errors import toml_text
+from uqpen.core.labels import Sampling
+from uqpen.core.lookup import choices
+from uqpen.core.model import Model
 from uqpen.designs.design import Design
-from uqpen.errors import as_written
-from uqpen.inputs.law import InputLaw
-from uqpen.labels import Sampling
-from uqpen.lookup import choices
-from uqpen.model import Model
-from uqpen.study.section import Section, member, named
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.study.table_reader import TableReader, family_member, named_tables
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["check_surrogates", "read_surrogates"]
 
 
-def read_surrogates(table: Section | None, designs: Collection[str]) -> dict[str, Surrogate]:
+def read_surrogates(table: TableReader | None, designs: Collection[str]) -> dict[str, Surrogate]:
     """The surrogates of a study; what could not be understood is noted and left out.
 
     Parameters
     ----------
-    table : Section, optional
+    table : TableReader, optional
         ``[surrogates]``.
     designs : collection of str
         The names of all designs in the file, whose namespace the surrogates share.
     """
     found: dict[str, Surrogate] = {}
-    for name, section in named(table):
+    for name, section in named_tables(table):
         if name in designs:
-            section.wrong((), f'"{name}", which is a design', "a name that no design has")
+            section.add_problem((), f'"{name}", which is a design', "a name that no design has")
         elif (surrogate := _surrogate(section, designs)) is not None:
             found[name] = surrogate
     return found
 
 
 def check_surrogates(
-    table: Section | None,
+    table: TableReader | None,
     surrogates: Mapping[str, Surrogate],
     designs: Mapping[str, Design],
     model: Model,
-    law: InputLaw,
+    joint: JointDistribution,
 ) -> None:
     """Note surrogates that do not fit the designs, the outputs or the inputs."""
     for name, surrogate in surrogates.items():
         assert table is not None
         _check_design(table, name, surrogate, designs)
         _check_transform(table, name, surrogate, model)
-        if not law.random:
-            table.wrong(name, "a surrogate over inputs that are all fixed", "a random input")
+        if not joint.random:
+            table.add_problem(name, "a surrogate over inputs that are all fixed", "a random input")
 
 
-def _surrogate(section: Section, designs: Collection[str]) -> Surrogate | None:
-    kind = member(section, "kind", SURROGATES, "a kind of surrogate")
+def _surrogate(section: TableReader, designs: Collection[str]) -> Surrogate | None:
+    kind = family_member(section, "kind", SURROGATES, "a kind of surrogate")
     if kind is None:
         return None
     surrogate: Surrogate | None = section.settings(kind)
-    section.close()
+    section.check_unknown_keys()
     if surrogate is None:
         return None
     for key in ("design", "check"):
         name = getattr(surrogate, key)
         if name is not None and name not in designs:
             expected = f"the name of a design; {choices(name, designs)}"
-            section.wrong(key, as_written(name), expected)
+            section.add_problem(key, toml_text(name), expected)
     if surrogate.check == surrogate.design:
-        section.wrong("check", "the design that it is fitted to", "a design of other runs")
+        section.add_problem("check", "the design that it is fitted to", "a design of other runs")
     return surrogate
 
 
 def _check_design(
-    table: Section, name: str, surrogate: Surrogate, designs: Mapping[str, Design]
+    table: TableReader, name: str, surrogate: Surrogate, designs: Mapping[str, Design]
 ) -> None:
     """Note a design whose points are of no use, as far as it was understood itself."""
     trained, checked = designs.get(surrogate.design), designs.get(surrogate.check or "")
     if trained is not None:
-        found = f'"{surrogate.design}", which makes {_points(trained)}'
-        is_rule = trained.sampling is Sampling.RULE
-        if surrogate.needs_rule and not is_rule:
-            table.wrong((name, "design"), found, "a design of kind quadrature, for a projection")
+        found = f'"{surrogate.design}", which makes {_design_description(trained)}'
+        is_rule = trained.sampling is Sampling.QUADRATURE
+        if surrogate.needs_quadrature and not is_rule:
+            table.add_problem(
+                (name, "design"), found, "a design of kind quadrature, for a projection"
+            )
         elif not (is_rule or trained.sampling.is_sample):
-            table.wrong((name, "design"), found, "a design that samples, or a quadrature")
+            table.add_problem((name, "design"), found, "a design that samples, or a quadrature")
     if checked is not None and not checked.sampling.is_sample:
-        found = f'"{surrogate.check}", which makes {_points(checked)}'
-        table.wrong((name, "check"), found, "a design that samples")
+        found = f'"{surrogate.check}", which makes {_design_description(checked)}'
+        table.add_problem((name, "check"), found, "a design that samples")
 
 
-def _points(design: Design) -> str:
+def _design_description(design: Design) -> str:
     """What a design makes, in words."""
     words = {
-        Sampling.RULE: "the nodes of an integration rule",
+        Sampling.QUADRATURE: "the nodes of an integration rule",
         Sampling.TRAJECTORIES: "trajectories",
-        Sampling.STEPS: "steps from the nominal point",
+        Sampling.ONE_AT_A_TIME: "steps from the nominal point",
     }
     return words.get(design.sampling, "a sample")
 
 
-def _check_transform(table: Section, name: str, surrogate: Surrogate, model: Model) -> None:
+def _check_transform(table: TableReader, name: str, surrogate: Surrogate, model: Model) -> None:
     """Note transformations of what is no output, or has no numbers."""
     numeric = [output.name for output in model.outputs if not output.categories]
     for output in surrogate.transform:
         if output not in numeric:
             expected = f"an output of {model.name} that has numbers; {choices(output, numeric)}"
-            table.wrong((name, "transform", output), "no such output", expected)
+            table.add_problem((name, "transform", output), "no such output", expected)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from uqpen.errors import QuantityError, as_written
-from uqpen.labels import NAME, RESERVED, SUFFIXES
-from uqpen.model import Input, Output
-from uqpen.study.section import Section
-from uqpen.units import si_unit
+from uqpen.core.errors import QuantityError, toml_text
+from uqpen.core.labels import NAME, RESERVED, SUFFIXES
+from uqpen.core.model import Input, Output
+from uqpen.core.units import si_unit
+from uqpen.study.table_reader import TableReader
 
 __all__ = ["Variables", "read_variables"]
 
@@ -18,24 +18,24 @@ class Variables(NamedTuple):
 
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
-    called_in: dict[str, str]
+    units: dict[str, str]
 
 
-def read_variables(table: Section) -> Variables:
+def read_variables(table: TableReader) -> Variables:
     """The inputs and outputs that a model's table declares; mistakes are noted."""
-    called_in: dict[str, str] = {}
+    units: dict[str, str] = {}
     inputs = tuple(
         Input(name, si_unit(unit), display_unit=unit)
-        for name, unit in _variables(table, "inputs", called_in)
+        for name, unit in _variables(table, "inputs", units)
     )
     outputs = tuple(
         Output(name, si_unit(unit), display_unit=unit)
-        for name, unit in _variables(table, "outputs", called_in)
+        for name, unit in _variables(table, "outputs", units)
     )
-    return Variables(inputs, outputs, called_in)
+    return Variables(inputs, outputs, units)
 
 
-def _clash(name: str, section: Section) -> str | None:
+def _clash(name: str, section: TableReader) -> str | None:
     """Another output that has a statistic by this name."""
     for other in section:
         stem, _, suffix = name.removeprefix(other).partition("_")
@@ -44,33 +44,37 @@ def _clash(name: str, section: Section) -> str | None:
     return None
 
 
-def _variables(table: Section, key: str, called_in: dict[str, str]) -> list[tuple[str, str]]:
+def _variables(table: TableReader, key: str, units: dict[str, str]) -> list[tuple[str, str]]:
     """Names and units of a model's inputs or outputs."""
     does = "takes" if key == "inputs" else "gives"
     section = table.table(key, f'what the model {does}, as name = "unit"')
     if section is None:
         return []
     if not section.content:
-        section.wrong((), "an empty table", 'at least one name = "unit"')
+        section.add_problem((), "an empty table", 'at least one name = "unit"')
     found = []
     for name in section:
         unit = section.take(name)
         if not NAME.match(name) or name in RESERVED:
             others = ", ".join(sorted(RESERVED))
             expected = f"a name of letters, digits and _, at most 100, none of {others}"
-            section.wrong(name, as_written(name), expected)
-        elif name in called_in:
-            section.wrong(name, "an output with the name of an input", "names that differ")
+            section.add_problem(name, toml_text(name), expected)
+        elif name in units:
+            section.add_problem(name, "an output with the name of an input", "names that differ")
         elif key == "outputs" and (clash := _clash(name, section)) is not None:
-            section.wrong(name, as_written(name), f'a name other than what "{clash}" brings along')
+            section.add_problem(
+                name, toml_text(name), f'a name other than what "{clash}" brings along'
+            )
         elif not isinstance(unit, str):
-            section.wrong(name, as_written(unit), 'a unit such as "cm", or "1" where there is none')
+            section.add_problem(
+                name, toml_text(unit), 'a unit such as "cm", or "1" where there is none'
+            )
         else:
             try:
                 si_unit(unit)
             except QuantityError as error:
-                section.wrong(name, error.found, error.expected)
+                section.add_problem(name, error.found, error.expected)
                 continue
-            called_in[name] = unit or "1"
-            found.append((name, called_in[name]))
+            units[name] = unit or "1"
+            found.append((name, units[name]))
     return found

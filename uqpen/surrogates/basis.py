@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.inputs.law import InputLaw
-from uqpen.model import Arrays
-from uqpen.surrogates.germ import Germ, germ
+from uqpen.core.model import Arrays
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.surrogates.univariate_basis import UnivariateBasis, univariate_basis
 
-__all__ = ["MOST_TERMS", "Basis", "Nested", "multi_indices", "nested"]
+__all__ = ["MOST_TERMS", "NestedSums", "ProductBasis", "multi_indices", "nested_sums"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 # A sum of terms grouped by the degree of their first input, then of the next: at the end of each
 # branch stands a coefficient.
-Nested = float | list[tuple[int, "Nested"]]
+NestedSums = float | list[tuple[int, "NestedSums"]]
 
 # Of more terms than this nothing could be fitted.
 MOST_TERMS = 100_000
@@ -32,36 +32,40 @@ _ROWS = 4096
 
 
 @dataclass(frozen=True, eq=False)
-class Basis:
+class ProductBasis:
     """The orthonormal polynomials of independent inputs.
 
     Parameters
     ----------
-    germs : tuple of Germ
+    univariate_bases : tuple of UnivariateBasis
         One for each random input, in the law's order.
     """
 
-    germs: tuple[Germ, ...]
+    univariate_bases: tuple[UnivariateBasis, ...]
 
     @classmethod
-    def of(cls, law: InputLaw, degree: int, *, logarithms: bool = True) -> Basis:
-        """The basis of a law's random inputs, each by its own law; see `germ`."""
+    def from_distribution(
+        cls, joint: JointDistribution, degree: int, *, logarithms: bool = True
+    ) -> ProductBasis:
+        """The basis of a law's random inputs, each by its own law; see `univariate_basis`."""
         return cls(
             tuple(
-                germ(entry.variable.name, entry.distribution, degree, logarithms=logarithms)
-                for entry in law.random
+                univariate_basis(
+                    entry.variable.name, entry.distribution, degree, logarithms=logarithms
+                )
+                for entry in joint.random
             )
         )
 
     @property
     def names(self) -> tuple[str, ...]:
         """The inputs."""
-        return tuple(germ.name for germ in self.germs)
+        return tuple(basis.name for basis in self.univariate_bases)
 
     def indices(self, order: int, truncation: float) -> IntArray:
         """The degrees of every term up to an order that the laws have; see `multi_indices`."""
-        found = multi_indices(len(self.germs), order, truncation)
-        highest = [germ.highest for germ in self.germs]
+        found = multi_indices(len(self.univariate_bases), order, truncation)
+        highest = [basis.highest_degree for basis in self.univariate_bases]
         allowed: IntArray = found[(found <= highest).all(axis=1)]
         return allowed
 
@@ -86,8 +90,8 @@ class Basis:
             matrix[rows] *= table[degrees[rows]]
         return matrix.T
 
-    def sums(
-        self, inputs: Arrays, indices: IntArray, expansions: Sequence[Nested]
+    def evaluate(
+        self, inputs: Arrays, indices: IntArray, expansions: Sequence[NestedSums]
     ) -> list[FloatArray]:
         """Values of expansions at points, bit by bit the same for any batch that they stand in.
 
@@ -97,8 +101,8 @@ class Basis:
             SI values.
         indices : ndarray of int, shape (term, input)
             Degrees of all the expansions' terms.
-        expansions : sequence of Nested
-            What `nested` made of each.
+        expansions : sequence of NestedSums
+            What `nested_sums` made of each.
 
         Returns
         -------
@@ -117,8 +121,8 @@ class Basis:
     def _tables(self, inputs: Arrays, indices: IntArray) -> list[FloatArray]:
         degrees = indices.max(axis=0, initial=0)
         return [
-            germ.polynomials(inputs[germ.name], int(degree))
-            for germ, degree in zip(self.germs, degrees, strict=True)
+            basis.polynomials(inputs[basis.name], int(degree))
+            for basis, degree in zip(self.univariate_bases, degrees, strict=True)
         ]
 
 
@@ -155,14 +159,14 @@ def multi_indices(dimension: int, order: int, truncation: float) -> IntArray:
     return by_degree
 
 
-def nested(indices: IntArray, coefficients: FloatArray) -> Nested:
+def nested_sums(indices: IntArray, coefficients: FloatArray) -> NestedSums:
     """An expansion as sums within sums, which need a third of the multiplications."""
     order = np.lexsort(indices.T[::-1])
     terms = list(zip(indices[order].tolist(), coefficients[order].tolist(), strict=True))
     return _grouped(terms, 0)
 
 
-def _grouped(terms: list[tuple[list[int], float]], position: int) -> Nested:
+def _grouped(terms: list[tuple[list[int], float]], position: int) -> NestedSums:
     if position == len(terms[0][0]):
         return terms[0][1]
     return [
@@ -171,7 +175,7 @@ def _grouped(terms: list[tuple[list[int], float]], position: int) -> Nested:
     ]
 
 
-def _sum(tables: Sequence[FloatArray], expansion: Nested) -> Any:
+def _sum(tables: Sequence[FloatArray], expansion: NestedSums) -> Any:
     """Sums within sums, one operation on whole arrays after the other.
 
     Not a product of matrices: its last bits depend on how many rows there are.

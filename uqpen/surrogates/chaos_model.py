@@ -9,18 +9,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
-from uqpen.labels import RUN, STATUS, Status
-from uqpen.model import Arrays, BoolArray, FloatArray, Input, Model, Output, Results
-from uqpen.surrogates.basis import Basis
+from uqpen.core.labels import RUN, STATUS, Status
+from uqpen.core.model import Arrays, BoolArray, FloatArray, Input, Model, Output, Results
+from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.expansion import Expansion
 from uqpen.surrogates.storage import to_dataset
 from uqpen.surrogates.surrogate import FittedSurrogate
 
-__all__ = ["ChaosModel"]
+__all__ = ["PolynomialChaosModel"]
 
 
 @dataclass(frozen=True, eq=False)
-class ChaosModel(FittedSurrogate):
+class PolynomialChaosModel(FittedSurrogate):
     """A model's outputs, expanded in polynomials of its random inputs.
 
     Parameters
@@ -31,7 +31,7 @@ class ChaosModel(FittedSurrogate):
         Those of the model that it stands for.
     outputs : tuple of Output
         Those that could be fitted.
-    basis : Basis
+    basis : ProductBasis
         The polynomials.
     expansions : mapping of str to Expansion
         One for each output.
@@ -54,7 +54,7 @@ class ChaosModel(FittedSurrogate):
     name: str
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
-    basis: Basis
+    basis: ProductBasis
     expansions: Mapping[str, Expansion]
     reasons: Mapping[str, str]
     fixed: Mapping[str, float]
@@ -68,7 +68,7 @@ class ChaosModel(FittedSurrogate):
         """Evaluate the expansions; see `Model.evaluate`."""
         values = {
             name: self.expansions[name].output_values(fitted)
-            for name, fitted in self._fitted(inputs).items()
+            for name, fitted in self._fitted_values(inputs).items()
         }
         status = np.full(len(inputs[self.basis.names[0]]), Status.OK, dtype=np.int8)
         return Results(values, status)
@@ -81,7 +81,7 @@ class ChaosModel(FittedSurrogate):
         if self.original is not None:
             yield from self.original.conditions(inputs)
 
-    def missing(self, given: Collection[str]) -> Iterator[str]:
+    def missing_inputs(self, given: Collection[str]) -> Iterator[str]:
         """Its random inputs that are not given; the others have the values that it knows."""
         yield from (name for name in self.basis.names if name not in given)
 
@@ -94,21 +94,23 @@ class ChaosModel(FittedSurrogate):
         of = {f"of_{key}": value for key, value in whose.items()}
         return {"name": self.name, "coefficients_sha256": digest.hexdigest(), **of}
 
-    def checked(self, runs: xr.Dataset) -> ChaosModel:
+    def with_check(self, runs: xr.Dataset) -> PolynomialChaosModel:
         """The same, with how well it meets another design's runs that came back."""
         used = np.flatnonzero(runs[STATUS].values == Status.OK)
         inputs = {
             name: np.broadcast_to(runs[name].values, runs.sizes[RUN])[used]
             for name in self.basis.names
         }
-        fitted = self._fitted(inputs)
+        fitted = self._fitted_values(inputs)
         expansions = {}
         for name, expansion in self.expansions.items():
             truth = runs[name].values[used].astype(np.float64)
-            expansions[name] = replace(expansion, check=expansion.checked(fitted[name], truth))
+            expansions[name] = replace(
+                expansion, check=expansion.prediction_check(fitted[name], truth)
+            )
         return replace(self, expansions=expansions)
 
-    def objection(self, output: str) -> str:
+    def closed_form_problem(self, output: str) -> str:
         """Why moments and indices from the coefficients are not the output's; empty if they are.
 
         Indices from the coefficients of a logarithm are those of the logarithm.
@@ -125,11 +127,11 @@ class ChaosModel(FittedSurrogate):
         """All that evaluation needs, and what is known of the fit; see `storage`."""
         return to_dataset(self)
 
-    def _fitted(self, inputs: Arrays) -> dict[str, FloatArray]:
+    def _fitted_values(self, inputs: Arrays) -> dict[str, FloatArray]:
         """The variables that were fitted, at some points."""
         every = list(self.expansions.values())
         if not every:
             return {}
         indices = np.concatenate([expansion.indices for expansion in every])
-        sums = self.basis.sums(inputs, indices, [expansion.nested for expansion in every])
+        sums = self.basis.evaluate(inputs, indices, [expansion.nested for expansion in every])
         return dict(zip(self.expansions, sums, strict=True))

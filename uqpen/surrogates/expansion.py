@@ -9,18 +9,18 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.model import Output
-from uqpen.surrogates.basis import Nested, nested
+from uqpen.core.model import Output
+from uqpen.surrogates.basis import NestedSums, nested_sums
 from uqpen.surrogates.fit_noise import FitNoise
 
-__all__ = ["Check", "Expansion"]
+__all__ = ["Expansion", "PredictionCheck"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Check:
+class PredictionCheck:
     """How well an expansion meets runs that it was not fitted to.
 
     Parameters
@@ -65,7 +65,7 @@ class Expansion:
         The range of the output in the training runs.
     noise : FitNoise
         The scatter of figures from refitting.
-    check : Check
+    check : PredictionCheck
         What runs of another design say.
     """
 
@@ -80,7 +80,7 @@ class Expansion:
     smallest: float
     largest: float
     noise: FitNoise
-    check: Check = Check()
+    check: PredictionCheck = PredictionCheck()
 
     @property
     def q2(self) -> float:
@@ -88,16 +88,16 @@ class Expansion:
         return 1 - self.cross_validation
 
     @cached_property
-    def nested(self) -> Nested:
+    def nested(self) -> NestedSums:
         """The same as sums within sums, for evaluation."""
-        return nested(self.indices, self.coefficients)
+        return nested_sums(self.indices, self.coefficients)
 
     def output_values(self, fitted: FloatArray) -> FloatArray:
         """The output from the variable that was fitted; infinite where it overflows."""
         with np.errstate(over="ignore"):
             return np.exp(fitted) if self.is_logarithm else fitted
 
-    def checked(self, fitted: FloatArray, truth: FloatArray) -> Check:
+    def prediction_check(self, fitted: FloatArray, truth: FloatArray) -> PredictionCheck:
         """How well the expansion meets an output's true values at some runs.
 
         Parameters
@@ -109,9 +109,9 @@ class Expansion:
         """
         of_output = _q2(self.output_values(fitted), truth)
         if not self.is_logarithm:
-            return Check(len(truth), of_output, of_output)
+            return PredictionCheck(len(truth), of_output, of_output)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return Check(len(truth), _q2(fitted, np.log(truth)), of_output)
+            return PredictionCheck(len(truth), _q2(fitted, np.log(truth)), of_output)
 
 
 def _q2(found: FloatArray, truth: FloatArray) -> float:

@@ -16,7 +16,7 @@ from scipy import linalg
 
 from uqpen.surrogates.closed_forms import mean, sobol_indices, standard_deviation
 
-__all__ = ["FitNoise", "fit_noise"]
+__all__ = ["FitNoise", "estimate_fit_noise"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -47,12 +47,12 @@ class FitNoise:
     first: FloatArray
 
     @classmethod
-    def none(cls, inputs: int) -> FitNoise:
+    def without_refits(cls, inputs: int) -> FitNoise:
         """No refits: the runs were no sample, or too few."""
         return cls(0, math.nan, math.nan, np.full(inputs, np.nan))
 
 
-def fit_noise(
+def estimate_fit_noise(
     matrix: FloatArray, indices: IntArray, values: FloatArray, rng: np.random.Generator
 ) -> FitNoise:
     """Refit an expansion's terms to runs drawn from its own, with replacement.
@@ -76,7 +76,7 @@ def fit_noise(
     q, r = np.linalg.qr(matrix)
     coefficients = linalg.solve_triangular(r, q.T @ standard)
     residual = standard - q @ (q.T @ standard)
-    figures = []
+    estimates = []
     for _ in range(refits):
         times = np.bincount(rng.integers(runs, size=runs), minlength=runs)
         if np.count_nonzero(times) <= terms:
@@ -88,10 +88,10 @@ def fit_noise(
         change = linalg.cho_solve(factor, q.T @ (times * residual))
         found = coefficients + linalg.solve_triangular(r, change)
         moments = mean(indices, found), standard_deviation(indices, found)
-        figures.append([*moments, *sobol_indices(indices, found).first])
-    if len(figures) < _FEWEST_REFITS:
-        return FitNoise.none(indices.shape[1])
-    scatter = np.std(figures, axis=0, ddof=1)
+        estimates.append([*moments, *sobol_indices(indices, found).first])
+    if len(estimates) < _FEWEST_REFITS:
+        return FitNoise.without_refits(indices.shape[1])
+    scatter = np.std(estimates, axis=0, ddof=1)
     return FitNoise(
-        len(figures), float(scatter[0] * spread), float(scatter[1] * spread), scatter[2:]
+        len(estimates), float(scatter[0] * spread), float(scatter[1] * spread), scatter[2:]
     )

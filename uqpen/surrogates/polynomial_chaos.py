@@ -9,19 +9,25 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.inputs.law import InputLaw
-from uqpen.labels import Status
-from uqpen.model import Input, Model, Output
-from uqpen.settings import choice, choices, count, name, number
-from uqpen.streams import Stream
-from uqpen.surrogates.basis import Basis
-from uqpen.surrogates.chaos_model import ChaosModel
+from uqpen.core.labels import Status
+from uqpen.core.model import Input, Model, Output
+from uqpen.core.settings import choice, choices, count, name, number
+from uqpen.core.streams import Stream
+from uqpen.core.threads import one_blas_thread
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.surrogates.basis import ProductBasis
+from uqpen.surrogates.chaos_model import PolynomialChaosModel
 from uqpen.surrogates.expansion import Expansion
-from uqpen.surrogates.fit_noise import FitNoise, fit_noise
-from uqpen.surrogates.order import HIGHEST_ORDER, Points, Terms, by_projection, by_regression
+from uqpen.surrogates.fit_noise import FitNoise, estimate_fit_noise
 from uqpen.surrogates.surrogate import Surrogate
-from uqpen.surrogates.training import Training
-from uqpen.threads import one_blas_thread
+from uqpen.surrogates.term_selection import (
+    HIGHEST_ORDER,
+    FitPoints,
+    Terms,
+    projection_terms,
+    regression_terms,
+)
+from uqpen.surrogates.training import TrainingRuns
 
 __all__ = ["PolynomialChaos"]
 
@@ -30,7 +36,7 @@ FloatArray = npt.NDArray[np.float64]
 # Polynomials of higher orders than this are noise between any two runs.
 _HIGHEST_ORDER_GIVEN = 50
 
-_LOST_NODES = "least-squares, as nodes of its rule were lost"
+_FAILED_NODES = "least-squares, as nodes of its rule were lost"
 
 
 @dataclass(frozen=True)
@@ -68,24 +74,26 @@ class PolynomialChaos(Surrogate):
     check: str | None = name(default=None)
 
     @property
-    def needs_rule(self) -> bool:
+    def needs_quadrature(self) -> bool:
         """Whether its design must be an integration rule."""
         return self.method == "projection"
 
     def fit(
-        self, name: str, runs: xr.Dataset, model: Model, law: InputLaw, stream: Stream
-    ) -> ChaosModel:
+        self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
+    ) -> PolynomialChaosModel:
         """Fit every output that has numbers; see `Surrogate.fit`."""
         with one_blas_thread():
-            return self._fitted(name, runs, model, law, stream)
+            return self._fitted(name, runs, model, joint, stream)
 
     def _fitted(
-        self, name: str, runs: xr.Dataset, model: Model, law: InputLaw, stream: Stream
-    ) -> ChaosModel:
+        self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
+    ) -> PolynomialChaosModel:
         """The model, whatever the threads."""
-        training = Training.of(runs, model, law)
+        training = TrainingRuns.from_runs(runs, model, joint)
         # A rule's nodes are exact for polynomials of the inputs, not of their logarithms.
-        basis = Basis.of(law, self.order or HIGHEST_ORDER, logarithms=not self.needs_rule)
+        basis = ProductBasis.from_distribution(
+            joint, self.order or HIGHEST_ORDER, logarithms=not self.needs_quadrature
+        )
         expansions: dict[str, Expansion] = {}
         reasons: dict[str, str] = {}
         for output in model.outputs:
@@ -94,9 +102,9 @@ class PolynomialChaos(Surrogate):
                 expansions[output.name] = found
             else:
                 reasons[output.name] = found
-        return ChaosModel(
+        return PolynomialChaosModel(
             name=name,
-            inputs=_inputs(model, law),
+            inputs=_inputs(model, joint),
             outputs=tuple(expansion.output for expansion in expansions.values()),
             basis=basis,
             expansions=expansions,
@@ -105,23 +113,23 @@ class PolynomialChaos(Surrogate):
             truncation=self.truncation,
             design=self.design,
             counts={status: training.counts[status] for status in Status},
-            is_independent=law.is_independent,
+            is_independent=joint.is_independent,
             original=model,
         )
 
     def _expansion(
-        self, output: Output, training: Training, basis: Basis, stream: Stream
+        self, output: Output, training: TrainingRuns, basis: ProductBasis, stream: Stream
     ) -> Expansion | str:
         """The expansion of one output, or why there is none."""
         is_logarithm = self.transform.get(output.name) == "log"
         if output.categories:
             return "it has kinds, not numbers"
-        problem = training.obstacle or _problem(training.outputs[output.name], is_logarithm)
+        problem = training.problem or _fit_problem(training.outputs[output.name], is_logarithm)
         if problem:
             return problem
         values = training.outputs[output.name]
         fitted = np.log(values) if is_logarithm else values
-        points = Points(basis, training.inputs, self.truncation)
+        points = FitPoints(basis, training.inputs, self.truncation)
         # Of size one, so that neither units nor a large mean cost any figures.
         centre, spread = float(fitted.mean()), float(fitted.std())
         rng = stream.generator("folds", output.name)
@@ -129,10 +137,10 @@ class PolynomialChaos(Surrogate):
         if isinstance(terms, str):
             return terms
         is_constant = ~terms.indices.any(axis=1)
-        noise = FitNoise.none(len(basis.germs))
-        if not training.is_rule:
+        noise = FitNoise.without_refits(len(basis.univariate_bases))
+        if not training.is_quadrature:
             matrix, rng = points.matrix(terms.indices), stream.generator("refits", output.name)
-            noise = fit_noise(matrix, terms.indices, fitted, rng)
+            noise = estimate_fit_noise(matrix, terms.indices, fitted, rng)
         return Expansion(
             output=output,
             indices=terms.indices,
@@ -149,29 +157,29 @@ class PolynomialChaos(Surrogate):
 
     def _terms(
         self,
-        points: Points,
+        points: FitPoints,
         values: FloatArray,
-        training: Training,
+        training: TrainingRuns,
         rng: np.random.Generator,
     ) -> tuple[str, Terms | str]:
         """How the terms were found, and they, or why there are none."""
-        if not self.needs_rule:
-            return self.method, by_regression(points, values, self.method, self.order, rng)
+        if not self.needs_quadrature:
+            return self.method, regression_terms(points, values, self.method, self.order, rng)
         if training.weights is None:
             # What is left of a rule is no rule: its weights would integrate the lost nodes as 0.
-            lost = by_regression(points, values, "least-squares", self.order, rng)
-            return _LOST_NODES if training.is_rule else "least-squares", lost
-        return self.method, by_projection(points, training.weights, values, self.order)
+            terms = regression_terms(points, values, "least-squares", self.order, rng)
+            return _FAILED_NODES if training.is_quadrature else "least-squares", terms
+        return self.method, projection_terms(points, training.weights, values, self.order)
 
 
-def _inputs(model: Model, law: InputLaw) -> tuple[Input, ...]:
+def _inputs(model: Model, joint: JointDistribution) -> tuple[Input, ...]:
     """The model's inputs, and random ones that only other models of the study take."""
     taken = {variable.name for variable in model.inputs}
-    others = (entry.variable for entry in law.random if entry.variable.name not in taken)
+    others = (entry.variable for entry in joint.random if entry.variable.name not in taken)
     return (*model.inputs, *others)
 
 
-def _problem(values: FloatArray, is_logarithm: bool) -> str:
+def _fit_problem(values: FloatArray, is_logarithm: bool) -> str:
     """Why an output cannot be fitted, whatever the terms; empty if it can."""
     if not np.isfinite(values).all():
         return f"it is not finite in {int((~np.isfinite(values)).sum())} runs that came back"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["is_exact", "projected"]
+__all__ = ["is_exact", "projection_coefficients"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -29,7 +29,9 @@ def is_exact(matrix: FloatArray, weights: FloatArray) -> bool:
     return bool(np.abs(products - np.eye(matrix.shape[1])).max() < _TOLERANCE)
 
 
-def projected(matrix: FloatArray, weights: FloatArray, values: FloatArray) -> FloatArray:
+def projection_coefficients(
+    matrix: FloatArray, weights: FloatArray, values: FloatArray
+) -> FloatArray:
     """The coefficients, Σ w ψ f."""
     coefficients: FloatArray = matrix.T @ (weights * values)
     return coefficients

@@ -20,14 +20,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg
 
-__all__ = ["FOLDS", "Fit", "cross_validation", "least_squares", "sparse"]
+__all__ = ["FOLDS", "RegressionFit", "cross_validation", "least_squares", "sparse_regression"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 # A sparse fit takes at most so many terms, and at most this share of the runs.
 _MOST_TERMS = 400
-_MOST_OF_THE_RUNS = 0.5
+_LARGEST_SHARE_OF_TERMS = 0.5
 # It ends when so many terms in a row have not lowered the error, or when nothing is left to fit.
 _PATIENCE = 20
 _NOTHING_LEFT = 1e-14
@@ -40,7 +40,7 @@ _DEPENDENT = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class RegressionFit:
     """Coefficients of terms, and what tells how good they are.
 
     Parameters
@@ -62,7 +62,7 @@ class Fit:
     corrected: float
 
 
-def least_squares(matrix: FloatArray, values: FloatArray) -> Fit | None:
+def least_squares(matrix: FloatArray, values: FloatArray) -> RegressionFit | None:
     """Ordinary least squares on all columns; None where they depend on each other.
 
     Parameters
@@ -83,10 +83,10 @@ def least_squares(matrix: FloatArray, values: FloatArray) -> Fit | None:
     error = _leave_one_out(values - q @ (q.T @ values), (q**2).sum(axis=1), values)
     inverse = linalg.solve_triangular(r, np.eye(terms))
     corrected = error * _correction(runs, terms, float((inverse**2).sum()))
-    return Fit(np.arange(terms), coefficients, error, corrected)
+    return RegressionFit(np.arange(terms), coefficients, error, corrected)
 
 
-def sparse(matrix: FloatArray, values: FloatArray) -> Fit | None:
+def sparse_regression(matrix: FloatArray, values: FloatArray) -> RegressionFit | None:
     """Least squares on as few columns as have the least leave-one-out error.
 
     Parameters
@@ -96,10 +96,10 @@ def sparse(matrix: FloatArray, values: FloatArray) -> Fit | None:
     values : ndarray, shape (run,)
         What is fitted; not constant.
     """
-    chosen, corrected = _pursuit(matrix, values)
+    chosen, corrected = _matching_pursuit(matrix, values)
     terms = np.sort(np.array(chosen, dtype=np.int64))
     fit = least_squares(matrix[:, terms], values)
-    return fit and Fit(terms, fit.coefficients, fit.leave_one_out, corrected)
+    return fit and RegressionFit(terms, fit.coefficients, fit.leave_one_out, corrected)
 
 
 def cross_validation(matrix: FloatArray, values: FloatArray, folds: IntArray) -> float:
@@ -108,7 +108,7 @@ def cross_validation(matrix: FloatArray, values: FloatArray, folds: IntArray) ->
     Parameters
     ----------
     matrix, values
-        As for `sparse`.
+        As for `sparse_regression`.
     folds : ndarray of int, shape (run,)
         The part that each run belongs to, from 0 to `FOLDS` - 1.
 
@@ -120,7 +120,7 @@ def cross_validation(matrix: FloatArray, values: FloatArray, folds: IntArray) ->
     squares = 0.0
     for fold in range(FOLDS):
         out = folds == fold
-        fit = sparse(matrix[~out], values[~out])
+        fit = sparse_regression(matrix[~out], values[~out])
         if fit is None:
             return np.inf
         error = values[out] - matrix[np.ix_(out, fit.terms)] @ fit.coefficients
@@ -128,10 +128,10 @@ def cross_validation(matrix: FloatArray, values: FloatArray, folds: IntArray) ->
     return squares / len(values) / float(np.var(values, ddof=1))
 
 
-def _pursuit(matrix: FloatArray, values: FloatArray) -> tuple[list[int], float]:
+def _matching_pursuit(matrix: FloatArray, values: FloatArray) -> tuple[list[int], float]:
     """The columns of the best of all fits on the way, and its corrected error."""
     runs, candidates = matrix.shape
-    most = min(candidates, max(int(_MOST_OF_THE_RUNS * runs), 1), _MOST_TERMS)
+    most = min(candidates, max(int(_LARGEST_SHARE_OF_TERMS * runs), 1), _MOST_TERMS)
     norms = np.sqrt((matrix**2).sum(axis=0))
     is_free = norms > 0
     q, inverse = np.empty((runs, most), order="F"), np.zeros((most, most))
@@ -142,7 +142,7 @@ def _pursuit(matrix: FloatArray, values: FloatArray) -> tuple[list[int], float]:
         gains = np.abs(residual @ matrix) / np.where(is_free, norms, np.inf)
         column = int(gains.argmax()) if count else 0
         is_free[column] = False
-        projection, direction = _orthogonalised(q[:, :count], matrix[:, column])
+        projection, direction = _orthogonalize(q[:, :count], matrix[:, column])
         length = float(np.linalg.norm(direction))
         if not length > _DEPENDENT * norms[column]:
             break
@@ -163,7 +163,7 @@ def _pursuit(matrix: FloatArray, values: FloatArray) -> tuple[list[int], float]:
     return chosen[:best], best_error
 
 
-def _orthogonalised(q: FloatArray, column: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _orthogonalize(q: FloatArray, column: FloatArray) -> tuple[FloatArray, FloatArray]:
     """What a column has in common with orthonormal ones, and what is left of it."""
     first = q.T @ column
     rest = column - q @ first

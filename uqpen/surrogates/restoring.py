@@ -8,19 +8,21 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.labels import INPUT, ROLE, Status
-from uqpen.model import Input, Model, Output
-from uqpen.surrogates.basis import Basis
-from uqpen.surrogates.chaos_model import ChaosModel
-from uqpen.surrogates.expansion import Check, Expansion
+from uqpen.core.labels import INPUT, ROLE, Status
+from uqpen.core.model import Input, Model, Output
+from uqpen.surrogates.basis import ProductBasis
+from uqpen.surrogates.chaos_model import PolynomialChaosModel
+from uqpen.surrogates.expansion import Expansion, PredictionCheck
 from uqpen.surrogates.fit_noise import FitNoise
-from uqpen.surrogates.germ import Germ
 from uqpen.surrogates.storage import FIXED, LOGARITHM, REASON, RECURRENCE
+from uqpen.surrogates.univariate_basis import UnivariateBasis
 
-__all__ = ["from_dataset"]
+__all__ = ["restore_surrogate"]
 
 
-def from_dataset(dataset: xr.Dataset, name: str, original: Model | None = None) -> ChaosModel:
+def restore_surrogate(
+    dataset: xr.Dataset, name: str, original: Model | None = None
+) -> PolynomialChaosModel:
     """A fitted polynomial chaos from the group of an archive.
 
     Parameters
@@ -33,7 +35,9 @@ def from_dataset(dataset: xr.Dataset, name: str, original: Model | None = None) 
         What it stands for; without that, every finite input counts as admissible.
     """
     names = [str(entry) for entry in dataset[INPUT].values]
-    germs = tuple(_germ(entry, dataset[f"{entry}_{RECURRENCE}"]) for entry in names)
+    univariate_bases = tuple(
+        _restore_univariate_basis(entry, dataset[f"{entry}_{RECURRENCE}"]) for entry in names
+    )
     fixed = {
         str(entry).removeprefix(FIXED): float(variable.values)
         for entry, variable in dataset.data_vars.items()
@@ -42,14 +46,14 @@ def from_dataset(dataset: xr.Dataset, name: str, original: Model | None = None) 
     inputs = [Input(*_description(entry, dataset[f"{entry}_{RECURRENCE}"])) for entry in names]
     inputs += [Input(*_description(entry, dataset[f"{FIXED}{entry}"])) for entry in fixed]
     expansions = {
-        output: _expansion(output, dataset)
+        output: _restore_expansion(output, dataset)
         for output in (str(entry) for entry in dataset.attrs["outputs"].split())
     }
-    return ChaosModel(
+    return PolynomialChaosModel(
         name=name,
         inputs=original.inputs if original else tuple(inputs),
         outputs=tuple(expansion.output for expansion in expansions.values()),
-        basis=Basis(germs),
+        basis=ProductBasis(univariate_bases),
         expansions=expansions,
         reasons=_reasons(dataset.attrs),
         fixed=fixed,
@@ -61,36 +65,38 @@ def from_dataset(dataset: xr.Dataset, name: str, original: Model | None = None) 
     )
 
 
-def _germ(name: str, array: xr.DataArray) -> Germ:
+def _restore_univariate_basis(name: str, array: xr.DataArray) -> UnivariateBasis:
     centres, ratios = np.asarray(array.values, dtype=np.float64)
     attributes = array.attrs
     location, scale = float(attributes["location"]), float(attributes["scale"])
-    return Germ(name, attributes["germ"] == LOGARITHM, location, scale, centres, ratios)
+    return UnivariateBasis(name, attributes["germ"] == LOGARITHM, location, scale, centres, ratios)
 
 
-def _expansion(name: str, dataset: xr.Dataset) -> Expansion:
+def _restore_expansion(name: str, dataset: xr.Dataset) -> Expansion:
     array = dataset[f"{name}_coefficient"]
-    told = array.attrs
+    attributes = array.attrs
     first = np.asarray(dataset[f"{name}_fit_noise"].values, dtype=np.float64)
     return Expansion(
         output=Output(*_description(name, array)),
         indices=dataset[f"{name}_degree"].values.astype(np.int64),
         coefficients=np.asarray(array.values, dtype=np.float64),
-        is_logarithm=told["transform"] == LOGARITHM,
-        order=int(told["order"]),
-        method=str(told["method"]),
-        leave_one_out=float(told["leave_one_out_error"]),
-        cross_validation=float(told["cross_validation_error"]),
-        smallest=float(told["training_minimum"]),
-        largest=float(told["training_maximum"]),
+        is_logarithm=attributes["transform"] == LOGARITHM,
+        order=int(attributes["order"]),
+        method=str(attributes["method"]),
+        leave_one_out=float(attributes["leave_one_out_error"]),
+        cross_validation=float(attributes["cross_validation_error"]),
+        smallest=float(attributes["training_minimum"]),
+        largest=float(attributes["training_maximum"]),
         noise=FitNoise(
-            int(told["fit_noise_refits"]),
-            float(told["fit_noise_mean"]),
-            float(told["fit_noise_std"]),
+            int(attributes["fit_noise_refits"]),
+            float(attributes["fit_noise_mean"]),
+            float(attributes["fit_noise_std"]),
             first,
         ),
-        check=Check(
-            int(told["check_runs"]), float(told["check_q2"]), float(told["check_q2_of_output"])
+        check=PredictionCheck(
+            int(attributes["check_runs"]),
+            float(attributes["check_q2"]),
+            float(attributes["check_q2_of_output"]),
         ),
     )
 

@@ -12,11 +12,11 @@ from typing import Any, Protocol
 import numpy as np
 import xarray as xr
 
-from uqpen.labels import INPUT, ROLE, Status
-from uqpen.model import Input
-from uqpen.surrogates.basis import Basis
+from uqpen.core.labels import INPUT, ROLE, Status
+from uqpen.core.model import Input
+from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.expansion import Expansion
-from uqpen.surrogates.germ import Germ
+from uqpen.surrogates.univariate_basis import UnivariateBasis
 
 __all__ = ["FIXED", "LOGARITHM", "REASON", "RECURRENCE", "to_dataset"]
 
@@ -31,12 +31,12 @@ _LINEAR, LOGARITHM, _NO_TRANSFORM = "linear", "logarithm", "none"
 
 
 class _Storable(Protocol):
-    """What is stored of a fitted surrogate; see `uqpen.surrogates.chaos_model.ChaosModel`."""
+    """Attributes of a fitted surrogate that are stored; see `PolynomialChaosModel`."""
 
     @property
     def inputs(self) -> tuple[Input, ...]: ...
     @property
-    def basis(self) -> Basis: ...
+    def basis(self) -> ProductBasis: ...
     @property
     def expansions(self) -> Mapping[str, Expansion]: ...
     @property
@@ -57,13 +57,19 @@ def to_dataset(model: _Storable) -> xr.Dataset:
     """A fitted polynomial chaos as the group of an archive."""
     variables: dict[str, Any] = {}
     given = {variable.name: variable for variable in model.inputs}
-    for germ in model.basis.germs:
-        variables[f"{germ.name}_{RECURRENCE}"] = _of_germ(germ, given[germ.name])
+    for basis in model.basis.univariate_bases:
+        variables[f"{basis.name}_{RECURRENCE}"] = _univariate_basis_variable(
+            basis, given[basis.name]
+        )
     for name, value in model.fixed.items():
-        variables[f"{FIXED}{name}"] = ((), value, _described(given[name]) | {ROLE: "input"})
+        variables[f"{FIXED}{name}"] = (
+            (),
+            value,
+            _variable_attributes(given[name]) | {ROLE: "input"},
+        )
     for name, expansion in model.expansions.items():
-        variables |= _of_expansion(name, expansion)
-    dataset = xr.Dataset(variables, {INPUT: _input_names(model)}, _accounts(model))
+        variables |= _expansion_variables(name, expansion)
+    dataset = xr.Dataset(variables, {INPUT: _input_names(model)}, _group_attributes(model))
     return dataset.assign_attrs(
         {f"{name}{REASON}": reason for name, reason in model.reasons.items()}
     )
@@ -74,7 +80,7 @@ def _input_names(model: _Storable) -> tuple[str, Any, dict[str, str]]:
     return (INPUT, names, {"long_name": "random input"})
 
 
-def _accounts(model: _Storable) -> dict[str, Any]:
+def _group_attributes(model: _Storable) -> dict[str, Any]:
     """What the group says of itself."""
     return {
         "kind": _KIND,
@@ -88,22 +94,24 @@ def _accounts(model: _Storable) -> dict[str, Any]:
     }
 
 
-def _of_germ(germ: Germ, variable: Input) -> tuple[tuple[str, str], Any, dict[str, Any]]:
+def _univariate_basis_variable(
+    basis: UnivariateBasis, variable: Input
+) -> tuple[tuple[str, str], Any, dict[str, Any]]:
     attributes = {
         "long_name": f"recurrence coefficients of the polynomials in {variable.title}",
         "units": "1",
-        "germ": LOGARITHM if germ.is_logarithm else _LINEAR,
-        "location": germ.location,
-        "scale": germ.scale,
+        "germ": LOGARITHM if basis.is_logarithm else _LINEAR,
+        "location": basis.location,
+        "scale": basis.scale,
         "of_units": variable.unit,
-        "of_display_units": variable.shown_unit,
+        "of_display_units": variable.preferred_unit,
         "of_long_name": variable.title,
     }
-    dimensions = (f"{germ.name}_coefficient", f"{germ.name}_degree")
-    return dimensions, np.stack([germ.centres, germ.ratios]), attributes
+    dimensions = (f"{basis.name}_coefficient", f"{basis.name}_degree")
+    return dimensions, np.stack([basis.centres, basis.ratios]), attributes
 
 
-def _of_expansion(name: str, expansion: Expansion) -> dict[str, Any]:
+def _expansion_variables(name: str, expansion: Expansion) -> dict[str, Any]:
     output, noise, check = expansion.output, expansion.noise, expansion.check
     terms = f"{name}_term"
     logarithm = "the logarithm of " if expansion.is_logarithm else ""
@@ -111,7 +119,7 @@ def _of_expansion(name: str, expansion: Expansion) -> dict[str, Any]:
         "long_name": f"coefficients of {logarithm}{output.title}",
         "units": "1" if expansion.is_logarithm else output.unit,
         "of_units": output.unit,
-        "of_display_units": output.shown_unit,
+        "of_display_units": output.preferred_unit,
         "of_long_name": output.title,
         "transform": LOGARITHM if expansion.is_logarithm else _NO_TRANSFORM,
         "order": expansion.order,
@@ -144,9 +152,9 @@ def _of_expansion(name: str, expansion: Expansion) -> dict[str, Any]:
     }
 
 
-def _described(variable: Input) -> dict[str, str]:
+def _variable_attributes(variable: Input) -> dict[str, str]:
     return {
         "long_name": variable.title,
         "units": variable.unit,
-        "display_units": variable.shown_unit,
+        "display_units": variable.preferred_unit,
     }

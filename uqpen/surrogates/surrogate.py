@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 
 import xarray as xr
 
-from uqpen.errors import Problem
-from uqpen.inputs.law import InputLaw
-from uqpen.model import Model
-from uqpen.settings import validate
-from uqpen.streams import Stream
+from uqpen.core.errors import Problem
+from uqpen.core.model import Model
+from uqpen.core.settings import validate
+from uqpen.core.streams import Stream
+from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.expansion import Expansion
 
 __all__ = ["FittedSurrogate", "Surrogate"]
@@ -35,16 +35,16 @@ class FittedSurrogate(Model):
     reasons: Mapping[str, str]
 
     @abstractmethod
-    def checked(self, runs: xr.Dataset) -> FittedSurrogate:
+    def with_check(self, runs: xr.Dataset) -> FittedSurrogate:
         """The same, and how well it meets runs that it was not fitted to."""
 
     @abstractmethod
-    def objection(self, output: str) -> str:
+    def closed_form_problem(self, output: str) -> str:
         """Why moments and indices from the coefficients are not the output's; empty if they are."""
 
     def has_closed_form(self, output: str) -> bool:
         """Whether moments and indices of an output follow from the coefficients."""
-        return not self.objection(output)
+        return not self.closed_form_problem(output)
 
     @abstractmethod
     def to_dataset(self) -> xr.Dataset:
@@ -69,20 +69,20 @@ class Surrogate(ABC):
     transform: Mapping[str, str]
 
     def __post_init__(self) -> None:
-        validate(self, self.disorder())
+        validate(self, self.check_settings())
 
-    def disorder(self) -> Iterator[Problem]:
+    def check_settings(self) -> Iterator[Problem]:
         """What is wrong between settings that are right by themselves."""
         yield from ()
 
     @property
     @abstractmethod
-    def needs_rule(self) -> bool:
+    def needs_quadrature(self) -> bool:
         """Whether its design must be an integration rule."""
 
     @abstractmethod
     def fit(
-        self, name: str, runs: xr.Dataset, model: Model, law: InputLaw, stream: Stream
+        self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
     ) -> FittedSurrogate:
         """Fit it to the runs of its design.
 
@@ -91,10 +91,10 @@ class Surrogate(ABC):
         name : str
             What it will be called.
         runs : Dataset
-            What `uqpen.evaluation.evaluate` returned for the design.
+            What `uqpen.execution.evaluate` returned for the design.
         model : Model
             That made the runs.
-        law : InputLaw
+        joint : JointDistribution
             Of its inputs.
         stream : Stream
             Where the random numbers of refits come from.

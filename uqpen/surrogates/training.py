@@ -9,18 +9,18 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.evaluation import status_counts
-from uqpen.inputs.law import InputLaw
-from uqpen.labels import QUADRATURE_WEIGHT, ROLE, RUN, STATUS, Status
-from uqpen.model import Model
+from uqpen.core.labels import QUADRATURE_WEIGHT, ROLE, RUN, STATUS, Status
+from uqpen.core.model import Model
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.execution import status_counts
 
-__all__ = ["Training"]
+__all__ = ["TrainingRuns"]
 
 FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Training:
+class TrainingRuns:
     """The runs of a design that came back.
 
     Parameters
@@ -31,11 +31,11 @@ class Training:
         The other inputs, each with its one value.
     weights : ndarray, shape (run,), or None
         Of an integration rule, all of whose nodes came back.
-    is_rule : bool
+    is_quadrature : bool
         Whether the runs are the nodes of a rule.
     counts : mapping of Status to int
         How many of the design's runs ended with each status.
-    obstacle : str
+    problem : str
         Why nothing can be fitted to these runs, if so.
     """
 
@@ -43,18 +43,18 @@ class Training:
     outputs: Mapping[str, FloatArray]
     fixed: Mapping[str, float]
     weights: FloatArray | None
-    is_rule: bool
+    is_quadrature: bool
     counts: Mapping[Status, int]
-    obstacle: str
+    problem: str
 
     @classmethod
-    def of(cls, runs: xr.Dataset, model: Model, law: InputLaw) -> Training:
+    def from_runs(cls, runs: xr.Dataset, model: Model, joint: JointDistribution) -> TrainingRuns:
         """The runs of a design, as far as they came back."""
         came_back = runs[STATUS].values == Status.OK
-        random = {entry.variable.name for entry in law.random}
+        random = {entry.variable.name for entry in joint.random}
         inputs: dict[str, FloatArray] = {}
         fixed: dict[str, float] = {}
-        obstacle = "" if random else "no input is random"
+        problem = "" if random else "no input is random"
         for name, variable in runs.data_vars.items():
             if variable.attrs.get(ROLE) != "input":
                 continue
@@ -64,7 +64,7 @@ class Training:
             elif (values == values[0]).all():
                 fixed[str(name)] = float(values[0])
             else:
-                obstacle = f"its design varies {name}, which has no distribution"
+                problem = f"its design varies {name}, which has no distribution"
         is_rule = QUADRATURE_WEIGHT in runs.coords
         return cls(
             inputs=inputs,
@@ -75,9 +75,9 @@ class Training:
             },
             fixed=fixed,
             weights=runs[QUADRATURE_WEIGHT].values if is_rule and came_back.all() else None,
-            is_rule=is_rule,
+            is_quadrature=is_rule,
             counts=status_counts(runs),
-            obstacle=obstacle if came_back.any() else "none of its runs came back",
+            problem=problem if came_back.any() else "none of its runs came back",
         )
 
     @property
@@ -86,6 +86,6 @@ class Training:
         return self.counts[Status.OK]
 
     @property
-    def lost(self) -> int:
+    def failed(self) -> int:
         """How many did not."""
         return sum(self.counts.values()) - self.size

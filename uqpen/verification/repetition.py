@@ -9,33 +9,33 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.files import FILES
-from uqpen.archive.read import group
-from uqpen.evaluation import Evaluator, Failures, Map, Progress, evaluate
-from uqpen.labels import CONTENT, MODELS, RUN, RUNS, STATUS
-from uqpen.model import Output
-from uqpen.streams import Stream
+from uqpen.archive.read import read_group
+from uqpen.core.labels import CONTENT, MODELS, RUN, RUNS, STATUS
+from uqpen.core.model import Output
+from uqpen.core.streams import Stream
+from uqpen.execution import Evaluator, FailurePolicy, Map, Progress, evaluate
 from uqpen.study.study import Study
-from uqpen.verification.agreement import (
+from uqpen.verification.archived_study import run_inputs
+from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.differences import (
     NEGLIGIBLE,
     TOLERANCE,
-    Disagreement,
-    differing,
-    disagreements,
-    gap,
-    size_of,
+    Difference,
+    difference_text,
+    find_differences,
+    relative_difference,
+    unequal,
 )
-from uqpen.verification.archived import inputs_of
-from uqpen.verification.report import Part, Verdict
-from uqpen.workflow import analysed
+from uqpen.workflow import analyse_runs
 
-__all__ = ["Runs", "drawn_runs", "repeated_runs", "repeated_statistics"]
+__all__ = ["Runs", "draw_runs", "repeated_runs", "repeated_statistics"]
 
 Positions = npt.NDArray[np.int64]
 Runs = Mapping[str, Mapping[str, xr.Dataset]]
 
 _TO_THE_BIT = "bit-equal"
 # What is told of one part; a damaged archive may differ in thousands of things.
-_MOST_TOLD = 8
+_MOST_LISTED = 8
 
 
 def repeated_runs(
@@ -46,7 +46,7 @@ def repeated_runs(
     *,
     map: Map,
     progress: Progress,
-) -> Part:
+) -> CheckResult:
     """Runs made again at the archived inputs.
 
     Parameters
@@ -64,26 +64,28 @@ def repeated_runs(
     progress : Progress
         Told how far it is.
     """
-    found: list[Disagreement] = []
-    chosen = list(drawn_runs(study, runs, number))
+    found: list[Difference] = []
+    chosen = list(draw_runs(study, runs, number))
     for model, design, positions in chosen:
-        progress.design(_called(model, design), len(positions))
-        variant, made = study.models[model], runs[model][design]
-        inputs = {name: made.variables[name] for name in inputs_of(study, made)}
-        points = xr.Dataset(inputs, {RUN: made.variables[RUN]}).isel({RUN: positions})
+        progress.start_design(_runs_name(model, design), len(positions))
+        variant, archived_runs = study.models[model], runs[model][design]
+        inputs = {name: archived_runs.variables[name] for name in run_inputs(study, archived_runs)}
+        points = xr.Dataset(inputs, {RUN: archived_runs.variables[RUN]}).isel({RUN: positions})
         again = evaluate(
             Evaluator(variant.model, study.constraints),
             points,
             {},
             map=map,
             progress=progress,
-            failures=Failures(study.failures.retry),
+            failures=FailurePolicy(study.failures.retry),
         )
-        archived = made.isel({RUN: positions})
-        found += _of_runs(_called(model, design), archived, again, variant.model.outputs)
+        archived = archived_runs.isel({RUN: positions})
+        found += _run_differences(_runs_name(model, design), archived, again, variant.model.outputs)
     repeated = sum(len(positions) for _, _, positions in chosen)
-    held = sum(made.sizes[RUN] for designs in runs.values() for made in designs.values())
-    return _part("runs", f"{repeated} of {held} repeated", found, tolerance)
+    total = sum(
+        archived_runs.sizes[RUN] for designs in runs.values() for archived_runs in designs.values()
+    )
+    return _check_result("runs", f"{repeated} of {total} repeated", found, tolerance)
 
 
 def repeated_statistics(
@@ -94,7 +96,7 @@ def repeated_statistics(
     besides: Sequence[str],
     *,
     is_earlier: bool = False,
-) -> Part:
+) -> CheckResult:
     """All that the archived runs tell, worked out again.
 
     Parameters
@@ -115,33 +117,35 @@ def repeated_statistics(
     in_order = {
         model: {design: runs[model][design] for design in study.designs} for model in study.models
     }
-    again = analysed(study, in_order)
-    held, made = _groups(tree), _groups(again)
-    found = [Disagreement(f"{path} is not found again", np.inf) for path in sorted(held - made)]
-    found += [
-        Disagreement(f"{path} is missing", np.inf, is_new=True) for path in sorted(made - held)
+    again = analyse_runs(study, in_order)
+    archived_groups, repeated_groups = _statistics_groups(tree), _statistics_groups(again)
+    found = [
+        Difference(f"{path} is not found again", np.inf)
+        for path in sorted(archived_groups - repeated_groups)
     ]
-    for path in sorted(held & made):
+    found += [
+        Difference(f"{path} is missing", np.inf, is_new=True)
+        for path in sorted(repeated_groups - archived_groups)
+    ]
+    for path in sorted(archived_groups & repeated_groups):
         parts = path.strip("/").split("/") if path != "/" else []
-        pair = group(tree, *parts), group(again, *parts)
+        pair = read_group(tree, *parts), read_group(again, *parts)
         found += [
-            told._replace(what=f"{path}: {told.what}")
-            for told in disagreements(*pair, besides=(CONTENT, *besides))
+            difference._replace(what=f"{path}: {difference.what}")
+            for difference in find_differences(*pair, besides=(CONTENT, *besides))
         ]
-    counting = [each for each in found if each.gap > NEGLIGIBLE]
+    counting = [each for each in found if each.relative > NEGLIGIBLE]
     rounded = len(found) - len(counting)
     found = counting
     if is_earlier:
-        found = [each._replace(gap=0.0) if each.is_new else each for each in found]
-    what = f"{len(held)} groups worked out again"
+        found = [each._replace(relative=0.0) if each.is_new else each for each in found]
+    what = f"{len(archived_groups)} groups worked out again"
     if rounded:
         what = f"{what}, {rounded} differ by less than {NEGLIGIBLE:.0g} of their scale"
-    return _part("statistics", what, found, tolerance)
+    return _check_result("statistics", what, found, tolerance)
 
 
-def drawn_runs(
-    study: Study, runs: Runs, number: int | None
-) -> Iterator[tuple[str, str, Positions]]:
+def draw_runs(study: Study, runs: Runs, number: int | None) -> Iterator[tuple[str, str, Positions]]:
     """Runs drawn at random of all that there are, the same ones each time.
 
     Parameters
@@ -179,44 +183,44 @@ def drawn_runs(
         start += size
 
 
-def _of_runs(
-    called: str, archived: xr.Dataset, again: xr.Dataset, outputs: Sequence[Output]
-) -> Iterator[Disagreement]:
+def _run_differences(
+    runs_name: str, archived: xr.Dataset, again: xr.Dataset, outputs: Sequence[Output]
+) -> Iterator[Difference]:
     """What came out otherwise, with the first run of which it did."""
     for name in (STATUS, *(output.name for output in outputs)):
         one, other = archived[name].values, again[name].values
-        at = np.flatnonzero(differing(one, other))
+        at = np.flatnonzero(unequal(one, other))
         if at.size:
             first = at[0]
             numbers = archived[RUN].values[at]
-            apart = gap(one, other)
+            difference = relative_difference(one, other)
             count = f"; {at.size} of its runs differ" if at.size > 1 else "; it differs"
-            yield Disagreement(
-                f"{called}: {name} of run {numbers[0]} is {one[first]!s} in the archive and "
-                f"{other[first]!s} now{count}{size_of(apart)}",
-                apart,
+            yield Difference(
+                f"{runs_name}: {name} of run {numbers[0]} is {one[first]!s} in the archive and "
+                f"{other[first]!s} now{count}{difference_text(difference)}",
+                difference,
             )
 
 
-def _part(name: str, what: str, found: list[Disagreement], tolerance: float) -> Part:
+def _check_result(name: str, what: str, found: list[Difference], tolerance: float) -> CheckResult:
     """The verdict on what was repeated, the largest differences first."""
-    found = sorted(found, key=lambda each: -each.gap)
-    details = [each.what for each in found[:_MOST_TOLD]]
+    found = sorted(found, key=lambda each: -each.relative)
+    details = [each.what for each in found[:_MOST_LISTED]]
     if len(found) > len(details):
         details.append(f"and {len(found) - len(details)} more")
     if not found:
-        return Part(name, Verdict.EQUAL, f"{what}: {_TO_THE_BIT}")
-    if found[0].gap <= tolerance:
+        return CheckResult(name, CheckOutcome.EQUAL, f"{what}: {_TO_THE_BIT}")
+    if found[0].relative <= tolerance:
         close = f"{what}: equal within {TOLERANCE:g} of the largest value"
-        return Part(name, Verdict.CLOSE, close, tuple(details))
-    return Part(name, Verdict.DIFFERENT, f"{what}: different", tuple(details))
+        return CheckResult(name, CheckOutcome.CLOSE, close, tuple(details))
+    return CheckResult(name, CheckOutcome.DIFFERENT, f"{what}: different", tuple(details))
 
 
-def _called(model: str, design: str) -> str:
+def _runs_name(model: str, design: str) -> str:
     return f"{model}: {design}" if model else design
 
 
-def _groups(tree: xr.DataTree) -> set[str]:
+def _statistics_groups(tree: xr.DataTree) -> set[str]:
     """The paths of all groups but those of runs and files, which are not worked out."""
     split = {node.path: node.path.strip("/").split("/") for node in tree.subtree}
     return {

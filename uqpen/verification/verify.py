@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import xarray as xr
 
-from uqpen.archive.content import hashes, recorded
-from uqpen.archive.files import FILES, kept_files
-from uqpen.archive.migrations import migrated
+from uqpen.archive.content import group_hashes, recorded_hashes
+from uqpen.archive.files import FILES, archived_files
+from uqpen.archive.migrations import migrate
 from uqpen.archive.provenance import (
     SCHEMA,
     SCHEMA_ATTRIBUTE,
@@ -20,32 +20,32 @@ from uqpen.archive.provenance import (
     provenance,
     provenance_differences,
 )
-from uqpen.archive.read import group, models_in, read_as_written
-from uqpen.archive.skeleton import faults
-from uqpen.errors import ArchiveError, UqpenError
-from uqpen.evaluation import Map, Progress
-from uqpen.labels import KIND
+from uqpen.archive.read import model_trees, read_as_written, read_group
+from uqpen.archive.structure import find_faults
+from uqpen.core.errors import ArchiveError, UqpenError
+from uqpen.core.labels import KIND
+from uqpen.execution import Map, Progress
 from uqpen.models import MODELS
 from uqpen.models.source import source_sha256
 from uqpen.study.study import Study
-from uqpen.verification.agreement import TOLERANCE
-from uqpen.verification.archived import archived_runs, foreign_models, misfit
+from uqpen.verification.archived_study import archived_runs, external_models, find_incompatibility
+from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.differences import TOLERANCE
 from uqpen.verification.repetition import repeated_runs, repeated_statistics
-from uqpen.verification.report import Part, Verdict
-from uqpen.verification.restored import restored_study
+from uqpen.verification.restored_study import restored_study
 
-__all__ = ["elsewhere", "verify"]
+__all__ = ["environment_differences", "verify"]
 
 # What is not known of a model unless it is loaded.
-_OF_LOADED = ("model_name",)
+_LOADED_MODEL_ATTRIBUTES = ("model_name",)
 
 # What tells one version of a model from another, which has parts of its own.
 _SOURCE = "model_source_sha256"
 _PROGRAM = "model_program_sha256"
-_OF_VERSIONS = ("model_version", _SOURCE, _PROGRAM)
+_VERSION_ATTRIBUTES = ("model_version", _SOURCE, _PROGRAM)
 
 
-class _Allowed(NamedTuple):
+class _Tolerances(NamedTuple):
     """What may differ, as an archive was made elsewhere."""
 
     tolerance: float
@@ -60,7 +60,7 @@ def verify(
     trust: bool = False,
     map: Map = map,
     progress: Progress | None = None,
-) -> Iterator[Part]:
+) -> Iterator[CheckResult]:
     """Check an archive, part by part.
 
     Parameters
@@ -84,43 +84,43 @@ def verify(
         If it is no archive.
     """
     written = read_as_written(path)
-    yield _hashes(written)
-    tree = migrated(written)
-    yield _text(tree)
-    if fault := next(faults(tree), None):
-        yield Part("structure", Verdict.DIFFERENT, f"damaged: {fault}")
+    yield _check_hashes(written)
+    tree = migrate(written)
+    yield _check_text(tree)
+    if fault := next(find_faults(tree), None):
+        yield CheckResult("structure", CheckOutcome.DIFFERENT, f"damaged: {fault}")
     elif KIND in tree.attrs:
-        told = "those of methods head to head are not repeated: hashes only"
-        yield Part("runs", Verdict.UNCHECKED, told)
+        message = "those of methods head to head are not repeated: hashes only"
+        yield CheckResult("runs", CheckOutcome.UNCHECKED, message)
     else:
         if FILES in tree.children:
-            yield _files(tree)
+            yield _check_files(tree)
         progress = progress or Progress()
-        others = elsewhere(written)
-        yield _made_with(others)
-        allowed = _Allowed(TOLERANCE if others else 0.0, _is_earlier(written))
-        yield from _repeated(tree, folder, runs, allowed, map, progress, trust=trust)
+        others = environment_differences(written)
+        yield _environment_result(others)
+        allowed = _Tolerances(TOLERANCE if others else 0.0, _is_earlier(written))
+        yield from _repeat_checks(tree, folder, runs, allowed, map, progress, trust=trust)
 
 
-def elsewhere(tree: xr.DataTree) -> list[str]:
+def environment_differences(tree: xr.DataTree) -> list[str]:
     """List what decides last bits and is otherwise here: versions, the processor, models."""
     # What only Python functions depend on is no difference where there is none of them.
-    is_foreign = bool(foreign_models(str(tree.attrs.get("study_text", ""))))
+    is_foreign = bool(external_models(str(tree.attrs.get("study_text", ""))))
     here = {**provenance(), **of_python_functions()}
     then = {str(name): value for name, value in tree.attrs.items()}
     then |= {} if is_foreign else of_python_functions()
     versions = [
-        f"{name} {made_with} (here {found})"
-        for name, made_with, found in provenance_differences(then, here)
+        f"{name} {archived_hash} (here {found})"
+        for name, archived_hash, found in provenance_differences(then, here)
     ]
     schema = tree.attrs[SCHEMA_ATTRIBUTE]
     schemas = [f"schema {schema} (here {SCHEMA})"] if schema != SCHEMA else []
     return [*schemas, *versions, *dict.fromkeys(_other_sources(tree))]
 
 
-def _made_with(others: list[str]) -> Part:
-    told = ", ".join(others) or "the same versions and kind of processor as here"
-    return Part("made with", Verdict.CLOSE if others else Verdict.EQUAL, told)
+def _environment_result(others: list[str]) -> CheckResult:
+    message = ", ".join(others) or "the same versions and kind of processor as here"
+    return CheckResult("made with", CheckOutcome.CLOSE if others else CheckOutcome.EQUAL, message)
 
 
 def _is_earlier(tree: xr.DataTree) -> bool:
@@ -132,20 +132,20 @@ def _is_earlier(tree: xr.DataTree) -> bool:
 
 def _other_sources(tree: xr.DataTree) -> Iterator[str]:
     """The built-in models whose source is another here."""
-    for model in models_in(tree).values():
-        name, made_with = (str(model.attrs.get(key, "")) for key in ("model_name", _SOURCE))
-        if name in MODELS and made_with:
+    for model in model_trees(tree).values():
+        name, archived_hash = (str(model.attrs.get(key, "")) for key in ("model_name", _SOURCE))
+        if name in MODELS and archived_hash:
             here = source_sha256(MODELS[name].partition(":")[0])
-            if here != made_with:
-                yield f"source of {name} {made_with[:8]} (here {here[:8]})"
+            if here != archived_hash:
+                yield f"source of {name} {archived_hash[:8]} (here {here[:8]})"
 
 
-def _hashes(tree: xr.DataTree) -> Part:
+def _check_hashes(tree: xr.DataTree) -> CheckResult:
     """Whether every group is as it was written."""
-    found, written = hashes(tree), recorded(tree)
+    found, written = group_hashes(tree), recorded_hashes(tree)
     if written is None:
-        told = "none: written by a uqpen that did not hash yet"
-        return Part("hashes", Verdict.UNCHECKED, told)
+        message = "none: written by a uqpen that did not hash yet"
+        return CheckResult("hashes", CheckOutcome.UNCHECKED, message)
     shared = found.keys() & written.keys()
     details = [
         f"{path} {what}"
@@ -157,23 +157,27 @@ def _hashes(tree: xr.DataTree) -> Part:
         for path in sorted(paths)
     ]
     if details:
-        return Part("hashes", Verdict.DIFFERENT, "not those of its groups", tuple(details))
-    return Part("hashes", Verdict.EQUAL, f"those of its {len(found)} groups")
+        return CheckResult(
+            "hashes", CheckOutcome.DIFFERENT, "not those of its groups", tuple(details)
+        )
+    return CheckResult("hashes", CheckOutcome.EQUAL, f"those of its {len(found)} groups")
 
 
-def _text(tree: xr.DataTree) -> Part:
+def _check_text(tree: xr.DataTree) -> CheckResult:
     """Whether the study's text is the one whose hash stands beside it."""
     text = str(tree.attrs.get("study_text", ""))
     digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
     if digest == str(tree.attrs.get("study_sha256")):
-        return Part("study", Verdict.EQUAL, "its text has the hash that stands beside it")
-    told = "its text is changed: it does not have the hash that stands beside it"
-    return Part("study", Verdict.DIFFERENT, told)
+        return CheckResult(
+            "study", CheckOutcome.EQUAL, "its text has the hash that stands beside it"
+        )
+    message = "its text is changed: it does not have the hash that stands beside it"
+    return CheckResult("study", CheckOutcome.DIFFERENT, message)
 
 
-def _files(tree: xr.DataTree) -> Part:
+def _check_files(tree: xr.DataTree) -> CheckResult:
     """Whether the files that it keeps have the hashes that stand beside them."""
-    files = kept_files(group(tree, FILES))
+    files = archived_files(read_group(tree, FILES))
     details = []
     for file in files:
         try:
@@ -181,52 +185,64 @@ def _files(tree: xr.DataTree) -> Part:
         except ArchiveError as error:
             details.append(str(error))
     if details:
-        return Part("files", Verdict.DIFFERENT, "not those of its study", tuple(details))
+        return CheckResult(
+            "files", CheckOutcome.DIFFERENT, "not those of its study", tuple(details)
+        )
     by_hash = [f"{file.name}: kept by its hash alone" for file in files if not file.is_whole]
-    told = f"{len(files)} kept, with the hashes that stand beside them"
-    return Part("files", Verdict.EQUAL, told, tuple(by_hash))
+    message = f"{len(files)} kept, with the hashes that stand beside them"
+    return CheckResult("files", CheckOutcome.EQUAL, message, tuple(by_hash))
 
 
-def _repeated(
+def _repeat_checks(
     tree: xr.DataTree,
     folder: Path | None,
     number: int | None,
-    allowed: _Allowed,
+    allowed: _Tolerances,
     map: Map,
     progress: Progress,
     *,
     trust: bool,
-) -> Iterator[Part]:
+) -> Iterator[CheckResult]:
     """What can be made again, made again."""
     with contextlib.ExitStack() as stack:
         try:
             restored = stack.enter_context(restored_study(tree, folder, trust=trust))
         except UqpenError as error:
             details = tuple(str(error).split("\n"))
-            yield Part("repetition", Verdict.IMPOSSIBLE, "its study cannot be read here", details)
+            yield CheckResult(
+                "repetition", CheckOutcome.IMPOSSIBLE, "its study cannot be read here", details
+            )
             return
-        if restored.differing:
-            told = "not those that it keeps"
-            yield Part("folder", Verdict.DIFFERENT, told, tuple(restored.differing))
+        if restored.different_files:
+            message = "not those that it keeps"
+            yield CheckResult(
+                "folder", CheckOutcome.DIFFERENT, message, tuple(restored.different_files)
+            )
         study, runs = restored.study, archived_runs(tree)
-        if reason := misfit(study, runs):
-            yield Part("repetition", Verdict.DIFFERENT, reason)
+        if reason := find_incompatibility(study, runs):
+            yield CheckResult("repetition", CheckOutcome.DIFFERENT, reason)
             return
-        foreign = [] if trust else foreign_models(study.text)
-        if foreign:
-            yield _not_trusted(foreign)
+        external = [] if trust else external_models(study.text)
+        if external:
+            yield _not_trusted(external)
         else:
             _prepare(study, progress)
             tolerance = allowed.tolerance
             if others := list(_other_programs(study, tree)):
                 tolerance = TOLERANCE
-                yield Part("program", Verdict.CLOSE, f"another than then: {', '.join(others)}")
+                yield CheckResult(
+                    "program", CheckOutcome.CLOSE, f"another than then: {', '.join(others)}"
+                )
             yield repeated_runs(study, runs, number, tolerance, map=map, progress=progress)
             if FILES not in tree.children:
-                yield from _sources(study, tree)
-        progress.analysing()
-        made_with = [*provenance(), *of_python_functions()]
-        besides = [*made_with, *_OF_VERSIONS, *(_OF_LOADED if foreign else [])]
+                yield from _check_sources(study, tree)
+        progress.start_analysis()
+        archived_hash = [*provenance(), *of_python_functions()]
+        besides = [
+            *archived_hash,
+            *_VERSION_ATTRIBUTES,
+            *(_LOADED_MODEL_ATTRIBUTES if external else []),
+        ]
         yield repeated_statistics(
             study, tree, runs, allowed.tolerance, besides, is_earlier=allowed.is_earlier
         )
@@ -234,34 +250,34 @@ def _repeated(
 
 def _other_programs(study: Study, tree: xr.DataTree) -> Iterator[str]:
     """The programs from elsewhere that go by the same name here and are others."""
-    for name, held in models_in(tree).items():
-        model, made_with = study.models[name].model, str(held.attrs.get(_PROGRAM, ""))
+    for name, model_tree in model_trees(tree).items():
+        model, archived_hash = study.models[name].model, str(model_tree.attrs.get(_PROGRAM, ""))
         here = model.identity().get(_PROGRAM.removeprefix("model_"), "")
-        if here != made_with:
-            yield f"{model.name} {made_with[:8]} (here {here[:8]})"
+        if here != archived_hash:
+            yield f"{model.name} {archived_hash[:8]} (here {here[:8]})"
 
 
-def _sources(study: Study, tree: xr.DataTree) -> Iterator[Part]:
+def _check_sources(study: Study, tree: xr.DataTree) -> Iterator[CheckResult]:
     """Whether models of the user's own have the source that they had, where it was not kept."""
     details = []
-    for name, held in models_in(tree).items():
-        model, made_with = study.models[name].model, held.attrs.get(_SOURCE)
+    for name, model_tree in model_trees(tree).items():
+        model, made_with = study.models[name].model, model_tree.attrs.get(_SOURCE)
         here = model.identity().get(_SOURCE.removeprefix("model_"))
         if model.name not in MODELS and made_with and here != made_with:
             found = f"found the SHA-256 {here}, expected {made_with}"
             details.append(f"{model.name} and what it imports: {found}")
     if details:
-        told = "not that of the models that it was made with"
-        yield Part("source", Verdict.DIFFERENT, told, tuple(details))
+        message = "not that of the models that it was made with"
+        yield CheckResult("source", CheckOutcome.DIFFERENT, message, tuple(details))
 
 
 def _prepare(study: Study, progress: Progress) -> None:
     for variant in study.models.values():
-        progress.preparing(variant.model.name)
+        progress.start_preparation(variant.model.name)
         variant.model.prepare()
 
 
-def _not_trusted(models: list[str]) -> Part:
-    told = f"not repeated: they execute code that the archive names ({', '.join(models)})"
+def _not_trusted(models: list[str]) -> CheckResult:
+    message = f"not repeated: they execute code that the archive names ({', '.join(models)})"
     advice = "if you trust whoever made it, say --trust"
-    return Part("runs", Verdict.UNCHECKED, told, (advice,))
+    return CheckResult("runs", CheckOutcome.UNCHECKED, message, (advice,))

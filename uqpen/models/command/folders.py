@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-__all__ = ["called", "keep_folder", "working_folder"]
+__all__ = ["folder_name", "keep_folder", "working_folder"]
 
 _SHORT = 12
 
@@ -30,7 +30,7 @@ def working_folder() -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def called(inputs: Mapping[str, float]) -> str:
+def folder_name(inputs: Mapping[str, float]) -> str:
     """What the folder of a run is called: it follows from the bits of its inputs.
 
     >>> called({"a": 1.0}) == called({"a": 1.0}) != called({"a": 1.0 + 1e-15})

@@ -14,7 +14,7 @@ import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-__all__ = ["guard"]
+__all__ = ["guard_folder"]
 
 # What it has read last is what is under way: the number of a process group and its folder; 0 where
 # it has no number yet, as it is being started; or nothing. Other groups of the session are ended
@@ -40,7 +40,7 @@ rm -rf -- "$folder"
 
 
 @contextlib.contextmanager
-def guard(folder: Path) -> Iterator[Callable[[int], None]]:
+def guard_folder(folder: Path) -> Iterator[Callable[[int], None]]:
     """While this lasts, nothing that is started in a folder outlives this process.
 
     Parameters
@@ -54,20 +54,20 @@ def guard(folder: Path) -> Iterator[Callable[[int], None]]:
         Takes the number of the process group that was started.
     """
     starting = f"0 {folder}"
-    _tell(starting)
+    _send(starting)
     try:
-        yield lambda group: _tell(f"{group} {folder}")
+        yield lambda group: _send(f"{group} {folder}")
     except BaseException:
         # It may have been about to be started. Its number can be another's by the time of the end.
-        _tell(starting)
+        _send(starting)
         raise
-    _tell("")
+    _send("")
 
 
-def _tell(what: str) -> None:
+def _send(what: str) -> None:
     # Where it cannot be started, or somebody has killed it, runs go on without.
     with contextlib.suppress(OSError):
-        pipe = _of_this_process().stdin
+        pipe = _process_guard().stdin
         assert pipe is not None
         os.write(pipe.fileno(), f"{what}\n".encode("utf-8", "surrogateescape"))
 
@@ -75,7 +75,7 @@ def _tell(what: str) -> None:
 _guards: dict[int, subprocess.Popen[bytes]] = {}
 
 
-def _of_this_process() -> subprocess.Popen[bytes]:
+def _process_guard() -> subprocess.Popen[bytes]:
     """The guard of this process, started where there is none."""
     process = os.getpid()
     if process not in _guards:
@@ -87,10 +87,10 @@ def _of_this_process() -> subprocess.Popen[bytes]:
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
-        atexit.register(_dismiss, process)
+        atexit.register(_stop, process)
     return _guards[process]
 
 
-def _dismiss(process: int) -> None:
+def _stop(process: int) -> None:
     if process == os.getpid():
         _guards.pop(process).communicate()  # the end of what it reads, and its own

@@ -14,21 +14,21 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from uqpen.errors import ModelError
-from uqpen.files import FileRead
-from uqpen.labels import STATUS_TEXT, Status
-from uqpen.limits import Limits
-from uqpen.model import Arrays, Input, Model, Output, Results
-from uqpen.models.command.folders import called, keep_folder, working_folder
-from uqpen.models.command.placeholders import filled
-from uqpen.models.command.process import STDERR, Ending, run_process
+from uqpen.core.errors import ModelError
+from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import STATUS_TEXT, Status
+from uqpen.core.limits import Limits
+from uqpen.core.model import Arrays, Input, Model, Output, Results
+from uqpen.core.units import scale
+from uqpen.models.command.folders import folder_name, keep_folder, working_folder
+from uqpen.models.command.placeholders import fill
+from uqpen.models.command.process import STDERR, ProcessEnd, run_process
 from uqpen.models.command.program import Program
-from uqpen.models.command.readings import Reading
-from uqpen.models.command.reasons import last_line, steady
-from uqpen.models.command.written import UnreadableError, Written
-from uqpen.units import scale
+from uqpen.models.command.readings import OutputReader
+from uqpen.models.command.reasons import last_line, remove_variable_parts
+from uqpen.models.command.written import RunFiles, UnreadableError
 
-__all__ = ["INPUTS", "OUTCOME", "OUTPUTS", "Command", "Kept"]
+__all__ = ["INPUTS", "OUTCOME", "OUTPUTS", "Command", "FolderPolicy"]
 
 # Files in the folder of a run: its inputs, where a program writes its outputs unless told
 # otherwise, and, in a folder that is kept, what became of it.
@@ -41,7 +41,7 @@ _PATHS = {"inputs": INPUTS, "outputs": OUTPUTS}
 _NO_INTERPRETER = "cannot be started: what its first line names to run it with is not there"
 
 
-class Kept(NamedTuple):
+class FolderPolicy(NamedTuple):
     """What is kept of the folders that runs are made in.
 
     Attributes
@@ -74,11 +74,11 @@ class Command(Model):
         The command as a study has it: the program and its arguments, with placeholders.
     inputs, outputs : tuple
         As of any model, in SI units.
-    called_in : mapping of str to str
+    units : mapping of str to str
         The unit that the program takes each input and gives each output in.
-    readings : mapping of str to Reading
+    readings : mapping of str to OutputReader
         Where each output stands.
-    kept : Kept
+    folder_policy : FolderPolicy
         Which folders of runs are kept, and where.
     program : Program, optional
         What is executed; where it has not been looked for, the model cannot be run.
@@ -93,9 +93,9 @@ class Command(Model):
     words: tuple[str, ...]
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
-    called_in: Mapping[str, str]
-    readings: Mapping[str, Reading]
-    kept: Kept
+    units: Mapping[str, str]
+    readings: Mapping[str, OutputReader]
+    folder_policy: FolderPolicy
     program: Program | None = None
     templates: Mapping[str, str] = field(default_factory=dict)
     copied: tuple[str, ...] = ()
@@ -108,13 +108,13 @@ class Command(Model):
         object.__setattr__(self, "name", " ".join(self.words))
 
     @property
-    def allowed(self) -> Limits:
+    def run_limits(self) -> Limits:
         return self.limits
 
     def evaluate(self, inputs: Arrays) -> Results:
-        program = self._found()
+        program = self._required_program()
         arguments = {
-            name: scale(self.called_in[name]).from_si(values).tolist()
+            name: scale(self.units[name]).from_si(values).tolist()
             for name, values in inputs.items()
         }
         runs = len(next(iter(inputs.values())))
@@ -127,26 +127,26 @@ class Command(Model):
             if outcome.reason:
                 reasons[run] = outcome.reason
             for name, value in outcome.outputs.items():
-                measure = scale(self.called_in[name])
+                measure = scale(self.units[name])
                 outputs[name][run] = value * measure.factor + measure.offset
         return Results(outputs, status, reasons)
 
-    def consists_of(self, files: frozenset[str]) -> None:
+    def record_files(self, files: frozenset[str]) -> None:
         # No run tells of files, but between batches is the time to look.
         if self.program is not None:
             self.program.check_unchanged()
 
-    def files(self) -> tuple[FileRead, ...]:
+    def files(self) -> tuple[FileSnapshot, ...]:
         return tuple(file.read for file in self.program.beside) if self.program else ()
 
     def identity(self) -> dict[str, str]:
         return {"name": self.name, **(self.program.identity() if self.program else {})}
 
-    def keeping_in(self, folder: Path) -> Command:
+    def with_folder(self, folder: Path) -> Command:
         """The same, but what is kept of runs is kept in another folder."""
-        return replace(self, kept=self.kept._replace(folder=folder))
+        return replace(self, folder_policy=self.folder_policy._replace(folder=folder))
 
-    def _found(self) -> Program:
+    def _required_program(self) -> Program:
         if self.program is None:
             raise ModelError(f"{self.name} is not executed without --trust")
         return self.program
@@ -160,8 +160,10 @@ class Command(Model):
                 ending = run_process(words, folder, self.limits)
                 outcome = self._outcome(ending, folder, program)
                 if self._is_kept(outcome):
-                    note = _note(outcome, words)
-                    keep_folder(folder, self.kept.folder / called(inputs), {OUTCOME: note})
+                    note = _outcome_note(outcome, words)
+                    keep_folder(
+                        folder, self.folder_policy.folder / folder_name(inputs), {OUTCOME: note}
+                    )
                 return outcome
         except OSError as error:  # a disk that is full, a program for another machine
             if error.filename == str(program.executed.read.path) and error.errno == errno.ENOENT:
@@ -178,7 +180,7 @@ class Command(Model):
         for name, text in self.templates.items():
             file = folder / name
             file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(filled(text, {**inputs, **_PATHS}).encode())
+            file.write_bytes(fill(text, {**inputs, **_PATHS}).encode())
         (folder / INPUTS).write_text(json.dumps(inputs) + "\n", encoding="utf-8")
 
     def _command(self, program: Program, inputs: Mapping[str, float]) -> list[str]:
@@ -190,22 +192,22 @@ class Command(Model):
             if word in program.names and word not in inside:
                 words.append(str(program.folder / word))
             else:
-                words.append(filled(word, {**inputs, **_PATHS}))
+                words.append(fill(word, {**inputs, **_PATHS}))
         return words
 
-    def _outcome(self, ending: Ending, folder: Path, program: Program) -> _Outcome:
+    def _outcome(self, ending: ProcessEnd, folder: Path, program: Program) -> _Outcome:
         """What became of a run whose program has ended."""
         if ending.is_late:
-            late = self.limits.lateness
+            late = self.limits.timeout_reason
             return _Outcome({}, Status.TIMED_OUT, late)
         if ending.code:
             status = Status.CRASHED if ending.signal else Status.FAILED
             how = f"ended by {ending.signal}" if ending.signal else f"exit code {ending.code}"
-            said = steady(last_line(folder / STDERR), [folder, program.folder])
-            return _Outcome({}, status, f"{how}: {said}" if said else how)
-        return self._read(Written(folder))
+            message = remove_variable_parts(last_line(folder / STDERR), [folder, program.folder])
+            return _Outcome({}, status, f"{how}: {message}" if message else how)
+        return self._read(RunFiles(folder))
 
-    def _read(self, written: Written) -> _Outcome:
+    def _read(self, written: RunFiles) -> _Outcome:
         try:
             found = {name: reading.value(written) for name, reading in self.readings.items()}
         except UnreadableError as error:
@@ -216,11 +218,13 @@ class Command(Model):
         return _Outcome(found)
 
     def _is_kept(self, outcome: _Outcome) -> bool:
-        is_lost = outcome.status != Status.OK
-        return self.kept.which == "all" or (self.kept.which == "failed" and is_lost)
+        is_failed = outcome.status != Status.OK
+        return self.folder_policy.which == "all" or (
+            self.folder_policy.which == "failed" and is_failed
+        )
 
 
-def _note(outcome: _Outcome, words: list[str]) -> str:
+def _outcome_note(outcome: _Outcome, words: list[str]) -> str:
     """What became of a run, and what was executed, for who looks into its folder."""
     lines = [f"{STATUS_TEXT[outcome.status]}: {outcome.reason}".removesuffix(": ")]
     lines += [f"{name} = {value!r}" for name, value in outcome.outputs.items()]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping
 
-from uqpen.lookup import choices
+from uqpen.core.lookup import choices
 
-__all__ = ["filled", "mistakes", "names_in"]
+__all__ = ["fill", "find_mistakes", "names_in"]
 
 _TOKEN = re.compile(r"\{\{|\}\}|\{(?P<name>[^{}:\n]*)(?::(?P<format>[^{}\n]*))?\}|[{}]")
 
@@ -18,13 +18,13 @@ _FORMAT = re.compile(r"(?:.?[<>=^])?[+\- ]?#?0?[0-9]{0,3}[,_]?(?:\.[0-9]{1,3})?[
 _BRACE = "{name} or {name:.6e}, and {{ or }} for a brace"
 
 
-def filled(text: str, values: Mapping[str, float | str]) -> str:
+def fill(text: str, values: Mapping[str, float | str]) -> str:
     """A text with its placeholders replaced.
 
     Parameters
     ----------
     text : str
-        In which `mistakes` finds none.
+        In which `find_mistakes` finds none.
     values : mapping of str to float or str
         Numbers are written so that reading them gives the same number again, unless the
         placeholder has a format.
@@ -49,7 +49,7 @@ def names_in(text: str) -> set[str]:
     return {token["name"] for token in _TOKEN.finditer(text) if token["name"] is not None}
 
 
-def mistakes(
+def find_mistakes(
     text: str, numbers: Collection[str], paths: Collection[str]
 ) -> Iterator[tuple[int, str, str]]:
     """What is wrong with the placeholders of a text.

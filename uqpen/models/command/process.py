@@ -18,10 +18,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from uqpen.limits import Limits
-from uqpen.models.command.guard import guard
+from uqpen.core.limits import Limits
+from uqpen.models.command.guard import guard_folder
 
-__all__ = ["Ending", "run_process"]
+__all__ = ["ProcessEnd", "run_process"]
 
 STDOUT, STDERR = "stdout", "stderr"
 
@@ -37,7 +37,7 @@ _FOREVER = 2e6
 
 
 @dataclass(frozen=True)
-class Ending:
+class ProcessEnd:
     """How a process ended.
 
     Parameters
@@ -66,7 +66,7 @@ class Ending:
             return f"signal {-self.code}"
 
 
-def run_process(words: Sequence[str], folder: Path, limits: Limits) -> Ending:
+def run_process(words: Sequence[str], folder: Path, limits: Limits) -> ProcessEnd:
     """Run a program in a folder, and leave nothing of it running.
 
     Parameters
@@ -83,19 +83,19 @@ def run_process(words: Sequence[str], folder: Path, limits: Limits) -> Ending:
     OSError
         If it cannot be started.
     """
-    with guard(folder) as watch:
-        process = _started(_limited(words, limits), folder)
+    with guard_folder(folder) as watch:
+        process = _start(_with_memory_limit(words, limits), folder)
         try:
             watch(process.pid)
-            is_late = not _ends_within(process, limits.seconds)
+            is_late = not _wait(process, limits.seconds)
         except BaseException:  # Ctrl-C above all
             _end(process, is_forced=True)
             raise
         _end(process, is_forced=is_late)
-    return Ending(process.returncode, is_late)
+    return ProcessEnd(process.returncode, is_late)
 
 
-def _started(words: Sequence[str], folder: Path) -> subprocess.Popen[bytes]:
+def _start(words: Sequence[str], folder: Path) -> subprocess.Popen[bytes]:
     """A process in a session of its own, in a folder that it prints to."""
     with (folder / STDOUT).open("wb") as stdout, (folder / STDERR).open("wb") as stderr:
         return subprocess.Popen(
@@ -110,7 +110,7 @@ def _started(words: Sequence[str], folder: Path) -> subprocess.Popen[bytes]:
         )
 
 
-def _limited(words: Sequence[str], limits: Limits) -> list[str]:
+def _with_memory_limit(words: Sequence[str], limits: Limits) -> list[str]:
     # Not by code of ours between fork and exec: that can deadlock where there are threads.
     if limits.bytes is None:
         return list(words)
@@ -126,7 +126,7 @@ def _end(process: subprocess.Popen[bytes], *, is_forced: bool) -> None:
     if process.returncode is None:
         # As long as it has not been waited for, its number cannot be that of another group.
         _kill(process.pid)
-        for group in _groups_of_session(process.pid) if is_forced else ():
+        for group in _session_groups(process.pid) if is_forced else ():
             _kill(group)
     process.wait()
 
@@ -137,7 +137,7 @@ def _kill(group: int) -> None:
         os.killpg(group, signal.SIGKILL)
 
 
-def _groups_of_session(leader: int) -> set[int]:
+def _session_groups(leader: int) -> set[int]:
     """The process groups of a session, where the system tells: MPI launchers make new ones."""
     groups = set()
     for entry in Path("/proc").glob("[0-9]*/stat"):
@@ -149,14 +149,14 @@ def _groups_of_session(leader: int) -> set[int]:
     return groups
 
 
-def _ends_within(process: subprocess.Popen[bytes], seconds: float | None) -> bool:
+def _wait(process: subprocess.Popen[bytes], seconds: float | None) -> bool:
     """Whether a process ends in time; it is not waited for, so that its number stays taken."""
     if sys.platform != "linux":
-        return _seen_to_end(process, seconds)
+        return _poll(process, seconds)
     try:
         descriptor = os.pidfd_open(process.pid)
     except OSError:  # an old system, or one that does not let programs have them
-        return _seen_to_end(process, seconds)
+        return _poll(process, seconds)
     try:
         poll = select.poll()
         poll.register(descriptor, select.POLLIN)
@@ -166,7 +166,7 @@ def _ends_within(process: subprocess.Popen[bytes], seconds: float | None) -> boo
         os.close(descriptor)
 
 
-def _seen_to_end(process: subprocess.Popen[bytes], seconds: float | None) -> bool:
+def _poll(process: subprocess.Popen[bytes], seconds: float | None) -> bool:
     """The same, where the system has no descriptor that tells of it."""
     deadline = time.monotonic() + (float("inf") if seconds is None else seconds)
     while process.poll() is None:

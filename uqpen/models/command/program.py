@@ -9,10 +9,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from uqpen.errors import ModelError
-from uqpen.files import FileRead
+from uqpen.core.errors import ModelError
+from uqpen.core.files import FileSnapshot
 
-__all__ = ["Program", "ProgramFile", "find_program", "found_program", "lies_beside"]
+__all__ = ["Program", "ProgramFile", "find_program", "is_beside_study", "locate_program"]
 
 
 @dataclass(frozen=True)
@@ -23,18 +23,18 @@ class ProgramFile:
     ----------
     name : str
         Its path from the study's folder, or what the command calls it.
-    read : FileRead
+    read : FileSnapshot
         The file.
     stamp : tuple of int
         What changes when somebody writes to it.
     """
 
     name: str
-    read: FileRead
+    read: FileSnapshot
     stamp: tuple[int, int]
 
     @classmethod
-    def of(cls, name: str, path: Path) -> ProgramFile:
+    def from_path(cls, name: str, path: Path) -> ProgramFile:
         """A file that is there.
 
         Raises
@@ -43,7 +43,7 @@ class ProgramFile:
             If it cannot be read.
         """
         stamp = _stamp(path)
-        return cls(name, FileRead.of(path, path.read_bytes()), stamp)
+        return cls(name, FileSnapshot.from_content(path, path.read_bytes()), stamp)
 
     def is_changed(self) -> bool:
         """Whether somebody has written to it since, something else than stood there."""
@@ -82,7 +82,7 @@ class Program:
 
     def identity(self) -> dict[str, str]:
         """Hashes that tell the files from others: the study's own, and a program from elsewhere."""
-        found = {"source_sha256": _hash_of(self.beside)} if self.beside else {}
+        found = {"source_sha256": _hash_files(self.beside)} if self.beside else {}
         if self.executed not in self.beside:
             found["program_sha256"] = self.executed.read.sha256
         return found
@@ -104,7 +104,7 @@ class Program:
                 )
 
 
-def found_program(word: str, folder: Path, others: Iterable[str]) -> Program:
+def locate_program(word: str, folder: Path, others: Iterable[str]) -> Program:
     """The program that the first word of a command names, with the files that belong to it.
 
     Parameters
@@ -122,10 +122,10 @@ def found_program(word: str, folder: Path, others: Iterable[str]) -> Program:
         If there is no such program, or a file cannot be read.
     """
     try:
-        executed = ProgramFile.of(str(Path(word)), find_program(word, folder))
-        beside = [executed] if "/" in word and lies_beside(word, folder) else []
+        executed = ProgramFile.from_path(str(Path(word)), find_program(word, folder))
+        beside = [executed] if "/" in word and is_beside_study(word, folder) else []
         names = dict.fromkeys(name for name in others if name not in [each.name for each in beside])
-        beside += [ProgramFile.of(name, folder / name) for name in names]
+        beside += [ProgramFile.from_path(name, folder / name) for name in names]
     except OSError as error:
         raise ModelError(f'"{error.filename}" cannot be read: {error.strerror}') from None
     return Program(folder, executed, tuple(beside))
@@ -149,7 +149,9 @@ def find_program(word: str, folder: Path) -> Path:
     if "/" not in word:
         found = shutil.which(word)
         if found is None:
-            own = f'; the one beside the study is "./{word}"' if lies_beside(word, folder) else ""
+            own = (
+                f'; the one beside the study is "./{word}"' if is_beside_study(word, folder) else ""
+            )
             raise ModelError(f'there is no program "{word}" in the PATH{own}')
         return Path(found).absolute()
     path = Path(os.path.normpath(folder / word))
@@ -161,7 +163,7 @@ def find_program(word: str, folder: Path) -> Path:
     return path
 
 
-def lies_beside(word: str, folder: Path) -> bool:
+def is_beside_study(word: str, folder: Path) -> bool:
     """Whether a word is the relative path of a file that lies beside the study, or below."""
     path = Path(word)
     is_inside = bool(path.parts) and not path.is_absolute() and ".." not in path.parts
@@ -180,7 +182,7 @@ def _stamp(path: Path) -> tuple[int, int]:
     return about.st_mtime_ns, about.st_size
 
 
-def _hash_of(files: Iterable[ProgramFile]) -> str:
+def _hash_files(files: Iterable[ProgramFile]) -> str:
     digest = hashlib.sha256()
     for file in sorted(files, key=lambda file: file.name):
         digest.update(f"{file.read.sha256}  {file.name}\n".encode())

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.arrays import floats
-from uqpen.errors import as_written
-from uqpen.models.command.written import UnreadableError, Written
+from uqpen.core.arrays import floats
+from uqpen.core.errors import toml_text
+from uqpen.models.command.written import RunFiles, UnreadableError
 
-__all__ = ["InCsv", "InJson", "InNetcdf", "InText", "Reading"]
+__all__ = ["CsvReader", "JsonReader", "NetcdfReader", "OutputReader", "TextReader"]
 
 
 @dataclass(frozen=True)
-class Reading(ABC):
+class OutputReader(ABC):
     """How an output is read.
 
     Parameters
@@ -30,7 +30,7 @@ class Reading(ABC):
     file: str
 
     @abstractmethod
-    def value(self, written: Written) -> float:
+    def value(self, written: RunFiles) -> float:
         """The output, in the unit that the program gives it in.
 
         Raises
@@ -41,7 +41,7 @@ class Reading(ABC):
 
 
 @dataclass(frozen=True)
-class InJson(Reading):
+class JsonReader(OutputReader):
     """A number in a JSON document.
 
     Parameters
@@ -52,19 +52,19 @@ class InJson(Reading):
 
     key: str
 
-    def value(self, written: Written) -> float:
+    def value(self, written: RunFiles) -> float:
         found = written.document(self.file)
-        for part in [self.key] if _has(found, self.key) else self.key.split("."):
-            if not _has(found, part):
+        for part in [self.key] if _has_part(found, self.key) else self.key.split("."):
+            if not _has_part(found, part):
                 raise UnreadableError(f'{self.file} has no "{self.key}"')
             found = found[part if isinstance(found, dict) else int(part)]
         if isinstance(found, bool) or not isinstance(found, int | float):
             raise UnreadableError(f'"{self.key}" in {self.file} is no number')
-        return _number_of(found)
+        return _to_float(found)
 
 
 @dataclass(frozen=True)
-class InCsv(Reading):
+class CsvReader(OutputReader):
     """A number in a CSV file under a row of headings.
 
     Parameters
@@ -78,7 +78,7 @@ class InCsv(Reading):
     column: str
     row: int = -1
 
-    def value(self, written: Written) -> float:
+    def value(self, written: RunFiles) -> float:
         rows = written.table(self.file)
         if not rows:
             raise UnreadableError(f"{self.file} is empty")
@@ -89,11 +89,11 @@ class InCsv(Reading):
         position = header.index(self.column)
         if not -len(entries) <= self.row < len(entries) or position >= len(entries[self.row]):
             raise UnreadableError(f"there is no {place}")
-        return _number_in(entries[self.row][position], place)
+        return _parse_number(entries[self.row][position], place)
 
 
 @dataclass(frozen=True)
-class InNetcdf(Reading):
+class NetcdfReader(OutputReader):
     """A number in a NetCDF file.
 
     Parameters
@@ -107,7 +107,7 @@ class InNetcdf(Reading):
     variable: str
     row: int | None = None
 
-    def value(self, written: Written) -> float:
+    def value(self, written: RunFiles) -> float:
         values = self._values(written)
         place = f'"{self.variable}" in {self.file}'
         if self.row is None and values.size == 1:
@@ -119,7 +119,7 @@ class InNetcdf(Reading):
             raise UnreadableError(f"there is no row {self.row} of {place}")
         return float(values[self.row])
 
-    def _values(self, written: Written) -> npt.NDArray[np.float64]:
+    def _values(self, written: RunFiles) -> npt.NDArray[np.float64]:
         import netCDF4
 
         path = written.path(self.file)
@@ -138,7 +138,7 @@ class InNetcdf(Reading):
 
 
 @dataclass(frozen=True)
-class InText(Reading):
+class TextReader(OutputReader):
     """A number in any text.
 
     Parameters
@@ -152,25 +152,25 @@ class InText(Reading):
     pattern: str
     group: int = 1
 
-    def value(self, written: Written) -> float:
+    def value(self, written: RunFiles) -> float:
         pattern = re.compile(self.pattern, re.MULTILINE)
         last = None
         for last in pattern.finditer(written.text(self.file)):  # noqa: B007 - it is the last
             pass
         if last is None:
-            raise UnreadableError(f"no match for {as_written(self.pattern)} in {self.file}")
-        place = f"what {as_written(self.pattern)} matches in {self.file}"
-        return _number_in(last[self.group] or "", place)
+            raise UnreadableError(f"no match for {toml_text(self.pattern)} in {self.file}")
+        place = f"what {toml_text(self.pattern)} matches in {self.file}"
+        return _parse_number(last[self.group] or "", place)
 
 
-def _has(found: Any, part: str) -> bool:
+def _has_part(found: Any, part: str) -> bool:
     if isinstance(found, dict):
         return part in found
     is_position = isinstance(found, list) and part.isascii() and part.isdecimal() and len(part) < 10
     return is_position and int(part) < len(found)
 
 
-def _number_of(value: float) -> float:
+def _to_float(value: float) -> float:
     """A whole number, which has any size in JSON, as one with a point."""
     try:
         return float(value)
@@ -178,7 +178,7 @@ def _number_of(value: float) -> float:
         return float("inf") if value > 0 else float("-inf")
 
 
-def _number_in(text: str, place: str) -> float:
+def _parse_number(text: str, place: str) -> float:
     """A number as programs print it, Fortran's exponents among them."""
     written = text.strip().lower()
     try:

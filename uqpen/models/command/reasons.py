@@ -8,7 +8,7 @@ from pathlib import Path
 
 from uqpen.models.reasons import one_line
 
-__all__ = ["last_line", "steady"]
+__all__ = ["last_line", "remove_variable_parts"]
 
 # How much of the end of a file is looked at for its last line.
 _TAIL = 8192
@@ -36,7 +36,7 @@ def last_line(path: Path) -> str:
     return next((line for line in reversed(lines) if line.strip()), "")
 
 
-def steady(text: str, folders: Iterable[Path]) -> str:
+def remove_variable_parts(text: str, folders: Iterable[Path]) -> str:
     """A line without what changes from run to run or from machine to machine.
 
     Parameters

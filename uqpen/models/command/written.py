@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-__all__ = ["UnreadableError", "Written"]
+__all__ = ["RunFiles", "UnreadableError"]
 
 # More than this is read of no file: a run gone wild must not take this process along.
 _LARGEST = 64 * 1024 * 1024
@@ -23,7 +23,7 @@ class UnreadableError(Exception):
 
 
 @dataclass
-class Written:
+class RunFiles:
     """The files of a run's folder.
 
     Parameters

@@ -5,19 +5,24 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from uqpen.analyses.sample import sample_of_law
-from uqpen.archive.read import group
-from uqpen.evaluation import status_counts
-from uqpen.figures.part import Part
-from uqpen.figures.texts import plain
-from uqpen.labels import MOMENTS, RUN, RUNS, STATUS_TEXT, SURROGATES, Sampling, Status
+from uqpen.archive.read import read_group
+from uqpen.core.labels import MOMENTS, RUN, RUNS, STATUS_TEXT, SURROGATES, Sampling, Status
+from uqpen.execution import status_counts
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.texts import plain_text
 from uqpen.report.blocks import Block, Quote, Remarks, Text
 from uqpen.report.sections.caveats import caveats
-from uqpen.report.sections.evidence import leading
-from uqpen.report.sections.quoted import Quantity, asked, name_of, others_of
-from uqpen.report.sections.sentences import Said, sentences_on
-from uqpen.summary.digits import grouped
-from uqpen.summary.losses import Loss, losses
+from uqpen.report.sections.leading_design import leading_design
+from uqpen.report.sections.quoted_statistics import (
+    QuotedStatistic,
+    other_design_estimates,
+    output_name,
+    requested_statistics,
+)
+from uqpen.report.sections.sentences import OutputSentences, output_sentences
+from uqpen.results.digits import grouped_number
+from uqpen.results.failed_runs import FailedRuns, failed_runs
+from uqpen.statistics.sample import input_sample
 
 __all__ = ["answer"]
 
@@ -29,79 +34,82 @@ _MOST_REASONS = 3
 _OTHERS = "What other designs estimate, by runs of their own (with their intervals further down)"
 
 
-def answer(part: Part) -> Iterator[Block]:
+def answer(view: ArchiveView) -> Iterator[Block]:
     """Sentences on each output, where they come from, and what must be known with them."""
-    design = leading(part)
+    design = leading_design(view)
     if design is None:
-        yield from _without_sample(part)
+        yield from _blocks_without_sample(view)
         return
-    outputs = _ordered(part, design)
+    outputs = _ordered_outputs(view, design)
     shown = [
-        said
+        entry
         for output in outputs[:_MOST_OUTPUTS]
-        if (said := sentences_on(part, output, design)) is not None
+        if (entry := output_sentences(view, output, design)) is not None
     ]
-    for said in shown:
-        yield Quote(said.sentences)
-    if left_out := _left_out(shown, len(outputs) - _MOST_OUTPUTS):
+    for entry in shown:
+        yield Quote(entry.sentences)
+    if left_out := _omissions_note(shown, len(outputs) - _MOST_OUTPUTS):
         yield Text(left_out)
-    yield Text(_origin(part, design))
-    if agreement := tuple(_agreement(shown, design)):
+    yield Text(_origin_sentence(view, design))
+    if agreement := tuple(_agreement_remarks(shown, design)):
         yield Remarks(_OTHERS, agreement)
-    notes = dict.fromkeys(note for said in shown for note in said.remarks)
-    if lines := (*notes, *caveats(part, design)):
+    notes = dict.fromkeys(note for entry in shown for note in entry.remarks)
+    if lines := (*notes, *caveats(view, design)):
         yield Remarks("What to keep in mind", lines)
 
 
-def _ordered(part: Part, design: str) -> list[str]:
+def _ordered_outputs(view: ArchiveView, design: str) -> list[str]:
     """All outputs, those first that the study asked something of."""
-    numbers = sorted(part.numbers, key=lambda output: not asked(part, output, design))
-    return [*numbers, *part.kinds]
+    numbers = sorted(
+        view.numeric_outputs, key=lambda output: not requested_statistics(view, output, design)
+    )
+    return [*numbers, *view.categorical_outputs]
 
 
-def _left_out(shown: Sequence[Said], outputs: int) -> str:
+def _omissions_note(shown: Sequence[OutputSentences], outputs: int) -> str:
     """What has no sentence, though the archive tells it."""
-    figures = sum(said.left_out for said in shown)
+    omitted = sum(entry.omitted for entry in shown)
     parts = []
-    if figures:
-        parts.append(f"{figures} more {'figure' if figures == 1 else 'figures'} of these outputs")
+    if omitted:
+        parts.append(f"{omitted} more {'figure' if omitted == 1 else 'figures'} of these outputs")
     if outputs > 0:
         parts.append(f"{outputs} more {'output' if outputs == 1 else 'outputs'}")
     return f"What the archive tells of {' and of '.join(parts)} stands below." if parts else ""
 
 
-def _origin(part: Part, design: str) -> str:
+def _origin_sentence(view: ArchiveView, design: str) -> str:
     """Which runs the sentences come from, and why these."""
-    runs = sample_of_law(group(part.tree, RUNS, design))
-    back, every = status_counts(runs)[Status.OK], runs.sizes[RUN]
-    known = [str(part.tree.attrs.get(name, "")) for name in ("model_name", "model_version")]
-    model = plain(" ".join(filter(None, known)))
-    some = "all" if back == every else grouped(back)
-    returned = f"Of its {grouped(every)} runs of the model {model}, {some} came back."
+    runs = input_sample(read_group(view.tree, RUNS, design))
+    completed, every = status_counts(runs)[Status.OK], runs.sizes[RUN]
+    known = [str(view.tree.attrs.get(name, "")) for name in ("model_name", "model_version")]
+    model = plain_text(" ".join(filter(None, known)))
+    some = "all" if completed == every else grouped_number(completed)
+    returned = f"Of its {grouped_number(every)} runs of the model {model}, {some} came back."
     if every == 1:
         returned = f"It is a single run of the model {model}."
     return (
-        f"This comes from {design}: {_reason(part, design)}. It was chosen by its place in the "
+        f"This comes from {design}: {_leading_reason(view, design)}. It was chosen by its place "
+        "in the "
         f"study, not by what it says. {returned}"
     )
 
 
-def _reason(part: Part, design: str) -> str:
-    if not part.is_plain(design):
+def _leading_reason(view: ArchiveView, design: str) -> str:
+    if not view.is_sample_design(design):
         return (
             "it was made for sensitivity indices, but two of its matrices are a sample of the "
             "inputs, and the study has no other sample of which any run came back"
         )
-    earlier = [each for each in part.samples if part.is_plain(each)]
-    came_back = "" if earlier[0] == design else " and of which any came back"
-    taken = " taken for" if part.sampling(design) is Sampling.GIVEN else ""
-    return f"the first design of the study whose runs are{taken} a sample of the inputs{came_back}"
+    earlier = [each for each in view.sample_designs if view.is_sample_design(each)]
+    text = "" if earlier[0] == design else " and of which any came back"
+    taken = " taken for" if view.sampling(design) is Sampling.USER_SUPPLIED else ""
+    return f"the first design of the study whose runs are{taken} a sample of the inputs{text}"
 
 
-def _agreement(shown: Sequence[Said], design: str) -> Iterator[str]:
+def _agreement_remarks(shown: Sequence[OutputSentences], design: str) -> Iterator[str]:
     """How far other designs agree, in what was asked first."""
-    for quantity in [each for said in shown for each in said.quantities][:_MOST_COMPARED]:
-        others = others_of(quantity, design)
+    for quantity in [each for entry in shown for each in entry.quantities][:_MOST_COMPARED]:
+        others = other_design_estimates(quantity, design)
         own = quantity.estimate(design)
         if others and own is not None:
             values = [float(quantity.bounds(array)[0]) for array in others.values()]
@@ -111,17 +119,18 @@ def _agreement(shown: Sequence[Said], design: str) -> Iterator[str]:
             yield f"{quantity.heading}: {span} by {by}, {here} by {design}."
 
 
-def _without_sample(part: Part) -> Iterator[Block]:
+def _blocks_without_sample(view: ArchiveView) -> Iterator[Block]:
     """What is to be said where no run of a sample came back."""
-    means = list(_means(part))
-    lost = [each for design in part.designs for each in losses(part.tree, design)]
-    if not any(_came_back(part, design) for design in part.designs):
-        yield Text(_nothing_came_back(part, lost))
+    means = list(_quadrature_means(view))
+    failed = [each for design in view.designs for each in failed_runs(view.tree, design)]
+    if not any(_has_completed_runs(view, design) for design in view.designs):
+        yield Text(_no_completed_runs_text(view, failed))
         return
-    if part.samples:
+    if view.sample_designs:
         yield Text(
-            f"No run of {', '.join(part.samples)} came back: nothing is told of how the outputs "
-            f"are distributed. {_reasons(lost)}"
+            f"No run of {', '.join(view.sample_designs)} came back: nothing is told of how the "
+            "outputs "
+            f"are distributed. {_failure_reasons(failed)}"
         )
     else:
         yield Text(
@@ -130,51 +139,53 @@ def _without_sample(part: Part) -> Iterator[Block]:
         )
     if means:
         yield Quote(tuple(means))
-    if SURROGATES in part.tree.children:
+    if SURROGATES in view.tree.children:
         yield Text("What surrogates say has no interval of its own, so it is not quoted here.")
 
 
-def _means(part: Part) -> Iterator[str]:
+def _quadrature_means(view: ArchiveView) -> Iterator[str]:
     """Means by integration rules, which have no interval."""
-    rules = [each for each in part.designs if part.sampling(each) is Sampling.RULE]
-    for output in part.numbers[:_MOST_OUTPUTS]:
-        quantity = Quantity(part, output, MOMENTS)
+    rules = [each for each in view.designs if view.sampling(each) is Sampling.QUADRATURE]
+    for output in view.numeric_outputs[:_MOST_OUTPUTS]:
+        quantity = QuotedStatistic(view, output, MOMENTS)
         for design in rules:
             array = quantity.estimate(design)
             if array is not None:
-                name = name_of(part, output)
+                name = output_name(view, output)
                 stated = f"{quantity.texts(array)[0]} {quantity.interval(array)}"
                 yield f"By the integration rule {design}, the mean of {name} is {stated}."
                 break
 
 
-def _came_back(part: Part, design: str) -> bool:
+def _has_completed_runs(view: ArchiveView, design: str) -> bool:
     """Whether any run did, not of a sample alone."""
-    return bool(status_counts(group(part.tree, RUNS, design))[Status.OK])
+    return bool(status_counts(read_group(view.tree, RUNS, design))[Status.OK])
 
 
-def _nothing_came_back(part: Part, lost: Sequence[Loss]) -> str:
-    runs = sum(group(part.tree, RUNS, design).sizes[RUN] for design in part.designs)
-    lost_all = "The only one was lost." if runs == 1 else f"All {grouped(runs)} were lost."
+def _no_completed_runs_text(view: ArchiveView, failed: Sequence[FailedRuns]) -> str:
+    runs = sum(read_group(view.tree, RUNS, design).sizes[RUN] for design in view.designs)
+    all_failed_text = (
+        "The only one was lost." if runs == 1 else f"All {grouped_number(runs)} were lost."
+    )
     return (
-        f"No run came back: there is no answer. {lost_all} {_reasons(lost)} "
+        f"No run came back: there is no answer. {all_failed_text} {_failure_reasons(failed)} "
         "Once the model is mended, or its time limit raised, or the inputs are within what it "
         "allows, run the study again; the archive keeps the inputs of every lost run, so that one "
         "can be tried alone."
     )
 
 
-def _reasons(lost: Sequence[Loss]) -> str:
+def _failure_reasons(failed: Sequence[FailedRuns]) -> str:
     """What runs were lost to most often."""
     counts: Counter[tuple[Status, str]] = Counter()
-    for each in lost:
+    for each in failed:
         counts[each.status, each.reason] += each.runs
-    told = [
-        f"“{plain(reason, 160)}” ({STATUS_TEXT[status]}, {grouped(number)} "
+    texts = [
+        f"“{plain_text(reason, 160)}” ({STATUS_TEXT[status]}, {grouped_number(number)} "
         f"{'run' if number == 1 else 'runs'})"
         for (status, reason), number in counts.most_common(_MOST_REASONS)
     ]
-    more = len(counts) - len(told)
-    rest = f"; and {grouped(more)} other reasons" if more > 0 else ""
+    more = len(counts) - len(texts)
+    rest = f"; and {grouped_number(more)} other reasons" if more > 0 else ""
     head = "The reason" if len(counts) == 1 else "The most frequent reasons"
-    return f"{head}: {'; '.join(told)}{rest}." if told else ""
+    return f"{head}: {'; '.join(texts)}{rest}." if texts else ""

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from uqpen.archive.content import recorded
-from uqpen.archive.files import FILES, KeptFile, kept_files
-from uqpen.archive.read import group
-from uqpen.figures.part import Part
-from uqpen.figures.texts import plain
-from uqpen.labels import CONTENT
+from uqpen.archive.content import recorded_hashes
+from uqpen.archive.files import FILES, ArchivedFile, archived_files
+from uqpen.archive.read import read_group
+from uqpen.core.labels import CONTENT
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.texts import plain_text
 from uqpen.report.blocks import Block, Heading, Listing, Remarks, Table, Text
-from uqpen.report.sections.archive_tables import designs_of, inputs_of, model_of, provenance_of
-from uqpen.report.sections.doubts import doubts
-from uqpen.summary.digits import grouped
-from uqpen.summary.table import OutputTable
+from uqpen.report.sections.archive_notes import archive_notes
+from uqpen.report.sections.archive_tables import (
+    designs_table,
+    inputs_table,
+    model_table,
+    provenance_table,
+)
+from uqpen.results.digits import grouped_number
+from uqpen.results.table import OutputTable
 
-__all__ = ["archive", "study_of"]
+__all__ = ["archive", "study_blocks"]
 
 # Characters of a text, and files whose texts are shown.
 _LONGEST = 20_000
@@ -31,35 +36,36 @@ uqpen diff ARCHIVE AGAIN
 """
 
 
-def archive(part: Part) -> Iterator[Block]:
+def archive(view: ArchiveView) -> Iterator[Block]:
     """The study's text, inputs and designs of each model, and what made the archive."""
-    yield from study_of(part)
-    for each in part.others:
+    yield from study_blocks(view)
+    for each in view.model_views:
         if each.model:
             yield Heading(each.model)
-            yield Table(model_of(each))
-        yield Table(inputs_of(each))
-        yield Table(designs_of(each))
-    if part.model:
+            yield Table(model_table(each))
+        yield Table(inputs_table(each))
+        yield Table(designs_table(each))
+    if view.model:
         yield Heading("The archive of all models")
-    if found := doubts(part.archive):
+    if found := archive_notes(view.archive):
         yield Remarks("Warnings that this archive holds, and how many figures bear each", found)
-    yield Table(provenance_of(part))
-    yield from _checks(part)
+    yield Table(provenance_table(view))
+    yield from _check_blocks(view)
 
 
-def study_of(part: Part) -> Iterator[Block]:
+def study_blocks(view: ArchiveView) -> Iterator[Block]:
     """The study as its author wrote it, and the files that it names."""
-    attributes = part.archive.attrs
+    attributes = view.archive.attrs
     yield _listing(
-        f"The study: {plain(str(attributes.get('study_name', '')))}", str(attributes["study_text"])
+        f"The study: {plain_text(str(attributes.get('study_name', '')))}",
+        str(attributes["study_text"]),
     )
-    files = kept_files(group(part.archive, FILES))
+    files = archived_files(read_group(view.archive, FILES))
     if files:
         yield Table(_file_table(files))
     shown = [file for file in files if file.encoding == "utf-8"]
     for file in shown[:_MOST_FILES]:
-        yield _listing(plain(file.name), file.content, is_folded=True)
+        yield _listing(plain_text(file.name), file.content, is_folded=True)
     if len(shown) > _MOST_FILES:
         more = len(shown) - _MOST_FILES
         yield Text(f"The archive has the texts of {more} more files, which are not shown here.")
@@ -69,27 +75,29 @@ def _listing(title: str, text: str, *, is_folded: bool = False) -> Listing:
     """A text, cut where it is too long for a page."""
     if len(text) <= _LONGEST:
         return Listing(title, text, is_folded)
-    head = f"{title} (the first {grouped(_LONGEST)} of {grouped(len(text))} characters)"
+    head = (
+        f"{title} (the first {grouped_number(_LONGEST)} of {grouped_number(len(text))} characters)"
+    )
     return Listing(head, text[:_LONGEST], is_folded)
 
 
-def _file_table(files: list[KeptFile]) -> OutputTable:
+def _file_table(files: list[ArchivedFile]) -> OutputTable:
     table = OutputTable("Files that the study names", ["bytes", "content", "SHA-256"])
     for file in files:
         kept = "in the archive" if file.is_whole else "not in the archive"
-        table.rows.append((plain(file.name), [grouped(file.size), kept, file.sha256]))
+        table.rows.append((plain_text(file.name), [grouped_number(file.size), kept, file.sha256]))
     return table
 
 
-def _checks(part: Part) -> Iterator[Block]:
+def _check_blocks(view: ArchiveView) -> Iterator[Block]:
     """How the archive is checked and repeated."""
     yield Text(
         "With these commands the archive that this page was made of is checked and repeated. A "
         "model of its author's own is executed only if they are given --trust."
     )
     yield Listing("Commands", _COMMANDS)
-    if recorded(part.archive):
-        text = str(part.archive.attrs[CONTENT])
+    if recorded_hashes(view.archive):
+        text = str(view.archive.attrs[CONTENT])
         yield _listing(
             "SHA-256 of the content of each of the archive's groups", text, is_folded=True
         )

@@ -9,28 +9,28 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.archive.provenance import SCHEMA_ATTRIBUTE
-from uqpen.archive.read import group
-from uqpen.errors import StudyError
-from uqpen.evaluation import status_counts
-from uqpen.figures.part import Part
-from uqpen.figures.texts import plain, with_unit
-from uqpen.labels import CONTENT, REPLICATE, ROLE, RUN, RUNS, SURROGATES, Sampling, Status
-from uqpen.report.sections.evidence import leading
+from uqpen.archive.read import read_group
+from uqpen.core.errors import StudyError
+from uqpen.core.labels import CONTENT, REPLICATE, ROLE, RUN, RUNS, SURROGATES, Sampling, Status
+from uqpen.execution import status_counts
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.texts import plain_text, title_with_unit
+from uqpen.report.sections.leading_design import leading_design
+from uqpen.results.digits import grouped_number
+from uqpen.results.table import NOTHING, OutputTable
 from uqpen.study.document import parse_document
-from uqpen.summary.digits import grouped
-from uqpen.summary.table import NOTHING, OutputTable
 
-__all__ = ["designs_of", "inputs_of", "model_of", "provenance_of"]
+__all__ = ["designs_table", "inputs_table", "model_table", "provenance_table"]
 
 # What designs of a kind are made for, where it is more than a sample of the inputs.
-_MADE_FOR = {
+_PURPOSES = {
     Sampling.INDEPENDENT: "a sample of the inputs",
     Sampling.STRATIFIED: "a sample of the inputs, spread evenly",
-    Sampling.GIVEN: "points of the user's own, taken for a sample of the inputs",
+    Sampling.USER_SUPPLIED: "points of the user's own, taken for a sample of the inputs",
     Sampling.PICK_FREEZE: "Sobol' indices; two of its matrices are a sample of the inputs",
-    Sampling.RULE: "sums with weights for mean and standard deviation; no sample",
+    Sampling.QUADRATURE: "sums with weights for mean and standard deviation; no sample",
     Sampling.TRAJECTORIES: "a screening of the inputs by elementary effects; no sample",
-    Sampling.STEPS: "responses at the nominal point; no sample",
+    Sampling.ONE_AT_A_TIME: "responses at the nominal point; no sample",
 }
 
 # Attributes of the root that are shown, and what a person reads; others are shown after them.
@@ -46,14 +46,14 @@ _NAMES = {
     "numba_target": "processor that Numba compiles for",
     SCHEMA_ATTRIBUTE: "schema of the archive",
 }
-_ELSEWHERE = ("study_text", CONTENT, "Conventions")
+_SHOWN_ELSEWHERE = ("study_text", CONTENT, "Conventions")
 
 
-def inputs_of(part: Part) -> OutputTable:
+def inputs_table(view: ArchiveView) -> OutputTable:
     """Each input: its value, or what the leading design drew; and what the study says of it."""
-    design = leading(part) or next(iter([*part.samples, *part.designs]))
-    runs = group(part.tree, RUNS, design)
-    written = _written_inputs(part)
+    design = leading_design(view) or next(iter([*view.sample_designs, *view.designs]))
+    runs = read_group(view.tree, RUNS, design)
+    written = _inputs_as_written(view)
     table = OutputTable(
         f"Inputs, over the runs of {design}, lost ones among them",
         ["meaning", "value or median", "from … to", "as the study says"],
@@ -61,11 +61,11 @@ def inputs_of(part: Part) -> OutputTable:
     for key, values in runs.data_vars.items():
         name = str(key)
         if values.attrs.get(ROLE) == "input":
-            shown = part.measure(name).from_si(np.asarray(values.values, dtype=np.float64))
-            title = plain(str(values.attrs.get("long_name", name)))
-            said = written.get(name, NOTHING)
-            label = with_unit(name, part.unit(name))
-            table.rows.append((label, [title, *_spread(shown), said]))
+            shown = view.scale(name).from_si(np.asarray(values.values, dtype=np.float64))
+            title = plain_text(str(values.attrs.get("long_name", name)))
+            text = written.get(name, NOTHING)
+            label = title_with_unit(name, view.unit(name))
+            table.rows.append((label, [title, *_spread(shown), text]))
     return table
 
 
@@ -76,17 +76,17 @@ def _spread(values: npt.NDArray[np.float64]) -> list[str]:
     return [f"{np.median(values):.4g}", f"{values.min():.4g} … {values.max():.4g}"]
 
 
-def _written_inputs(part: Part) -> dict[str, str]:
+def _inputs_as_written(view: ArchiveView) -> dict[str, str]:
     """What the study says of each input, as near as TOML leaves it to how it was written."""
     try:
-        content = parse_document(str(part.archive.attrs["study_text"]), "study").content
+        content = parse_document(str(view.archive.attrs["study_text"]), "study").content
     except StudyError:
         return {}
     model = (
-        _table(_table(content, "models"), part.model) if part.model else _table(content, "model")
+        _table(_table(content, "models"), view.model) if view.model else _table(content, "model")
     )
     inputs = _table(content, "inputs") | _table(model, "with")
-    return {str(name): plain(_written(value), 100) for name, value in inputs.items()}
+    return {str(name): plain_text(_toml_text(value), 100) for name, value in inputs.items()}
 
 
 def _table(content: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -95,7 +95,7 @@ def _table(content: Mapping[str, Any], name: str) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _written(value: Any) -> str:
+def _toml_text(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{key}: {_nested(entry)}" for key, entry in value.items())
     if isinstance(value, list):
@@ -104,70 +104,74 @@ def _written(value: Any) -> str:
 
 
 def _nested(value: Any) -> str:
-    return f"({_written(value)})" if isinstance(value, dict) else _written(value)
+    return f"({_toml_text(value)})" if isinstance(value, dict) else _toml_text(value)
 
 
-def designs_of(part: Part) -> OutputTable:
+def designs_table(view: ArchiveView) -> OutputTable:
     """Each design: how its points were chosen, how many runs it made, and what it is for."""
     table = OutputTable("Designs", ["points", "runs", "came back", "replicates", "made for"])
-    for name in part.designs:
-        runs = group(part.tree, RUNS, name)
-        sampling = part.sampling(name)
-        back = grouped(status_counts(runs)[Status.OK])
-        made_for = "; ".join((_MADE_FOR[sampling], *_used_by(part, name)))
+    for name in view.designs:
+        runs = read_group(view.tree, RUNS, name)
+        sampling = view.sampling(name)
+        completed = grouped_number(status_counts(runs)[Status.OK])
+        purpose = "; ".join((_PURPOSES[sampling], *_surrogate_uses(view, name)))
         replicates = (
             str(np.unique(runs[REPLICATE]).size) if REPLICATE in runs.variables else NOTHING
         )
-        cells = [str(sampling), grouped(runs.sizes[RUN]), back, replicates, made_for]
+        cells = [str(sampling), grouped_number(runs.sizes[RUN]), completed, replicates, purpose]
         table.rows.append((name, cells))
     return table
 
 
-def _used_by(part: Part, design: str) -> Iterator[str]:
+def _surrogate_uses(view: ArchiveView, design: str) -> Iterator[str]:
     """The surrogates that a design trains or checks."""
-    made = part.tree.children.get(SURROGATES)
-    for name, surrogate in (made.children if made is not None else {}).items():
+    surrogates = view.tree.children.get(SURROGATES)
+    for name, surrogate in (surrogates.children if surrogates is not None else {}).items():
         if surrogate.attrs.get("design") == design:
             yield f"trains {name}"
         if surrogate.attrs.get("check") == design:
             yield f"checks {name}"
 
 
-def model_of(part: Part) -> OutputTable:
+def model_table(view: ArchiveView) -> OutputTable:
     """What is told of a model: its name, version, source, settings."""
     table = OutputTable("Model", ["value"])
-    _add(table, _of_model(part.tree.attrs))
+    _add(table, _model_attributes(view.tree.attrs))
     return table
 
 
-def _of_model(attributes: Mapping[Any, Any]) -> dict[str, Any]:
+def _model_attributes(attributes: Mapping[Any, Any]) -> dict[str, Any]:
     return {
-        _called(name): value for name, value in attributes.items() if str(name).startswith("model_")
+        _attribute_name(name): value
+        for name, value in attributes.items()
+        if str(name).startswith("model_")
     }
 
 
-def provenance_of(part: Part) -> OutputTable:
+def provenance_table(view: ArchiveView) -> OutputTable:
     """What made the archive: study, seed, model, versions, platform."""
     table = OutputTable("What made this archive", ["value"])
-    attributes = part.archive.attrs
+    attributes = view.archive.attrs
     known = {text: attributes[name] for name, text in _NAMES.items() if name in attributes}
-    _add(table, known | _of_model(attributes))
+    _add(table, known | _model_attributes(attributes))
     others = {
-        _called(name): value
+        _attribute_name(name): value
         for name, value in attributes.items()
-        if name not in _NAMES and name not in _ELSEWHERE and not str(name).startswith("model_")
+        if name not in _NAMES
+        and name not in _SHOWN_ELSEWHERE
+        and not str(name).startswith("model_")
     }
     _add(table, others)
     return table
 
 
-def _called(name: Any) -> str:
+def _attribute_name(name: Any) -> str:
     text = str(name)
     if text.startswith("version_"):
-        return f"version of {plain(text.removeprefix('version_'))}"
-    words = plain(text.replace("_", " "))
+        return f"version of {plain_text(text.removeprefix('version_'))}"
+    words = plain_text(text.replace("_", " "))
     return words.replace("sha256", "SHA-256")
 
 
 def _add(table: OutputTable, entries: Mapping[str, Any]) -> None:
-    table.rows += [(name, [plain(str(value), 120)]) for name, value in entries.items()]
+    table.rows += [(name, [plain_text(str(value), 120)]) for name, value in entries.items()]

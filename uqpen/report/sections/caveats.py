@@ -7,12 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from uqpen.analyses.sample import sample_of_law
-from uqpen.archive.read import group, models_in
-from uqpen.evaluation import status_counts
-from uqpen.figures.part import Part
-from uqpen.figures.texts import capitalized
-from uqpen.labels import (
+from uqpen.archive.read import model_trees, read_group
+from uqpen.core.labels import (
     CONDITIONAL,
     DEPENDENCE,
     INTERVAL_LEVEL,
@@ -25,9 +21,13 @@ from uqpen.labels import (
     Sampling,
     Status,
 )
-from uqpen.report.counting import in_percent
-from uqpen.report.sections.quoted import unbroken
-from uqpen.summary.digits import grouped, percent
+from uqpen.execution import status_counts
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.texts import capitalized
+from uqpen.report.counting import percent_texts
+from uqpen.report.sections.quoted_statistics import no_break
+from uqpen.results.digits import grouped_number, percent_text
+from uqpen.statistics.sample import input_sample
 
 __all__ = ["caveats"]
 
@@ -39,76 +39,81 @@ _GENERAL = (
 )
 
 
-def caveats(part: Part, design: str) -> Iterator[str]:
+def caveats(view: ArchiveView, design: str) -> Iterator[str]:
     """What the answers of a design depend on, one sentence or two each.
 
     Parameters
     ----------
-    part : Part
+    view : ArchiveView
     design : str
         Whose runs are a sample of the input law.
     """
-    accounts = group(part.tree, STATUSES, design)
-    runs = group(part.tree, RUNS, design)
+    accounts = read_group(view.tree, STATUSES, design)
+    runs = read_group(view.tree, RUNS, design)
     if CONDITIONAL in accounts.attrs:
-        yield _on_inadmissible(part, design, accounts)
+        yield _inadmissible_caveat(view, design, accounts)
     if MISSING in accounts.attrs:
         yield (
             f"{capitalized(str(accounts.attrs[MISSING]))} did not come back "
-            f"({', '.join(_counted(part, design))}). All estimates are of those that did, and are "
+            f"({', '.join(_missing_run_counts(view, design))}). All estimates are of those that "
+            "did, and are "
             "off as far as the others would have given other results."
         )
-    if part.sampling(design) is Sampling.GIVEN:
+    if view.sampling(design) is Sampling.USER_SUPPLIED:
         yield (
             f"The points of {design} are the user's own; that they are a sample of the inputs' "
             "laws is taken for granted."
         )
-    if told := str(runs.attrs.get(DEPENDENCE, "")):
-        yield f"The inputs depend on each other, as the study says: {told}."
-    yield from _on_measured(part, design)
-    if part.model in ("", next(iter(models_in(part.archive)))):
+    if dependence := str(runs.attrs.get(DEPENDENCE, "")):
+        yield f"The inputs depend on each other, as the study says: {dependence}."
+    yield from _measured_input_caveats(view, design)
+    if view.model in ("", next(iter(model_trees(view.archive)))):
         yield from _GENERAL
 
 
-def _counted(part: Part, design: str) -> list[str]:
+def _missing_run_counts(view: ArchiveView, design: str) -> list[str]:
     """How many runs of a design's sample were lost to what, inadmissible ones left out."""
-    counts = status_counts(sample_of_law(group(part.tree, RUNS, design)))
+    counts = status_counts(input_sample(read_group(view.tree, RUNS, design)))
     left_out = (Status.OK, Status.INADMISSIBLE)
     return [
-        f"{grouped(count)} {STATUS_TEXT[status]}"
+        f"{grouped_number(count)} {STATUS_TEXT[status]}"
         for status, count in counts.items()
         if count and status not in left_out
     ]
 
 
-def _chance(array: xr.DataArray) -> str:
+def _probability_text(array: xr.DataArray) -> str:
     """A probability in per cent, with its interval or the reason for none in brackets."""
-    value, lower, upper = (unbroken(text) for text in in_percent(*array.values))
+    value, lower, upper = (no_break(text) for text in percent_texts(*array.values))
     if np.isfinite(array.values).all():
-        level = unbroken(percent(array.attrs[INTERVAL_LEVEL]))
+        level = no_break(percent_text(array.attrs[INTERVAL_LEVEL]))
         return f"{value} ({lower} to {upper}, {level} interval)"
     return f"{value} (without an interval: {array.attrs.get(NOTE, '')})"
 
 
-def _on_inadmissible(part: Part, design: str, accounts: xr.Dataset) -> str:
-    runs = sample_of_law(group(part.tree, RUNS, design))
+def _inadmissible_caveat(view: ArchiveView, design: str, accounts: xr.Dataset) -> str:
+    runs = input_sample(read_group(view.tree, RUNS, design))
     count = status_counts(runs)[Status.INADMISSIBLE]
-    some = f"{grouped(count)} of the {grouped(runs.sizes[RUN])} points of {design}"
+    some = f"{grouped_number(count)} of the {grouped_number(runs.sizes[RUN])} points of {design}"
     were = "was" if count == 1 else "were"
-    told = accounts.get(Status.INADMISSIBLE.meaning)
-    likely = "" if told is None else f", the probability of which is {_chance(told)}"
+    probability = accounts.get(Status.INADMISSIBLE.meaning)
+    likely = (
+        ""
+        if probability is None
+        else f", the probability of which is {_probability_text(probability)}"
+    )
     return (
         f"{some} {were} inadmissible, so outside of what the model or the study allows{likely}. "
         f"All figures are conditional on {accounts.attrs[CONDITIONAL]}."
     )
 
 
-def _on_measured(part: Part, design: str) -> Iterator[str]:
+def _measured_input_caveats(view: ArchiveView, design: str) -> Iterator[str]:
     """Inputs whose laws come from measurements, which are uncertain themselves."""
     measured = [
-        f"{name} ({part.described(name)['fit_measurements']})"
-        for name in part.random_inputs(design)
-        if "fit_measurements" in part.described(name)
+        f"{name} ({view.attributes(name)['fit_measurements']})"
+        for name in view.random_inputs(design)
+        if "fit_measurements" in view.attributes(name)
     ]
     if measured:
         yield (

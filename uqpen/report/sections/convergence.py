@@ -9,13 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.analyses.convergence import RUNS_SO_FAR, why_whole
-from uqpen.analyses.convergence import convergence as by_parts
-from uqpen.analyses.sample import sample_of_law
-from uqpen.archive.read import group
-from uqpen.figures.part import Part
-from uqpen.figures.texts import after_number, capitalized, with_unit
-from uqpen.labels import (
+from uqpen.archive.read import read_group
+from uqpen.core.labels import (
     EXCEEDANCE,
     INTERVAL_LEVEL,
     MOMENTS,
@@ -25,23 +20,33 @@ from uqpen.labels import (
     RUNS,
     SHARES,
 )
-from uqpen.report.axes import logarithmic, padded
-from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, Key, Remarks, Text
-from uqpen.report.counting import counted
-from uqpen.report.marks import dots, marker_of
+from uqpen.core.units import DIMENSIONLESS
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.texts import capitalized, title_with_unit, unit_suffix
+from uqpen.report.axes import logarithmic_axis, padded_limits
+from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Remarks, Text
+from uqpen.report.counting import count_text
+from uqpen.report.marks import dot_trace, series_marker
 from uqpen.report.notes import all_bounded, has_interval
-from uqpen.report.sections.evidence import asked_of, called, leading, titled
-from uqpen.report.shapes import level
-from uqpen.summary.digits import grouped, percent
-from uqpen.summary.table import (
+from uqpen.report.sections.leading_design import (
+    leading_design,
+    output_heading,
+    output_title,
+    requested_quantity,
+)
+from uqpen.report.shapes import horizontal_line
+from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.table import (
     Conversion,
     OutputTable,
+    estimate_with_verdict,
     exceedance_label,
-    figure_text,
+    identity,
     quantile_label,
-    unchanged,
 )
-from uqpen.units import DIMENSIONLESS
+from uqpen.statistics.convergence import RUNS_SO_FAR, reason_without_parts
+from uqpen.statistics.convergence import convergence as by_parts
+from uqpen.statistics.sample import input_sample
 
 __all__ = ["convergence"]
 
@@ -63,7 +68,7 @@ _FIXED = (
 _CUT = "The widest intervals go on beyond the axis; the table has their ends."
 
 
-class _Course(NamedTuple):
+class _EstimateHistory(NamedTuple):
     """A statistic along the runs so far."""
 
     label: str
@@ -81,135 +86,145 @@ class _Course(NamedTuple):
         """Estimate, lower, upper for each, in the unit that is shown."""
         return np.asarray(self.convert(self.estimates.values), dtype=np.float64)
 
-    def figures(self) -> list[str]:
+    def estimate_texts(self) -> list[str]:
         """Each estimate in its digits, with the unit."""
-        unit = after_number(self.unit)
-        return [f"{figure_text(each, self.convert)}{unit}" for each in self.estimates]
+        unit = unit_suffix(self.unit)
+        return [f"{estimate_with_verdict(each, self.convert)}{unit}" for each in self.estimates]
 
 
-def convergence(part: Part) -> Iterator[Block]:
+def convergence(view: ArchiveView) -> Iterator[Block]:
     """Estimates of the leading design from growing parts of its runs."""
-    design = leading(part)
+    design = leading_design(view)
     if design is None:
         return
-    runs = group(part.tree, RUNS, design)
-    if reason := why_whole(runs):
+    runs = read_group(view.tree, RUNS, design)
+    if reason := reason_without_parts(runs):
         yield Text(
             f"How the answers settle cannot be shown by {design}, the design that they come from: "
             f"{reason}."
         )
         return
-    outputs = [*part.numbers, *part.kinds]
+    outputs = [*view.numeric_outputs, *view.categorical_outputs]
     shown = outputs[:_MOST_OUTPUTS]
-    told = by_parts(runs, [asked_of(part, output, design) for output in shown])
-    yield Text(_whose(part, design))
+    statistics = by_parts(runs, [requested_quantity(view, output, design) for output in shown])
+    yield Text(_design_sentence(view, design))
     yield Remarks("How to read it", (_SHARED, _FIXED))
     for output in shown:
-        if courses := list(_courses(part, output, told)):
-            yield Heading(called(part, output))
-            yield _settling(part, output, design, courses)
+        if histories := list(_estimate_histories(view, output, statistics)):
+            yield Heading(output_heading(view, output))
+            yield _history_charts(view, output, design, histories)
     if left := outputs[_MOST_OUTPUTS:]:
         yield Text(f"Left out, as there are so many outputs: {', '.join(left)}.")
 
 
-def _whose(part: Part, design: str) -> str:
+def _design_sentence(view: ArchiveView, design: str) -> str:
     """Which design it is, why that one, and what its parts are."""
-    runs = group(part.tree, RUNS, design)
-    drawn = sample_of_law(runs)
-    made = counted(drawn.sizes[RUN], "run")
+    runs = read_group(view.tree, RUNS, design)
+    drawn = input_sample(runs)
+    runs_text = count_text(drawn.sizes[RUN], "run")
     if drawn.sizes[RUN] < runs.sizes[RUN]:
-        made += " that are a sample"
+        runs_text += " that are a sample"
     place = (
         "the first of the study whose runs are a sample of the input law"
-        if part.is_plain(design)
+        if view.is_sample_design(design)
         else "as no other design's runs are a sample of the input law"
     )
     if REPLICATE in drawn.coords:
         count = len(np.unique(drawn[REPLICATE].values))
         parts = (
-            f"Its {made} are {count} independent replicates, and each part is the first so many "
+            f"Its {runs_text} are {count} independent replicates, and each part is the first so "
+            "many "
             "of these: less than a whole replicate would not be a sample of the same kind."
         )
     else:
-        parts = f"Its {made} are independent draws, and each part is the first so many of these."
+        parts = (
+            f"Its {runs_text} are independent draws, and each part is the first so many of these."
+        )
     return f"By {design}, the design that the answers come from, {place}. {parts}"
 
 
-def _courses(part: Part, output: str, told: Mapping[str, xr.Dataset]) -> Iterator[_Course]:
+def _estimate_histories(
+    view: ArchiveView, output: str, told: Mapping[str, xr.Dataset]
+) -> Iterator[_EstimateHistory]:
     """The statistics of an output that are followed."""
-    unit, convert = part.unit(output), part.measure(output).from_si
+    unit, convert = view.unit(output), view.scale(output).from_si
     groups = {kind: told.get(kind, xr.Dataset()) for kind in (QUANTILES, EXCEEDANCE, SHARES)}
     means = told.get(MOMENTS, xr.Dataset())
     found = []
     if f"{output}_mean" in means:
-        found.append(_Course("mean", unit, convert, means[f"{output}_mean"]))
+        found.append(_EstimateHistory("mean", unit, convert, means[f"{output}_mean"]))
     if output in groups[QUANTILES]:
         array = groups[QUANTILES][output]
         asked = array[f"{output}_probability"].values.tolist()
         for p in [0.5] if 0.5 in asked else dict.fromkeys([asked[0], asked[-1]]):
             entry = array[:, asked.index(p)]
-            found.append(_Course(quantile_label(p), unit, convert, entry))
+            found.append(_EstimateHistory(quantile_label(p), unit, convert, entry))
     if output in groups[EXCEEDANCE]:
         array = groups[EXCEEDANCE][output]
         label = exceedance_label(str(array[f"{output}_threshold"].values[0]))
-        found.append(_Course(label, DIMENSIONLESS, unchanged, array[:, 0]))
+        found.append(_EstimateHistory(label, DIMENSIONLESS, identity, array[:, 0]))
     if output in groups[SHARES]:
         array = groups[SHARES][output]
         labels = array[f"{output}_category_label"].values.tolist()
         for position, label in enumerate(labels[:_MOST_KINDS]):
             entry = array[:, position]
-            found.append(_Course(f"share {label}", DIMENSIONLESS, unchanged, entry))
+            found.append(_EstimateHistory(f"share {label}", DIMENSIONLESS, identity, entry))
     yield from (each for each in found if np.isfinite(each.bounds[:, 0]).any())
 
 
-def _settling(part: Part, output: str, design: str, courses: Sequence[_Course]) -> Charts:
-    charts = [_chart(part, output, design, course) for course in courses]
-    position = part.sources.index(design)
-    every = np.concatenate([course.bounds for course in courses])
-    keys = [Key("by all runs", "quiet", "line", "dot")]
+def _history_charts(
+    view: ArchiveView, output: str, design: str, histories: Sequence[_EstimateHistory]
+) -> Charts:
+    charts = [_chart(view, output, design, history) for history in histories]
+    position = view.sources.index(design)
+    every = np.concatenate([history.bounds for history in histories])
+    keys = [LegendKey("by all runs", "quiet", "line", "dot")]
     if not all_bounded(every):
-        keys.insert(0, Key("no interval", position, f"{marker_of(position)}-open"))
+        keys.insert(0, LegendKey("no interval", position, f"{series_marker(position)}-open"))
     if has_interval(every).any():
-        covered = percent(float(courses[0].estimates.attrs[INTERVAL_LEVEL]))
-        keys.insert(0, Key(f"with its {covered} interval", position, marker_of(position)))
+        covered = percent_text(float(histories[0].estimates.attrs[INTERVAL_LEVEL]))
+        keys.insert(0, LegendKey(f"with its {covered} interval", position, series_marker(position)))
     return Charts(
         charts=tuple(charts),
         keys=tuple(keys),
-        tables=(_table(part, output, design, courses),),
+        tables=(_table(view, output, design, histories),),
     )
 
 
-def _chart(part: Part, output: str, design: str, course: _Course) -> Chart:
+def _chart(view: ArchiveView, output: str, design: str, course: _EstimateHistory) -> Chart:
     """One statistic against the number of runs."""
-    position = part.sources.index(design)
-    bounds, runs, figures = course.bounds, course.runs, course.figures()
-    lower, upper, is_cut = _ends(bounds)
-    said = [f"{counted(n, 'run')}: {figure}" for n, figure in zip(runs, figures, strict=True)]
-    middle = len(said) // 2
+    position = view.sources.index(design)
+    bounds, runs, estimate_texts = course.bounds, course.runs, course.estimate_texts()
+    lower, upper, is_cut = _axis_limits(bounds)
+    texts = [
+        f"{count_text(n, 'run')}: {text}" for n, text in zip(runs, estimate_texts, strict=True)
+    ]
+    middle = len(texts) // 2
     return Chart(
         title=course.label,
-        summary=f"{capitalized(titled(part, output))} by {design}, {said[0]}; {said[middle]}; "
-        f"{said[-1]}.",
-        x=logarithmic("runs so far", runs),
-        y=Axis(with_unit(course.label, course.unit), (lower, upper)),
+        summary=f"{capitalized(output_title(view, output))} by {design}, {texts[0]}; "
+        f"{texts[middle]}; "
+        f"{texts[-1]}.",
+        x=logarithmic_axis("runs so far", runs),
+        y=Axis(title_with_unit(course.label, course.unit), (lower, upper)),
         traces=(
-            dots(
+            dot_trace(
                 bounds,
                 np.array(runs),
                 position,
-                hovers=said,
+                hovers=texts,
                 name=course.label,
-                marker=marker_of(position),
+                marker=series_marker(position),
                 along="y",
             ),
         ),
-        shapes=(level(float(bounds[-1, 0]), "quiet", "dot"),),
+        shapes=(horizontal_line(float(bounds[-1, 0]), "quiet", "dot"),),
         notes=(_CUT,) if is_cut else (),
         height=260,
     )
 
 
-def _ends(bounds: FloatArray) -> tuple[float, float, bool]:
+def _axis_limits(bounds: FloatArray) -> tuple[float, float, bool]:
     """Where the axis ends, by all estimates and what is not too wide; whether it cuts any off."""
     estimates = bounds[np.isfinite(bounds[:, 0]), 0]
     last = bounds[-1]
@@ -218,14 +233,16 @@ def _ends(bounds: FloatArray) -> tuple[float, float, bool]:
     kept = np.clip(sides, last[0] - _WIDEST * half, last[0] + _WIDEST * half) if half else sides
     lower, upper = min([*estimates, *kept]), max([*estimates, *kept])
     is_cut = bool((sides < lower).any() or (sides > upper).any())
-    return *padded(float(lower), float(upper), 0.05), is_cut
+    return *padded_limits(float(lower), float(upper), 0.05), is_cut
 
 
-def _table(part: Part, output: str, design: str, courses: Sequence[_Course]) -> OutputTable:
+def _table(
+    view: ArchiveView, output: str, design: str, histories: Sequence[_EstimateHistory]
+) -> OutputTable:
     """What the points are."""
-    columns = [with_unit(course.label, course.unit) for course in courses]
-    table = OutputTable(f"{titled(part, output)} by {design}, by its runs so far", columns)
-    for number, runs in enumerate(courses[0].runs):
-        cells = [table.cell(course.estimates[number], course.convert) for course in courses]
-        table.rows.append((grouped(runs), cells))
+    columns = [title_with_unit(history.label, history.unit) for history in histories]
+    table = OutputTable(f"{output_title(view, output)} by {design}, by its runs so far", columns)
+    for number, runs in enumerate(histories[0].runs):
+        cells = [table.cell(history.estimates[number], history.convert) for history in histories]
+        table.rows.append((grouped_number(runs), cells))
     return table

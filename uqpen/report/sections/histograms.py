@@ -5,99 +5,100 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import group
-from uqpen.figures.histogram import binned, marks_of
-from uqpen.figures.part import Part
-from uqpen.figures.texts import after_number, capitalized
-from uqpen.labels import INTERVAL_LEVEL, SHARES
-from uqpen.report.blocks import Axis, Chart, Key
-from uqpen.report.counting import counted
-from uqpen.report.marks import bars, dots
-from uqpen.report.sections.evidence import sample_of, titled
-from uqpen.report.shapes import Shape, shade, upright
-from uqpen.summary.digits import percent, sensible
-from uqpen.summary.statistics_rows import add_shares
-from uqpen.summary.table import OutputTable
+from uqpen.archive.read import read_group
+from uqpen.core.labels import INTERVAL_LEVEL, SHARES
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.histogram import bin_values, marked_estimates
+from uqpen.figures.texts import capitalized, unit_suffix
+from uqpen.report.blocks import Axis, Chart, LegendKey
+from uqpen.report.counting import count_text
+from uqpen.report.marks import bar_trace, dot_trace
+from uqpen.report.sections.leading_design import output_sample, output_title
+from uqpen.report.shapes import Shape, shaded_interval, vertical_line
+from uqpen.results.digits import estimate_text, percent_text
+from uqpen.results.statistics_rows import add_shares
+from uqpen.results.table import OutputTable
 
 __all__ = ["histogram", "shares"]
 
 
-def histogram(part: Part, output: str, design: str) -> Chart:
+def histogram(view: ArchiveView, output: str, design: str) -> Chart:
     """The runs of a design that came back, in bins."""
-    values = part.measure(output).from_si(sample_of(part, design, output).values)
-    counts, edges = binned(values)
+    values = view.scale(output).from_si(output_sample(view, design, output).values)
+    counts, edges = bin_values(values)
     outside = values.size - int(counts.sum())
-    marked = list(marks_of(part, output, design))
-    shapes, keys, lacks = _marked(part, output, marked)
+    marked = list(marked_estimates(view, output, design))
+    shapes, keys, lacks = _estimate_marks(view, output, marked)
     notes = []
     if outside:
         verb = "lies" if outside == 1 else "lie"
-        notes.append(f"{counted(outside, 'run')} {verb} outside of the axis.")
+        notes.append(f"{count_text(outside, 'run')} {verb} outside of the axis.")
     if len(lacks) < len(marked):
         level = max(float(e.attrs.get(INTERVAL_LEVEL, 0)) for _, e in marked)
-        notes.append(f"Shades: {percent(level)} intervals of what the lines mark.")
+        notes.append(f"Shades: {percent_text(level)} intervals of what the lines mark.")
     if lacks:
         notes.append(f"No interval with two ends, so no shade: {', '.join(lacks)}.")
     highest = int(np.argmax(counts))
     return Chart(
-        title=f"{counted(values.size, 'run')} of {design}",
-        summary=f"The fullest bin, with {counted(int(counts[highest]), 'run')}, lies between "
-        f"{edges[highest]:.4g} and {edges[highest + 1]:.4g}{after_number(part.unit(output))}.",
-        x=Axis(part.axis(output), (float(edges[0]), float(edges[-1]))),
+        title=f"{count_text(values.size, 'run')} of {design}",
+        summary=f"The fullest bin, with {count_text(int(counts[highest]), 'run')}, lies between "
+        f"{edges[highest]:.4g} and {edges[highest + 1]:.4g}{unit_suffix(view.unit(output))}.",
+        x=Axis(view.axis_label(output), (float(edges[0]), float(edges[-1]))),
         y=Axis("runs in a bin"),
         traces=(
-            bars(
+            bar_trace(
                 edges,
                 counts,
-                part.sources.index(design),
+                view.sources.index(design),
                 hover="%{customdata[0]} … %{customdata[1]}<br>%{y} runs",
             ),
         ),
         shapes=tuple(shapes),
-        keys=(Key("runs", part.sources.index(design), "bar"), *keys),
+        keys=(LegendKey("runs", view.sources.index(design), "bar"), *keys),
         notes=tuple(notes),
         height=280,
     )
 
 
-def _marked(
-    part: Part, output: str, marked: list[tuple[str, xr.DataArray]]
-) -> tuple[list[Shape], list[Key], list[str]]:
+def _estimate_marks(
+    view: ArchiveView, output: str, marked: list[tuple[str, xr.DataArray]]
+) -> tuple[list[Shape], list[LegendKey], list[str]]:
     """Lines at estimates and shades of their intervals; what has none."""
     shapes: list[Shape] = []
-    keys: list[Key] = []
+    keys: list[LegendKey] = []
     lacks: list[str] = []
     for name, estimate in marked:
-        bounds = part.measure(output).from_si(estimate.values)
+        bounds = view.scale(output).from_si(estimate.values)
         series, dash = (1, "dash") if name == "mean" else ("ink", "solid")
         dash = "dot" if series == "ink" and name != "median" else dash
         if np.isfinite(bounds[1:]).all():
-            shapes.append(shade(float(bounds[1]), float(bounds[2]), series))
+            shapes.append(shaded_interval(float(bounds[1]), float(bounds[2]), series))
         else:
             lacks.append(name)
-        shapes.append(upright(float(bounds[0]), series, dash))
-        keys.append(Key(f"{name} {sensible(*bounds)}", series, "line", dash))
+        shapes.append(vertical_line(float(bounds[0]), series, dash))
+        keys.append(LegendKey(f"{name} {estimate_text(*bounds)}", series, "line", dash))
     return shapes, keys, lacks
 
 
-def shares(part: Part, output: str, design: str) -> Chart:
+def shares(view: ArchiveView, output: str, design: str) -> Chart:
     """How likely each kind of an output is."""
-    told = group(part.tree, SHARES, design)[output]
-    labels = tuple(map(str, told[f"{output}_category_label"].values))
+    probabilities = read_group(view.tree, SHARES, design)[output]
+    labels = tuple(map(str, probabilities[f"{output}_category_label"].values))
     table = OutputTable(f"Shares by {design}", [design])
-    add_shares(table, part.tree, output)
-    said = [f"{label}: {cells[0]}" for label, cells in table.rows]
+    add_shares(table, view.tree, output)
+    texts = [f"{label}: {cells[0]}" for label, cells in table.rows]
     return Chart(
-        title=f"{capitalized(titled(part, output))}: how often each kind comes about, by {design}",
-        summary="; ".join(said),
+        title=f"{capitalized(output_title(view, output))}: how often each kind comes about, by "
+        f"{design}",
+        summary="; ".join(texts),
         x=Axis("share", (0.0, 1.0)),
         y=Axis("", rows=labels),
         traces=(
-            dots(
-                told.values,
+            dot_trace(
+                probabilities.values,
                 np.arange(len(labels)),
-                part.sources.index(design),
-                hovers=said,
+                view.sources.index(design),
+                hovers=texts,
                 name=design,
             ),
         ),

@@ -10,21 +10,21 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.told import told
-from uqpen.figures.measures import Series, shown_inputs
-from uqpen.figures.part import Part
-from uqpen.figures.texts import after_number
-from uqpen.labels import CHECKED, INPUT, INTERVAL_LABEL, REFUSED, UNCHECKED
-from uqpen.report.axes import padded
-from uqpen.report.blocks import Axis, Chart, Key
-from uqpen.report.marks import Trace, crosses, dots, marker_of
-from uqpen.report.notes import bars_of, has_interval
-from uqpen.report.shapes import Shape, level, upright
-from uqpen.summary.digits import sensible
-from uqpen.summary.table import Conversion, OutputTable, remark
-from uqpen.units import DIMENSIONLESS
+from uqpen.archive.interval_metadata import interval_metadata
+from uqpen.core.labels import CHECKED, INPUT, INTERVAL_LABEL, REFUSED, UNCHECKED
+from uqpen.core.units import DIMENSIONLESS
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.measures import MeasureSeries, largest_inputs
+from uqpen.figures.texts import unit_suffix
+from uqpen.report.axes import padded_limits
+from uqpen.report.blocks import Axis, Chart, LegendKey
+from uqpen.report.marks import Trace, cross_trace, dot_trace, series_marker
+from uqpen.report.notes import has_interval, interval_notes
+from uqpen.report.shapes import Shape, horizontal_line, vertical_line
+from uqpen.results.digits import estimate_text
+from uqpen.results.table import Conversion, OutputTable, estimate_remark
 
-__all__ = ["Asked", "measures_chart"]
+__all__ = ["MeasureChartSpec", "measures_chart"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -37,7 +37,7 @@ _MOST_REASONS = 3
 
 
 @dataclass(frozen=True)
-class Asked:
+class MeasureChartSpec:
     """What a chart is to show.
 
     Parameters
@@ -45,7 +45,7 @@ class Asked:
     title, axis : str
     convert : callable
         Out of SI units, estimate and bounds.
-    spoken : tuple of str
+    summary_order : tuple of str
         The labels of measures of which the summary may say which input's is the largest, the
         better ones first.
     unit : str
@@ -56,12 +56,12 @@ class Asked:
     title: str
     axis: str
     convert: Conversion
-    spoken: tuple[str, ...]
+    summary_order: tuple[str, ...]
     unit: str = DIMENSIONLESS
     notes: tuple[str, ...] = ()
 
 
-class _Estimate(NamedTuple):
+class _InputEstimate(NamedTuple):
     """What a series says of an input, in the unit that is shown."""
 
     name: str
@@ -73,129 +73,136 @@ class _Estimate(NamedTuple):
     def has_interval(self) -> bool:
         return bool(has_interval(self.bounds))
 
-    def said(self, unit: str) -> str:
-        return f"{sensible(*self.bounds.tolist())}{after_number(unit)}"
+    def text(self, unit: str) -> str:
+        return f"{estimate_text(*self.bounds.tolist())}{unit_suffix(unit)}"
 
 
 def measures_chart(
-    part: Part, found: Sequence[Series], asked: Asked, tables: Sequence[OutputTable] = ()
+    view: ArchiveView,
+    found: Sequence[MeasureSeries],
+    spec: MeasureChartSpec,
+    tables: Sequence[OutputTable] = (),
 ) -> Chart:
     """A chart of some measures.
 
     Parameters
     ----------
-    part : Part
-    found : sequence of Series
+    view : ArchiveView
+    found : sequence of MeasureSeries
         At least one, each with at least one estimate.
-    asked : Asked
+    spec : MeasureChartSpec
     tables : sequence of OutputTable
         The numbers behind it.
     """
-    inputs, cut = shown_inputs(found)
-    estimates = [_estimates(each.array, inputs, asked.convert) for each in found]
-    shapes: list[Shape] = [upright(0, "quiet", "dot")]
-    shapes += [level(row - 0.5, "grid") for row in range(1, len(inputs))]
-    notes = [*_notes(found, estimates), *asked.notes]
+    inputs, cut = largest_inputs(found)
+    estimates = [_estimates(each.array, inputs, spec.convert) for each in found]
+    shapes: list[Shape] = [vertical_line(0, "quiet", "dot")]
+    shapes += [horizontal_line(row - 0.5, "grid") for row in range(1, len(inputs))]
+    notes = [*_notes(found, estimates), *spec.notes]
     if cut:
         notes.append(f"Shown are {cut}; the table has all." if tables else f"Shown are {cut}.")
     return Chart(
-        title=asked.title,
-        summary=_summary(found, estimates, asked),
-        x=Axis(asked.axis, _ends(estimates)),
+        title=spec.title,
+        summary=_summary(found, estimates, spec),
+        x=Axis(spec.axis, _axis_limits(estimates)),
         y=Axis("", rows=inputs),
-        traces=tuple(_traces(part, found, estimates, inputs, asked)),
+        traces=tuple(_traces(view, found, estimates, inputs, spec)),
         shapes=tuple(shapes),
-        keys=tuple(_keys(part, found, estimates)),
+        keys=tuple(_keys(view, found, estimates)),
         notes=tuple(notes),
         tables=tuple(tables),
         height=_FRAME + len(inputs) * (_GAP + _DOT * len(found)),
     )
 
 
-def _estimates(array: xr.DataArray, inputs: Sequence[str], convert: Conversion) -> list[_Estimate]:
+def _estimates(
+    array: xr.DataArray, inputs: Sequence[str], convert: Conversion
+) -> list[_InputEstimate]:
     known = array[INPUT].values.tolist()
     return [
-        _Estimate(
+        _InputEstimate(
             name,
-            np.asarray(convert(figure.values), dtype=np.float64),
-            told(figure, INTERVAL_LABEL),
-            remark(figure),
+            np.asarray(convert(estimate.values), dtype=np.float64),
+            interval_metadata(estimate, INTERVAL_LABEL),
+            estimate_remark(estimate),
         )
         for name in inputs
-        if name in known and np.isfinite((figure := array[known.index(name)]).values[0])
+        if name in known and np.isfinite((estimate := array[known.index(name)]).values[0])
     ]
 
 
-def _ends(estimates: Sequence[Sequence[_Estimate]]) -> tuple[float, float]:
+def _axis_limits(estimates: Sequence[Sequence[_InputEstimate]]) -> tuple[float, float]:
     """Zero, all estimates and all of their bounds, with some room."""
     every = np.concatenate([[0.0], *(one.bounds for each in estimates for one in each)])
-    return padded(float(np.nanmin(every)), float(np.nanmax(every)))
+    return padded_limits(float(np.nanmin(every)), float(np.nanmax(every)))
 
 
-def _look(part: Part, each: Series) -> tuple[int, str]:
+def _series_style(view: ArchiveView, each: MeasureSeries) -> tuple[int, str]:
     """Colour and marker: of the source, or of the measure where there are several."""
-    position = part.sources.index(each.source)
-    return position, _MARKERS[each.marker] if each.label else marker_of(position)
+    position = view.sources.index(each.source)
+    return position, _MARKERS[each.marker] if each.label else series_marker(position)
 
 
-def _named(each: Series) -> str:
+def _series_name(each: MeasureSeries) -> str:
     return f"{each.label} by {each.source}" if each.label else each.source
 
 
 def _traces(
-    part: Part,
-    found: Sequence[Series],
-    estimates: Sequence[Sequence[_Estimate]],
+    view: ArchiveView,
+    found: Sequence[MeasureSeries],
+    estimates: Sequence[Sequence[_InputEstimate]],
     inputs: Sequence[str],
-    asked: Asked,
+    spec: MeasureChartSpec,
 ) -> Iterator[Trace]:
     room = 1 / (len(found) + 1)
-    for number, (each, told_by) in enumerate(zip(found, estimates, strict=True)):
-        if not told_by:
+    for number, (each, input_estimates) in enumerate(zip(found, estimates, strict=True)):
+        if not input_estimates:
             continue
-        places = [inputs.index(one.name) + (number + 1) * room - 0.5 for one in told_by]
-        bounds = np.array([one.bounds for one in told_by])
-        colour, marker = _look(part, each)
-        hovers = [_hover(one, each, asked.unit) for one in told_by]
-        name = _named(each)
-        yield dots(bounds, places, colour, hovers=hovers, name=name, marker=marker)
-        refused = [at for at, one in enumerate(told_by) if one.label == REFUSED]
+        places = [inputs.index(one.name) + (number + 1) * room - 0.5 for one in input_estimates]
+        bounds = np.array([one.bounds for one in input_estimates])
+        colour, marker = _series_style(view, each)
+        hovers = [_hover(one, each, spec.unit) for one in input_estimates]
+        name = _series_name(each)
+        yield dot_trace(bounds, places, colour, hovers=hovers, name=name, marker=marker)
+        refused = [at for at, one in enumerate(input_estimates) if one.label == REFUSED]
         if refused:
-            yield crosses(bounds[refused, 0], np.array(places)[refused], f"{name}, refused")
+            yield cross_trace(bounds[refused, 0], np.array(places)[refused], f"{name}, refused")
 
 
-def _hover(one: _Estimate, each: Series, unit: str) -> str:
-    text = f"{one.name}, {_named(each)}: {one.said(unit)}"
+def _hover(one: _InputEstimate, each: MeasureSeries, unit: str) -> str:
+    text = f"{one.name}, {_series_name(each)}: {one.text(unit)}"
     verdict = one.label if one.label in _VERDICTS else ""
     known = ", ".join(filter(None, (verdict, one.note)))
     return f"{text} ({known})" if known else text
 
 
 def _keys(
-    part: Part, found: Sequence[Series], estimates: Sequence[Sequence[_Estimate]]
-) -> Iterator[Key]:
+    view: ArchiveView, found: Sequence[MeasureSeries], estimates: Sequence[Sequence[_InputEstimate]]
+) -> Iterator[LegendKey]:
     every = [one for each in estimates for one in each]
-    for each, told_by in zip(found, estimates, strict=True):
-        colour, marker = _look(part, each)
-        is_hollow = told_by and not any(one.has_interval for one in told_by)
-        yield Key(_named(each), colour, f"{marker}-open" if is_hollow else marker)
+    for each, input_estimates in zip(found, estimates, strict=True):
+        colour, marker = _series_style(view, each)
+        is_hollow = input_estimates and not any(one.has_interval for one in input_estimates)
+        yield LegendKey(_series_name(each), colour, f"{marker}-open" if is_hollow else marker)
     if any(one.label == REFUSED for one in every):
-        yield Key("refused", "ink", "x")
+        yield LegendKey("refused", "ink", "x")
 
 
-def _notes(found: Sequence[Series], estimates: Sequence[Sequence[_Estimate]]) -> Iterator[str]:
+def _notes(
+    found: Sequence[MeasureSeries], estimates: Sequence[Sequence[_InputEstimate]]
+) -> Iterator[str]:
     """What a reader must know of bars, of hollow markers and of crosses."""
     every = [
-        (_named(each), one)
-        for each, told_by in zip(found, estimates, strict=True)
-        for one in told_by
+        (_series_name(each), one)
+        for each, input_estimates in zip(found, estimates, strict=True)
+        for one in input_estimates
     ]
-    yield from bars_of((each.array for each in found), ", of each estimate by itself")
+    yield from interval_notes((each.array for each in found), ", of each estimate by itself")
     barred = [(name, one) for name, one in every if one.has_interval]
-    for text, names in _by_text((name, one.note) for name, one in barred if one.note).items():
+    for text, names in _names_by_text((name, one.note) for name, one in barred if one.note).items():
         yield f"Of the intervals of {', '.join(names)}: {text}."
-    hollow = ((name, _reason(one)) for name, one in every if not one.has_interval)
-    reasons = _by_text(hollow)
+    hollow = ((name, _missing_interval_reason(one)) for name, one in every if not one.has_interval)
+    reasons = _names_by_text(hollow)
     if len(reasons) > _MOST_REASONS:
         yield "Hollow: no interval; the notes of the table say why."
     else:
@@ -205,7 +212,7 @@ def _notes(found: Sequence[Series], estimates: Sequence[Sequence[_Estimate]]) ->
         yield "Crossed out: refused, as independent runs contradict it."
 
 
-def _by_text(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
+def _names_by_text(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
     """The names that each text is told of, each once."""
     found: dict[str, list[str]] = {}
     for name, text in pairs:
@@ -215,42 +222,46 @@ def _by_text(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
     return found
 
 
-def _reason(one: _Estimate) -> str:
+def _missing_interval_reason(one: _InputEstimate) -> str:
     if one.label in _VERDICTS:
         return f"{one.label}: {one.note}"
     return one.note or "none is told"
 
 
 def _summary(
-    found: Sequence[Series], estimates: Sequence[Sequence[_Estimate]], asked: Asked
+    found: Sequence[MeasureSeries],
+    estimates: Sequence[Sequence[_InputEstimate]],
+    spec: MeasureChartSpec,
 ) -> str:
     """Which input's estimate is the largest, and whether intervals tell it from the others."""
-    told_by, each, label = _spoken(found, estimates, asked)
-    ordered = sorted(told_by, key=lambda one: -float(one.bounds[0]))
+    input_estimates, each, label = _summary_series(found, estimates, spec)
+    ordered = sorted(input_estimates, key=lambda one: -float(one.bounds[0]))
     first, *others = ordered
-    text = f"By {each.source}, {first.name} has the largest {label}: {first.said(asked.unit)}"
+    text = f"By {each.source}, {first.name} has the largest {label}: {first.text(spec.unit)}"
     if others:
-        text += f"; that of {others[0].name} comes next: {others[0].said(asked.unit)}"
+        text += f"; that of {others[0].name} comes next: {others[0].text(spec.unit)}"
     verdict = " It is refused, as independent runs contradict it." * (first.label == REFUSED)
-    return f"{text}.{verdict}{_certainty(first, others)}"
+    return f"{text}.{verdict}{_order_certainty(first, others)}"
 
 
-def _spoken(
-    found: Sequence[Series], estimates: Sequence[Sequence[_Estimate]], asked: Asked
-) -> tuple[Sequence[_Estimate], Series, str]:
+def _summary_series(
+    found: Sequence[MeasureSeries],
+    estimates: Sequence[Sequence[_InputEstimate]],
+    spec: MeasureChartSpec,
+) -> tuple[Sequence[_InputEstimate], MeasureSeries, str]:
     """What is spoken of: what has an interval if anything does, else what is not refused."""
     ranked = []
-    for position, (each, told_by) in enumerate(zip(found, estimates, strict=True)):
-        label = each.label or asked.spoken[0]
-        if told_by and label in asked.spoken:
-            lacks = not all(one.has_interval for one in told_by)
-            is_refused = any(one.label == REFUSED for one in told_by)
-            rank = (lacks, is_refused, asked.spoken.index(label), position)
-            ranked.append((rank, (told_by, each, label)))
+    for position, (each, input_estimates) in enumerate(zip(found, estimates, strict=True)):
+        label = each.label or spec.summary_order[0]
+        if input_estimates and label in spec.summary_order:
+            lacks = not all(one.has_interval for one in input_estimates)
+            is_refused = any(one.label == REFUSED for one in input_estimates)
+            rank = (lacks, is_refused, spec.summary_order.index(label), position)
+            ranked.append((rank, (input_estimates, each, label)))
     return min(ranked, key=lambda entry: entry[0])[1]
 
 
-def _certainty(first: _Estimate, others: Sequence[_Estimate]) -> str:
+def _order_certainty(first: _InputEstimate, others: Sequence[_InputEstimate]) -> str:
     """What the intervals tell of the order of the first and all others."""
     every = (first, *others)
     if not others:
@@ -260,8 +271,10 @@ def _certainty(first: _Estimate, others: Sequence[_Estimate]) -> str:
     if not all(np.isfinite(one.bounds).all() for one in every):
         return " Not all have an interval, so nothing tells how sure this order is."
     near = [one.name for one in others if one.bounds[2] >= first.bounds[1]]
-    said = f" Of it must be known: {first.note}." if first.note else ""
+    remark = f" Of it must be known: {first.note}." if first.note else ""
     if not near:
-        return f" Its interval overlaps with no other's.{said}"
+        return f" Its interval overlaps with no other's.{remark}"
     names = ", ".join(near)
-    return f" Its interval overlaps with that of {names}, which leaves open which is larger.{said}"
+    return (
+        f" Its interval overlaps with that of {names}, which leaves open which is larger.{remark}"
+    )

@@ -8,116 +8,124 @@ from itertools import chain
 import numpy as np
 import xarray as xr
 
-from uqpen.figures.measures import Series, series
-from uqpen.figures.part import Part
+from uqpen.core.labels import INPUT, SENSITIVITY
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.measures import MeasureSeries, measure_series
 from uqpen.figures.responses import RESPONSES, magnitudes
-from uqpen.figures.sensitivity import EFFECTS, INDICES, best
-from uqpen.figures.texts import capitalized, with_unit
-from uqpen.labels import INPUT, SENSITIVITY
+from uqpen.figures.sensitivity import EFFECTS, INDICES, best_sources
+from uqpen.figures.texts import capitalized, title_with_unit
 from uqpen.report.blocks import Block, Chart, Charts, Heading, Table
-from uqpen.report.sections.evidence import called
-from uqpen.report.sections.measures import Asked, measures_chart
-from uqpen.summary.sensitivity_tables import named_tables
-from uqpen.summary.table import NOTHING, OutputTable, unchanged
+from uqpen.report.sections.leading_design import output_heading
+from uqpen.report.sections.measures import MeasureChartSpec, measures_chart
+from uqpen.results.sensitivity_tables import named_tables
+from uqpen.results.table import NOTHING, OutputTable, identity
 
 __all__ = ["sensitivity"]
 
 # Of which the summary of a chart speaks, the first that is told.
-_SPOKEN = ("total order", "first order", "Shapley effect")
+_SUMMARY_ORDER = ("total order", "first order", "Shapley effect")
 _SHARE = "share of the variance"
 # Kinds of an output that have a chart of their own.
-_MOST_KINDS = 6
+_MOST_CATEGORIES = 6
 
 
-def sensitivity(part: Part) -> Iterator[Block]:
+def sensitivity(view: ArchiveView) -> Iterator[Block]:
     """Where the uncertainty comes from: shares of the variance, effects, responses."""
-    for output in part.numbers:
-        if blocks := list(_of_number(part, output)):
-            yield Heading(called(part, output))
+    for output in view.numeric_outputs:
+        if blocks := list(_numeric_output_blocks(view, output)):
+            yield Heading(output_heading(view, output))
             yield from blocks
-    for output in part.kinds:
-        if blocks := list(_of_kinds(part, output)):
-            yield Heading(called(part, output))
+    for output in view.categorical_outputs:
+        if blocks := list(_categorical_output_blocks(view, output)):
+            yield Heading(output_heading(view, output))
             yield from blocks
 
 
-def _of_number(part: Part, output: str) -> Iterator[Block]:
+def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     tables: dict[str, list[OutputTable]] = {}
-    for name, table in named_tables(part.tree, output, part.unit(output), everything=True):
+    for name, table in named_tables(view.tree, output, view.unit(output), everything=True):
         tables.setdefault(name, []).append(table)
-    every = series(part, output, INDICES)
-    if found := best(part, every):
+    every = measure_series(view, output, INDICES)
+    if found := best_sources(view, every):
         left_out = "First order by plain samples stands in the table alone."
         notes = (left_out,) if len(found) < len(every) else ()
-        asked = Asked("Shares of its variance", _SHARE, unchanged, _SPOKEN, notes=notes)
-        yield measures_chart(part, found, asked, tables.pop("shares", ()))
-    if found := series(part, output, EFFECTS):
-        convert, unit = part.measure(output).difference_from_si, part.unit(output)
-        axis, spoken = with_unit("effect", unit), tuple(label for _, label, _ in EFFECTS)
-        asked = Asked("Elementary effects", axis, convert, spoken, unit)
-        yield measures_chart(part, found, asked, tables.pop("effects", ()))
-    if charts := tuple(_responses(part, output)):
+        spec = MeasureChartSpec(
+            "Shares of its variance", _SHARE, identity, _SUMMARY_ORDER, notes=notes
+        )
+        yield measures_chart(view, found, spec, tables.pop("shares", ()))
+    if found := measure_series(view, output, EFFECTS):
+        convert, unit = view.scale(output).difference_from_si, view.unit(output)
+        axis, labels = title_with_unit("effect", unit), tuple(label for _, label, _ in EFFECTS)
+        spec = MeasureChartSpec("Elementary effects", axis, convert, labels, unit)
+        yield measures_chart(view, found, spec, tables.pop("effects", ()))
+    if charts := tuple(_responses(view, output)):
         yield Charts(charts, tables=tuple(tables.pop("responses", ())))
     for table in chain.from_iterable(tables.values()):
-        if _tells(table):
+        if _has_estimates(table):
             yield Table(table, is_folded=True)
 
 
-def _tells(table: OutputTable) -> bool:
+def _has_estimates(table: OutputTable) -> bool:
     """Whether there is any figure in it."""
     return any(not cell.startswith(NOTHING) for _, cells in table.rows for cell in cells)
 
 
-def _responses(part: Part, output: str) -> Iterator[Chart]:
+def _responses(view: ArchiveView, output: str) -> Iterator[Chart]:
     """Responses near the nominal point, and × uncertainty."""
     for suffix, label, axis in RESPONSES:
-        if found := series(part, output, ((suffix, "", "o"),)):
+        if found := measure_series(view, output, ((suffix, "", "o"),)):
             title = f"{capitalized(label)}, near the nominal point"
-            yield measures_chart(part, found, Asked(title, axis, magnitudes, (label,), "%"))
+            yield measures_chart(
+                view, found, MeasureChartSpec(title, axis, magnitudes, (label,), "%")
+            )
 
 
-def _of_kinds(part: Part, output: str) -> Iterator[Block]:
+def _categorical_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     """Shares of the variance of whether an output is of a kind."""
-    labels = _kinds(part, output)
+    labels = _category_labels(view, output)
     charts = []
-    for names, found in _by_kind(part, output, labels)[:_MOST_KINDS]:
+    for names, found in _group_categories(view, output, labels)[:_MOST_CATEGORIES]:
         title = f"Shares of the variance of whether it is {' or '.join(names)}"
-        charts.append(measures_chart(part, found, Asked(title, _SHARE, unchanged, _SPOKEN)))
-    tables = tuple(_kind_tables(part, output, labels))
+        charts.append(
+            measures_chart(view, found, MeasureChartSpec(title, _SHARE, identity, _SUMMARY_ORDER))
+        )
+    tables = tuple(_category_tables(view, output, labels))
     if charts:
         yield Charts(tuple(charts), tables=tables)
     else:
         yield from (Table(table, is_folded=True) for table in tables)
 
 
-def _kinds(part: Part, output: str) -> list[str]:
-    for _, told in part.told(SENSITIVITY):
-        if (name := f"{output}_category_label") in told.coords:
-            return list(map(str, told[name].values.tolist()))
+def _category_labels(view: ArchiveView, output: str) -> list[str]:
+    for _, dataset in view.source_groups(SENSITIVITY):
+        if (name := f"{output}_category_label") in dataset.coords:
+            return list(map(str, dataset[name].values.tolist()))
     return []
 
 
-def _told_of_kind(part: Part, output: str, position: int) -> list[Series]:
+def _category_series(view: ArchiveView, output: str, position: int) -> list[MeasureSeries]:
     """What all sources tell of one kind."""
     return [
-        Series(source, label, marker, told[name][{f"{output}_category": position}])
-        for source, told in part.told(SENSITIVITY)
+        MeasureSeries(source, label, marker, dataset[name][{f"{output}_category": position}])
+        for source, dataset in view.source_groups(SENSITIVITY)
         for suffix, label, marker in INDICES
-        if (name := f"{output}_category_{suffix}") in told
+        if (name := f"{output}_category_{suffix}") in dataset
     ]
 
 
-def _by_kind(
-    part: Part, output: str, labels: Sequence[str]
-) -> list[tuple[list[str], list[Series]]]:
+def _group_categories(
+    view: ArchiveView, output: str, labels: Sequence[str]
+) -> list[tuple[list[str], list[MeasureSeries]]]:
     """Kinds, and what is told of them; those together of which the same is told.
 
     Where there are two, one comes about whenever the other does not.
     """
-    kept: list[tuple[list[str], list[Series]]] = []
+    kept: list[tuple[list[str], list[MeasureSeries]]] = []
     for position, label in enumerate(labels):
-        told = _told_of_kind(part, output, position)
-        found = best(part, [each for each in told if np.isfinite(each.array.values[:, 0]).any()])
+        category_series = _category_series(view, output, position)
+        found = best_sources(
+            view, [each for each in category_series if np.isfinite(each.array.values[:, 0]).any()]
+        )
         if not found:
             continue
         same = (names for names, known in kept if _is_same(known, found))
@@ -128,25 +136,29 @@ def _by_kind(
     return kept
 
 
-def _is_same(one: Sequence[Series], other: Sequence[Series]) -> bool:
+def _is_same(one: Sequence[MeasureSeries], other: Sequence[MeasureSeries]) -> bool:
     return len(one) == len(other) and all(
         np.allclose(a.array.values, b.array.values, rtol=1e-9, atol=1e-12, equal_nan=True)
         for a, b in zip(one, other, strict=True)
     )
 
 
-def _kind_tables(part: Part, output: str, labels: Sequence[str]) -> Iterator[OutputTable]:
+def _category_tables(
+    view: ArchiveView, output: str, labels: Sequence[str]
+) -> Iterator[OutputTable]:
     """A table for each kind, a row for each input."""
     for position, label in enumerate(labels):
-        told = _told_of_kind(part, output, position)
-        headers = [f"{each.label}\n{each.source}" for each in told]
+        category_series = _category_series(view, output, position)
+        headers = [f"{each.label}\n{each.source}" for each in category_series]
         title = f"{output}: shares of the variance of whether it is {label}"
         table = OutputTable(title, headers)
-        for name in dict.fromkeys(str(i) for each in told for i in each.array[INPUT].values):
-            table.rows.append((name, [_cell(table, each.array, name) for each in told]))
+        for name in dict.fromkeys(
+            str(i) for each in category_series for i in each.array[INPUT].values
+        ):
+            table.rows.append((name, [_cell(table, each.array, name) for each in category_series]))
         yield table
 
 
 def _cell(table: OutputTable, array: xr.DataArray, name: str) -> str:
     known = array[INPUT].values.tolist()
-    return table.cell(array[known.index(name)], unchanged) if name in known else NOTHING
+    return table.cell(array[known.index(name)], identity) if name in known else NOTHING

@@ -8,115 +8,126 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import group
-from uqpen.figures.part import Part
-from uqpen.figures.texts import capitalized, plain
-from uqpen.labels import (
+from uqpen.archive.read import read_group
+from uqpen.core.labels import (
     CONDITIONAL,
     EXCEEDANCE,
-    HOLDS,
     INTERVAL_LEVEL,
     MISSING,
     QUANTILES,
     SHARES,
     STATUSES,
+    TOLERANCE_LIMITS,
 )
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.texts import capitalized, plain_text
 from uqpen.report.notes import has_interval
-from uqpen.report.sections.quoted import Quantity, asked, name_of, unbroken, usual
-from uqpen.summary.digits import percent
-from uqpen.summary.table import remark
+from uqpen.report.sections.quoted_statistics import (
+    QuotedStatistic,
+    default_statistic,
+    no_break,
+    output_name,
+    requested_statistics,
+)
+from uqpen.results.digits import percent_text
+from uqpen.results.table import estimate_remark
 
-__all__ = ["Said", "sentences_on"]
+__all__ = ["OutputSentences", "output_sentences"]
 
 # Sentences on an output that something was asked of, and kinds that one names.
 _MOST_SENTENCES = 3
-_MOST_KINDS = 4
+_MOST_CATEGORIES = 4
 
 
-class Said(NamedTuple):
+class OutputSentences(NamedTuple):
     """What is said of an output.
 
     Attributes
     ----------
     sentences : tuple of str
-    quantities : tuple of Quantity
+    quantities : tuple of QuotedStatistic
         What they tell.
     remarks : tuple of str
         What must be known of the very estimates.
-    left_out : int
+    missing_runs_note : int
         How many of the quantities asked have no sentence.
     """
 
     sentences: tuple[str, ...]
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[QuotedStatistic, ...]
     remarks: tuple[str, ...]
-    left_out: int = 0
+    omitted: int = 0
 
 
-def sentences_on(part: Part, output: str, design: str) -> Said | None:
+def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSentences | None:
     """What a design tells of an output; None for nothing.
 
     Parameters
     ----------
-    part : Part
+    view : ArchiveView
     output : str
     design : str
         Whose runs are a sample of the input law.
     """
-    if output in part.kinds:
-        return _on_kinds(part, output, design)
-    every = asked(part, output, design)
+    if output in view.categorical_outputs:
+        return _category_sentences(view, output, design)
+    every = requested_statistics(view, output, design)
     kept = every[:_MOST_SENTENCES]
-    common = usual(part, output, design)
+    common = default_statistic(view, output, design)
     if common is not None and len(kept) < _MOST_SENTENCES:
         kept.append(common)
-    told = [(each, found) for each in kept if (found := each.estimate(design)) is not None]
-    if not told:
+    estimates = [(each, found) for each in kept if (found := each.estimate(design)) is not None]
+    if not estimates:
         return None
-    of = _Cases.of(part, design)
-    return Said(
-        tuple(_sentence(each, array, of) for each, array in told),
-        tuple(each for each, _ in told),
-        tuple(_remarks(told)),
+    of = _Population.from_design(view, design)
+    return OutputSentences(
+        tuple(_sentence(each, array, of) for each, array in estimates),
+        tuple(each for each, _ in estimates),
+        tuple(_remarks(estimates)),
         max(0, len(every) - _MOST_SENTENCES),
     )
 
 
-def _sentence(quantity: Quantity, array: xr.DataArray, of: _Cases) -> str:
-    name = name_of(quantity.part, quantity.output)
-    if quantity.kind == HOLDS:
-        return f"{_on_hold(quantity, array, name, of)}{of.left_out}"
+def _sentence(quantity: QuotedStatistic, array: xr.DataArray, of: _Population) -> str:
+    name = output_name(quantity.view, quantity.output)
+    if quantity.kind == TOLERANCE_LIMITS:
+        return f"{_tolerance_limit_sentence(quantity, array, name, of)}{of.omission_sentence}"
     stated = f"{quantity.texts(array)[0]} {quantity.interval(array)}"
     if quantity.kind == QUANTILES:
-        half = f"half of {of.called} stay at or below it"
-        return f"The median of {name} is {stated}: {half}.{of.left_out}"
+        half = f"half of {of.name} stay at or below it"
+        return f"The median of {name} is {stated}: {half}.{of.omission_sentence}"
     if quantity.kind == EXCEEDANCE:
-        name = f"{name} exceeds {unbroken(plain(quantity.entry))}"
-        return f"The probability that {name}{of.condition} is {stated}.{of.allowed_for(array)}"
-    return f"The mean of {name}{of.condition} is {stated}.{of.left_out}"
+        name = f"{name} exceeds {no_break(plain_text(quantity.entry))}"
+        return (
+            f"The probability that {name}{of.condition} is "
+            f"{stated}.{of.missing_run_sentence(array)}"
+        )
+    return f"The mean of {name}{of.condition} is {stated}.{of.omission_sentence}"
 
 
-def _on_hold(quantity: Quantity, array: xr.DataArray, name: str, of: _Cases) -> str:
+def _tolerance_limit_sentence(
+    quantity: QuotedStatistic, array: xr.DataArray, name: str, of: _Population
+) -> str:
     value, _, bound = quantity.texts(array)
-    share = unbroken(percent(quantity.entry))
+    share = no_break(percent_text(quantity.entry))
     if np.isfinite(array.values[2]):
-        level = unbroken(percent(array.attrs.get(INTERVAL_LEVEL, np.nan)))
+        level = no_break(percent_text(array.attrs.get(INTERVAL_LEVEL, np.nan)))
         return (
             f"With {level} confidence, {name} stays at or below {bound} in at least {share} of "
-            f"{of.called} (the estimate of that value is {value})."
+            f"{of.name} (the estimate of that value is {value})."
         )
     return (
-        f"In {share} of {of.called} {name} stays at or below {value} by estimate, which has no "
-        f"upper bound: {remark(array)}."
+        f"In {share} of {of.name} {name} stays at or below {value} by estimate, which has no "
+        f"upper bound: {estimate_remark(array)}."
     )
 
 
-class _Cases(NamedTuple):
+class _Population(NamedTuple):
     """What a design's figures are of, in the words of a sentence that stands by itself.
 
     Attributes
     ----------
-    called : str
+    name : str
         Those that quantiles are of, and values that hold: none that did not come back.
     every : str
         All of them, which the interval of a probability allows for.
@@ -126,15 +137,15 @@ class _Cases(NamedTuple):
         What did not come back; empty for nothing.
     """
 
-    called: str
+    name: str
     every: str
     condition: str
     missing: str
 
     @classmethod
-    def of(cls, part: Part, design: str) -> _Cases:
+    def from_design(cls, view: ArchiveView, design: str) -> _Population:
         """Those of a design's statistics."""
-        accounts = group(part.tree, STATUSES, design).attrs
+        accounts = read_group(view.tree, STATUSES, design).attrs
         given, missing = accounts.get(CONDITIONAL), accounts.get(MISSING)
         every = "all admissible cases" if given else "all cases"
         return cls(
@@ -145,62 +156,66 @@ class _Cases(NamedTuple):
         )
 
     @property
-    def left_out(self) -> str:
+    def omission_sentence(self) -> str:
         """A sentence that says what an estimate and its interval leave out."""
         return f" This leaves out {self.missing}, which did not come back." * bool(self.missing)
 
-    def allowed_for(self, array: xr.DataArray) -> str:
+    def missing_run_sentence(self, array: xr.DataArray) -> str:
         """The same of a probability, the interval of which counts lost runs both ways."""
         if not self.missing or not has_interval(array.values):
-            return self.left_out
+            return self.omission_sentence
         return (
             f" The estimate leaves out {self.missing}, which did not come back; the interval "
             "allows for whatever they would have given."
         )
 
 
-def _on_kinds(part: Part, output: str, design: str) -> Said | None:
+def _category_sentences(view: ArchiveView, output: str, design: str) -> OutputSentences | None:
     """One sentence on an output that has kinds, the most frequent first."""
-    found = sorted(_kinds(part, output, design), key=lambda kind: -float(kind[2].values[0]))
-    shown = found[:_MOST_KINDS]
+    found = sorted(
+        _category_statistics(view, output, design), key=lambda kind: -float(kind[2].values[0])
+    )
+    shown = found[:_MOST_CATEGORIES]
     if not shown:
         return None
-    of = _Cases.of(part, design)
+    of = _Population.from_design(view, design)
     parts = [
         f"{label} in {each.texts(array)[0]} of {of.every} {each.interval(array)}"
         for label, each, array in shown
     ]
-    start = capitalized(name_of(part, output))
+    start = capitalized(output_name(view, output))
     notes: dict[str, list[str]] = {}
     for label, _, array in shown:
-        if note := _unsaid(array):
+        if note := _estimate_remark(array):
             notes.setdefault(note, []).append(label)
     remarks = tuple(
         f"{start}, share of {', '.join(those)}: {note}." for note, those in notes.items()
     )
-    sentence = f"{start}: {'; '.join(parts)}.{of.allowed_for(shown[0][2])}"
-    return Said((sentence,), (), remarks, len(found) - len(shown))
+    sentence = f"{start}: {'; '.join(parts)}.{of.missing_run_sentence(shown[0][2])}"
+    return OutputSentences((sentence,), (), remarks, len(found) - len(shown))
 
 
-def _kinds(part: Part, output: str, design: str) -> Iterator[tuple[str, Quantity, xr.DataArray]]:
+def _category_statistics(
+    view: ArchiveView, output: str, design: str
+) -> Iterator[tuple[str, QuotedStatistic, xr.DataArray]]:
     """What each kind is called, and its share."""
-    told = group(part.tree, SHARES, design)
-    if output in told:
-        flags = told[f"{output}_category"].values.tolist()
-        labels = told[f"{output}_category_label"].values.tolist()
+    estimates = read_group(view.tree, SHARES, design)
+    if output in estimates:
+        flags = estimates[f"{output}_category"].values.tolist()
+        labels = estimates[f"{output}_category_label"].values.tolist()
         for flag, label in zip(flags, labels, strict=True):
-            quantity = Quantity(part, output, SHARES, flag)
+            quantity = QuotedStatistic(view, output, SHARES, flag)
             if (array := quantity.estimate(design)) is not None:
-                yield f"“{plain(str(label), 40)}”", quantity, array
+                yield f"“{plain_text(str(label), 40)}”", quantity, array
 
 
-def _remarks(told: list[tuple[Quantity, xr.DataArray]]) -> Iterator[str]:
+def _remarks(told: list[tuple[QuotedStatistic, xr.DataArray]]) -> Iterator[str]:
     """What must be known of the estimates, where their sentences do not say it."""
     for quantity, array in told:
-        if note := _unsaid(array):
+        if note := _estimate_remark(array):
             yield f"{quantity.heading}: {note}."
 
 
-def _unsaid(array: xr.DataArray) -> str:
+def _estimate_remark(array: xr.DataArray) -> str:
     """What must be known of an estimate; why there is no interval stands in its place."""
-    return remark(array) if has_interval(array.values) else ""
+    return estimate_remark(array) if has_interval(array.values) else ""

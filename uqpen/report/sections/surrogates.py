@@ -9,19 +9,19 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.read import group, names_in
-from uqpen.figures.part import Part
-from uqpen.figures.scatter import thinned
-from uqpen.figures.surrogate import predicted, quality, tested_by
-from uqpen.figures.texts import after_number, with_unit
-from uqpen.labels import RUN, RUNS, STATUS, SURROGATES, Status
-from uqpen.report.axes import padded
-from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, Key, Table
-from uqpen.report.marks import Trace, line, points, written
-from uqpen.report.sections.verdicts import verdicts
-from uqpen.summary.digits import grouped
-from uqpen.summary.table import OutputTable
-from uqpen.summary.tables import fit_table
+from uqpen.archive.read import group_names, read_group
+from uqpen.core.labels import RUN, RUNS, STATUS, SURROGATES, Status
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.scatter import thin_runs
+from uqpen.figures.surrogate import fit_quality, predict, test_design
+from uqpen.figures.texts import title_with_unit, unit_suffix
+from uqpen.report.axes import padded_limits
+from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Table
+from uqpen.report.marks import Trace, escape_text, line_trace, point_trace
+from uqpen.report.sections.surrogate_validation import surrogate_validation
+from uqpen.results.digits import grouped_number
+from uqpen.results.output_tables import fit_table
+from uqpen.results.table import OutputTable
 
 __all__ = ["surrogates"]
 
@@ -33,94 +33,101 @@ _MOST_RUNS, _MOST_COMPARED = 400, 100_000
 _WORST = 10
 
 
-def surrogates(part: Part) -> Iterator[Block]:
+def surrogates(view: ArchiveView) -> Iterator[Block]:
     """How good surrogates are, by runs that they have not seen."""
-    for name in names_in(part.tree, SURROGATES):
-        made = group(part.tree, SURROGATES, name)
+    for name in group_names(view.tree, SURROGATES):
+        dataset = read_group(view.tree, SURROGATES, name)
         yield Heading(name)
-        yield Table(fit_table(name, made))
-        design = tested_by(part, made)
-        outputs = [each for each in str(made.attrs["outputs"]).split() if each in part.numbers]
-        if outputs and part.came_back(design):
-            yield _comparison(part, name, design, outputs)
-        yield from verdicts(part, name)
+        yield Table(fit_table(name, dataset))
+        design = test_design(view, dataset)
+        outputs = [
+            each for each in str(dataset.attrs["outputs"]).split() if each in view.numeric_outputs
+        ]
+        if outputs and view.has_completed_runs(design):
+            yield _comparison(view, name, design, outputs)
+        yield from surrogate_validation(view, name)
 
 
-class _Compared(NamedTuple):
+class _Predictions(NamedTuple):
     """What the model and its surrogate say of the same runs, in the unit that is shown."""
 
     runs: npt.NDArray[np.int64]
-    truth: FloatArray
-    guess: FloatArray
+    observed: FloatArray
+    predicted: FloatArray
 
     @property
     def differences(self) -> FloatArray:
-        found: FloatArray = self.guess - self.truth
+        found: FloatArray = self.predicted - self.observed
         return found
 
 
-def _comparison(part: Part, name: str, design: str, outputs: list[str]) -> Charts:
-    made = group(part.tree, SURROGATES, name)
-    runs = group(part.tree, RUNS, design)
+def _comparison(view: ArchiveView, name: str, design: str, outputs: list[str]) -> Charts:
+    dataset = read_group(view.tree, SURROGATES, name)
+    runs = read_group(view.tree, RUNS, design)
     places = np.flatnonzero(runs[STATUS].values == Status.OK)
-    chosen = thinned(xr.Dataset({"place": (RUN, places)}), _MOST_COMPARED)["place"].values
+    chosen = thin_runs(xr.Dataset({"place": (RUN, places)}), _MOST_COMPARED)["place"].values
     taken = runs.isel({RUN: chosen})
-    shown = np.isin(chosen, thinned(xr.Dataset({"place": (RUN, chosen)}), _MOST_RUNS)["place"])
+    shown = np.isin(chosen, thin_runs(xr.Dataset({"place": (RUN, chosen)}), _MOST_RUNS)["place"])
     has_worst = not shown.all()
     compared = {
-        output: _Compared(
+        output: _Predictions(
             chosen,
-            part.measure(output).from_si(taken[output].values),
-            part.measure(output).from_si(predicted(made, name, taken, output)),
+            view.scale(output).from_si(taken[output].values),
+            view.scale(output).from_si(predict(dataset, name, taken, output)),
         )
         for output in outputs
     }
-    is_fitted_to = design == str(made.attrs["design"])
+    is_fitted_to = design == str(dataset.attrs["design"])
     whose = "it was fitted to these very runs" if is_fitted_to else "it was not fitted to them"
-    drawn = f"{grouped(int(shown.sum()))} of {grouped(places.size)} runs of {design}"
-    keys = [Key("run", part.sources.index(name), "circle")]
+    drawn = f"{grouped_number(int(shown.sum()))} of {grouped_number(places.size)} runs of {design}"
+    keys = [LegendKey("run", view.sources.index(name), "circle")]
     if has_worst:
         drawn += f", and the {_WORST} with the largest differences"
-        keys.append(Key(f"the {_WORST} largest differences", "ink", "diamond-open"))
+        keys.append(LegendKey(f"the {_WORST} largest differences", "ink", "diamond-open"))
     return Charts(
-        tuple(_chart(part, name, output, each, shown) for output, each in compared.items()),
-        keys=(*keys, Key("surrogate = model", "quiet", "line")),
+        tuple(_chart(view, name, output, each, shown) for output, each in compared.items()),
+        keys=(*keys, LegendKey("surrogate = model", "quiet", "line")),
         notes=(f"Shown are {drawn}; {whose}.",),
-        tables=(_difference_table(part, design, places.size, compared),),
+        tables=(_difference_table(view, design, places.size, compared),),
     )
 
 
 def _chart(
-    part: Part, name: str, output: str, compared: _Compared, shown: npt.NDArray[np.bool_]
+    view: ArchiveView, name: str, output: str, compared: _Predictions, shown: npt.NDArray[np.bool_]
 ) -> Chart:
-    worst = _worst(compared) if not shown.all() else np.array([], dtype=np.int64)
+    worst = _largest_differences(compared) if not shown.all() else np.array([], dtype=np.int64)
     at = np.union1d(np.flatnonzero(shown), worst)
-    ends = _ends(np.concatenate([compared.truth[at], compared.guess[at]]))
-    room = padded(*ends, 0.04)
-    unit = part.unit(output)
-    said = after_number(unit)
+    ends = _axis_limits(np.concatenate([compared.observed[at], compared.predicted[at]]))
+    room = padded_limits(*ends, 0.04)
+    unit = view.unit(output)
+    unit_text = unit_suffix(unit)
     off = np.abs(compared.differences)
     middle, most = np.nanquantile(off, [0.5, 0.95])
-    series = part.sources.index(name)
-    traces = [_drawn(compared, np.flatnonzero(shown), series, said, f"{output} by {name}")]
+    series = view.sources.index(name)
+    traces = [
+        _prediction_trace(compared, np.flatnonzero(shown), series, unit_text, f"{output} by {name}")
+    ]
     if worst.size:
-        told = f"{output} by {name}, largest differences"
-        traces.append(_drawn(compared, worst, "ink", said, told, "diamond-open"))
-    made = group(part.tree, SURROGATES, name)
+        trace_name = f"{output} by {name}, largest differences"
+        traces.append(
+            _prediction_trace(compared, worst, "ink", unit_text, trace_name, "diamond-open")
+        )
+    dataset = read_group(view.tree, SURROGATES, name)
     return Chart(
-        title=f"{output}: {quality(made, output)}",
-        summary=f"Half of the {grouped(off.size)} runs differ by at most {middle:.3g}{said}, "
-        f"95 % by at most {most:.3g}{said}, and the largest difference is "
-        f"{np.nanmax(off):.3g}{said}.",
-        x=Axis(with_unit("run of the model", unit), room),
-        y=Axis(with_unit("surrogate", unit), room),
-        traces=(line(ends, ends, "quiet", hover="", width=1.5), *traces),
+        title=f"{output}: {fit_quality(dataset, output)}",
+        summary=f"Half of the {grouped_number(off.size)} runs differ by at most "
+        f"{middle:.3g}{unit_text}, "
+        f"95 % by at most {most:.3g}{unit_text}, and the largest difference is "
+        f"{np.nanmax(off):.3g}{unit_text}.",
+        x=Axis(title_with_unit("run of the model", unit), room),
+        y=Axis(title_with_unit("surrogate", unit), room),
+        traces=(line_trace(ends, ends, "quiet", hover="", width=1.5), *traces),
         height=300,
     )
 
 
-def _drawn(
-    compared: _Compared,
+def _prediction_trace(
+    compared: _Predictions,
     which: npt.NDArray[np.int64],
     series: int | str,
     unit: str,
@@ -128,12 +135,13 @@ def _drawn(
     marker: str = "circle",
 ) -> Trace:
     """Runs of a comparison as points."""
-    said = written(unit)
-    return points(
-        compared.truth[which],
-        compared.guess[which],
+    unit_text = escape_text(unit)
+    return point_trace(
+        compared.observed[which],
+        compared.predicted[which],
         series,
-        hover=f"run %{{customdata}}<br>model %{{x:.5~g}}{said}<br>surrogate %{{y:.5~g}}{said}",
+        hover=f"run %{{customdata}}<br>model %{{x:.5~g}}{unit_text}<br>surrogate "
+        f"%{{y:.5~g}}{unit_text}",
         name=name,
         numbers=compared.runs[which].tolist(),
         marker=marker,
@@ -142,37 +150,41 @@ def _drawn(
     )
 
 
-def _worst(compared: _Compared) -> npt.NDArray[np.int64]:
+def _largest_differences(compared: _Predictions) -> npt.NDArray[np.int64]:
     """The runs with the largest differences, which a choice at random would leave out."""
     order = np.argsort(-np.abs(np.nan_to_num(compared.differences, nan=0.0)), kind="stable")
     return np.sort(order[:_WORST])
 
 
-def _ends(values: FloatArray) -> tuple[float, float]:
+def _axis_limits(values: FloatArray) -> tuple[float, float]:
     finite = values[np.isfinite(values)]
     return float(finite.min()), float(finite.max())
 
 
 def _difference_table(
-    part: Part, design: str, whole: int, compared: dict[str, _Compared]
+    view: ArchiveView, design: str, whole: int, compared: dict[str, _Predictions]
 ) -> OutputTable:
     """How far a surrogate is from the model, run by run."""
-    size = next(iter(compared.values())).truth.size
-    of = grouped(size) if size == whole else f"{grouped(size)} of {grouped(whole)}"
+    size = next(iter(compared.values())).observed.size
+    of = (
+        grouped_number(size)
+        if size == whole
+        else f"{grouped_number(size)} of {grouped_number(whole)}"
+    )
     title = f"Surrogate minus model, in {of} runs of {design}"
     columns = ["mean", "root mean square", "95 % differ at most by", "largest", "sd of the runs"]
     table = OutputTable(title, columns)
-    note = table.mark("of these very runs, not estimates of others; so they have no intervals")
+    note = table.note_mark("of these very runs, not estimates of others; so they have no intervals")
     for output, each in compared.items():
         off = each.differences
-        figures = (
+        values = (
             np.mean(off),
             np.sqrt(np.mean(off**2)),
             np.quantile(np.abs(off), 0.95),
             np.max(np.abs(off)),
-            np.std(each.truth),
+            np.std(each.observed),
         )
         table.rows.append(
-            (with_unit(output, part.unit(output)), [f"{figure:.3g}{note}" for figure in figures])
+            (title_with_unit(output, view.unit(output)), [f"{value:.3g}{note}" for value in values])
         )
     return table

@@ -1,0 +1,618 @@
+"""A study made into an archive: interrupted, started again, changed, damaged, made twice."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import uqpen
+from uqpen.checkpoints.journal import Journal
+from uqpen.checkpoints.lock import lock_archive
+from uqpen.checkpoints.runs_file import DamagedRunsError, FinishedRuns, read_runs, write_runs
+from uqpen.core.errors import ArchiveError, CheckpointError, ModelError, TooManyFailedError
+from uqpen.core.model import Results
+from uqpen.execution import Progress
+from uqpen.execution.batch import BatchResult
+from uqpen.execution.processes import processes
+from uqpen.study.study import Study
+
+pytestmark = pytest.mark.processor
+
+ROOT = Path(__file__).parents[2]
+
+# Stops, as Ctrl-C would, at the run that it is told to.
+MODEL = """\
+import pathlib
+here = pathlib.Path(__file__).parent
+def simulate(x, y):
+    with (here / "calls").open("a") as stream:
+        stream.write("call\\n")
+    stop = here / "stop"
+    if stop.exists() and len((here / "calls").read_text().split()) == int(stop.read_text()):
+        raise KeyboardInterrupt
+    if x > 1:
+        raise ValueError("x is too large")
+    return {"z": x * y}
+"""
+STUDY = """\
+title = "Interrupted"
+seed = 11
+[model]
+python = "model.py:simulate"
+inputs = { x = "1", y = "m" }
+outputs = { z = "m" }
+[inputs]
+x = "0 ± 1"
+y = "(0 ± 1) m"
+[designs.one]
+kind = "monte-carlo"
+runs = 30
+[designs.other]
+kind = "latin-hypercube"
+runs = 40
+"""
+PAUSE = "import random, time\ndef pause(): time.sleep(random.random() / 200)"
+VECTORIZED = MODEL.replace(
+    "    if x > 1:\n        raise ValueError", "    if False:\n        raise"
+)
+
+
+@pytest.fixture(autouse=True)
+def _slow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs are sent and kept one by one, as those are that take a second each."""
+    monkeypatch.setattr("uqpen.execution.evaluate.WORTH_SENDING", 0.0)
+    monkeypatch.setattr("uqpen.checkpoints.checkpoint_folder._PATIENCE", 0.0)
+    # Only a machine that goes down loses what was not brought to the disk.
+    monkeypatch.setattr(os, "fsync", lambda file: None)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "model.py").write_text(MODEL)
+    (tmp_path / "study.toml").write_text(STUDY)
+    return tmp_path
+
+
+def calls(folder: Path) -> int:
+    return len((folder / "calls").read_text().split())
+
+
+def make(folder: Path, **options: Any) -> bytes:
+    """The bytes of the archive of the study in a folder."""
+    uqpen.make_archive(uqpen.load_study(folder / "study.toml"), folder / "study.nc", **options)
+    return (folder / "study.nc").read_bytes()
+
+
+def interrupt(folder: Path, after: int) -> str:
+    """Make an archive that is interrupted at a run, and what is told of it."""
+    (folder / "stop").write_text(str(after))
+    with pytest.raises(KeyboardInterrupt) as interrupted:
+        make(folder)
+    (folder / "stop").unlink()
+    return str(interrupted.value)
+
+
+def change(folder: Path, old: str, new: str, file: str = "study.toml") -> None:
+    text = (folder / file).read_text()
+    assert old in text
+    (folder / file).write_text(text.replace(old, new))
+
+
+class Told(Progress):
+    """Progress as it was told."""
+
+    def __init__(self) -> None:
+        self.before: list[int] = []
+        self.warnings: list[str] = []
+
+    def count_restored(self, runs: int) -> None:
+        self.before.append(runs)
+
+    def warn(self, text: str) -> None:
+        self.warnings.append(text)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The archive of the study when nothing interrupts it."""
+    folder = tmp_path_factory.mktemp("whole")
+    (folder / "model.py").write_text(MODEL)
+    (folder / "study.toml").write_text(STUDY)
+    return make(folder)
+
+
+def test_what_is_left_in_the_end_is_the_archive_and_its_log(folder: Path) -> None:
+    make(folder)
+    assert {file.name for file in folder.iterdir() if file.name.startswith((".", "study"))} == {
+        "study.toml",
+        "study.nc",
+        "study.nc.log",
+    }
+
+
+@pytest.mark.parametrize("after", [1, 2, 29, 31, 69])
+def test_an_interrupted_study_goes_on_where_it_was(folder: Path, whole: bytes, after: int) -> None:
+    message = interrupt(folder, after)
+    kept = after - 1  # the last call was not finished
+    assert message.startswith(f"{kept} runs are kept" if kept else "nothing was written")
+    assert not (folder / "study.nc").exists()
+    progress = Told()
+    assert make(folder, progress=progress) == whole
+    assert sum(progress.before) == kept
+    assert calls(folder) == 71, "only the run that was interrupted is made twice"
+
+
+def test_it_may_be_interrupted_more_than_once(folder: Path, whole: bytes) -> None:
+    for after in (10, 11, 40, 41, 60):
+        interrupt(folder, after)
+    assert make(folder) == whole
+    assert calls(folder) == 70 + 5
+
+
+def test_a_fresh_start_makes_all_runs_again(folder: Path, whole: bytes) -> None:
+    interrupt(folder, 50)
+    assert make(folder, fresh=True) == whole
+    assert calls(folder) == 50 + 70
+
+
+def test_an_archive_stays_until_the_next_one_is_complete(folder: Path, whole: bytes) -> None:
+    make(folder)
+    change(folder, "runs = 40", "runs = 50")
+    (folder / "calls").unlink()
+    interrupt(folder, 50)
+    assert (folder / "study.nc").read_bytes() == whole
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('title = "Interrupted"', 'title = "Another"'),
+        ("[designs.one]", "[outputs.z]\nquantiles = [0.2]\n[designs.one]"),
+        ("runs = 40", "runs = 60"),
+        ('[designs.other]\nkind = "latin-hypercube"\nruns = 40\n', ""),
+        ("seed = 11", "# a remark\nseed = 11"),
+        ('x = "0 ± 1"', 'x    =   "0 ± 1"'),
+    ],
+)
+def test_what_decides_no_run_keeps_those_that_are_done(folder: Path, old: str, new: str) -> None:
+    interrupt(folder, 21)
+    change(folder, old, new)
+    progress = Told()
+    changed = make(folder, progress=progress)
+    assert progress.before == [20]
+    shutil.rmtree(folder / "study.nc.parts", ignore_errors=True)
+    assert make(folder) == changed
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "told"),
+    [
+        ("study.toml", "seed = 11", "seed = 12", "seed was 11, is 12"),
+        ("study.toml", 'x = "0 ± 1"', 'x = "0 ± 2"', 'inputs.x was "0 ± 1", is "0 ± 2"'),
+        ("study.toml", "runs = 30", "runs = 31", "designs.one.runs was 30, is 31"),
+        (
+            "study.toml",
+            "[inputs]",
+            '[constraints]\nkeep = ["x < 2"]\n[inputs]',
+            'constraints.keep was not there, is ["x < 2"]',
+        ),
+        ("study.toml", 'z = "m"', 'z = "cm"', 'model.outputs.z was "m", is "cm"'),
+        ("model.py", "x * y", "y * x", "file model.py has changed"),
+    ],
+)
+def test_runs_that_the_study_would_not_make_are_refused(
+    folder: Path, file: str, old: str, new: str, told: str
+) -> None:
+    interrupt(folder, 21)
+    change(folder, old, new, file)
+    with pytest.raises(CheckpointError) as refused:
+        make(folder)
+    assert told in str(refused.value)
+    assert "study.nc.parts: holds runs of one that this study would not make" in str(refused.value)
+    assert str(refused.value).endswith("or start over with --fresh")
+    assert calls(folder) == 21, "no model has run"
+    progress = Told()
+    make(folder, fresh=True, progress=progress)
+    assert progress.before == []
+
+
+def test_another_time_limit_makes_only_late_runs_again(folder: Path) -> None:
+    # Late until there is a file, so that no run depends on the pace of the machine.
+    wait = "while x > 1.3 and not (here / 'open').exists(): time.sleep(0.01)"
+    pause = f"    import time\n    {wait}"
+    change(folder, "    if x > 1:", f"{pause}\n    if x > 1:", "model.py")
+    change(folder, "[model]", '[model]\ntime_limit = "2 s"')
+    change(folder, "runs = 30", "runs = 12")
+    change(folder, STUDY[STUDY.index("[designs.other]") :], '[failures]\nat_most = "10 %"\n')
+    with pytest.raises(TooManyFailedError, match="2 timed out"):
+        make(folder)
+    (folder / "open").touch()
+    change(folder, '"2 s"', '"60 s"')
+    change(folder, '"10 %"', '"100 %"')
+    assert calls(folder) == 4
+    progress = Told()
+    made = make(folder, progress=progress)
+    assert progress.before == [2], "without those that were late"
+    (folder / "study.nc").unlink()
+    assert make(folder) == made
+
+
+def test_another_environment_is_refused(folder: Path) -> None:
+    interrupt(folder, 21)
+    record = folder / "study.nc.parts" / "runs" / "one" / "made_of.json"
+    made_of = json.loads(record.read_text())
+    version = made_of["version_numpy"]
+    record.write_text(json.dumps({**made_of, "version_numpy": "0.1"}))
+    with pytest.raises(CheckpointError, match=rf"version_numpy was 0\.1, is {version}"):
+        make(folder)
+
+
+def test_points_that_have_changed_are_refused_to_the_bit(folder: Path) -> None:
+    interrupt(folder, 21)
+    file = folder / "study.nc.parts" / "runs" / "one" / "0_000000.npz"
+    part = read_runs(file)
+    x = part.inputs["x"].copy()
+    x[3] = np.nextafter(x[3], 1)
+    write_runs(file, FinishedRuns(part.runs, {**part.inputs, "x": x}, part.results))
+    with pytest.raises(CheckpointError, match="its points: has a file changed"):
+        make(folder)
+
+
+@pytest.mark.parametrize("damage", ["cut", "bit", "empty", "text", "record"])
+def test_a_damaged_part_is_made_again_and_said(folder: Path, whole: bytes, damage: str) -> None:
+    interrupt(folder, 21)
+    design = folder / "study.nc.parts" / "runs" / "one"
+    file = design / ("made_of.json" if damage == "record" else "0_000000.npz")
+    content = bytearray(file.read_bytes())
+    content[len(content) // 3] ^= 1
+    file.write_bytes(
+        {
+            "cut": bytes(content[:-100]),
+            "bit": bytes(content),
+            "empty": b"",
+            "text": b"runs",
+            "record": b"{",
+        }[damage]
+    )
+    progress = Told()
+    assert make(folder, progress=progress) == whole
+    assert progress.before == []
+    assert [text.partition(": ")[2][:10] for text in progress.warnings] == ["is damaged"]
+    assert "is damaged" in (folder / "study.nc.log").read_text()
+
+
+def test_nothing_in_a_part_is_executed(tmp_path: Path) -> None:
+    class Hostile:
+        def __reduce__(self) -> Any:
+            return os.mkdir, (str(tmp_path / "executed"),)
+
+    np.savez(tmp_path / "part.npz", allow_pickle=True, run=np.array([Hostile()], dtype=object))
+    with pytest.raises(DamagedRunsError):
+        read_runs(tmp_path / "part.npz")
+    assert not (tmp_path / "executed").exists()
+
+
+def test_a_part_gives_back_what_it_was_given(tmp_path: Path) -> None:
+    points = {"x": np.arange(10) / 3, "y": np.full(10, -0.0)}
+
+    def piece(start: int, runs: int, reasons: dict[int, str]) -> BatchResult:
+        status = np.array([2 * (run in reasons) for run in range(runs)], dtype=np.int8)
+        outputs = {"z": np.where(status, np.nan, points["x"][start : start + runs] ** 2)}
+        return BatchResult(start, Results(outputs, status, reasons, frozenset({"hash  file"})))
+
+    batch_results = [piece(7, 2, {1: "späť – “x”"}), piece(0, 3, {}), piece(3, 1, {0: "one"})]
+    write_runs(tmp_path / "part.npz", FinishedRuns.from_batch_results(points, batch_results))
+    part = read_runs(tmp_path / "part.npz")
+    assert part.match_inputs(points)
+    assert not part.match_inputs({"x": points["x"], "y": np.full(10, 0.0)}), "−0 is not 0"
+    assert not part.match_inputs({"x": points["x"]})
+    assert not part.match_inputs({name: values[:8] for name, values in points.items()})
+    first, second = part.batch_results()
+    assert (first.start, len(first), dict(first.results.reasons)) == (0, 4, {3: "one"})
+    assert (second.start, len(second), dict(second.results.reasons)) == (7, 2, {1: "späť – “x”"})
+    assert second.results.outputs["z"][0] == points["x"][7] ** 2
+    assert first.results.files == {"hash  file"}
+
+
+def test_runs_of_several_models_and_of_vectorized_ones_are_kept(tmp_path: Path) -> None:
+    (tmp_path / "model.py").write_text(VECTORIZED)
+    text = STUDY.replace("runs = 30", "runs = 3000")
+    model = text[text.index("python") : text.index("[inputs]")]
+    both = f"[models.a]\n{model}vectorized = true\n[models.b]\n{model}vectorized = true\n"
+    (tmp_path / "study.toml").write_text(text.replace("[model]\n" + model, both))
+    expected = make(tmp_path)
+    whole_batches = calls(tmp_path)
+    interrupt(tmp_path, whole_batches + 5)
+    progress = Told()
+    assert make(tmp_path, progress=progress) == expected
+    assert progress.before == [3000, 1024]
+    assert calls(tmp_path) == 2 * whole_batches + 1
+
+
+def test_runs_that_the_study_does_not_have_any_more_stay(folder: Path) -> None:
+    interrupt(folder, 40)
+    text = (folder / "study.toml").read_text()
+    change(folder, "[designs.one]", "[designs.first]")
+    progress = Told()
+    make(folder, progress=progress)
+    parts = folder / "study.nc.parts"
+    assert progress.before == [9], "those of the other design"
+    assert progress.warnings == [
+        f"{parts}: still holds runs of one, which this study does not have; "
+        "remove them if they are wanted no more"
+    ]
+    (folder / "study.toml").write_text(text)
+    progress = Told()
+    make(folder, progress=progress)
+    assert (progress.before, progress.warnings) == ([30], [])
+    assert not parts.exists()
+
+
+def test_runs_of_a_model_that_gets_a_name_stay(folder: Path) -> None:
+    interrupt(folder, 21)
+    change(folder, "[model]", "[models.a]")
+    progress = Told()
+    make(folder, progress=progress)
+    assert "still holds runs of one, which" in progress.warnings[0]
+    change(folder, "[models.a]", "[model]")
+    progress = Told()
+    make(folder, progress=progress)
+    assert progress.before == [20]
+
+
+def test_runs_without_a_record_are_made_again(folder: Path, whole: bytes) -> None:
+    interrupt(folder, 21)
+    (folder / "study.nc.parts" / "runs" / "one" / "made_of.json").unlink()
+    progress = Told()
+    assert make(folder, progress=progress) == whole
+    assert progress.before == []
+    assert "made_of.json: is damaged; the runs of one are made again" in progress.warnings[0]
+
+
+def test_a_record_without_runs_refuses_nothing(folder: Path) -> None:
+    interrupt(folder, 21)
+    (folder / "study.nc.parts" / "runs" / "one" / "0_000000.npz").unlink()
+    change(folder, "seed = 11", "seed = 12")
+    interrupt(folder, 40)
+    progress = Told()
+    make(folder, progress=progress)
+    assert progress.before == [18]
+
+
+def test_what_others_put_beside_kept_runs_stays(folder: Path, whole: bytes) -> None:
+    interrupt(folder, 21)
+    parts = folder / "study.nc.parts"
+    for name in ("notes.txt", "notes.tmp", "runs/one/0_notes.npz"):
+        (parts / name).write_text("mine")
+    (parts / "runs/one/0_000007.npz").mkdir()
+    progress = Told()
+    assert make(folder, progress=progress) == whole
+    assert progress.before == [20]
+    assert {file.name for file in parts.iterdir()} == {"notes.txt", "notes.tmp"}
+
+
+def test_a_file_in_place_of_the_folder_is_told_before_a_run(folder: Path) -> None:
+    (folder / "study.nc.parts").write_text("mine")
+    for fresh in (False, True):
+        with pytest.raises(ArchiveError, match=r"study\.nc\.parts: is no folder"):
+            make(folder, fresh=fresh)
+    assert not (folder / "calls").exists()
+
+
+def test_kept_runs_may_lie_behind_a_link(folder: Path, whole: bytes) -> None:
+    interrupt(folder, 21)
+    parts = folder / "study.nc.parts"
+    parts.rename(folder / "elsewhere")
+    parts.symlink_to("elsewhere")
+    progress = Told()
+    assert make(folder, progress=progress) == whole
+    assert progress.before == [20]
+    assert list((folder / "elsewhere").iterdir()) == []
+    interrupt(folder, 90)
+    assert make(folder, fresh=True) == whole
+
+
+def test_another_module_that_a_run_imports_is_told_with_what_to_do(folder: Path) -> None:
+    (folder / "late.py").write_text("factor = 1\n")
+    change(folder, '"z": x * y', '"z": x * y * __import__("late").factor', "model.py")
+    interrupt(folder, 21)
+    (folder / "late.py").write_text("factor = 2\n")
+    for _ in range(2):
+        with pytest.raises(ModelError) as message:
+            make(folder)
+        assert str(message.value).startswith('"late.py" was changed while the study ran: ')
+        assert str(message.value).endswith("change it back, or start over with --fresh")
+    make(folder, fresh=True)
+
+
+def test_ctrl_c_while_the_archive_is_written_keeps_all_runs(
+    folder: Path, whole: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "uqpen.checkpoints.checkpoint_folder._PATIENCE", 1e9
+    )  # none is kept before the end
+    with monkeypatch.context() as patch:
+        patch.setattr("uqpen.checkpoints.make_archive.write", _interrupted)
+        with pytest.raises(KeyboardInterrupt, match="70 runs are kept; the same command goes on"):
+            make(folder)
+    assert make(folder) == whole
+    assert calls(folder) == 70
+
+
+def _interrupted(*arguments: object) -> None:
+    raise KeyboardInterrupt
+
+
+def test_a_log_that_cannot_be_written_hides_no_reason(folder: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        _ended_without_a_log(uqpen.load_study(folder / "study.toml"), folder / "log")
+
+
+def _ended_without_a_log(study: Study, log: Path) -> None:
+    with Journal(log, study, Progress()):
+        log.unlink()
+        log.mkdir()
+        raise KeyboardInterrupt
+
+
+def test_an_archive_behind_a_link_is_written_where_it_lies(folder: Path, whole: bytes) -> None:
+    (folder / "far").mkdir()
+    (folder / "study.nc").symlink_to("far/study.nc")
+    assert make(folder) == whole
+    assert (folder / "study.nc").is_symlink()
+    assert [file.name for file in (folder / "far").iterdir()] == ["study.nc"]
+
+
+def test_a_name_that_is_too_long_is_told(folder: Path) -> None:
+    study = uqpen.load_study(folder / "study.toml")
+    with pytest.raises(ArchiveError, match="cannot be written: File name too long"):
+        uqpen.make_archive(study, folder / f"{'n' * 300}.nc")
+
+
+def test_a_file_in_place_of_the_archive_s_folder_is_told(folder: Path) -> None:
+    study = uqpen.load_study(folder / "study.toml")
+    with pytest.raises(ArchiveError, match=r"cannot be written: .*model\.py is not a folder"):
+        uqpen.make_archive(study, folder / "model.py" / "study.nc")
+
+
+def test_two_processes_do_not_make_one_archive(folder: Path) -> None:
+    with (
+        lock_archive(folder / "study.nc"),
+        pytest.raises(ArchiveError, match=r"study\.nc: another process is making it right now"),
+    ):
+        make(folder)
+    assert not (folder / "calls").exists()
+    make(folder)
+
+
+def test_a_lock_that_was_left_behind_means_nothing(folder: Path) -> None:
+    holder = "from uqpen.checkpoints.lock import locked; import pathlib, time\n"
+    holder += "with locked(pathlib.Path('study.nc').absolute()):\n    print('locked', flush=True)\n"
+    with subprocess.Popen(
+        [sys.executable, "-c", f"{holder}    time.sleep(60)"], cwd=folder, stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"locked\n"
+        with pytest.raises(ArchiveError, match="another process"):
+            make(folder)
+        process.kill()
+    assert (folder / ".study.nc.lock").exists()
+    make(folder)
+    assert not (folder / ".study.nc.lock").exists()
+
+
+def test_a_full_disk_is_told_and_loses_nothing(
+    folder: Path, whole: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    interrupt(folder, 21)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", _is_full)
+        with pytest.raises(ArchiveError) as message:
+            make(folder)
+    assert "runs that are done cannot be kept: No space left on device" in str(message.value)
+    assert "those kept before stay there" in str(message.value)
+    assert not list((folder / "study.nc.parts").rglob("*.tmp"))
+    progress = Told()
+    assert make(folder, progress=progress) == whole
+    assert progress.before == [20]
+
+
+def _is_full(file: int) -> None:
+    raise OSError(28, os.strerror(28))
+
+
+def test_the_log_tells_what_an_archive_must_not(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("platform.node", lambda: "name-of-this-machine")
+    (folder / "model.py").write_text(
+        MODEL.replace("    if x > 1:", "    import warnings; warnings.warn('odd')\n    if x > 1:")
+    )
+    with pytest.warns(RuntimeWarning, match="odd"):
+        make(folder)
+    log = (folder / "study.nc.log").read_text()
+    assert f"on name-of-this-machine ({platform.platform()}), process {os.getpid()}" in log
+    assert "one: 30 runs in " in log
+    assert "UserWarning: odd (model.py:" in log
+    assert "study.nc: is written" in log
+    moment = time.strftime("%Y-%m-%dT")
+    assert all(line.startswith(moment) for line in log.splitlines())
+    content = (folder / "study.nc").read_bytes()
+    assert b"name-of-this-machine" not in content
+    assert str(folder).encode() not in content
+
+
+Command = Callable[..., Any]
+
+
+def test_ctrl_c_says_what_is_kept_and_how_to_go_on(folder: Path, command_line: Command) -> None:
+    (folder / "stop").write_text("21")
+    outcome = command_line("study", "study.toml")
+    assert outcome.code == 130
+    said = "interrupted: 20 runs are kept; the same command goes on from there\n"
+    assert outcome.err.endswith(said)
+    (folder / "stop").unlink()
+    outcome = command_line("study", "study.toml")
+    assert outcome.code == 0
+    assert "one: 20 of 30 runs already done\n" in outcome.err
+    outcome = command_line("study", "study.toml", "--fresh")
+    assert "already done" not in outcome.err
+
+
+def test_a_changed_study_leaves_with_2(folder: Path, command_line: Command) -> None:
+    (folder / "stop").write_text("21")
+    command_line("study", "study.toml")
+    change(folder, "seed = 11", "seed = 12")
+    outcome = command_line("study", "study.toml")
+    assert outcome.code == 2
+    assert "seed was 11, is 12" in outcome.err
+
+
+def test_a_study_that_is_killed_at_any_moment_completes_at_the_next_start() -> None:
+    done = subprocess.run(
+        [sys.executable, "benchmarks/kills.py", "--kills", "4"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "4 kills" in done.stdout
+
+
+def test_eight_workers_in_any_order_write_the_same_bytes(folder: Path) -> None:
+    change(folder, "    if x > 1:", "    pause()\n    if x > 1:", "model.py")
+    change(folder, "def simulate", f"{PAUSE}\ndef simulate", "model.py")
+    expected = make(folder)
+    with processes(8) as pool:
+        assert make(folder, map=pool) == expected
+
+
+def test_what_is_signalled_is_not_lost(folder: Path) -> None:
+    """A study that is ended by the system, as a cluster does when the time is up."""
+    pause = "    if (here / 'slow').exists(): import time; time.sleep(0.02)"
+    change(folder, "    if x > 1:", f"{pause}\n    if x > 1:", "model.py")
+    expected = make(folder)
+    (folder / "calls").unlink()
+    (folder / "slow").touch()
+    line = [sys.executable, "-m", "uqpen", "study", "study.toml", "-o", "study.nc"]
+    with subprocess.Popen(line, cwd=folder, stderr=subprocess.PIPE) as process:
+        while not (folder / "calls").exists() or calls(folder) < 10:
+            time.sleep(0.01)
+        process.send_signal(signal.SIGTERM)
+        process.communicate()
+    (folder / "slow").unlink()
+    assert (folder / "study.nc.parts").exists()
+    assert make(folder) == expected

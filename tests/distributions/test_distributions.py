@@ -1,0 +1,181 @@
+"""Every law against SciPy's, and the properties that any law has."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from uqpen.core.errors import SettingsError
+from uqpen.distributions.continuous import (
+    DISTRIBUTIONS,
+    Beta,
+    Gamma,
+    Gumbel,
+    Lognormal,
+    LogUniform,
+    Normal,
+    Triangular,
+    Uniform,
+    Weibull,
+)
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.truncated import Truncated
+
+pytestmark = pytest.mark.processor
+
+LAWS: dict[str, tuple[Distribution, Any]] = {
+    "normal": (Normal(2.0, 0.5), stats.norm(2.0, 0.5)),
+    "lognormal": (
+        Lognormal(2.0, 0.5),
+        stats.lognorm(math.sqrt(math.log(1 + 0.25**2)), scale=2.0 / math.sqrt(1 + 0.25**2)),
+    ),
+    "uniform": (Uniform(-1.0, 3.0), stats.uniform(-1.0, 4.0)),
+    "log-uniform": (LogUniform(0.1, 30.0), stats.loguniform(0.1, 30.0)),
+    "triangular": (Triangular(-1.0, 0.5, 3.0), stats.triang(0.375, -1.0, 4.0)),
+    "beta": (Beta(2.0, 3.5, -1.0, 3.0), stats.beta(2.0, 3.5, -1.0, 4.0)),
+    "gamma": (Gamma(2.0, 0.5), stats.gamma(16.0, scale=0.125)),
+    "weibull": (Weibull(1.7, 2.0), stats.weibull_min(1.7, scale=2.0)),
+    "gumbel": (
+        Gumbel(2.0, 0.5),
+        stats.gumbel_r(
+            2.0 - np.euler_gamma * 0.5 * math.sqrt(6) / math.pi, 0.5 * math.sqrt(6) / math.pi
+        ),
+    ),
+    "truncated normal": (
+        Truncated(Normal(2.0, 0.5), 1.2, 2.9),
+        stats.truncnorm((1.2 - 2.0) / 0.5, (2.9 - 2.0) / 0.5, 2.0, 0.5),
+    ),
+}
+
+# Both compute the same special functions by other routes; a few dozen roundings lie between.
+ROUNDING = 1e-12
+
+PROBABILITIES = np.array([1e-9, 0.001, 0.1, 0.5, 0.77, 0.999, 1 - 1e-9])
+
+
+def test_every_family_that_a_study_can_name_is_tested() -> None:
+    assert set(DISTRIBUTIONS) <= set(LAWS)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_quantiles_are_scipys(name: str) -> None:
+    distribution, scipys = LAWS[name]
+    np.testing.assert_allclose(
+        distribution.ppf(PROBABILITIES), scipys.ppf(PROBABILITIES), rtol=1e-9, atol=ROUNDING
+    )
+    np.testing.assert_allclose(
+        distribution.isf(PROBABILITIES), scipys.isf(PROBABILITIES), rtol=1e-9, atol=ROUNDING
+    )
+
+
+def test_a_law_truncated_far_out_keeps_its_accuracy() -> None:
+    distribution, parent = Truncated(Normal(0.0, 1.0), 9.0, math.inf), stats.norm()
+    p = np.array([1e-12, 1e-3, 0.5, 0.999])
+    np.testing.assert_allclose(distribution.isf(p), parent.isf(p * parent.sf(9.0)), rtol=ROUNDING)
+    np.testing.assert_allclose(distribution.sf(distribution.isf(p)), p, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_probabilities_are_scipys_in_both_tails(name: str) -> None:
+    distribution, scipys = LAWS[name]
+    low, high = scipys.ppf(0.001), scipys.ppf(0.999)
+    values = np.linspace(low, high, 23)
+    np.testing.assert_allclose(
+        distribution.cdf(values), scipys.cdf(values), rtol=1e-9, atol=ROUNDING
+    )
+    np.testing.assert_allclose(distribution.sf(values), scipys.sf(values), rtol=1e-9, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("name", ["normal", "lognormal", "gamma", "gumbel"])
+def test_mean_and_std_are_those_of_the_variable_itself(name: str) -> None:
+    distribution, _ = LAWS[name]
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    # Gauss's rule over 20 000 pieces of the unit interval, each tail piece 5e-5 wide: what the
+    # tails lack is below 1e-4 of the variance.
+    edges = np.linspace(0, 1, 20_001)
+    middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
+    values = distribution.ppf(middle[:, None] + half[:, None] * nodes[None, :])
+    mean = float((values * weights * half[:, None]).sum())
+    variance = float(((values - mean) ** 2 * weights * half[:, None]).sum())
+    assert mean == pytest.approx(2.0, rel=1e-6)
+    assert math.sqrt(variance) == pytest.approx(0.5, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", LAWS)
+@given(p=st.floats(1e-6, 1 - 1e-6))
+def test_the_probability_below_a_quantile_is_its_own(name: str, p: float) -> None:
+    distribution, _ = LAWS[name]
+    value = distribution.ppf(np.array(p))
+    # An ulp of the value moves the probability by the density times it.
+    assert float(distribution.cdf(value)) == pytest.approx(p, abs=1e-9)
+    assert float(distribution.cdf(value) + distribution.sf(value)) == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_no_draw_leaves_the_support(name: str) -> None:
+    distribution, scipys = LAWS[name]
+    extremes = distribution.ppf(np.array([2**-54, 1 - 2**-53]))
+    low, high = scipys.support()
+    assert low <= extremes[0] <= extremes[1] <= high
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_median_is_exceeded_as_often_as_not(name: str) -> None:
+    distribution, scipys = LAWS[name]
+    assert distribution.median == pytest.approx(scipys.median(), rel=1e-12)
+
+
+@given(
+    lower=st.floats(-30, 30), width=st.floats(0.01, 10), p=st.floats(0, 1), std=st.floats(0.1, 10)
+)
+def test_a_truncated_law_stays_inside_and_keeps_its_order(
+    lower: float, width: float, p: float, std: float
+) -> None:
+    try:
+        distribution = Truncated(Normal(0.0, std), lower, lower + width)
+    except SettingsError:
+        return  # so far out that nothing of the law is left
+    values = distribution.ppf(np.array([0.0, p, 1.0]))
+    assert lower <= values[0] <= values[1] <= values[2] <= lower + width
+
+
+@pytest.mark.parametrize(
+    ("make", "key", "expected"),
+    [
+        (lambda: Normal(1.0, 0.0), "std", "above 0"),
+        (lambda: Normal(1.0, -1.0), "std", "above 0"),
+        (lambda: Normal(math.nan, 1.0), "mean", "a quantity"),
+        (lambda: Lognormal(-1.0, 1.0), "mean", "above 0"),
+        (lambda: Uniform(2.0, 1.0), "upper", "above lower"),
+        (lambda: LogUniform(0.0, 1.0), "lower", "above 0"),
+        (lambda: Triangular(0.0, 2.0, 1.0), "mode", "from lower to upper"),
+        (lambda: Beta(0.0, 1.0, 0.0, 1.0), "alpha", "above 0"),
+        (lambda: Weibull(-1.0, 1.0), "shape", "above 0"),
+        (lambda: Truncated(Normal(0.0, 1.0), 2.0, 1.0), "upper", "above lower"),
+        (lambda: Truncated(Normal(0.0, 1.0), 50.0, 51.0), "", "leave some of the law"),
+    ],
+)
+def test_parameters_that_make_no_law_are_refused(make: Any, key: str, expected: str) -> None:
+    with pytest.raises(SettingsError) as caught:
+        make()
+    (problem,) = caught.value.problems
+    assert problem.key == key
+    assert expected in problem.expected
+
+
+@pytest.mark.parametrize("mode", [0.0, 1.0])
+def test_a_triangle_may_be_upright_on_one_side(mode: float) -> None:
+    distribution = Triangular(0.0, mode, 1.0)
+    scipys = stats.triang(mode)
+    np.testing.assert_allclose(
+        distribution.ppf(PROBABILITIES), scipys.ppf(PROBABILITIES), atol=1e-12
+    )
+    values = np.linspace(-0.5, 1.5, 9)
+    np.testing.assert_allclose(distribution.cdf(values), scipys.cdf(values), atol=1e-12)
+    np.testing.assert_allclose(distribution.sf(values), scipys.sf(values), atol=1e-12)

@@ -1,0 +1,341 @@
+"""Runs on real processes: the same bytes, whatever becomes of the workers."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.archive.write import write
+from uqpen.cli.main import main
+from uqpen.core.errors import ModelError, SettingsError
+from uqpen.core.labels import Status
+from uqpen.core.model import Input, Output
+from uqpen.execution import Evaluator, Map, evaluate
+from uqpen.execution.batch import Batch
+from uqpen.execution.evaluator import EvaluatorWork
+from uqpen.execution.processes import processes
+from uqpen.models.python_function import PythonFunction
+
+pytestmark = pytest.mark.processor
+
+BUILT_IN = """\
+seed = 1
+[model]
+use = "ishigami"
+[inputs]
+x1 = { uniform = { lower = -3, upper = 3 } }
+x2 = { uniform = { lower = -3, upper = 3 } }
+x3 = "1 ± 1"
+[constraints]
+keep = ["x1 > x2 - 3"]
+[designs.monte_carlo]
+kind = "monte-carlo"
+runs = 2500
+"""
+
+# What it needs is imported where it is needed, so that only a run can tell.
+FUNCTION = """\
+import math
+
+def f(x):
+    from helper import twice
+    if x > 1.5:
+        raise ValueError(f"{x:.3f} is too much")
+    return {"y": math.nan if x < -1.5 else twice(x)}
+"""
+
+STUDY = """\
+seed = 3
+{models}
+[inputs]
+x = "0 ± 1"
+[designs.some]
+kind = "monte-carlo"
+runs = {runs}
+"""
+MODEL = """\
+python = "function.py:f"
+inputs = { x = "1" }
+outputs = { y = "m" }
+"""
+
+SEVERAL = f"""\
+[models.one]
+{MODEL}
+[models.other]
+{MODEL.replace(":f", ":g")}
+vectorized = true
+"""
+
+
+def study(folder: Path, source: str, *, runs: int = 100, models: str = "[model]\n" + MODEL) -> str:
+    """The text of a study of a function in its folder."""
+    (folder / "function.py").write_text(source)
+    return STUDY.format(models=models, runs=runs)
+
+
+def archive(folder: Path, text: str, map: Map = map) -> bytes:
+    """The bytes of a study's archive."""
+    write(uqpen.run(uqpen.parse_study(text, folder=folder), map=map), folder / "study.nc")
+    return (folder / "study.nc").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def two() -> Iterator[Map]:
+    """Two workers, for all tests that leave them as they were."""
+    with processes(2) as pool:
+        yield pool
+
+
+def test_any_number_of_workers_writes_the_same_bytes(tmp_path: Path) -> None:
+    (tmp_path / "helper.py").write_text("def twice(x): return 2 * x")
+    several = FUNCTION + "\ndef g(x):\n    return {'y': x / abs(x).max()}"
+    texts = {
+        "built-in": BUILT_IN,
+        "several": study(tmp_path, several, runs=1100, models=SEVERAL),
+    }
+    here = {name: archive(tmp_path, text) for name, text in texts.items()}
+    for workers in (1, 2, 3):
+        with processes(workers) as pool:
+            for name, text in texts.items():
+                assert archive(tmp_path, text, pool) == here[name], (name, workers)
+
+
+def points(*x: float) -> xr.Dataset:
+    return xr.Dataset({"x": ("run", np.array(x))}, {"run": np.arange(len(x))})
+
+
+def test_results_keep_the_order_of_the_runs(tmp_path: Path, two: Map) -> None:
+    text = study(tmp_path, "import time\ndef f(x): time.sleep(x); return {'y': x}")
+    model = uqpen.parse_study(text, folder=tmp_path).model
+    runs = evaluate(Evaluator(model), points(0.3, 0, 0.1, 0), {}, map=two)
+    assert runs["y"].values.tolist() == [0.3, 0, 0.1, 0]
+
+
+def test_batches_are_taken_as_they_are_needed(two: Map) -> None:
+    work = EvaluatorWork(Evaluator(uqpen.parse_study(BUILT_IN).model))
+    taken = []
+
+    def batches() -> Iterator[Batch]:
+        for number in range(1000):
+            taken.append(number)
+            inputs = {name: np.array([0.1 * number % 3]) for name in ("x1", "x2", "x3")}
+            yield Batch(number, inputs)
+
+    results = iter(two(work, batches()))
+    next(results)
+    assert len(taken) < 50
+    results.close()  # type: ignore[attr-defined]
+    assert len(list(two(work, batches()))) == 1000, "the workers can be used again"
+
+
+def test_noise_is_not_the_same_in_every_worker(tmp_path: Path, two: Map) -> None:
+    source = "import numpy as np\ndef f(x): return {'y': np.random.normal()}"
+    tree = uqpen.run(uqpen.parse_study(study(tmp_path, source), folder=tmp_path), map=two)
+    assert len(set(tree["runs/some"]["y"].values.tolist())) == 100
+
+
+@pytest.mark.parametrize("vectorized", [False, True])
+def test_a_worker_that_is_killed_once_loses_nothing(tmp_path: Path, vectorized: bool) -> None:
+    source = """
+import os, pathlib, signal
+marker = pathlib.Path(__file__).with_name("marker")
+def f(x):
+    if not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return {"y": 2 * x}
+"""
+    models = "[model]\n" + MODEL + "vectorized = true\n" * vectorized
+    text = study(tmp_path, source, runs=1100, models=models)
+    with processes(2) as pool:
+        killed = archive(tmp_path, text, pool)
+    assert (tmp_path / "marker").exists()
+    assert killed == archive(tmp_path, text)
+
+
+def test_a_run_that_kills_its_worker_is_the_only_one_lost(tmp_path: Path, two: Map) -> None:
+    source = """
+import os
+def f(x):
+    if (x > 2.9).any():
+        os.kill(os.getpid(), 9)
+    if (x > 2.5).any():
+        os._exit(3)
+    return {"y": 2 * x}
+"""
+    text = study(tmp_path, source, models=f"[model]\n{MODEL}vectorized = true")
+    model = uqpen.parse_study(text, folder=tmp_path).model
+    x = np.tile([*np.linspace(-3, 2, 59), 2.7, *np.linspace(-3, 2, 59), 3.0], 2)
+    runs = evaluate(Evaluator(model), points(*x), {}, map=two)
+    assert (runs["status"].values == np.where(x > 2.5, Status.CRASHED, Status.OK)).all()
+    assert (runs["y"].values[x < 2.5] == 2 * x[x < 2.5]).all()
+    ends = ["exit code 3", "Killed"] * 2
+    assert runs["lost_reason"].values.tolist() == [f"the run ended its process: {e}" for e in ends]
+
+
+def test_a_long_path_of_temporary_files_is_no_hindrance(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(study(tmp_path, "def f(x): return {'y': x}"))
+    temporary = tmp_path / ("long" * 30)
+    temporary.mkdir()
+    words = [sys.executable, "-m", "uqpen", "study", "mine.toml", "--workers", "2"]
+    done = subprocess.run(
+        words,
+        cwd=tmp_path,
+        env={**os.environ, "TMPDIR": str(temporary)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_function_without_a_reference_is_refused(two: Map) -> None:
+    model = PythonFunction(
+        lambda x: {"y": x}, "mine", (Input("x", "1"),), (Output("y", "1"),), {"x": "1", "y": "1"}
+    )
+    with pytest.raises(ModelError, match="cannot be sent to another process"):
+        evaluate(Evaluator(model), points(1.0), {}, map=two)
+
+
+def test_there_is_at_least_one_worker() -> None:
+    with pytest.raises(SettingsError, match="1 or more"), processes(0):
+        pass
+
+
+def test_what_goes_wrong_in_a_worker_is_told(tmp_path: Path, two: Map) -> None:
+    loaded = uqpen.parse_study(study(tmp_path, "def f(x): return {'y': x}"), folder=tmp_path)
+    (tmp_path / "function.py").unlink()
+    with pytest.raises(ModelError, match="no file"):
+        uqpen.run(loaded, map=two)
+
+
+SCRIPT = """\
+import uqpen
+from uqpen.execution.processes import processes
+with processes(2) as pool:
+    uqpen.run(uqpen.load_study("mine.toml"), map=pool)
+"""
+
+
+def test_a_script_that_would_start_itself_again_is_told(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(study(tmp_path, "def f(x): return {'y': x}"))
+    (tmp_path / "script.py").write_text(SCRIPT)
+    done = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert 'under if __name__ == "__main__"' in done.stderr
+    assert done.returncode == 1
+
+
+SLOW = "import time\ndef f(x):\n    print('run', flush=True)\n    time.sleep(60)\n"
+
+
+def test_ctrl_c_leaves_with_130_and_no_process(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(study(tmp_path, SLOW))
+    line = [sys.executable, "-m", "uqpen", "study", "mine.toml", "--workers", "2", "-o"]
+    # As a terminal interrupts all processes, and as another program interrupts the one it knows.
+    running = [
+        (
+            subprocess.Popen(
+                [*line, f"{send.__name__}.nc"],
+                cwd=tmp_path,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                start_new_session=True,
+            ),
+            send,
+        )
+        for send in (os.killpg, os.kill)
+    ]
+    for process, send in running:
+        with process:
+            assert process.stdout is not None
+            assert process.stdout.readline().startswith(b"run")
+            send(process.pid, signal.SIGINT)
+            # Nothing ends before the last process that could write to it.
+            said = process.communicate(timeout=60)[1]
+        assert process.returncode == 130
+        assert said == b"interrupted: nothing was written\n"
+
+
+LAUNCHER = """\
+import subprocess
+
+def f(x):
+    print("run", flush=True)
+    subprocess.run(["sleep", "60"])
+"""
+
+# Neither a thread nor a handler of Python's gets a turn meanwhile.
+BUSY_IN_C = "def f(x):\n    print('run', flush=True)\n    7 ** 3**18\n"
+
+
+def limited(folder: Path, source: str, limit: str) -> subprocess.Popen[bytes]:
+    """A study of two runs under a limit on time, when its first run has begun."""
+    models = f'[model]\ntime_limit = "{limit}"\n{MODEL}'
+    (folder / "mine.toml").write_text(study(folder, source, runs=2, models=models))
+    line = [sys.executable, "-m", "uqpen", "study", "mine.toml"]
+    process = subprocess.Popen(line, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout is not None
+    assert process.stdout.readline().startswith(b"run")
+    return process
+
+
+def test_what_a_run_has_started_ends_with_its_time(tmp_path: Path) -> None:
+    with limited(tmp_path, LAUNCHER, "0.3 s") as process:
+        # Nothing ends before the last process that could write to it.
+        said = process.communicate(timeout=60)[0].decode()
+    assert process.returncode == 3
+    assert "2 timed out" in said
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends when the run does")
+@pytest.mark.parametrize("source", [LAUNCHER, BUSY_IN_C])
+def test_a_run_ends_with_a_program_that_is_killed(tmp_path: Path, source: str) -> None:
+    with limited(tmp_path, source, "50 s") as process:
+        process.kill()
+        process.communicate(timeout=60)
+
+
+@pytest.mark.parametrize("workers", ["0", "-1", "two", "1.5"])
+def test_a_number_of_workers_that_is_none_leaves_with_2(tmp_path: Path, workers: str) -> None:
+    done = command(tmp_path, "study", "mine.toml", "--workers", workers)
+    assert done.returncode == 2
+    assert "--workers" in done.stderr
+
+
+def test_methods_are_compared_on_processes_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = study(tmp_path, "def f(x): return {'y': x}")
+    text += '[designs.more]\nkind = "latin-hypercube"\nruns = 100\n'
+    (tmp_path / "mine.toml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    short = ("--budget", "16", "--repeats", "10", "--reference", "64")
+    for workers in ("1", "2"):
+        options = (*short, "-o", f"{workers}.nc", "--workers", workers)
+        monkeypatch.setattr(sys, "argv", ["uqpen", "compare", "mine.toml", *options])
+        with pytest.raises(SystemExit) as left:
+            main()
+        assert not left.value.code
+    assert (tmp_path / "1.nc").read_bytes() == (tmp_path / "2.nc").read_bytes()
+
+
+def command(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "uqpen", *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )

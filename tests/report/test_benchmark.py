@@ -1,0 +1,321 @@
+"""The report of methods head to head, from archives that real comparisons have made."""
+
+from __future__ import annotations
+
+import json
+import operator
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from uqpen.benchmark.compare import compare
+from uqpen.benchmark.settings import BenchmarkSettings
+from uqpen.core.errors import ArchiveError
+from uqpen.core.lookup import resolve
+from uqpen.report import BENCHMARK_SECTIONS
+from uqpen.report.blocks import (
+    Block,
+    Chart,
+    Charts,
+    Heading,
+    Listing,
+    Quote,
+    Remarks,
+    Table,
+    Text,
+    find_charts,
+)
+from uqpen.report.page import report_page
+from uqpen.study.load import parse_study
+
+STUDY = """\
+title = "Two </script><b>methods</b>"
+seed = 1
+[model]
+python = "model.py:f"
+vectorized = true
+[model.inputs]
+a = "1"
+b = "1"
+[model.outputs]
+y = "m"
+z = "1"
+[inputs]
+a = { uniform = { lower = -3, upper = 3 } }
+b = { uniform = { lower = -3, upper = 3 } }
+[outputs.y]
+unit = "cm"
+exceeds = ["300 cm"]
+[designs.monte_carlo]
+kind = "monte-carlo"
+runs = 100
+[designs.latin_hypercube]
+kind = "latin-hypercube"
+runs = 100
+"""
+TERMS = BenchmarkSettings(budgets=(16, 64), repeats=10, reference=512)
+
+
+def compared(folder: Path, y: str, z: str, terms: BenchmarkSettings = TERMS) -> xr.DataTree:
+    """A comparison on a model of two lines of NumPy."""
+    source = f"import numpy as np\ndef f(a, b):\n    return {{'y': {y}, 'z': {z}}}\n"
+    (folder / "model.py").write_text(source)
+    return compare(parse_study(STUDY, folder=folder), terms)
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
+    """A sum, which Latin hypercubes are made for, and what is always the same."""
+    return compared(tmp_path_factory.mktemp("sum"), "a + b + 5", "np.full_like(a, 2)")
+
+
+def blocks_of(tree: xr.DataTree, name: str, kind: type[Block] = Block) -> list[Any]:
+    made: Iterator[Block] = resolve(BENCHMARK_SECTIONS[name].function)(tree)
+    return [block for block in made if isinstance(block, kind)]
+
+
+def charts_of(tree: xr.DataTree, name: str) -> list[Chart]:
+    return list(find_charts(blocks_of(tree, name)))
+
+
+def traced(chart: Chart, name: str) -> dict[str, Any]:
+    return next(trace for trace in chart.traces if trace.get("name") == name)
+
+
+class TestAnswer:
+    def test_sentences_to_be_quoted_count_what_the_verdicts_say(self, tree: xr.DataTree) -> None:
+        (quote,) = blocks_of(tree, "answer", Quote)
+        levels = [
+            level
+            for output in ("y", "z")
+            for name, array in tree[f"verdicts/{output}"].to_dataset().items()
+            if str(name).endswith("_level")
+            for level in np.ravel(array.values[0, 0])
+        ]
+        assert len(levels) == 11
+        tied = sum("monte_carlo" in level.split() for level in levels)
+        ahead = levels.count("latin_hypercube")
+        assert (tied, ahead) == (10, 1)
+        assert quote.sentences[0] == (
+            "At 16 runs, of 11 statistics, latin_hypercube leads all others by more than the "
+            "noise in 1 and is level with the best in 10; monte_carlo is level in 10."
+        )
+
+    def test_each_verdict_stands_in_words(self, tree: xr.DataTree) -> None:
+        words = next(b for b in blocks_of(tree, "answer", Remarks) if b.head == "In words: y")
+        first, second = tree["verdicts/y/mean_verdict"].values[0]
+        assert re.match(
+            r"at 16 runs latin_hypercube leads monte_carlo by a factor of [\d.]+ \(", first
+        )
+        assert words.lines[0] == f"mean: {first}; {second}."
+
+    def test_a_chart_marks_who_leads_and_who_is_level(self, tree: xr.DataTree) -> None:
+        chart = charts_of(tree, "answer")[0]
+        assert chart.y.rows == (
+            "mean",
+            "sd",
+            "5 % quantile",
+            "median",
+            "95 % quantile",
+            "P(> 300 cm)",
+        )
+        assert [text for _, text in chart.x.ticks] == ["16", "64"]
+        lead = traced(chart, "latin_hypercube")
+        first = lead["y"].index(0)
+        assert (lead["x"][first], lead["marker"]["symbol"][first]) == (0, "square")
+        assert 0 not in traced(chart, "monte_carlo")["y"]
+
+    def test_what_must_be_known_is_counted(self, tree: xr.DataTree) -> None:
+        known = blocks_of(tree, "answer", Remarks)[0]
+        assert known.head == "What must be known"
+        assert (
+            "For 2 of 22 verdicts: the reference has no interval here, so how far it is off is "
+            "not known." in known.lines
+        )
+        assert known.lines[-1] == (
+            "Intervals of errors: none where a few of the repeats decide an error; a tail that "
+            "none has met cannot show."
+        )
+
+
+class TestErrors:
+    def test_a_line_for_each_method_has_the_archives_errors(self, tree: xr.DataTree) -> None:
+        chart = charts_of(tree, "errors")[0]
+        error = tree["errors/y/mean"].values
+        line = traced(chart, "monte_carlo")
+        assert line["mode"] == "lines+markers"
+        assert line["y"] == pytest.approx(100 * error[0, :, 0], rel=1e-5)
+        assert line["error_y"]["array"] == pytest.approx(
+            100 * (error[0, :, 2] - error[0, :, 0]), rel=1e-5
+        )
+        guide = traced(chart, "1/√runs")
+        assert guide["y"][0] == pytest.approx(2 * guide["y"][1], rel=1e-5)
+        assert chart.title == "mean: 499.61 ± 0.63 cm"
+        assert [label for label, _ in chart.tables[0].rows] == ["monte_carlo", "latin_hypercube"]
+
+    def test_what_no_axis_can_show_is_named(self, tree: xr.DataTree) -> None:
+        # The second output never changes, so that every error is 0.
+        assert [block.text for block in blocks_of(tree, "errors", Heading)] == ["y"]
+        (text,) = blocks_of(tree, "errors", Text)
+        assert text.text == (
+            "Not drawn, as no error is above 0: z, mean; z, sd; z, 5 % quantile; z, median; "
+            "z, 95 % quantile."
+        )
+
+    def test_replicates_stand_apart_with_their_verdicts(self, tree: xr.DataTree) -> None:
+        chart = charts_of(tree, "replicates")[0]
+        replicated = traced(chart, "latin_hypercube")
+        assert replicated["y"] == pytest.approx(
+            100 * tree["errors/y/mean"].values[2, :, 0], rel=1e-5
+        )
+        assert any(note.startswith("Replicated: ") for note in chart.notes)
+
+    def test_an_error_that_few_repeats_decide_is_hollow(self, tree: xr.DataTree) -> None:
+        changed = tree.copy(deep=True)
+        changed["errors/y/mean"].values[0, 0, 1:] = np.nan
+        chart = charts_of(changed, "errors")[0]
+        assert traced(chart, "monte_carlo")["marker"]["symbol"] == ["circle-open", "circle"]
+        assert "Hollow: no interval, as few of the repeats decide the error." in chart.notes
+        assert chart.tables[0].notes == ["no interval, as few of the repeats decide this error"]
+
+    def test_the_references_own_error_is_shown(self, tree: xr.DataTree) -> None:
+        mean = charts_of(tree, "errors")[0]
+        _, lower, upper = tree["reference/moments/y_mean"].values
+        own = 100 * (upper - lower) / 2 / tree["errors/y/mean_scale"].item()
+        shaded = [trace for trace in mean.traces if "fillcolor" in trace]
+        if shaded:
+            assert shaded[0]["y"][0] == pytest.approx(own, rel=1e-5)
+        else:
+            assert any(note.startswith("The reference's own error, ") for note in mean.notes)
+
+
+class TestRates:
+    def test_slopes_have_intervals_and_a_guide(self, tree: xr.DataTree) -> None:
+        single, replicated = charts_of(tree, "rates")
+        assert single.title == "Slopes of y, as single sets"
+        assert replicated.title == "Slopes of y, in replicates"
+        assert [shape["x0"] for shape in single.shapes] == [-0.5]
+        slope = traced(single, "monte_carlo")
+        assert slope["x"][0] == pytest.approx(tree["slopes/y/mean"].values[0, 0], rel=1e-5)
+
+    def test_coverage_is_told_with_what_chance_does(self, tree: xr.DataTree) -> None:
+        (block,) = blocks_of(tree, "coverage", Charts)
+        assert block.notes[0] == (
+            "Each marker is of one number of runs. Shaded: shares from 80 %, which 10 intervals "
+            "that cover 95 % may well show by chance. Estimates without an interval do not "
+            "count, so a share may be of fewer than 10."
+        )
+        shares = tree["errors/y/mean_coverage"].values
+        label, cells = block.charts[0].tables[0].rows[0]
+        assert label == "mean, monte_carlo"
+        assert cells == [f"{100 * share:.0f}" for share in shares[0]]
+
+
+class TestReference:
+    def test_cost_counts_runs(self, tree: xr.DataTree) -> None:
+        (table,) = blocks_of(tree, "cost", Table)
+        assert table.table.rows[2] == ("\u00a0\u00a0\u00a0replicated", ["8 × 2", "8 × 8"])
+        (text,) = blocks_of(tree, "cost", Text)
+        assert text.text == (
+            "All repeats together are charged 2\u202f400 runs, and the reference 512."
+        )
+
+    def test_values_that_errors_are_held_to(self, tree: xr.DataTree) -> None:
+        (text,) = blocks_of(tree, "reference", Text)
+        assert text.text == "It made 512 runs, all of which came back."
+        values = blocks_of(tree, "reference", Table)[0].table
+        label, (value, own, relative, how) = values.rows[0]
+        assert (label, how) == ("mean", "Student t over replicates")
+        assert value == "499.61 ± 0.63 cm ¹"
+        assert own.startswith("± ")
+        scale = 100 * tree["errors/y/mean_scale"].item()
+        assert relative == f"{scale:.4g} cm"
+
+    def test_tables_are_those_of_the_screen(self, tree: xr.DataTree) -> None:
+        tables = blocks_of(tree, "tables", Table)
+        assert len(tables) == 11
+        assert tables[0].table.title == "y, mean: 499.61 ± 0.63 cm"
+        assert tables[0].table.columns == ["16", "64", "slope"]
+
+    def test_the_study_is_in_it(self, tree: xr.DataTree) -> None:
+        assert STUDY in [block.text for block in blocks_of(tree, "archive", Listing)]
+
+
+class TestPage:
+    def test_it_is_the_same_each_time_and_runs_nothing_of_the_study(
+        self, tree: xr.DataTree
+    ) -> None:
+        text = report_page(tree)
+        assert text == report_page(tree)
+        title = "Two &lt;/script&gt;&lt;b&gt;methods&lt;/b&gt;: methods head to head"
+        assert f"<h1>{title}</h1>" in text
+        assert re.findall(r'<section id="(\w+)"', text) == list(BENCHMARK_SECTIONS)
+        data = re.search(r'id="data">(.*?)</script>', text, re.DOTALL)
+        assert data
+        assert json.loads(data[1])
+
+    def test_a_reference_that_lost_all_of_its_runs(self, tmp_path: Path) -> None:
+        lost = compared(tmp_path, "a * np.nan", "b * np.nan")
+        (known,) = blocks_of(lost, "answer")
+        assert known.lines == ("The reference lost all of its runs, so no error can be told.",)
+        names = re.findall(r'<section id="(\w+)"', report_page(lost))
+        assert names == ["answer", "cost", "reference", "tables", "archive"]
+
+    def test_losses_are_told(self, tmp_path: Path) -> None:
+        terms = BenchmarkSettings(budgets=(16,), repeats=10, reference=512)
+        some = compared(tmp_path, "np.where(a < 1, np.nan, b)", "np.exp(4 * b)", terms)
+        lines = blocks_of(some, "answer", Remarks)[0].lines
+        used = int(some["reference/moments"].attrs["runs_used"])
+        assert 0 < used < 512
+        assert lines[0] == (
+            f"The reference lost {512 - used} of its 512 runs; errors are held to what the "
+            "others tell."
+        )
+        assert not blocks_of(some, "rates")
+        assert report_page(some)
+
+    def test_one_method_has_nobody_to_beat(self, tree: xr.DataTree) -> None:
+        alone = tree.isel(contestant=[0], missing_dims="ignore")
+        for output in ("y", "z"):
+            verdicts = alone[f"verdicts/{output}"].to_dataset()
+            for name in verdicts:
+                if str(name).endswith("_lead"):
+                    verdicts[name] = verdicts[name] * np.nan
+                else:
+                    verdicts[name] = xr.full_like(verdicts[name], "", dtype=object)
+            alone[f"verdicts/{output}"] = xr.DataTree(verdicts)
+        assert blocks_of(alone, "answer")[0] == Text("No two methods have figures to compare.")
+        assert report_page(alone)
+
+    @pytest.mark.parametrize(
+        ("damage", "complaint"),
+        [
+            (
+                lambda tree: operator.delitem(tree["errors"], "y"),
+                "/errors/y: no mean along",
+            ),
+            (lambda tree: operator.delitem(tree, "methods"), "no methods"),
+            (
+                lambda tree: tree["errors/y/mean"].attrs.update(interval_level="x"),
+                "/errors/y/mean: interval_level is no probability",
+            ),
+        ],
+    )
+    def test_a_damaged_archive_is_refused(
+        self, tree: xr.DataTree, damage: Callable[[xr.DataTree], object], complaint: str
+    ) -> None:
+        damaged = tree.copy(deep=True)
+        damage(damaged)
+        with pytest.raises(ArchiveError, match=f"^the archive is damaged: {complaint}"):
+            report_page(damaged)
+
+    def test_numbers_of_runs_that_do_not_ascend_are_refused(self, tree: xr.DataTree) -> None:
+        turned = tree.isel(budget=[1, 0], missing_dims="ignore")
+        complaint = "/methods: numbers of runs that do not ascend from 1"
+        with pytest.raises(ArchiveError, match=complaint):
+            report_page(turned)

@@ -1,0 +1,118 @@
+"""Runs that were lost: to what, how likely that is, and where among the inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import xarray as xr
+
+import uqpen
+from uqpen.archive.read import read_group
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.report.blocks import Chart, Table, Text
+from uqpen.report.sections.failures import failures
+from uqpen.statistics.failure_analysis import failure_analysis
+from uqpen.statistics.sample import Sample
+from uqpen.study.study import Study
+
+
+def test_losses_are_told_by_reason_and_design(archives: Mapping[str, xr.DataTree]) -> None:
+    table, chances, places = failures(ArchiveView(archives["beam"], ""))
+    assert isinstance(table, Table)
+    assert table.table.columns == ["only\nof 120 runs"]
+    assert table.table.rows == [("failed: ValueError: too heavy", ["22"])]
+    assert isinstance(chances, Chart)
+    assert chances.summary == "only: failed 18.3 % (11.9 % to 26.4 %)."
+    assert chances.y.rows == ("only",)
+    assert chances.notes == ("Bars: 95 % intervals.",)
+    told = read_group(archives["beam"], "statuses", "only")["failed"].values
+    (trace,) = chances.traces
+    sides = trace["error_x"]
+    drawn = [
+        trace["x"][0],
+        trace["x"][0] - sides["arrayminus"][0],
+        trace["x"][0] + sides["array"][0],
+    ]
+    np.testing.assert_allclose(drawn, told, rtol=1e-4)
+    assert isinstance(places, Chart)
+
+
+def test_inputs_that_go_with_losses_are_drawn(archives: Mapping[str, xr.DataTree]) -> None:
+    *_, chart = failures(ArchiveView(archives["beam"], ""))
+    assert isinstance(chart, Chart)
+    assert chart.title == "Which inputs go with the lost runs of only"
+    assert chart.y.rows == ("load", "span")
+    assert chart.summary == (
+        "The input that goes with the losses most is load: P(larger) 1, P(further out) 0.888 "
+        "(0.812 … 0.935)."
+    )
+    # All lost runs have larger loads than the others, which no interval can be told of.
+    larger, further = chart.traces
+    assert larger["marker"]["symbol"] == ["circle-open", "circle"]
+    assert further["marker"]["symbol"] == ["square", "square"]
+    assert chart.notes[-2:] == ("Bars: 95 % intervals.", "Hollow: no interval; the table says why.")
+    assert chart.tables[0].notes == ["the lost runs lie apart from all others"]
+
+
+def test_where_all_are_lost_no_input_goes_with_it(archives: Mapping[str, xr.DataTree]) -> None:
+    table, _, places = failures(ArchiveView(archives["lost"], ""))
+    assert isinstance(table, Table)
+    assert table.table.rows == [("failed: ValueError: too heavy", ["120"])]
+    assert isinstance(places, Table)
+    assert places.table.notes == ["no run came back"]
+
+
+def test_where_none_is_lost_a_bound_is_told(archives: Mapping[str, xr.DataTree]) -> None:
+    (block,) = failures(ArchiveView(archives["schema_2_several"], "one"))
+    assert block == Text(
+        "None of the 16 runs was lost. By monte_carlo, the probability that the model fails at a "
+        "random point is at most 26 %, the upper end of its 95 % interval."
+    )
+
+
+def test_what_is_no_sample_has_a_share_without_an_interval(
+    study_of: Callable[..., Study],
+) -> None:
+    text = '[designs.some]\nkind = "quadrature"\norder = 3'
+    tree = uqpen.run(study_of("np.where(a > 0.9, np.nan, a)", text, a=(0.0, 1.0)))
+    _, chart = list(failures(ArchiveView(tree, "")))[:2]
+    assert isinstance(chart, Chart)
+    (table,) = chart.tables
+    assert table.rows == [("some", ["0.25 ¹"])]
+    assert table.notes == ["the share of its runs, which are no sample of the inputs: no interval"]
+    assert chart.notes == ("Hollow: no interval; the table says why.",)
+
+
+def test_rare_reasons_are_counted_together(study_of: Callable[..., Study]) -> None:
+    text = '[designs.some]\nkind = "monte-carlo"\nruns = 60'
+    tree = uqpen.run(study_of("np.nan * a", text, a=(0.0, 1.0)))
+    runs = read_group(tree, "runs", "some")
+    reasons = np.array([f"reason {max(number, 9)}" for number in range(60)], dtype=object)
+    tree["runs/some"] = xr.DataTree(runs.assign(lost_reason=("lost_run", reasons)))
+    table, *_ = failures(ArchiveView(tree, ""))
+    assert isinstance(table, Table)
+    assert table.table.rows[0] == ("not finite: reason 9", ["10"])
+    assert table.table.rows[-2:] == [("31 less frequent reasons", ["31"]), ("all", ["60"])]
+    assert len(table.table.rows) == 22
+
+
+def test_only_some_of_many_inputs_are_drawn(wide: xr.DataTree) -> None:
+    runs = read_group(wide, "runs", "monte_carlo")
+    lost = runs["heat_transfer_in_layer_x"].values > 1.1
+    tree = wide.copy()
+    tree["losses/monte_carlo"] = xr.DataTree(_where_lost(runs, lost))
+    tree["runs/monte_carlo"] = xr.DataTree(runs.assign(status=("run", 2 * lost.astype(np.int8))))
+    *_, chart = failures(ArchiveView(tree, ""))
+    assert isinstance(chart, Chart)
+    assert chart.y.rows[0] == "heat_transfer_in_layer_x"
+    assert len(chart.y.rows) == 15
+    assert chart.notes[-1] == "9 more inputs are in the table."
+    assert len(chart.tables[0].rows) == 24
+
+
+def _where_lost(runs: xr.Dataset, lost: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> xr.Dataset:
+    status = runs["status"].copy(data=np.where(lost, 2, 0))
+    return xr.Dataset(
+        dict(failure_analysis(Sample.from_runs(runs.assign(status=status), "status")))
+    )

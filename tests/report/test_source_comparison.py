@@ -1,0 +1,221 @@
+"""Statistics of all sources side by side, and what their intervals cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.report.axes import logarithmic_axis
+from uqpen.report.blocks import Block, Chart, Charts, Heading, Table, Text
+from uqpen.report.chart_json import charts_json
+from uqpen.report.sections.source_comparison import source_comparison
+from uqpen.results.digits import grouped_number
+
+Archives = Mapping[str, xr.DataTree]
+
+SOURCES = ["monte_carlo", "latin_hypercube", "sobol_sequence", "sobol_indices", "training"]
+
+
+@pytest.fixture(scope="module")
+def told(concrete: xr.DataTree) -> list[Block]:
+    return list(source_comparison(ArchiveView(concrete, "")))
+
+
+def groups(blocks: Iterable[Block]) -> list[Charts]:
+    return [block for block in blocks if isinstance(block, Charts)]
+
+
+def chart(charts: Charts, title: str) -> Chart:
+    return next(each for each in charts.charts if each.title == title)
+
+
+def test_each_statistic_has_a_chart_with_a_row_for_each_source(told: list[Block]) -> None:
+    assert told[0] == Heading("depth of penetration (penetration_depth)")
+    side_by_side = groups(told)[0]
+    assert [each.title for each in side_by_side.charts] == [
+        "mean",
+        "sd",
+        "5 % quantile",
+        "median",
+        "95 % quantile",
+        "P(> 60 cm)",
+    ]
+    for each in side_by_side.charts:
+        assert each.y.rows == (*SOURCES, "polynomial_chaos", "report")
+    assert chart(side_by_side, "mean").x.title == "mean [m]"
+    assert chart(side_by_side, "P(> 60 cm)").x.title == "P(> 60 cm)"
+    assert side_by_side.notes == ("Bars: 95 % intervals.",)
+    (table,) = side_by_side.tables
+    assert table.title == "penetration_depth [m]"
+    assert table.rows[0] == ("runs", ["400", "400", "256", "384", "80", "480", "–"])
+
+
+def test_dots_are_the_archives_figures(concrete: xr.DataTree, told: list[Block]) -> None:
+    side_by_side = groups(told)[0]
+    for title, name in (("mean", "penetration_depth_mean"), ("sd", "penetration_depth_std")):
+        traces = chart(side_by_side, title).traces
+        assert [trace["name"] for trace in traces][:7] == list(chart(side_by_side, title).y.rows)
+        for row, trace in enumerate(traces[:7]):
+            estimate, lower, upper = concrete["moments"][trace["name"]][name].values
+            assert trace["x"] == [pytest.approx(estimate, rel=1e-8)]
+            assert trace["y"] == [row]
+            (right,), (left,) = trace["error_x"]["array"], trace["error_x"]["arrayminus"]
+            (symbol,) = trace["marker"]["symbol"]
+            if np.isfinite(lower):
+                assert (left, right) == pytest.approx((estimate - lower, upper - estimate), 1e-5)
+            else:
+                assert (left, right) == ("none", "none")
+            assert symbol.endswith("-open") == bool(np.isnan(lower))
+    table = dict(side_by_side.tables[0].rows)
+    hover = chart(side_by_side, "mean").traces[0]["text"][0]
+    assert hover.split(" ¹")[0] == f"monte_carlo {table['mean'][0].split(' ¹')[0]} m"
+
+
+def test_a_refused_figure_is_crossed_out(archives: Archives) -> None:
+    side_by_side = groups(source_comparison(ArchiveView(archives["schema_2"], "")))[0]
+    assert [(key.text, key.mark) for key in side_by_side.keys] == [
+        ("no interval", "circle-open"),
+        ("crossed out: refused, as independent runs contradict it", "x"),
+    ]
+    rows = dict(side_by_side.tables[0].rows)
+    columns = side_by_side.tables[0].columns
+    for each in side_by_side.charts:
+        crossed = [trace for trace in each.traces if trace["name"] == "refused"]
+        refused = ["refused" in rows[each.title][columns.index("chaos")]]
+        assert [True] * len(crossed) == [one for one in refused if one]
+        for trace in crossed:
+            assert trace["marker"]["symbol"] == "x-thin-open"
+            assert trace["marker"]["line"] == {"color": "ink", "width": 2}
+            dot = next(dot for dot in each.traces if dot["name"] == "chaos")
+            assert (dot["x"], dot["y"]) == (trace["x"], trace["y"])
+            assert dot["text"][0].endswith(" refused")
+
+
+def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> None:
+    widths = groups(told)[1]
+    assert [each.title for each in widths.charts] == [
+        "How wide the interval is: mean",
+        "How wide the interval is: median",
+        "How wide the interval is: P(> 60 cm)",
+    ]
+    guide, *dots = widths.charts[0].traces
+    assert [trace["name"] for trace in dots] == SOURCES
+    for trace in dots:
+        _, lower, upper = concrete["moments"][trace["name"]]["penetration_depth_mean"].values
+        assert trace["x"] == [concrete["runs"][trace["name"]].sizes["run"]]
+        assert trace["y"] == [pytest.approx((upper - lower) / 2, rel=1e-4)]
+    assert guide["x"] == [80, 400]
+    (plain,) = dots[0]["y"]
+    expected = [plain * np.sqrt(400 / 80), plain]
+    assert guide["y"] == pytest.approx(expected, rel=1e-4)
+    assert widths.keys[-1].text == "as 1/√runs, from monte_carlo"
+    assert widths.notes == (
+        "± is half of an interval's length, also where its ends lie unevenly.",
+        "No interval, so not shown: polynomial_chaos, report.",
+    )
+
+
+def test_a_table_says_how_many_draws_give_as_narrow_an_interval(
+    concrete: xr.DataTree, told: list[Block]
+) -> None:
+    table = next(block.table for block in told if isinstance(block, Table))
+    assert table.title == "What an interval costs: its ±, and as many independent draws"
+    assert table.columns[:4] == ["runs", "mean ± [m]", "draws", "median ± [m]"]
+    rows = dict(table.rows)
+    assert list(rows) == SOURCES
+    assert rows["monte_carlo"][0] == rows["monte_carlo"][2] == "400"
+    bounds = [concrete["moments"][name]["penetration_depth_mean"].values for name in SOURCES[:2]]
+    plain, other = (upper - lower for _, lower, upper in bounds)
+    draws = grouped_number(int(float(f"{400 * (plain / other) ** 2:.2g}")))
+    mark = rows["latin_hypercube"][2].split()[-1]
+    assert rows["latin_hypercube"][2] == f"≈ {draws} {mark}"
+    assert table.notes["¹²³⁴⁵".index(mark)] == (
+        "so many independent draws would give as narrow an interval; a rough figure, the square of "
+        "the ratio of two widths, without an interval as nothing tells how far off these are"
+    )
+    assert "128 of them are a sample; the others serve its indices" in table.notes
+
+
+def test_one_source_has_a_table(archives: Archives) -> None:
+    heading, text, table = source_comparison(ArchiveView(archives["beam"], ""))
+    assert heading == Heading("deflection")
+    assert text == Text("There is one source only, only, so nothing stands beside it.")
+    assert isinstance(table, Table)
+    assert table.table.columns == ["only"]
+
+
+def test_nothing_is_told_where_all_runs_were_lost(archives: Archives) -> None:
+    assert list(source_comparison(ArchiveView(archives["lost"], ""))) == []
+
+
+def test_widths_need_no_independent_draws_but_their_costs_do(archives: Archives) -> None:
+    without = xr.DataTree.from_dict(
+        {
+            path: dataset
+            for path, dataset in archives["schema_2"].to_dict().items()
+            if "/monte_carlo" not in path
+        }
+    )
+    blocks = list(source_comparison(ArchiveView(without, "")))
+    assert [type(block) for block in blocks] == [Heading, Charts, Charts]
+    assert [trace["name"] for trace in groups(blocks)[1].charts[0].traces] == [
+        "latin_hypercube",
+        "blocks",
+    ]
+
+
+def test_of_many_outputs_the_last_have_tables_only(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    folder = tmp_path_factory.mktemp("many")
+    names = [f"y{number}" for number in range(8)]
+    body = ", ".join(f"{name!r}: x + {number}" for number, name in enumerate(names))
+    (folder / "many.py").write_text(f"def f(x):\n    return {{{body}}}\n")
+    units = "\n".join(f'{name} = "m"' for name in names)
+    tree = uqpen.run(
+        uqpen.parse_study(
+            f'seed = 1\n[model]\npython = "many.py:f"\nvectorized = true\n'
+            f'[model.inputs]\nx = "m"\n[model.outputs]\n{units}\n'
+            '[inputs]\nx = "(1 ± 0.1) m"\n'
+            '[designs.one]\nkind = "monte-carlo"\nruns = 30\n'
+            '[designs.two]\nkind = "monte-carlo"\nruns = 60\n',
+            folder=folder,
+        )
+    )
+    blocks = list(source_comparison(ArchiveView(tree, "")))
+    assert sum(isinstance(block, Heading) for block in blocks) == 6
+    *_, text, one, other = blocks
+    assert text == Text("Without charts, as there are so many outputs: y6, y7.")
+    assert isinstance(one, Table)
+    assert isinstance(other, Table)
+    assert [one.table.title, other.table.title] == ["y6 [m]", "y7 [m]"]
+    assert one.is_folded
+    assert other.is_folded
+
+
+def test_what_is_drawn_stays_small(told: list[Block]) -> None:
+    charts = [each for charts in groups(told) for each in charts.charts]
+    assert len(charts_json(charts)) < 70_000
+
+
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ([500, 10_000], ["500", "1\u202f000", "2\u202f000", "5\u202f000", "10\u202f000"]),
+        ([500, 50_000], ["1\u202f000", "3\u202f000", "10\u202f000", "30\u202f000"]),
+        ([0.0005, 0.01], ["0.0005", "0.001", "0.002", "0.005", "0.01"]),
+        ([7], ["5", "10"]),
+        ([1e-9, 2e-7], ["10⁻⁹", "3×10⁻⁹", "10⁻⁸", "3×10⁻⁸", "10⁻⁷", "3×10⁻⁷"]),
+        ([1, 1e12], ["1", "1\u202f000", "10⁶", "10⁹", "10¹²"]),
+    ],
+)
+def test_logarithmic_axes_have_round_numbers(values: list[float], texts: list[str]) -> None:
+    axis = logarithmic_axis("x", values)
+    assert [text for _, text in axis.ticks] == texts
+    assert axis.ends is not None
+    assert axis.ends[0] < np.log10(min(values)) <= np.log10(max(values)) < axis.ends[1]

@@ -1,0 +1,182 @@
+"""Estimates from growing parts of a design's runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.archive.interval_metadata import INTERVAL_METADATA, interval_metadata
+from uqpen.core.labels import REPLICATE, Sampling, Status
+from uqpen.core.model import Category, Output
+from uqpen.statistics.analyze import analyze
+from uqpen.statistics.convergence import convergence, reason_without_parts
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
+
+pytestmark = pytest.mark.processor
+
+Y = QuantityOfInterest(
+    Output("y", "m"), "m", thresholds=(Threshold("1 m", 1.0), Threshold("2 m", 2.0))
+)
+KIND = QuantityOfInterest(
+    Output("kind", "1", "", "", (Category("a", "A"), Category("b", "B"))), "1"
+)
+
+STUDY = """
+seed = 4
+[model]
+use = "ishigami"
+[inputs]
+x1 = { uniform = { lower = -3, upper = 3 } }
+x2 = { uniform = { lower = -3, upper = 3 } }
+x3 = { uniform = { lower = -3, upper = 3 } }
+[outputs.y]
+exceeds = [8]
+[designs.independent]
+kind = "monte-carlo"
+runs = 330
+[designs.replicated]
+kind = "latin-hypercube"
+runs = 300
+[designs.blocks]
+kind = "saltelli"
+base = 64
+"""
+
+
+def runs_of(sampling: Sampling, count: int, replicate: np.ndarray | None = None) -> xr.Dataset:
+    generator = np.random.default_rng(7)
+    coordinates = {} if replicate is None else {REPLICATE: ("run", replicate)}
+    return xr.Dataset(
+        {
+            "x": ("run", generator.random(count), {"role": "input"}),
+            "y": ("run", generator.lognormal(size=count), {"role": "output"}),
+            "kind": ("run", generator.integers(0, 2, count), {"role": "output"}),
+            "status": ("run", np.zeros(count, dtype=np.int8)),
+        },
+        {"run": np.arange(count), **coordinates},
+        {"sampling": str(sampling)},
+    )
+
+
+def sizes(runs: xr.Dataset) -> list[int]:
+    told = convergence(runs, [Y])
+    return [int(size) for size in told["moments"]["runs_so_far"].values] if told else []
+
+
+def assert_same(last: xr.DataArray, whole: xr.DataArray) -> None:
+    """Figures are the same to the bit, and so is what they say of themselves."""
+    assert last.values.tobytes() == whole.values.tobytes()
+    entries = [(last, whole)] if whole.ndim == 1 else list(zip(last, whole, strict=True))
+    for one, other in entries:
+        assert [interval_metadata(one, what) for what in INTERVAL_METADATA] == [
+            interval_metadata(other, what) for what in INTERVAL_METADATA
+        ]
+
+
+def test_the_last_part_is_what_the_archive_tells() -> None:
+    study = uqpen.parse_study(STUDY)
+    tree = uqpen.run(study)
+    for design in ("independent", "replicated", "blocks"):
+        answers = convergence(tree["runs"][design].to_dataset(), study.quantities_of_interest)
+        assert set(answers) == {"moments", "quantiles", "exceedance"}
+        for group, parts in answers.items():
+            archived = tree[group][design].to_dataset()
+            names = [name for name in archived.data_vars if f"{name}" in parts]
+            assert len(names) == len(parts.data_vars)
+            for name in names:
+                assert_same(parts[name][-1], archived[name])
+                assert parts[name].attrs["units"] == archived[name].attrs["units"]
+
+
+def test_the_first_draws_are_a_smaller_sample() -> None:
+    runs = runs_of(Sampling.INDEPENDENT, 130)
+    runs["status"][3] = Status.FAILED
+    answers = convergence(runs, [Y, KIND])
+    assert answers["shares"]["runs_so_far"].values.tolist() == [20, 30, 50, 100, 130]
+    alone = analyze(runs.isel(run=slice(50)), [Y, KIND])
+    for group, parts in answers.items():
+        for name, array in parts.items():
+            assert_same(array[2], alone[group][name])
+    note = interval_metadata(answers["exceedance"]["y"][0, 1], "note")
+    assert note == "the 1 missing runs are counted both ways"
+    assert answers["exceedance"]["y_threshold"].values.tolist() == ["1 m", "2 m"]
+
+
+def test_replicates_are_taken_whole_wherever_their_runs_stand() -> None:
+    mixed = np.random.default_rng(2).permutation(np.repeat(np.arange(4), 60))
+    runs = runs_of(Sampling.STRATIFIED, 240, mixed)
+    answers = convergence(runs, [Y])
+    assert answers["moments"]["runs_so_far"].values.tolist() == [120, 180, 240]
+    alone = analyze(runs.isel(run=mixed < 3), [Y])["moments"]
+    assert_same(answers["moments"]["y_mean"][1], alone["y_mean"])
+    assert (
+        interval_metadata(answers["moments"]["y_mean"][0], "interval")
+        == "Student t over replicates"
+    )
+
+
+@pytest.mark.parametrize(
+    ("sampling", "count", "replicates", "expected"),
+    [
+        (Sampling.INDEPENDENT, 25, 0, [20, 25]),
+        (Sampling.INDEPENDENT, 1000, 0, [20, 30, 50, 100, 200, 300, 500, 1000]),
+        (Sampling.INDEPENDENT, 240_000, 0, [30, 100, 300, 1000, 3000, 10_000, 30_000, 100_000]),
+        (Sampling.STRATIFIED, 300, 10, [60, 90, 120, 150, 210, 300]),
+        (Sampling.STRATIFIED, 240_000, 10, [48_000, 96_000, 192_000, 240_000]),
+    ],
+)
+def test_parts_grow_in_round_steps(
+    sampling: Sampling, count: int, replicates: int, expected: list[int]
+) -> None:
+    replicate = np.repeat(np.arange(replicates), count // replicates) if replicates else None
+    expected = expected if expected[-1] == count else [*expected, count]
+    assert sizes(runs_of(sampling, count, replicate)) == expected
+
+
+def test_there_are_sixteen_parts_at_the_most() -> None:
+    assert len(sizes(runs_of(Sampling.STRATIFIED, 1000, np.repeat(np.arange(500), 2)))) == 16
+
+
+@pytest.mark.parametrize(
+    ("sampling", "count", "replicates", "reason"),
+    [
+        (
+            Sampling.STRATIFIED,
+            100,
+            1,
+            "its points are one stratified set, and no part of that is a smaller such set",
+        ),
+        (
+            Sampling.USER_SUPPLIED,
+            100,
+            0,
+            "nothing says that its first points are drawn in the same way as all of them",
+        ),
+        (
+            Sampling.STRATIFIED,
+            100,
+            2,
+            "it takes two replicates to tell an error, and there are no more",
+        ),
+        (Sampling.INDEPENDENT, 24, 0, "it has only 24 runs"),
+        (Sampling.QUADRATURE, 24, 0, "its points are no draws from the law"),
+    ],
+)
+def test_what_cannot_be_divided_says_why(
+    sampling: Sampling, count: int, replicates: int, reason: str
+) -> None:
+    replicate = np.repeat(np.arange(replicates), count // replicates) if replicates else None
+    runs = runs_of(sampling, count, replicate)
+    assert reason_without_parts(runs) == reason
+    assert convergence(runs, [Y]) == {}
+
+
+def test_runs_that_were_all_lost_have_no_figures() -> None:
+    runs = runs_of(Sampling.INDEPENDENT, 60)
+    runs["status"][:30] = Status.CRASHED
+    means = convergence(runs, [Y])["moments"]["y_mean"]
+    assert np.isnan(means.values[:2]).all()
+    assert interval_metadata(means[0], "note") == "no run came back"
+    assert np.isfinite(means.values[-1]).all()

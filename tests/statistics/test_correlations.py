@@ -1,0 +1,166 @@
+"""Correlations: exact answers inside their intervals, on every design."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from uqpen.core.labels import Sampling
+from uqpen.core.model import Category, Output
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import Sample
+from uqpen.statistics.sensitivity.correlations import correlations
+
+pytestmark = pytest.mark.processor
+
+FloatArray = npt.NDArray[np.float64]
+
+QUESTION = QuantityOfInterest(Output("y", "m"), "m")
+SEEDS, RUNS, REPLICATES = 60, 400, 10
+# One that covers in 93 % falls below this once in 100 000 times.
+FEWEST_COVERING = int(stats.binom.ppf(1e-5, SEEDS, 0.93))
+
+# A sum of normal inputs with these weights is normal, and so is all that follows from it.
+WEIGHTS = np.array([1.0, 2.0, 0.5])
+
+
+def sample(seed: int, plan: str = "independent", runs: int = RUNS) -> Sample:
+    """The sum, and as much noise as the first input has, over standard normal inputs."""
+    generator = np.random.default_rng(seed)
+    draws = generator.random((runs, 3))
+    replicates = np.zeros(runs, dtype=np.int64)
+    if plan != "independent":
+        count = REPLICATES if plan == "replicated" else 1
+        each = runs // count
+        strata = generator.permuted(np.tile(np.arange(each), (count * 3, 1)), axis=1)
+        draws = (strata.reshape(count, 3, each).transpose(0, 2, 1).reshape(runs, 3) + draws) / each
+        replicates = np.repeat(np.arange(count), each)
+    points = stats.norm.ppf(draws)
+    everything = np.arange(runs)
+    return Sample(
+        values=points @ WEIGHTS + generator.standard_normal(runs),
+        used=everything,
+        missing=everything[:0],
+        points=points,
+        inputs=("x1", "x2", "x3"),
+        replicates=replicates,
+        sampling=Sampling.INDEPENDENT if plan == "independent" else Sampling.STRATIFIED,
+    )
+
+
+def told(array: xr.DataArray, name: str, what: str) -> list[Any]:
+    return list(array.coords[f"{name}_{what}"].values.tolist())
+
+
+def exact() -> dict[str, FloatArray]:
+    pearson = WEIGHTS / math.sqrt(WEIGHTS @ WEIGHTS + 1)
+    partial = WEIGHTS / np.sqrt(WEIGHTS**2 + 1)
+    return {
+        "pearson": pearson,
+        "spearman": 6 / math.pi * np.arcsin(pearson / 2),
+        "partial": partial,
+        "partial_rank": rank_partial(6 / math.pi * np.arcsin(pearson / 2)),
+    }
+
+
+def rank_partial(correlation: FloatArray) -> FloatArray:
+    """Of independent inputs: what the others explain of the ranks is the sum of squares."""
+    others = correlation @ correlation - correlation**2
+    return correlation / np.sqrt(1 - others)
+
+
+@pytest.mark.parametrize("plan", ["independent", "replicated", "single"])
+def test_intervals_cover(plan: str) -> None:
+    covering = {name: np.zeros(3) for name in exact()}
+    for seed in range(SEEDS):
+        answers = dict(correlations(sample(seed, plan), QUESTION))
+        for name, value in exact().items():
+            _, lower, upper = answers[f"y_{name}"].values.T
+            covering[name] += (lower <= value) & (value <= upper)
+    assert {name for name, count in covering.items() if count.min() < FEWEST_COVERING} == set()
+
+
+def test_estimates_are_those_of_scipy() -> None:
+    drawn = sample(1)
+    tied = replace(drawn, values=np.round(drawn.values), points=np.round(drawn.points, 1))
+    answers = dict(correlations(tied, QUESTION))
+    for i in range(3):
+        pair = tied.points[:, i], tied.values
+        # Other algorithms round otherwise.
+        pearson, spearman = stats.pearsonr(*pair)[0], stats.spearmanr(*pair)[0]
+        assert answers["y_pearson"].values[i, 0] == pytest.approx(pearson, abs=1e-12)
+        assert answers["y_spearman"].values[i, 0] == pytest.approx(spearman, abs=1e-12)
+
+
+@given(seed=st.integers(0, 1000), power=st.sampled_from([1, 3, 5]))
+@settings(max_examples=20)
+def test_rank_correlations_keep_under_monotone_transforms(seed: int, power: int) -> None:
+    drawn = sample(seed, runs=60)
+    other = replace(drawn, values=np.exp(drawn.values / 3), points=drawn.points**power)
+    one, two = dict(correlations(drawn, QUESTION)), dict(correlations(other, QUESTION))
+    for name in ("y_spearman", "y_partial_rank"):
+        assert np.array_equal(one[name].values, two[name].values)
+
+
+@given(seed=st.integers(0, 1000), shift=st.integers(-100, 100))
+@settings(max_examples=20)
+def test_order_of_runs_and_origin_of_the_output_do_not_matter(seed: int, shift: int) -> None:
+    drawn = sample(seed, runs=250)
+    order = np.random.default_rng(seed).permutation(drawn.size)
+    other = replace(drawn, values=drawn.values[order] + shift, points=drawn.points[order])
+    one, two = dict(correlations(drawn, QUESTION)), dict(correlations(other, QUESTION))
+    for name, answer in one.items():
+        # Sums in another order round otherwise.
+        assert two[name].values == pytest.approx(answer.values, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"values": np.ones(RUNS)}, "the output does not vary"),
+        ({"points": np.ones((RUNS, 3))}, "the input does not vary"),
+        ({"used": np.arange(20), "values": np.arange(20.0)}, "20 runs are too few"),
+    ],
+)
+def test_what_has_no_correlation_says_why(change: dict[str, Any], reason: str) -> None:
+    for name, array in correlations(replace(sample(0), **change), QUESTION):
+        assert np.isnan(array.values).all()
+        assert told(array, name, "note") == [reason] * 3
+
+
+def test_an_output_that_is_an_input_has_no_interval() -> None:
+    drawn = sample(0)
+    answers = dict(correlations(replace(drawn, values=2 * drawn.points[:, 0]), QUESTION))
+    assert answers["y_pearson"].values[0, 0] == pytest.approx(1.0)
+    assert np.isnan(answers["y_pearson"].values[0, 1:]).all()
+    assert np.isnan(answers["y_partial"].values).all()
+
+
+def test_one_input_has_partial_correlations_equal_to_simple_ones() -> None:
+    drawn = sample(0)
+    alone = replace(drawn, points=drawn.points[:, :1], inputs=("x1",))
+    answers = dict(correlations(alone, QUESTION))
+    assert np.array_equal(answers["y_partial"].values, answers["y_pearson"].values)
+
+
+def test_on_heavy_tails_and_few_runs_only_ranks_have_intervals() -> None:
+    heavy = replace(sample(0), values=np.exp(3 * sample(0).values))
+    for drawn in (heavy, sample(0, runs=100)):
+        answers = dict(correlations(drawn, QUESTION))
+        assert np.isnan(answers["y_pearson"].values[:, 1:]).all()
+        assert "ranks" in told(answers["y_pearson"], "y_pearson", "note")[0]
+        assert not np.isnan(answers["y_spearman"].values).any()
+
+
+def test_kinds_have_no_correlations() -> None:
+    kinds = Output("y", "1", categories=(Category("low", "low"), Category("high", "high")))
+    assert dict(correlations(sample(0), QuantityOfInterest(kinds, "1"))) == {}

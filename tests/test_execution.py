@@ -1,0 +1,285 @@
+"""Every run ends with a status and a reason, and how runs are batched changes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from uqpen.core.labels import Status
+from uqpen.core.model import POSITIVE, Arrays, Category, Input, Model, Output, Results
+from uqpen.distributions.constraints import parse_constraint
+from uqpen.execution import Evaluator, Progress, evaluate, join_rounds
+from uqpen.execution.batch import BatchResult
+from uqpen.models.python_function import PythonFunction
+
+INPUTS = (Input("x", "m", bounds=POSITIVE), Input("y", "m"))
+OUTPUTS = (Output("z", "m"), Output("w", "m"))
+
+
+def model(
+    function: Callable[..., Any], *, vectorized: bool = False, unit_of: Mapping[str, str] = {}
+) -> PythonFunction:
+    units = {"x": "m", "y": "m", "z": "m", "w": "m", **unit_of}
+    return PythonFunction(function, "mine", INPUTS, OUTPUTS, units, vectorized)
+
+
+def runs_of(
+    function: Callable[..., Any], x: Iterable[float], y: float = 1.0, **options: Any
+) -> xr.Dataset:
+    points = xr.Dataset({"x": ("run", np.array(list(x))), "y": ((), y)})
+    points = points.assign_coords(run=np.arange(points.sizes["run"]))
+    constraints = options.pop("constraints", ())
+    return evaluate(Evaluator(model(function, **options), constraints), points, {})
+
+
+class Told(Progress):
+    """Progress as it was told."""
+
+    def __init__(self) -> None:
+        self.runs: list[int] = []
+
+    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+        self.runs.append(runs)
+
+
+def good(x: Any, y: Any) -> dict[str, Any]:
+    return {"z": x + y, "w": x * y}
+
+
+def reasons(runs: xr.Dataset) -> dict[int, str]:
+    if "lost_run" not in runs:
+        return {}
+    return dict(zip(runs["lost_run"].values.tolist(), runs["lost_reason"].values, strict=True))
+
+
+@pytest.mark.parametrize("vectorized", [True, False])
+def test_outputs_stand_beside_the_inputs(vectorized: bool) -> None:
+    runs = runs_of(good, [1.0, 2.0], vectorized=vectorized)
+    assert runs["z"].values.tolist() == [2.0, 3.0]
+    assert runs["x"].values.tolist() == [1.0, 2.0]
+    assert runs["status"].values.tolist() == [0, 0]
+    assert reasons(runs) == {}
+
+
+@pytest.mark.parametrize("vectorized", [True, False])
+def test_values_go_in_and_come_out_in_the_units_of_the_function(vectorized: bool) -> None:
+    unit_of = {"x": "cm", "z": "mm"}
+    runs = runs_of(lambda x, y: {"z": x, "w": y}, [0.5], vectorized=vectorized, called_in=unit_of)
+    # 0.5 m goes in as 50 cm; 50 mm come out.
+    assert runs["z"].values.tolist() == [pytest.approx(0.05, rel=1e-15)]
+
+
+@pytest.mark.parametrize("vectorized", [True, False])
+def test_one_bad_run_is_lost_and_no_other(vectorized: bool) -> None:
+    def fails_at_three(x: Any, y: Any) -> dict[str, Any]:
+        if np.any(x == 3.0):
+            raise ZeroDivisionError("three")
+        return good(x, y)
+
+    runs = runs_of(fails_at_three, range(1, 9), vectorized=vectorized)
+    assert runs["status"].values.tolist() == [0, 0, Status.FAILED, 0, 0, 0, 0, 0]
+    assert reasons(runs) == {2: "ZeroDivisionError: three"}
+    assert np.flatnonzero(np.isnan(runs["z"].values)).tolist() == [2]
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_value_that_is_not_finite_is_a_lost_run(value: float) -> None:
+    runs = runs_of(lambda x, y: {"z": value if x == 2 else x, "w": y}, [1.0, 2.0])
+    assert runs["status"].values.tolist() == [Status.OK, Status.NOT_FINITE]
+    assert reasons(runs) == {1: f"z is {value}"}
+    assert np.isnan(runs["w"].values[1]), "no output of a lost run is kept"
+
+
+def test_inputs_outside_their_bounds_are_inadmissible_and_not_run() -> None:
+    called = []
+
+    def counting(x: float, y: float) -> dict[str, float]:
+        called.append(x)
+        return good(x, y)
+
+    runs = runs_of(counting, [1.0, -1.0, 0.0, 2.0])
+    assert runs["status"].values.tolist() == [0, Status.INADMISSIBLE, Status.INADMISSIBLE, 0]
+    assert reasons(runs)[1] == "x > 0"
+    assert called == [1.0, 2.0]
+
+
+def test_points_outside_a_constraint_are_inadmissible() -> None:
+    constraint = parse_constraint("x < 2 * y", {"x": "m", "y": "m"})
+    runs = runs_of(good, [1.0, 3.0], constraints=(constraint,))
+    assert runs["status"].values.tolist() == [0, Status.INADMISSIBLE]
+    assert reasons(runs) == {1: "x < 2 * y"}
+
+
+@pytest.mark.parametrize(
+    ("returned", "reason"),
+    [
+        (3.0, "returned float, not a mapping of outputs"),
+        (None, "returned NoneType, not a mapping of outputs"),
+        ({"z": 1.0}, 'returned no "w"'),
+        ({"z": 1.0, "w": "3.0"}, 'returned a "w" of text in place of numbers'),
+        ({"z": 1.0, "w": b"3.0"}, 'returned a "w" of bytes in place of numbers'),
+        ({"z": 1.0, "w": 1j}, 'returned a "w" of complex numbers in place of numbers'),
+        (
+            {"z": 1.0, "w": np.complex128(1)},
+            'returned a "w" of complex numbers in place of numbers',
+        ),
+        ({"z": 1.0, "w": None}, 'returned a "w" of NoneType in place of a number'),
+        (
+            {"z": 1.0, "w": np.datetime64("2000-01-01")},
+            'returned a "w" of dates in place of numbers',
+        ),
+        ({"z": 1.0, "w": [1.0, 2.0]}, 'returned a "w" of shape (2,), not ()'),
+    ],
+)
+def test_an_answer_that_makes_no_sense_is_a_failed_run(returned: object, reason: str) -> None:
+    runs = runs_of(lambda x, y: returned, [1.0])
+    assert runs["status"].values.tolist() == [Status.FAILED]
+    assert reasons(runs) == {0: reason}
+
+
+def test_a_masked_value_is_not_finite() -> None:
+    def masks(x: Any, y: Any) -> dict[str, Any]:
+        return {"z": np.ma.masked_greater(x, 1.5), "w": y}
+
+    runs = runs_of(masks, [1.0, 2.0], vectorized=True)
+    assert runs["status"].values.tolist() == [0, Status.NOT_FINITE]
+
+
+@pytest.mark.parametrize("value", [10**400, Fraction(1, 3), True, np.float32(2), np.int64(3)])
+def test_any_real_number_is_a_number(value: object) -> None:
+    runs = runs_of(lambda x, y: {"z": value, "w": y}, [1.0])
+    expected = Status.NOT_FINITE if isinstance(value, int) and value > 1 else Status.OK
+    assert runs["status"].values.tolist() == [expected]
+
+
+class _Malicious:
+    def __array__(self, *arguments: object, **options: object) -> object:
+        raise ZeroDivisionError
+
+
+class _SpeechlessError(Exception):
+    def __str__(self) -> str:
+        raise ValueError
+
+
+def test_an_answer_that_raises_when_it_is_read_is_a_failed_run() -> None:
+    runs = runs_of(lambda x, y: {"z": _Malicious(), "w": y}, [1.0])
+    assert runs["status"].values.tolist() == [Status.FAILED]
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (_SpeechlessError(), "_SpeechlessError"),
+        (ValueError("half \ud800 a character"), "ValueError: half ? a character"),
+        (GeneratorExit(), "GeneratorExit"),
+    ],
+)
+def test_any_exception_has_a_reason_that_can_be_kept(error: BaseException, reason: str) -> None:
+    def raises(x: float, y: float) -> dict[str, float]:
+        raise error
+
+    assert reasons(runs_of(raises, [1.0])) == {0: reason.strip()}
+
+
+def test_a_function_that_leaves_python_loses_its_run_only() -> None:
+    def leaves(x: float, y: float) -> dict[str, float]:
+        if x == 1.0:
+            raise SystemExit(3)
+        return good(x, y)
+
+    assert runs_of(leaves, [1.0, 2.0])["status"].values.tolist() == [Status.FAILED, 0]
+
+
+def test_an_interrupt_is_not_a_failed_run() -> None:
+    def interrupted(x: float, y: float) -> dict[str, float]:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        runs_of(interrupted, [1.0])
+
+
+def test_a_reason_is_one_line_of_bounded_length() -> None:
+    def verbose(x: float, y: float) -> dict[str, float]:
+        raise ValueError("first\nsecond " * 100)
+
+    (reason,) = reasons(runs_of(verbose, [1.0])).values()
+    assert "\n" not in reason
+    assert len(reason) <= 200
+
+
+def test_a_function_may_change_the_arrays_it_is_given() -> None:
+    def destructive(x: Any, y: Any) -> dict[str, Any]:
+        z = x + y
+        x[:] = np.nan
+        if np.any(z == 4.0):
+            raise ValueError
+        return {"z": z, "w": y}
+
+    runs = runs_of(destructive, [1.0, 2.0, 3.0], vectorized=True)
+    assert runs["x"].values.tolist() == [1.0, 2.0, 3.0]
+    assert runs["status"].values.tolist() == [0, 0, Status.FAILED]
+
+
+class _Kinds(Model):
+    """Whether x is above 2, and x itself."""
+
+    name = "kinds"
+    inputs = INPUTS
+    outputs = (
+        Output("kind", "1", categories=(Category("low", "is low"), Category("high", "high"))),
+    )
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        return Results.all_ok({"kind": (inputs["x"] > 2).astype(float)})
+
+
+def test_kinds_are_whole_numbers_with_their_meanings() -> None:
+    points = xr.Dataset({"x": ("run", [1.0, 3.0, -1.0]), "y": ((), 0.0)}, {"run": [0, 1, 2]})
+    kind = evaluate(Evaluator(_Kinds()), points, {})["kind"]
+    assert kind.dtype == np.int8
+    assert kind.values.tolist() == [0, 1, -1]
+    assert kind.attrs["flag_meanings"] == "lost low high"
+    assert kind.attrs["flag_values"].tolist() == [-1, 0, 1]
+
+
+def test_batches_may_be_computed_in_any_order() -> None:
+    points = xr.Dataset({"x": ("run", np.linspace(-1, 9, 500)), "y": ((), 1.0)})
+    points = points.assign_coords(run=np.arange(500))
+
+    def backwards(function: Any, batches: Iterable[Any]) -> Iterable[BatchResult]:
+        return [function(batch) for batch in reversed(list(batches))]
+
+    plain = evaluate(Evaluator(model(good)), points, {})
+    assert evaluate(Evaluator(model(good)), points, {}, map=backwards).identical(plain)
+
+
+def test_progress_counts_every_run_once() -> None:
+    points = xr.Dataset({"x": ("run", np.ones(1000)), "y": ((), 1.0)}, {"run": np.arange(1000)})
+    told = Told()
+    evaluate(Evaluator(model(good)), points, {}, progress=told)
+    assert sum(told.runs) == 1000
+    assert told.runs[0] == 1, "the first report must not wait for many slow runs"
+
+
+def test_variables_say_what_they_are() -> None:
+    runs = runs_of(good, [1.0])
+    assert runs["x"].attrs["role"] == "input"
+    assert runs["z"].attrs["role"] == "output"
+    assert runs["z"].attrs["units"] == "m"
+    assert runs["status"].attrs["flag_meanings"].split()[:2] == ["ok", "inadmissible"]
+
+
+def test_rounds_are_numbered_through() -> None:
+    first, second = runs_of(good, [1.0, -1.0]), runs_of(good, [2.0, 3.0, -2.0])
+    both = join_rounds([first, second])
+    assert both["run"].values.tolist() == [0, 1, 2, 3, 4]
+    assert both["round"].values.tolist() == [0, 0, 1, 1, 1]
+    assert both["x"].values.tolist() == [1.0, -1.0, 2.0, 3.0, -2.0]
+    assert both["y"].dims == ()
+    assert reasons(both) == {1: "x > 0", 4: "x > 0"}

@@ -1,0 +1,276 @@
+"""Figures in sensible digits, tables and JSON that agree with the archive."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
+import uqpen
+from uqpen.results.digits import estimate_text, percent_text, tolerance_limit_text
+from uqpen.results.failed_runs import failed_runs, has_failed_design
+from uqpen.results.json import archive_json
+from uqpen.results.output_tables import output_tables
+from uqpen.results.table import OutputTable
+from uqpen.study.study import Study
+
+
+@pytest.mark.parametrize(
+    ("estimate", "lower", "upper", "text"),
+    [
+        (0.49274, 0.49004, 0.49544, "0.4927 ± 0.0027"),
+        (71.1, 70.6, 72.9, "71.1 (70.6 … 72.9)"),
+        (3.5, 3.5, 3.5, "3.5"),
+        (3.51234567, math.nan, math.nan, "3.512"),
+        (math.nan, math.nan, math.nan, "–"),
+        (0.0, 0.0, 0.00037, "(0.0, 0.0 … 3.7)×10⁻⁴"),
+        (12345.6, 12000.0, 12691.2, "12346 ± 346"),
+        (4.0e8, 3.9e8, 4.1e8, "(4.00 ± 0.10)×10⁸"),
+        (1.234e-7, 1.134e-7, 1.334e-7, "(1.23 ± 0.10)×10⁻⁷"),
+        (-2.4, -2.6, -2.2, "-2.40 ± 0.20"),
+        (5.0, math.nan, 6.0, "5.0 (? … 6.0)"),
+    ],
+)
+def test_an_estimate_has_the_digits_its_interval_leaves(
+    estimate: float, lower: float, upper: float, text: str
+) -> None:
+    assert estimate_text(estimate, lower, upper) == text
+
+
+@given(estimate=st.floats(-1e6, 1e6), below=st.floats(1e-3, 1e6), share=st.floats(0.7, 1.4))
+def test_a_shown_estimate_is_right_to_a_twentieth_of_its_interval(
+    estimate: float, below: float, share: float
+) -> None:
+    above = below * share
+    text = estimate_text(estimate, estimate - below, estimate + above)
+    # With two digits of the half-width the last place is a tenth of it, at most half of that off.
+    figures, _, power = text.removeprefix("(").partition(")×10")
+    scale = 10.0 ** float(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0)
+    shown = float(figures.split()[0]) * scale
+    half = max(estimate - (estimate - below), estimate + above - estimate)
+    assert half == 0 or abs(shown - estimate) <= 0.051 * half
+
+
+def test_a_bound_that_holds_is_shown_beside_its_estimate() -> None:
+    assert tolerance_limit_text(13.4812, 13.7699) == "13.48, at most 13.77"
+    assert tolerance_limit_text(13.4812, math.nan) == "13.48"
+    assert tolerance_limit_text(4.0e8, 4.1e8) == "(4.00, at most 4.10)×10⁸"
+
+
+def test_a_probability_in_per_cent_has_its_own_digits() -> None:
+    assert [percent_text(p) for p in (0.05, 0.999, 0.9999)] == ["5 %", "99.9 %", "99.99 %"]
+
+
+@pytest.fixture(scope="module")
+def tree() -> xr.DataTree:
+    rods = (Path(__file__).parent / "data" / "rods.toml").read_text(encoding="utf-8")
+    study = f"""
+        title = "Rods"
+        seed = 4
+        {rods}
+        [outputs.penetration_depth]
+        unit = "cm"
+        exceeds = ["60 cm"]
+        hold = [0.9, 0.9999]
+        [designs.few]
+        kind = "monte-carlo"
+        runs = 250
+        [designs.spread]
+        kind = "latin-hypercube"
+        runs = 250
+        replicates = 1
+    """
+    return uqpen.run(uqpen.parse_study(study))
+
+
+@pytest.fixture(scope="module")
+def tables(tree: xr.DataTree) -> dict[str, OutputTable]:
+    return {table.title: table for table in output_tables(tree)}
+
+
+def cell(table: OutputTable, row: str, column: str) -> str:
+    return dict(table.rows)[row][table.columns.index(column)]
+
+
+def test_there_is_a_table_for_each_output_in_the_units_of_the_study(
+    tables: dict[str, OutputTable],
+) -> None:
+    of_statistics = [title for title in tables if ":" not in title]
+    assert of_statistics == [
+        "penetration_depth [cm]",
+        "projectile_residue [m]",
+        "erosion_end_depth [m]",
+        "termination",
+    ]
+
+
+def test_first_order_indices_of_a_plain_sample_are_shown_where_nothing_tells_them_better(
+    tables: dict[str, OutputTable],
+) -> None:
+    table = tables["penetration_depth: shares of its variance"]
+    # Of two samples of one size, the first.
+    assert table.columns == ["first order\nfew"]
+    assert [label for label, _ in table.rows][-1] == "crater_radius"
+
+
+def test_all_that_is_told_of_the_inputs_part_is_shown_when_it_is_asked_for(
+    tree: xr.DataTree,
+) -> None:
+    shown = {table.title: table for table in output_tables(tree, everything=True)}
+    shares = shown["penetration_depth: shares of its variance"]
+    assert shares.columns == ["first order\nfew", "first order\nspread"]
+    association = shown["penetration_depth: association with its inputs"]
+    assert "Spearman\nfew" in association.columns
+    assert "delta\nspread" in association.columns
+    exceeding = shown["penetration_depth: shares of the variance of exceeding 60 cm"]
+    assert exceeding.columns == ["first order\nfew", "first order\nspread"]
+    assert "penetration_depth: shares of its logarithm's variance" in shown
+
+
+def test_figures_are_shown_in_the_units_of_the_study(
+    tree: xr.DataTree, tables: dict[str, OutputTable]
+) -> None:
+    mean = float(tree["moments/few"]["penetration_depth_mean"].sel(bound="estimate"))
+    shown = cell(tables["penetration_depth [cm]"], "mean", "few")
+    assert float(shown.split()[0]) == pytest.approx(100 * mean, abs=1)
+
+
+def test_a_percentage_scales_the_output_and_not_its_probabilities(tmp_path: Path) -> None:
+    (tmp_path / "share.py").write_text("def f(x): return {'y': x}")
+    study = """
+        seed = 1
+        [model]
+        python = "share.py:f"
+        [model.inputs]
+        x = "1"
+        [model.outputs]
+        y = "1"
+        [inputs]
+        x = { uniform = { lower = 0.4, upper = 0.6 } }
+        [outputs.y]
+        unit = "%"
+        exceeds = ["50 %"]
+        [designs.a]
+        kind = "monte-carlo"
+        runs = 400
+    """
+    table = next(output_tables(uqpen.run(uqpen.parse_study(study, folder=tmp_path))))
+    assert table.title == "y [%]"
+    assert 49 < float(cell(table, "mean", "a").split()[0]) < 51
+    assert 5 < float(cell(table, "sd", "a").split()[0]) < 7
+    assert 0.4 < float(cell(table, "P(> 50 %)", "a").split()[0]) < 0.6
+    assert abs(float(cell(table, "skewness", "a").split()[0])) < 1
+
+
+def test_lost_runs_are_counted_and_their_probability_told(tables: dict[str, OutputTable]) -> None:
+    table = tables["penetration_depth [cm]"]
+    assert "inadmissible" in cell(table, "lost", "few")
+    assert "±" in cell(table, "P(inadmissible)", "few") or "…" in cell(
+        table, "P(inadmissible)", "few"
+    )
+    assert any("conditional on admissible inputs" in note for note in table.notes)
+
+
+def test_a_figure_without_an_interval_says_why(tables: dict[str, OutputTable]) -> None:
+    table = tables["penetration_depth [cm]"]
+    assert "±" not in cell(table, "sd", "few")
+    assert any("heavy tail" in note for note in table.notes)
+    assert "half 16–84 % range" in dict(table.rows)
+
+
+def test_a_bound_that_too_few_runs_give_says_how_many_it_takes(
+    tables: dict[str, OutputTable],
+) -> None:
+    table = tables["penetration_depth [cm]"]
+    assert "at most" in cell(table, "not exceeded, 90 %", "few")
+    assert "at most" not in cell(table, "not exceeded, 99.99 %", "few")
+    assert any("at least 29956 runs" in note for note in table.notes)
+
+
+def test_a_wider_interval_than_need_be_says_so(tables: dict[str, OutputTable]) -> None:
+    table = tables["penetration_depth [cm]"]
+    assert any("conservative" in note for note in table.notes)
+
+
+def test_kinds_have_shares_and_no_mean(tables: dict[str, OutputTable]) -> None:
+    labels = [label for label, _ in tables["termination"].rows]
+    assert labels[-3:] == ["share v = u", "share u = 0", "share rigid"]
+    assert "mean" not in labels
+
+
+def test_what_was_lost_is_told_with_its_reasons(tree: xr.DataTree) -> None:
+    found = list(failed_runs(tree, "few"))
+    counted = archive_json(tree)["designs"]["few"]
+    assert sum(loss.runs for loss in found) == counted["status"]["inadmissible"]
+    assert {loss.reason for loss in found} == {entry["reason"] for entry in counted["reasons"]}
+    assert [loss.runs for loss in found] == sorted((loss.runs for loss in found), reverse=True)
+    assert not has_failed_design(tree)
+
+
+def test_json_holds_every_figure_in_si_units(tree: xr.DataTree) -> None:
+    found: dict[str, Any] = json.loads(json.dumps(archive_json(tree), allow_nan=False))
+    few = found["designs"]["few"]
+    assert few["runs"] == 250
+    assert few["status"]["ok"] + few["status"]["inadmissible"] == 250
+    depth = few["outputs"]["penetration_depth"]
+    for figure in (
+        depth["mean"],
+        depth["std"],
+        depth["quantiles"]["0.95"],
+        depth["exceedance"]["60 cm"],
+        depth["hold"]["0.9"],
+        few["outputs"]["termination"]["shares"]["standstill"],
+        few["lost"]["inadmissible"],
+    ):
+        assert {"estimate", "lower", "upper"} <= set(figure)
+    assert 0.3 < depth["mean"]["estimate"] < 1.5, "metres, not centimetres"
+    assert depth["std"]["lower"] is None
+    assert "heavy tail" in depth["std"]["note"]
+    assert depth["hold"]["0.9999"]["runs_needed"] == 29956
+    assert "mean" not in few["outputs"]["termination"]
+    assert few["conditional_on"] == "admissible inputs"
+    assert depth["mean"]["interval_label"] == "nominal"
+
+
+def test_json_holds_every_measure_that_lies_along_the_inputs(
+    study_of: Callable[..., Study],
+) -> None:
+    text = """
+        [designs.lhs]
+        kind = "latin-hypercube"
+        runs = 100
+        [surrogates.chaos]
+        kind = "polynomial-chaos"
+        design = "lhs"
+        transform = { y = "log" }
+        """
+    tree = uqpen.run(study_of("np.exp(a + b)", text, a=(0, 1), b=(0, 1)))
+    found = archive_json(tree)
+    for kind, source in (("designs", "lhs"), ("surrogates", "chaos")):
+        held = tree[f"sensitivity/{source}"].to_dataset()
+        names = {str(name).removeprefix("y_") for name in held.data_vars}
+        assert set(found[kind][source]["outputs"]["y"]["sensitivity"]["a"]) == names
+    assert {"shapley", "log_shapley"} <= names
+
+
+def test_a_fixed_input_may_be_called_a_coefficient(study_of: Callable[..., Study]) -> None:
+    text = """
+        [designs.lhs]
+        kind = "latin-hypercube"
+        runs = 100
+        [surrogates.chaos]
+        kind = "polynomial-chaos"
+        design = "lhs"
+        """
+    study = study_of("drag_coefficient * x", text, x=(1, 2), drag_coefficient="3")
+    tree = uqpen.run(study)
+    (fit,) = [table for table in output_tables(tree) if table.title.startswith("chaos: fit")]
+    assert [label for label, _ in fit.rows] == ["y"]
+    assert list(archive_json(tree)["surrogates"]["chaos"]["outputs"]) == ["y"]

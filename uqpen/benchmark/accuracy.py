@@ -1,0 +1,185 @@
+"""How far off estimates are, how fast that falls, and who is nearer: formulas over repeats.
+
+Everything here is of logarithms of root mean squares of errors, because methods differ by factors.
+The errors of estimates are far from normal as a rule, so that their squares do not follow a
+chi-square law; the scatter of a logarithm is told by the jackknife over repeats.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.statistics.estimate import LEVEL
+from uqpen.statistics.intervals import student_quantile
+
+__all__ = [
+    "JACKKNIFE",
+    "Accuracy",
+    "ErrorRatio",
+    "convergence_slope",
+    "error_ratio",
+    "root_mean_square_errors",
+]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+JACKKNIFE = "Student t on the logarithm, jackknife over repeats"
+
+# With a kurtosis of the errors above this, so few repeats decide their mean square that no interval
+# of it covers; for errors of a normal law it is 3.
+_HEAVY_KURTOSIS = 6.0
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Root mean squares of errors.
+
+    Parameters
+    ----------
+    logarithm : ndarray
+        Natural logarithm of each; minus infinity where no repeat is off, NaN where some repeat has
+        no estimate.
+    error : ndarray
+        Standard error of each logarithm; NaN where nothing tells it.
+    is_heavy : ndarray of bool
+        Whether a few of the repeats decide it, so that rarer ones may make it larger.
+    repeats : int
+        Of how many repeats.
+    """
+
+    logarithm: FloatArray
+    error: FloatArray
+    is_heavy: BoolArray
+    repeats: int
+
+    @property
+    def bounds(self) -> FloatArray:
+        """Estimate, lower and upper bound of the root mean squares, along a last axis.
+
+        There are no bounds where a few of the repeats decide.
+        """
+        error = np.where(self.is_heavy, np.nan, self.error)
+        half = student_quantile(self.repeats - 1, LEVEL) * error
+        ends = [self.logarithm, self.logarithm - half, self.logarithm + half]
+        found: FloatArray = np.exp(np.stack(ends, axis=-1))
+        return found
+
+
+@dataclass(frozen=True)
+class ErrorRatio:
+    """By what factor one method's error is below another's.
+
+    Parameters
+    ----------
+    factor, lower, upper : float
+        With its interval.
+    """
+
+    factor: float
+    lower: float
+    upper: float
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether it is larger than the noise."""
+        return self.lower > 1
+
+
+def root_mean_square_errors(errors: FloatArray) -> Accuracy:
+    """Root mean squares over repeats, with the jackknife's standard error of their logarithms.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (..., repeat)
+        Estimates less the truth.
+
+    References
+    ----------
+    Efron, B. & Stein, C. (1981). Ann. Stat. 9, 586-596.
+    """
+    repeats = errors.shape[-1]
+    squares = errors**2
+    total = squares.sum(axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        logarithm = np.log(total / repeats) / 2
+        # The differences of large numbers may come out below zero by rounding.
+        others = np.maximum(total[..., np.newaxis] - squares, 0.0)
+        without = np.log(others / (repeats - 1)) / 2
+        deviations = without - without.mean(axis=-1, keepdims=True)
+        variance = (deviations**2).sum(axis=-1) * (repeats - 1) / repeats
+        # Over the largest, as the squares of squares of what is small vanish.
+        scaled = squares / squares.max(axis=-1, keepdims=True)
+        kurtosis = repeats * (scaled**2).sum(axis=-1) / scaled.sum(axis=-1) ** 2
+    error = np.sqrt(np.where(np.isfinite(variance), variance, np.nan))
+    return Accuracy(logarithm, error, kurtosis > _HEAVY_KURTOSIS, repeats)
+
+
+def convergence_slope(
+    logarithm: FloatArray, error: FloatArray, runs: FloatArray, repeats: int
+) -> FloatArray:
+    """Slope of the straight line through logarithms of errors over those of runs.
+
+    The line is fitted by least squares, and its interval is that of the errors' noise: it is of the
+    line through these budgets, whether or not the errors lie on it.
+
+    Parameters
+    ----------
+    logarithm, error : ndarray, shape (budget, ...)
+        Of `Accuracy`.
+    runs : ndarray, shape (budget,)
+        How many runs were made.
+    repeats : int
+        Of how many repeats each error is.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Estimate, lower and upper bound; NaN with fewer than two budgets.
+    """
+    distance = np.log(runs) - np.log(runs).mean()
+    square = float((distance**2).sum())
+    if not square > 0:
+        return np.full((*logarithm.shape[1:], 3), np.nan)
+    weights = distance / square
+    with np.errstate(invalid="ignore"):
+        estimate = np.einsum("b,b...", weights, logarithm)
+    half = student_quantile(repeats - 1, LEVEL) * np.sqrt(np.einsum("b,b...", weights**2, error**2))
+    estimate = np.where(np.isfinite(estimate), estimate, np.nan)
+    return np.stack([estimate, estimate - half, estimate + half], axis=-1)
+
+
+def error_ratio(
+    ahead: tuple[float, float], behind: tuple[float, float], repeats: int
+) -> ErrorRatio:
+    """The factor between two errors, whose repeats are independent of each other.
+
+    Parameters
+    ----------
+    ahead, behind : tuple of float
+        The logarithm of each and its standard error.
+    repeats : int
+        Of how many repeats each is.
+
+    References
+    ----------
+    Welch, B. L. (1947). Biometrika 34, 28-35.
+    """
+    if ahead[0] == behind[0]:  # both may be minus infinity
+        return ErrorRatio(1.0, math.nan, math.nan)
+    difference = behind[0] - ahead[0]
+    if math.isinf(difference):
+        return ErrorRatio(math.inf, math.inf, math.inf)
+    variance = ahead[1] ** 2 + behind[1] ** 2
+    if not variance > 0:
+        certain = math.exp(difference) if variance == 0 else math.nan
+        return ErrorRatio(math.exp(difference), certain, certain)
+    freedom = (repeats - 1) * variance**2 / (ahead[1] ** 4 + behind[1] ** 4)
+    half = student_quantile(freedom, LEVEL) * math.sqrt(variance)
+    return ErrorRatio(
+        math.exp(difference), math.exp(difference - half), math.exp(difference + half)
+    )

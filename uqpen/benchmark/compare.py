@@ -1,0 +1,124 @@
+"""The main path of a comparison: a study and terms in, a tree of datasets out."""
+
+from __future__ import annotations
+
+import xarray as xr
+
+from uqpen import execution
+from uqpen.benchmark.methods import study_methods
+from uqpen.benchmark.record import EstimateRecord
+from uqpen.benchmark.runner import BenchmarkRunner
+from uqpen.benchmark.settings import BenchmarkSettings
+from uqpen.benchmark.statistics import benchmark_statistics
+from uqpen.benchmark.tree import benchmark_tree
+from uqpen.core.errors import Problem, SettingsError
+from uqpen.core.streams import Stream
+from uqpen.designs.quasi_monte_carlo import SobolSequence
+from uqpen.execution import Map
+from uqpen.study.study import Study
+
+__all__ = ["BenchmarkProgress", "check_study", "compare"]
+
+# What to put beside a design that has nothing to be compared with.
+_SCALED_KINDS = ("monte-carlo", "latin-hypercube", "sobol-sequence", "halton")
+
+
+class BenchmarkProgress(execution.Progress):
+    """Who wants to know how far a comparison is; this one does not."""
+
+    def start_benchmark(self, *, runs: int, reference: int, repeats: int, seconds: float) -> None:
+        """All is known: so many runs, so many for the reference, about so long for the model."""
+
+    def finish_repeat(self, done: int) -> None:
+        """So many repeats are done; the first comes after the reference, told as 0."""
+
+
+def compare(
+    study: Study,
+    settings: BenchmarkSettings | None = None,
+    *,
+    map: Map = map,
+    progress: BenchmarkProgress | None = None,
+) -> xr.DataTree:
+    """Try the methods of a study at equal budgets, and hold each estimate to a reference.
+
+    Parameters
+    ----------
+    study : Study
+        What `load_study` returns; its designs are the methods.
+    settings : BenchmarkSettings, optional
+        Budgets, repeats and the size of the reference.
+    map : callable
+        Like the built-in: where batches of runs are made. It cannot change a result.
+    progress : BenchmarkProgress, optional
+        Told how far it is.
+
+    Returns
+    -------
+    DataTree
+        ``/methods``, the reference's answers in ``/reference/<group>``, and for each output
+        ``/estimates/<output>``, ``/errors/<output>``, ``/slopes/<output>`` and
+        ``/verdicts/<output>``.
+
+    Raises
+    ------
+    SettingsError
+        If the study has nothing to compare.
+    """
+    settings, progress = settings or BenchmarkSettings(), progress or BenchmarkProgress()
+    check_study(study, settings)
+    methods = study_methods(study, settings.budgets)
+    progress.start_preparation(study.model.name)
+    study.model.prepare()
+    runner = BenchmarkRunner(study, map, progress)
+    runs, replicates = settings.reference_design(vectorized=study.model.vectorized)
+    each = sum(method.cost(budget).runs for method in methods for budget in settings.budgets)
+    total = runs + each * settings.repeats
+    seconds = runner.seconds_per_run() * total
+    progress.start_benchmark(runs=total, reference=runs, repeats=settings.repeats, seconds=seconds)
+    stream = Stream(study.seed, "head_to_head", "reference")
+    truth = runner.estimates(runner.run_design(SobolSequence(runs, replicates), stream))
+    progress.finish_repeat(0)
+    record = EstimateRecord.empty(
+        methods,
+        settings,
+        tuple(benchmark_statistics(study.quantities_of_interest)),
+        truth,
+        reference_runs=runs,
+    )
+    # Repeat by repeat: each takes as long as the one before, which tells the end.
+    for repeat in range(settings.repeats):
+        _run_repeat(runner, record, repeat)
+        progress.finish_repeat(repeat + 1)
+    return benchmark_tree(study, record, truth)
+
+
+def _run_repeat(runner: BenchmarkRunner, record: EstimateRecord, repeat: int) -> None:
+    """Try every method once at every budget, with random numbers of its own each time."""
+    for position, method in enumerate(record.methods):
+        for number, budget in enumerate(record.settings.budgets):
+            if method.cost(budget).runs:
+                stream = Stream(runner.study.seed, "head_to_head", method.name, budget, repeat)
+                answers = method.estimates(runner, budget, stream)
+                record.add(position, number, repeat, answers)
+
+
+def check_study(study: Study, settings: BenchmarkSettings) -> None:
+    """Refuse a study that has nothing to compare, before anything runs.
+
+    Raises
+    ------
+    SettingsError
+        Saying what was found and what is expected.
+    """
+    if study.has_several_models:
+        found = f"{len(study.models)} models, {', '.join(study.models)}"
+        expected = "a single [model]: methods are compared on one"
+        raise SettingsError([Problem(("models",), found, expected)])
+    able = sorted({method.source for method in study_methods(study, settings.budgets)})
+    if len(able) < 2:
+        found = f"{', '.join(able) or 'none'} that can be scaled to these budgets"
+        expected = f"at least two, of kinds {', '.join(_SCALED_KINDS)}, or a surrogate"
+        raise SettingsError([Problem(("designs",), found, expected)])
+    if next(benchmark_statistics(study.quantities_of_interest), None) is None:
+        raise SettingsError([Problem(("model",), "no output that is a number", "at least one")])

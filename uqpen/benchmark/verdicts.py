@@ -1,0 +1,153 @@
+"""Who wins: at each budget, for each statistic, and whether by more than the noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.benchmark.accuracy import Accuracy, ErrorRatio, error_ratio
+from uqpen.results.digits import grouped_number
+
+__all__ = ["NO_VERDICT", "Verdict", "find_verdict", "reference_remark", "verdict_sentence"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# The reference's own 95 % interval may be half of an error before it is told: the error is then
+# wrong by a few per cent at most.
+_COARSE = 0.5
+
+_FEW_DECIDE = "few of the repeats decide that"
+_UNRESOLVED = "its errors are no larger than the reference's own"
+
+NO_VERDICT = "no two methods have figures to compare"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What came of one contest.
+
+    Parameters
+    ----------
+    winner, runner_up : str
+        The methods with the smallest errors.
+    lead : ErrorRatio
+        Of the one over the other.
+    level : tuple of str
+        The methods, the winner first, whose errors differ from its own by no more than the noise.
+    doubt : str
+        Why the lead may not be there, if so. The mean square of scrambled points on a smooth
+        function is made up by few bad scrambles: where few of the repeats decide, or all errors
+        are as small as the reference's own, rarer repeats may take the lead.
+    """
+
+    winner: str
+    runner_up: str
+    lead: ErrorRatio
+    level: tuple[str, ...]
+    doubt: str = ""
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether one method leads all others by more than the noise."""
+        return len(self.level) == 1 and not self.doubt
+
+
+def find_verdict(
+    names: Sequence[str], accuracies: Accuracy, resolution: float = 0.0
+) -> Verdict | None:
+    """The verdict of one contest; None where there are not two methods with figures.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the methods.
+    accuracies : Accuracy
+        Of shape (method,).
+    resolution : float
+        How far the reference itself may be off; NaN where that is not known.
+    """
+    logarithm, error = accuracies.logarithm, accuracies.error
+    order = [i for i in np.argsort(logarithm, kind="stable") if not math.isnan(logarithm[i])]
+    if len(order) < 2:
+        return None
+    best = order[0]
+    leads = {
+        i: error_ratio(
+            (float(logarithm[best]), float(error[best])),
+            (float(logarithm[i]), float(error[i])),
+            accuracies.repeats,
+        )
+        for i in order[1:]
+    }
+    # Whose error few repeats decide is not level: it is behind, or ahead, in doubt.
+    is_heavy = accuracies.is_heavy
+    level = [best, *(i for i, over in leads.items() if not (over.is_significant or is_heavy[i]))]
+    ahead = leads[order[1]]
+    is_decided = ahead.is_significant or len(level) > 1
+    doubt = "" if is_decided and not is_heavy[best] else _FEW_DECIDE
+    if math.exp(logarithm[best]) < resolution:
+        doubt = _UNRESOLVED
+    return Verdict(
+        winner=names[best],
+        runner_up=names[order[1]],
+        lead=ErrorRatio(ahead.factor, math.nan, math.nan) if doubt else ahead,
+        level=tuple(names[i] for i in level),
+        doubt=doubt,
+    )
+
+
+def verdict_sentence(verdict: Verdict | None, budget: int) -> str:
+    """A verdict in words.
+
+    >>> close = Lead(1.1, 0.8, 1.5)
+    >>> sentence(Verdict("sobol", "halton", close, ("sobol", "halton")), 128)
+    'at 128 runs sobol and halton are level'
+    """
+    where = f"at {grouped_number(budget)} runs"
+    if verdict is None:
+        return f"{where} {NO_VERDICT}"
+    if len(verdict.level) > 1:
+        *most, last = verdict.level
+        return f"{where} {', '.join(most)} and {last} are level"
+    over = verdict.lead
+    if math.isinf(over.factor):
+        return f"{where} {verdict.winner} alone is exact"
+    if verdict.doubt:
+        seen = f"{verdict.winner} is ahead of {verdict.runner_up}"
+        return f"{where} {seen} by a factor of {_factor_text(over.factor)}, but {verdict.doubt}"
+    factor = (
+        f"{_factor_text(over.factor)} ({_factor_text(over.lower)} … {_factor_text(over.upper)})"
+    )
+    return f"{where} {verdict.winner} leads {verdict.runner_up} by a factor of {factor}"
+
+
+def reference_remark(error: float, half_width: float) -> str:
+    """What the reference's own error means for an error measured against it.
+
+    Parameters
+    ----------
+    error : float
+        The smallest of a contest.
+    half_width : float
+        Of the reference's interval; NaN where it has none.
+    """
+    if math.isnan(error):
+        return ""
+    if math.isnan(half_width):
+        return "the reference has no interval here, so how far it is off is not known"
+    if half_width > error:
+        return "the smallest error is no larger than the reference's own"
+    if half_width > _COARSE * error:
+        return "the reference's own error is a good part of the smallest: take a larger --reference"
+    return ""
+
+
+def _factor_text(value: float) -> str:
+    """A factor in two or three digits."""
+    if value < 10:
+        return f"{value:.2g}" if value < 1 else f"{value:.1f}"
+    return f"{value:.0f}" if value < 1e5 else f"{value:.1g}"

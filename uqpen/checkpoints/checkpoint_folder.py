@@ -1,0 +1,308 @@
+"""Runs that are kept beside an archive until it is there."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import time
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.checkpoints.fingerprint_file import (
+    FILE_NAME,
+    encode_fingerprint,
+    fingerprint_changes,
+    read_fingerprint,
+)
+from uqpen.checkpoints.runs_file import (
+    TEMPORARY,
+    DamagedRunsError,
+    FinishedRuns,
+    read_runs,
+    write_file,
+    write_runs,
+)
+from uqpen.core.errors import ArchiveError, CheckpointError
+from uqpen.core.labels import MODELS, RUNS, Status
+from uqpen.execution import Progress
+from uqpen.execution.batch import BatchResult
+from uqpen.execution.checkpoint import Checkpoint
+
+__all__ = ["CheckpointFolder"]
+
+Columns = Mapping[str, npt.NDArray[np.float64]]
+# What decides the runs of each design, by model and design.
+Fingerprints = Mapping[tuple[str, str], Mapping[str, str]]
+
+_NUMBER = "[0-9]" * 6
+
+# So many times as long as keeping took is waited before the next time, that it takes a sixth of
+# all at most. It takes about a millisecond: so a run of more than 5 ms is kept at once.
+_PATIENCE = 5
+
+# A part grows, written anew each time, until it has been written so often or holds so many runs.
+_MOST_WRITTEN, _MOST_RUNS = 64, 8192
+
+_FAILED = tuple(status for status in Status if status > Status.INADMISSIBLE)
+
+_MOST_LISTED = 6
+
+
+class CheckpointFolder:
+    """The folder of the runs that are done, while an archive is made.
+
+    Parameters
+    ----------
+    folder : Path
+        Beside the archive.
+    fingerprints : mapping
+        What decides the runs of each design of the study, by model and design.
+    progress : Progress
+        Told of parts that are damaged.
+    """
+
+    def __init__(self, folder: Path, fingerprints: Fingerprints, progress: Progress) -> None:
+        self.folder = folder
+        self.runs = 0
+        self._fingerprints = fingerprints
+        self._progress = progress
+        self._open: list[_RoundCheckpoint] = []
+        self._last = time.monotonic()
+        self._cost = 0.0
+
+    def check_compatibility(self) -> None:
+        """Refuse runs of the study's designs that it would not make any more.
+
+        Runs that were ended for their time are made again where the limit has changed.
+
+        Raises
+        ------
+        CheckpointError
+            Saying what has changed.
+        """
+        for (model, design), fingerprint in self._fingerprints.items():
+            folder = self._runs_folder(model, design)
+            if not any(folder.glob("*.npz")):
+                # What an earlier start was about to keep, of another study perhaps.
+                _remove(folder)
+                continue
+            before = read_fingerprint(folder / FILE_NAME)
+            if before is None:
+                # Without it nobody can tell what its runs are of.
+                record = folder / FILE_NAME
+                self._progress.warn(f"{record}: is damaged; the runs of {design} are made again")
+                _remove(folder)
+                continue
+            texts = [
+                each.text for each in fingerprint_changes(before, fingerprint) if not each.is_limit
+            ]
+            if texts:
+                raise CheckpointError(_incompatibility_text(self.folder, design, texts))
+            if before != fingerprint:
+                self._discard(folder, [Status.TIMED_OUT])
+                self._write_fingerprint(folder, fingerprint)
+
+    def remove_temporary_files(self) -> None:
+        """Remove what an earlier start was about to write when it was ended.
+
+        Raises
+        ------
+        ArchiveError
+            If something else stands where runs are kept.
+        """
+        if self.folder.exists() and not self.folder.is_dir():
+            raise ArchiveError(f"{self.folder}: is no folder: runs are kept in one of this name")
+        for ending in (".npz", FILE_NAME):
+            for file in self.folder.rglob(f"*{ending}{TEMPORARY}"):
+                _remove(file)
+
+    def remove_all(self) -> None:
+        """Remove all runs: they are wanted no more."""
+        for folder in (RUNS, MODELS):
+            _remove(self.folder / folder)
+
+    def remove_archived(self) -> None:
+        """Remove what is in the archive now; runs that this study does not have stay there."""
+        self._open.clear()
+        for model, design in self._fingerprints:
+            _remove(self._runs_folder(model, design))
+        for file in sorted(self.folder.rglob(FILE_NAME)):
+            whose = " of ".join(file.parent.relative_to(self.folder).parts[::-2])
+            self._progress.warn(
+                f"{self.folder}: still holds runs of {whose}, which this study does not have; "
+                "remove them if they are wanted no more"
+            )
+        _remove_empty(self.folder)
+
+    def checkpoint(self, design: str, model: str, number: int) -> Checkpoint:
+        """Who keeps the runs of a round of a design by a model."""
+        kept = _RoundCheckpoint(
+            self, self._runs_folder(model, design), self._fingerprints[model, design]
+        )
+        kept.round = number
+        self._open.append(kept)
+        return kept
+
+    def read_runs(self, file: Path, columns: Columns) -> FinishedRuns | None:
+        """The runs of a part; none of one that is damaged.
+
+        Raises
+        ------
+        CheckpointError
+            If they were made at other points.
+        """
+        try:
+            result = read_runs(file)
+        except DamagedRunsError:
+            self._progress.warn(f"{file}: is damaged; its runs are made again")
+            _remove(file)
+            return None
+        if not result.match_inputs(columns):
+            change = "its points: has a file changed that the study names?"
+            raise CheckpointError(_incompatibility_text(self.folder, file.parent.name, [change]))
+        self.runs += len(result.runs)
+        return result
+
+    def save_if_due(self) -> None:
+        """Write what is done, if it was not done too short a time ago."""
+        if time.monotonic() - self._last >= _PATIENCE * self._cost:
+            self.save()
+
+    def save(self) -> None:
+        """Write all that is done.
+
+        Raises
+        ------
+        ArchiveError
+            If that cannot be done.
+        """
+        began = time.monotonic()
+        try:
+            for kept in self._open:
+                self.runs += kept.write()
+        except OSError as error:
+            raise _write_error(self.folder, error) from None
+        self._last = time.monotonic()
+        self._cost = self._last - began
+
+    def discard_failed(self) -> None:
+        """Have the runs made again that were kept as lost; inadmissible points are no such."""
+        for model, design in self._fingerprints:
+            self._discard(self._runs_folder(model, design), _FAILED)
+
+    def _discard(self, folder: Path, statuses: Collection[Status]) -> None:
+        """Keep the runs of a design but for those that ended so."""
+        try:
+            for file in sorted(folder.glob("*.npz")):
+                with contextlib.suppress(DamagedRunsError):  # told when it is looked into
+                    result = read_runs(file).without_statuses(statuses)
+                    if result is None:
+                        file.unlink()
+                    else:
+                        write_runs(file, result)
+        except OSError as error:
+            raise _write_error(self.folder, error) from None
+
+    def _write_fingerprint(self, folder: Path, fingerprint: Mapping[str, str]) -> None:
+        """Have the record beside runs say what decides them now."""
+        try:
+            write_file(folder / FILE_NAME, encode_fingerprint(fingerprint))
+        except OSError as error:
+            raise _write_error(self.folder, error) from None
+
+    def _runs_folder(self, model: str, design: str) -> Path:
+        root = self.folder / MODELS / model if model else self.folder
+        return root / RUNS / design
+
+
+class _RoundCheckpoint(Checkpoint):
+    """The runs that are kept of one model in one round of a design."""
+
+    round = 0
+
+    def __init__(
+        self, kept: CheckpointFolder, folder: Path, fingerprint: Mapping[str, str]
+    ) -> None:
+        self._checkpoint_folder = kept
+        self._folder = folder
+        self._fingerprint = fingerprint
+        self._columns: Columns = {}
+        self._batch_results: list[BatchResult] = []
+        self._unwritten = 0
+        self._written = 0
+        self._number = 0
+
+    def restore(self, inputs: Columns) -> Iterator[BatchResult]:
+        for file in sorted(self._folder.glob(f"{self.round}_{_NUMBER}.npz")):
+            result = self._checkpoint_folder.read_runs(file, inputs)
+            if result is not None:
+                yield from result.batch_results()
+            self._number = int(file.stem.partition("_")[2]) + 1
+
+    def save(self, inputs: Columns, batch_result: BatchResult) -> None:
+        self._columns = inputs
+        self._batch_results.append(batch_result)
+        self._unwritten += len(batch_result)
+        self._checkpoint_folder.save_if_due()
+
+    def write(self) -> int:
+        """Write what is not written yet; how many runs that is."""
+        if not self._unwritten:
+            return 0
+        self._folder.mkdir(parents=True, exist_ok=True)
+        record = self._folder / FILE_NAME
+        if not record.exists():
+            write_file(record, encode_fingerprint(self._fingerprint))
+        result = FinishedRuns.from_batch_results(self._columns, self._batch_results)
+        write_runs(self._folder / f"{self.round}_{self._number:06d}.npz", result)
+        self._written += 1
+        if self._written == _MOST_WRITTEN or len(result.runs) >= _MOST_RUNS:
+            self._batch_results, self._written = [], 0
+            self._number += 1
+        written, self._unwritten = self._unwritten, 0
+        return written
+
+
+def _incompatibility_text(folder: Path, design: str, changed: list[str]) -> str:
+    more = len(changed) - _MOST_LISTED
+    lines = [*changed[:_MOST_LISTED], *([f"and {more} more"] if more > 0 else [])]
+    listing = "\n".join(f"  {line}" for line in lines)
+    return (
+        f"{folder}: holds runs of {design} that this study would not make; "
+        f"what has changed:\n{listing}\n"
+        "change it back to go on from them, or start over with --fresh"
+    )
+
+
+def _write_error(folder: Path, error: OSError) -> ArchiveError:
+    return ArchiveError(
+        f"{folder}: runs that are done cannot be kept: {error.strerror}\n"
+        "  those kept before stay there, and the same command goes on from them"
+    )
+
+
+def _remove(path: Path) -> None:
+    """Remove a file, or a folder with all that it holds, if it is there.
+
+    Raises
+    ------
+    ArchiveError
+        If that cannot be done.
+    """
+    try:
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise ArchiveError(f"{path}: cannot be removed: {error.strerror}") from None
+
+
+def _remove_empty(root: Path) -> None:
+    """Remove a folder and those within it, as far as nothing is in them."""
+    for folder in sorted([root, *root.rglob("*/")], reverse=True):
+        with contextlib.suppress(OSError):  # it is not empty, or not there
+            folder.rmdir()

@@ -1,0 +1,71 @@
+"""What has decided runs that are kept, in a record beside them, and what of it has changed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from itertools import takewhile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+__all__ = ["FILE_NAME", "Change", "encode_fingerprint", "fingerprint_changes", "read_fingerprint"]
+
+FILE_NAME = "made_of.json"
+
+# Of a text that has changed: how much is told, and how much of it before where it differs.
+_LONGEST, _BEFORE = 60, 20
+
+
+def read_fingerprint(record: Path) -> dict[str, str] | None:
+    """What decided the runs beside a record; None of one that is damaged."""
+    try:
+        content: Any = json.loads(record.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
+def encode_fingerprint(fingerprint: Mapping[str, str]) -> bytes:
+    """The content of a record."""
+    return json.dumps(fingerprint, indent=1).encode()
+
+
+class Change(NamedTuple):
+    """Something that decides runs and is not what it was: its key, and what a person reads."""
+
+    key: str
+    text: str
+
+    @property
+    def is_limit(self) -> bool:
+        """Whether it is how long a run may take."""
+        return self.key.startswith("model") and self.key.endswith(".time_limit")
+
+
+def fingerprint_changes(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[Change]:
+    """What is not as it was."""
+    for key in {**before, **now}:
+        was, is_now = (str(each.get(key, "not there")) for each in (before, now))
+        if was == is_now:
+            continue
+        is_hash = key.startswith("file ") or key.endswith("sha256")
+        if is_hash and key in before and key in now:
+            yield Change(key, f"{key} has changed")
+        else:
+            was, is_now = _excerpts(" ".join(was.split()), " ".join(is_now.split()))
+            yield Change(key, f"{key} was {was}, is {is_now}")
+
+
+def _excerpts(before: str, now: str) -> list[str]:
+    """Two texts as far as they fit on a line: both are cut shortly before they differ.
+
+    >>> _excerpts("1" * 100 + "2", "1" * 100 + "3")
+    ['…111111111111111111112', '…111111111111111111113']
+    """
+    pairs = zip(before, now, strict=False)
+    same = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+    start = max(0, same - _BEFORE) if max(len(before), len(now)) > _LONGEST else 0
+    return [
+        "…" * (start > 0) + text[start:][:_LONGEST] + "…" * (len(text) - start > _LONGEST)
+        for text in (before, now)
+    ]

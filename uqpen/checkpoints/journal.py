@@ -1,0 +1,118 @@
+"""What happened while an archive was made, in a text beside it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import platform
+import time
+from collections import Counter
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+
+from uqpen.archive.provenance import provenance
+from uqpen.core.errors import ArchiveError
+from uqpen.execution import Progress
+from uqpen.study.study import Study
+
+__all__ = ["Journal"]
+
+# Different warnings that are told; a model may give others at each run.
+_MOST_WARNINGS = 100
+
+
+class Journal(Progress):
+    """Progress as lines with the time of day; what must not be in an archive stands here.
+
+    Parameters
+    ----------
+    path : Path
+        The text; what an earlier start has written stays.
+    study : Study
+        What is made.
+    progress : Progress
+        Who else is told.
+    """
+
+    def __init__(self, path: Path, study: Study, progress: Progress) -> None:
+        self._path = path
+        self._study = study
+        self._progress = progress
+        self._warnings: Counter[str] = Counter()
+        self._name = ""
+        self._runs = self._failed = 0
+        self._began = 0.0
+
+    def __enter__(self) -> Journal:
+        version = provenance()["version_uqpen"]
+        self.write_line(
+            f"{self._study.name}: study {self._study.sha256[:16]} by uqpen {version} "
+            f"on {platform.node()} ({platform.platform()}), process {os.getpid()}"
+        )
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        # What has ended it is told, even if the disk has no room for that.
+        with contextlib.suppress(*([] if kind is None else [ArchiveError])):
+            self._finish()
+            for warning, count in self._warnings.items():
+                self.write_line(f"warning: {warning}" + f" ({count} times)" * (count > 1))
+            if kind is not None:
+                text = " ".join(str(error).split())
+                self.write_line(f"ended early: {kind.__name__}" + f": {text}" * bool(text))
+
+    def write_line(self, text: str) -> None:
+        """Write a line.
+
+        Raises
+        ------
+        ArchiveError
+            If that cannot be done.
+        """
+        moment = datetime.now().astimezone().isoformat(timespec="milliseconds")
+        try:
+            with self._path.open("a", encoding="utf-8", errors="backslashreplace") as stream:
+                stream.write(f"{moment} {text}\n")
+        except OSError as error:
+            raise ArchiveError(f"{self._path}: cannot be written: {error.strerror}") from None
+
+    def start_preparation(self, model: str) -> None:
+        self._progress.start_preparation(model)
+
+    def start_design(self, name: str, runs: int) -> None:
+        self._finish()
+        self._name, self._runs, self._failed, self._began = name, 0, 0, time.monotonic()
+        self._progress.start_design(name, runs)
+
+    def count_restored(self, runs: int) -> None:
+        self.write_line(f"{self._name}: {runs} runs were made before")
+        self._progress.count_restored(runs)
+
+    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+        self._runs += runs
+        self._failed += failed
+        self._progress.advance(runs, failed, in_progress)
+
+    def start_analysis(self) -> None:
+        self._finish()
+        self._progress.start_analysis()
+
+    def warn(self, text: str) -> None:
+        if len(self._warnings) < _MOST_WARNINGS or text in self._warnings:
+            self._warnings[text] += 1
+        self._progress.warn(text)
+
+    def _finish(self) -> None:
+        """Tell what came of the last design."""
+        if self._name:
+            took = time.monotonic() - self._began
+            self.write_line(
+                f"{self._name}: {self._runs} runs in {took:.3f} s, {self._failed} of them lost"
+            )
+            self._name = ""

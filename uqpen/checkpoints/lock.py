@@ -1,0 +1,43 @@
+"""One process at a time makes an archive."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from uqpen.core.errors import ArchiveError
+
+__all__ = ["lock_archive"]
+
+
+@contextmanager
+def lock_archive(path: Path) -> Iterator[None]:
+    """While this lasts, no other process makes the archive at `path`.
+
+    The operating system holds the lock, and lets go of it when this process ends in whatever way;
+    the file that it is on may stay behind, and means nothing.
+
+    Raises
+    ------
+    ArchiveError
+        If another process is at it.
+    """
+    from filelock import FileLock, Timeout
+
+    file = path.with_name(f".{path.name}.lock")
+    lock = FileLock(file, blocking=False)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise ArchiveError(f"{path}: another process is making it right now") from None
+    except OSError as error:
+        raise ArchiveError(f"{file}: cannot be locked: {error.strerror}") from None
+    try:
+        yield
+    finally:
+        # Before it is let go, so that nobody who waits for it gets a file that is no longer there.
+        with contextlib.suppress(OSError):
+            file.unlink()
+        lock.release()

@@ -1,0 +1,193 @@
+"""Finished runs in a file of their own, which holds all of them or is known to be damaged."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import os
+import zipfile
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.labels import FAILURE_REASON, RUN, STATUS, Status
+from uqpen.core.model import Results
+from uqpen.execution.batch import BatchResult, join_results
+
+__all__ = ["TEMPORARY", "DamagedRunsError", "FinishedRuns", "read_runs", "write_file", "write_runs"]
+
+Columns = Mapping[str, npt.NDArray[np.float64]]
+
+# How names end of files that are not yet whole.
+TEMPORARY = ".tmp"
+
+_INPUT, _OUTPUT, _FAILED, _FILES, _DIGEST = "input_", "output_", "lost", "files", "sha256"
+
+
+class DamagedRunsError(Exception):
+    """A file that is no part, or no longer whole."""
+
+
+@dataclass(frozen=True)
+class FinishedRuns:
+    """Finished runs, their numbers ascending.
+
+    Parameters
+    ----------
+    runs : ndarray of int, shape (run,)
+        Their numbers.
+    inputs : mapping of str to ndarray, shape (run,)
+        Where they were made, in SI units.
+    results : Results
+        What came of them.
+    """
+
+    runs: npt.NDArray[np.int64]
+    inputs: Columns
+    results: Results
+
+    @classmethod
+    def from_batch_results(
+        cls, columns: Columns, batch_results: Sequence[BatchResult]
+    ) -> FinishedRuns:
+        """The runs of some pieces, at least one, out of those at all points."""
+        batch_results = sorted(batch_results, key=lambda batch_result: batch_result.start)
+        runs = np.concatenate(
+            [np.arange(each.start, each.start + len(each)) for each in batch_results]
+        )
+        inputs = {name: column[runs] for name, column in columns.items()}
+        return cls(
+            runs, inputs, join_results([batch_result.results for batch_result in batch_results])
+        )
+
+    def match_inputs(self, columns: Columns) -> bool:
+        """Whether its runs were made at these points, to the bit."""
+        if self.inputs.keys() != columns.keys():
+            return False
+        total = len(next(iter(columns.values())))
+        return int(self.runs[-1]) < total and all(
+            np.array_equal(values.view(np.int64), columns[name][self.runs].view(np.int64))
+            for name, values in self.inputs.items()
+        )
+
+    def without_statuses(self, statuses: Collection[Status]) -> FinishedRuns | None:
+        """Its runs but for those that ended so; None where no other is left."""
+        at = np.flatnonzero(~np.isin(self.results.status, list(statuses)))
+        inputs = {name: values[at] for name, values in self.inputs.items()}
+        return (
+            FinishedRuns(self.runs[at], inputs, _select_results(self.results, at))
+            if at.size
+            else None
+        )
+
+    def batch_results(self) -> Iterator[BatchResult]:
+        """Its runs as pieces: a piece has no gaps."""
+        gaps = np.flatnonzero(np.diff(self.runs) > 1) + 1
+        for at in np.split(np.arange(len(self.runs)), gaps):
+            yield BatchResult(int(self.runs[at[0]]), _select_results(self.results, at))
+
+
+def _select_results(results: Results, at: npt.NDArray[np.int64]) -> Results:
+    """The results of some runs, by their positions."""
+    position = {run: new for new, run in enumerate(at.tolist())}
+    return Results(
+        {name: values[at] for name, values in results.outputs.items()},
+        results.status[at],
+        {position[run]: text for run, text in results.reasons.items() if run in position},
+        results.files,
+    )
+
+
+def write_runs(path: Path, result: FinishedRuns) -> None:
+    """Put a part where it belongs: as a whole, on the disk, or not at all.
+
+    Raises
+    ------
+    OSError
+        If that cannot be done.
+    """
+    results = result.results
+    failed = sorted(results.reasons)
+    arrays: dict[str, npt.NDArray[Any]] = {
+        RUN: result.runs,
+        STATUS: results.status,
+        **{_INPUT + name: values for name, values in result.inputs.items()},
+        **{_OUTPUT + name: values for name, values in results.outputs.items()},
+        _FAILED: np.array(failed, dtype=np.int64),
+        FAILURE_REASON: np.array([results.reasons[run] for run in failed], dtype=np.str_),
+        _FILES: np.array(sorted(results.files), dtype=np.str_),
+    }
+    arrays[_DIGEST] = np.array(_digest(arrays))
+    content = io.BytesIO()
+    np.savez(content, allow_pickle=False, **arrays)
+    write_file(path, content.getvalue())
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file so that it is there as a whole, or as it was before.
+
+    Raises
+    ------
+    OSError
+        If that cannot be done; nothing is left behind.
+    """
+    temporary = path.with_name(path.name + TEMPORARY)
+    try:
+        with temporary.open("wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.replace(path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        raise
+
+
+def read_runs(path: Path) -> FinishedRuns:
+    """The runs of a part.
+
+    Raises
+    ------
+    DamagedRunsError
+        If they are not as they were written.
+    """
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
+            arrays = {name: content[name] for name in content.files}
+        written = str(arrays.pop(_DIGEST))
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError):
+        raise DamagedRunsError(path.name) from None
+    if written != _digest(arrays):
+        raise DamagedRunsError(path.name)
+    results = Results(
+        _arrays_with_prefix(arrays, _OUTPUT),
+        arrays[STATUS],
+        dict(zip(arrays[_FAILED].tolist(), arrays[FAILURE_REASON].tolist(), strict=True)),
+        frozenset(arrays[_FILES].tolist()),
+    )
+    return FinishedRuns(arrays[RUN], _arrays_with_prefix(arrays, _INPUT), results)
+
+
+def _arrays_with_prefix(
+    arrays: Mapping[str, npt.NDArray[Any]], prefix: str
+) -> dict[str, npt.NDArray[Any]]:
+    return {
+        name.removeprefix(prefix): values
+        for name, values in arrays.items()
+        if name.startswith(prefix)
+    }
+
+
+def _digest(arrays: Mapping[str, npt.NDArray[Any]]) -> str:
+    """A hash of all that a part holds."""
+    digest = hashlib.sha256()
+    for name, values in sorted(arrays.items()):
+        digest.update(f"{name} {values.dtype.str} {values.shape} ".encode())
+        digest.update(np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()

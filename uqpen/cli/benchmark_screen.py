@@ -1,0 +1,136 @@
+"""A comparison of methods as a person sees it, and how far it is."""
+
+from __future__ import annotations
+
+import textwrap
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import xarray as xr
+from rich.console import Console
+from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
+from rich.text import Text
+
+from uqpen.benchmark.compare import BenchmarkProgress
+from uqpen.cli.printable import printable
+from uqpen.cli.screen import show_table, standard_output
+from uqpen.results.benchmark_tables import LEGEND, entry_comparisons, methods_table, standings_table
+from uqpen.results.digits import grouped_number
+
+__all__ = ["show_benchmark", "show_progress"]
+
+# Where there is no bar, a line tells how far it is when the last is so old, in seconds.
+_BETWEEN_LINES = 10.0
+
+
+def show_benchmark(tree: xr.DataTree) -> None:
+    """A title, what was run, and a table with its verdicts for each statistic."""
+    console = standard_output()
+    title = f"{tree.attrs['title']}: methods head to head"
+    console.print(Text(printable(title), style="bold"))
+    show_table(console, methods_table(tree))
+    for comparison in entry_comparisons(tree):
+        show_table(console, comparison.table)
+        for sentence in comparison.sentences:
+            _show_text(console, sentence)
+    show_table(console, standings_table(tree))
+    _show_text(console, LEGEND)
+    console.print()
+
+
+def _show_text(console: Console, text: str) -> None:
+    """A text in lines that keep the groups of a number's digits together."""
+    for line in textwrap.wrap(printable(text), console.width - 1, break_long_words=False):
+        console.print(Text(f" {line}", style="dim"), soft_wrap=True)
+
+
+@contextmanager
+def show_progress() -> Iterator[BenchmarkProgress]:
+    """A bar with the time remaining on a terminal, lines elsewhere."""
+    console = Console(stderr=True, highlight=False)
+    if not console.is_terminal:
+        yield _Lines(console)
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    with Bar(*columns, console=console, transient=True) as bar:
+        yield _Bar(bar)
+
+
+class _Announced(BenchmarkProgress):
+    """Says before it starts what is to be done."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._repeats = 0
+
+    def start_benchmark(self, *, runs: int, reference: int, repeats: int, seconds: float) -> None:
+        self._repeats = repeats
+        self._print(
+            f"{grouped_number(runs)} runs, of which the reference's {grouped_number(reference)}: "
+            f"the model alone takes about {_duration(seconds)}"
+        )
+
+    def _print(self, text: str) -> None:
+        self._console.print(Text(text), soft_wrap=True)
+
+
+class _Bar(_Announced):
+    """A bar over the repeats, each of which takes as long as the others."""
+
+    def __init__(self, bar: Bar) -> None:
+        super().__init__(bar.console)
+        self._bar = bar
+        self._task = bar.add_task("", total=None)
+
+    def start_preparation(self, model: str) -> None:
+        self._bar.update(self._task, description=f"preparing {model}")
+
+    def start_benchmark(self, *, runs: int, reference: int, repeats: int, seconds: float) -> None:
+        super().start_benchmark(runs=runs, reference=reference, repeats=repeats, seconds=seconds)
+        self._begin("reference", reference)
+        self._each = (runs - reference) // repeats
+
+    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+        self._bar.advance(self._task, runs)
+
+    def finish_repeat(self, done: int) -> None:
+        if not done:
+            self._begin("", self._each * self._repeats)
+        self._bar.update(self._task, description=f"repeat {done} of {self._repeats}")
+
+    def _begin(self, description: str, total: int) -> None:
+        self._bar.remove_task(self._task)
+        self._task = self._bar.add_task(description, total=total)
+
+
+class _Lines(_Announced):
+    """A line now and then that says how much is left."""
+
+    def __init__(self, console: Console) -> None:
+        super().__init__(console)
+        self._began = self._last = time.monotonic()
+
+    def finish_repeat(self, done: int) -> None:
+        now = time.monotonic()
+        if not done:
+            self._began = now
+            self._print("the reference is there")
+        elif done == 1 or done == self._repeats or now - self._last > _BETWEEN_LINES:
+            left = (now - self._began) / done * (self._repeats - done)
+            end = f"about {_duration(left)} to go" if done < self._repeats else "done"
+            self._print(f"repeat {done} of {self._repeats}: {end}")
+            self._last = now
+
+
+def _duration(seconds: float) -> str:
+    """A time as people say it.
+
+    >>> _duration(0.2), _duration(75), _duration(7000)
+    ('1 s', '75 s', '117 min')
+    """
+    for length, unit, most in ((1, "s", 120), (60, "min", 180), (3600, "h", 72)):
+        if seconds < most * length:
+            return f"{max(1, round(seconds / length))} {unit}"
+    return f"{round(seconds / 86_400)} days"

@@ -1,0 +1,1 @@
+"""Core: errors, units, quantities, settings, variables, labels, files; what a model is."""

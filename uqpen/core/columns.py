@@ -1,0 +1,193 @@
+"""Columns of numbers in a CSV or NetCDF file, each with its name and unit."""
+
+from __future__ import annotations
+
+import csv
+import functools
+import io
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.arrays import floats
+from uqpen.core.errors import QuantityError, TableError, toml_text
+from uqpen.core.files import FileSnapshot
+from uqpen.core.units import DIMENSIONLESS, NUMBER, are_convertible, describe, scale
+
+__all__ = ["Column", "ColumnFile", "read_columns"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_NUMBER = re.compile(rf"\s*{NUMBER}\s*\Z")
+_HEADER = re.compile(r"\s*([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?\s*\Z")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a file as it stood there when the file was read.
+
+    Parameters
+    ----------
+    name : str
+        What it is headed, without its unit.
+    unit : str
+        As the file says it.
+    load : callable
+        Its entries as numbers in that unit; called where they are wanted, so that a column that
+        nobody wants may hold anything. Raises TableError, with the line, for one that is none.
+    """
+
+    name: str
+    unit: str
+    load: Callable[[], FloatArray]
+
+    @property
+    def heading(self) -> str:
+        """Name and unit, as a CSV file has them."""
+        return self.name if self.unit == DIMENSIONLESS else f"{self.name} [{self.unit}]"
+
+    def values(self, like: str) -> FloatArray:
+        """The numbers in SI units.
+
+        Parameters
+        ----------
+        like : str
+            A unit of the dimension that they should have.
+
+        Raises
+        ------
+        TableError
+            If the unit is of another dimension, or an entry is no finite number.
+        """
+        numbers = self.load()
+        try:
+            alike = are_convertible(self.unit, like)
+        except QuantityError as error:
+            raise TableError(f'column "{self.name}": {error}') from None
+        if not alike:
+            raise TableError(f'column "{self.name}" is in "{self.unit}"; expected {describe(like)}')
+        measure = scale(self.unit)
+        return np.array([measure.to_si(number) for number in numbers.tolist()])
+
+
+@dataclass(frozen=True)
+class ColumnFile:
+    """A file of columns.
+
+    Parameters
+    ----------
+    file : FileSnapshot
+        The file, of which the columns are what was read of it at once.
+    columns : tuple of Column
+        In its order.
+    """
+
+    file: FileSnapshot
+    columns: tuple[Column, ...]
+
+
+def read_columns(path: Path) -> ColumnFile:
+    """The columns of a file.
+
+    Parameters
+    ----------
+    path : Path
+        Ends in ``.nc`` for NetCDF, whose variables along one dimension are the columns; anything
+        else is read as CSV under a row of headings ``name [unit]``.
+
+    Raises
+    ------
+    TableError
+        If it is not there, or cannot be read.
+    """
+    try:
+        if path.exists() and not path.is_file():
+            raise TableError(f'"{path}" is not a file')
+        content = path.read_bytes()
+        read = _netcdf if path.suffix == ".nc" else _csv
+        return ColumnFile(FileSnapshot.from_content(path, content), read(path, content))
+    except FileNotFoundError:
+        raise TableError(f'there is no file "{path}"') from None
+    except OSError as error:
+        raise TableError(f'"{path}" cannot be read: {error.strerror}') from None
+
+
+def _csv(path: Path, content: bytes) -> tuple[Column, ...]:
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise TableError(f'"{path.name}" is not UTF-8') from None
+    reader = csv.reader(io.StringIO(text, newline=""))
+    try:
+        lines = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
+    except csv.Error as error:
+        raise TableError(f'"{path.name}", line {reader.line_num}: {error}') from None
+    if not lines:
+        raise TableError(f'"{path.name}" is empty')
+    (_, header), *rows = lines
+    for line, row in rows:
+        if len(row) != len(header):
+            found = f"{len(row)} values under {len(header)} headings; commas separate columns"
+            raise TableError(f'"{path.name}", line {line}: {found}')
+    columns = []
+    for position, heading in enumerate(header):
+        name, unit = _heading(heading, path)
+        texts = [(line, row[position]) for line, row in rows]
+        columns.append(Column(name, unit, functools.partial(_numbers, texts, name, path)))
+    return tuple(columns)
+
+
+def _heading(text: str, path: Path) -> tuple[str, str]:
+    match = _HEADER.match(text)
+    if match is None or not match[1]:
+        raise TableError(f'"{path.name}": heading "{text}" is not of the form "name [unit]"')
+    return match[1], (match[2] or "").strip() or DIMENSIONLESS
+
+
+def _numbers(texts: Sequence[tuple[int, str]], name: str, path: Path) -> FloatArray:
+    values = np.empty(len(texts))
+    for position, (line, text) in enumerate(texts):
+        if not _NUMBER.match(text) or not math.isfinite(float(text)):
+            where = f'"{path.name}", line {line}, column "{name}"'
+            raise TableError(f"{where}: found {toml_text(text.strip())}, expected a number")
+        values[position] = float(text)
+    return values
+
+
+def _netcdf(path: Path, content: bytes) -> tuple[Column, ...]:
+    import netCDF4
+
+    try:
+        with netCDF4.Dataset(path.name, memory=content) as dataset:
+            return tuple(
+                Column(
+                    str(name),
+                    str(getattr(variable, "units", DIMENSIONLESS)),
+                    functools.partial(_values, str(name), variable[:], path),
+                )
+                for name, variable in dataset.variables.items()
+                if not (name in dataset.dimensions and "units" not in variable.ncattrs())
+            )
+    except OSError:
+        raise TableError(f'"{path.name}" is not a NetCDF file') from None
+
+
+def _values(name: str, entries: Any, path: Path) -> FloatArray:
+    """The values of a NetCDF variable, none of which may be missing."""
+    where = f'"{path.name}", variable "{name}"'
+    if np.ndim(entries) != 1:
+        raise TableError(f"{where} has {np.ndim(entries)} dimensions, expected one")
+    try:
+        values = floats(entries)
+    except ValueError as error:
+        raise TableError(f"{where} holds {error}") from None
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise TableError(f"{where} has no number at position {bad[0]}")
+    return values

@@ -1,0 +1,186 @@
+"""The errors uqpen raises on purpose, each with a message meant for its user.
+
+::
+
+    UqpenError
+    ├── StudyError (ValueError)          a study file with mistakes, all of them listed
+    ├── SettingsError (ValueError)       a setting outside what its owner accepts
+    ├── QuantityError (ValueError)       text that is not a number with a unit
+    │   └── ConstraintError              a constraint that cannot be read or has mixed units
+    ├── UnknownNameError (LookupError)   a name that is not among the known ones
+    ├── ModelError (ValueError)          a model that cannot be built or called as asked
+    ├── TableError (ValueError)          a table of points that cannot be read
+    ├── TrajectoryError (ArithmeticError)  the one run whose course was asked for has failed
+    ├── WorkerError (RuntimeError)       processes that cannot be started
+    ├── ClusterError (RuntimeError)      a cluster that cannot be reached, or is no more
+    ├── TooManyFailedError (RuntimeError)  more runs were lost than a study allows
+    ├── FigureError (ValueError)         a figure that cannot be drawn or written
+    ├── ReportError (ValueError)         a report that cannot be written
+    ├── CheckpointError (ValueError)     runs kept from before that a study would not make
+    └── ArchiveError (OSError)           a file that cannot be written, or is not an archive
+
+Anything else that escapes is a fault of uqpen itself and keeps its traceback.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import date, time
+
+__all__ = [
+    "ArchiveError",
+    "CheckpointError",
+    "ClusterError",
+    "ConstraintError",
+    "FigureError",
+    "ModelError",
+    "Problem",
+    "QuantityError",
+    "ReportError",
+    "SettingsError",
+    "StudyError",
+    "TableError",
+    "TooManyFailedError",
+    "TrajectoryError",
+    "UnknownNameError",
+    "UqpenError",
+    "WorkerError",
+    "toml_text",
+]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong: where, what was found, what would be right.
+
+    Parameters
+    ----------
+    path : tuple of str or int
+        Keys that lead to it, outermost first; empty for a whole file.
+    found : str
+        What stands there, as its author wrote it where that is possible.
+    expected : str
+        What uqpen would accept in its place.
+    """
+
+    path: tuple[str | int, ...]
+    found: str
+    expected: str
+
+    @property
+    def key(self) -> str:
+        """Dotted path, with positions in a list in brackets."""
+        text = ""
+        for part in self.path:
+            text += f"[{part}]" if isinstance(part, int) else f".{part}"
+        return text.removeprefix(".")
+
+    def within(self, *prefix: str | int) -> Problem:
+        """The same problem, seen from a table further out."""
+        return Problem((*prefix, *self.path), self.found, self.expected)
+
+    def __str__(self) -> str:
+        where = f"{self.key}: " if self.path else ""
+        return f"{where}found {self.found}; expected {self.expected}"
+
+
+class UqpenError(Exception):
+    """Base of every error that uqpen raises on purpose."""
+
+
+class StudyError(UqpenError, ValueError):
+    """A study that cannot be run; `check_measurements` lists every mistake in it.
+
+    Parameters
+    ----------
+    message : str
+        The whole report, as a user reads it.
+    problems : iterable of Problem
+        The same, one by one.
+    """
+
+    def __init__(self, message: str, problems: Iterable[Problem] = ()) -> None:
+        super().__init__(message)
+        self.problems = tuple(problems)
+
+
+class SettingsError(UqpenError, ValueError):
+    """Settings that their owner (a design, a distribution, a model) does not accept."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("; ".join(str(problem) for problem in self.problems))
+
+
+class QuantityError(UqpenError, ValueError):
+    """Text that is not a number with a unit of the right dimension."""
+
+    def __init__(self, found: str, expected: str) -> None:
+        super().__init__(f"found {found}; expected {expected}")
+        self.found = found
+        self.expected = expected
+
+
+class ConstraintError(QuantityError):
+    """A constraint that cannot be read, or compares what has no common unit."""
+
+
+class UnknownNameError(UqpenError, LookupError):
+    """A name that is not among the known ones; the message lists them."""
+
+
+class ModelError(UqpenError, ValueError):
+    """A model that cannot be built or called as asked."""
+
+
+class TrajectoryError(UqpenError, ArithmeticError):
+    """The one run whose course was asked for has failed."""
+
+
+class TableError(UqpenError, ValueError):
+    """A table of points that cannot be read or does not fit the model."""
+
+
+class WorkerError(UqpenError, RuntimeError):
+    """Worker processes that cannot be started."""
+
+
+class ClusterError(UqpenError, RuntimeError):
+    """A cluster that cannot be reached, or is no more."""
+
+
+class TooManyFailedError(UqpenError, RuntimeError):
+    """More runs were lost than a study allows."""
+
+
+class FigureError(UqpenError, ValueError):
+    """A figure that cannot be drawn of an archive, or not be written."""
+
+
+class ReportError(UqpenError, ValueError):
+    """A report that cannot be written."""
+
+
+class CheckpointError(UqpenError, ValueError):
+    """Runs that were kept from before, and that a study would not make."""
+
+
+class ArchiveError(UqpenError, OSError):
+    """A file that cannot be written, or that is not an archive of uqpen's."""
+
+
+def toml_text(value: object) -> str:
+    """A TOML value as its author wrote it, near enough."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, date | time):
+        return value.isoformat()
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list):
+        return "a list"
+    return repr(value)

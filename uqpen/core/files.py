@@ -1,0 +1,71 @@
+"""Files as they stood when they were read, and files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["LARGEST", "FileSnapshot", "replace_file"]
+
+# An archive keeps what is larger by its hash alone: sources and measurements are far smaller, and
+# whoever has more than that in a table has it elsewhere as well.
+LARGEST = 2**20
+
+
+@dataclass(frozen=True)
+class FileSnapshot:
+    """A file as it stood when it was read, whatever has become of it since.
+
+    Parameters
+    ----------
+    path : Path
+        Where it was read.
+    sha256 : str
+        Of its content.
+    size : int
+        In bytes.
+    content : bytes or None
+        None where it is larger than `LARGEST`.
+    """
+
+    path: Path
+    sha256: str
+    size: int
+    content: bytes | None
+
+    @classmethod
+    def from_content(cls, path: Path, content: bytes) -> FileSnapshot:
+        """A file with what was read from it."""
+        kept = content if len(content) <= LARGEST else None
+        return cls(path, hashlib.sha256(content).hexdigest(), len(content), kept)
+
+
+def replace_file(path: Path, content: bytes) -> None:
+    """Put a file in the place of whatever stood there, in one step; folders are made.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; nothing is left of it then, and what stood there stays. Its
+        ``strerror`` can be shown to a user.
+    """
+    if path.is_dir():
+        raise OSError(errno.EISDIR, "it is a folder")
+    if path.exists() and not path.is_file():
+        # A device or a pipe, say, which a file would take the place of.
+        raise OSError(errno.EEXIST, "there is something that is no file")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(content)
+        temporary.replace(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        is_file = isinstance(error, FileExistsError | NotADirectoryError)
+        reason = f"{path.parent} is no folder" if is_file else error.strerror
+        raise OSError(error.errno, reason) from None

@@ -1,0 +1,64 @@
+"""From a name to the object behind it, importing nothing before it is needed.
+
+Each family of interchangeable things (designs, distributions, models, analyses) is a plain
+dict from a name to a ``"module:attribute"`` reference; adding a member is one file and one line.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from uqpen.core.errors import UnknownNameError
+
+__all__ = ["choices", "nearest", "resolve", "resolve_name"]
+
+
+def resolve(reference: str) -> Any:
+    """Object behind a ``"module:attribute"`` reference."""
+    module, _, attribute = reference.partition(":")
+    return getattr(importlib.import_module(module), attribute)
+
+
+def resolve_name(family: Mapping[str, str], name: str, what: str) -> Any:
+    """Object that `name` stands for in `family`.
+
+    Parameters
+    ----------
+    family : mapping of str to str
+        Names and their references.
+    name : str
+        The name to look up.
+    what : str
+        What the family holds, in the singular, for the message of a miss.
+
+    Raises
+    ------
+    UnknownNameError
+        If `name` is not in `family`; the message lists the choices, the nearest first.
+    """
+    try:
+        reference = family[name]
+    except KeyError:
+        raise UnknownNameError(f'no {what} "{name}"; {choices(name, family)}') from None
+    return resolve(reference)
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name most like `name`, or None where nothing is much like it."""
+    matches = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return matches[0] if matches else None
+
+
+def choices(name: str, known: Iterable[str]) -> str:
+    """What to use in place of an unknown name: the nearest, then all.
+
+    >>> choices("cmm", ["cm", "mm"])
+    'did you mean "cm"? known: cm, mm'
+    """
+    names = list(known)
+    close = nearest(name, names)
+    listing = f"known: {', '.join(names)}" if names else "none is known"
+    return f'did you mean "{close}"? {listing}' if close else listing

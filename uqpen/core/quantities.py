@@ -1,0 +1,157 @@
+"""Quantities: numbers with units, as people write them.
+
+The number in front of a unit is read here, strictly (a units library that guesses reads ``17,5`` as
+175); only the unit itself is given to the library.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from uqpen.core.errors import QuantityError, toml_text
+from uqpen.core.units import DIMENSIONLESS, NUMBER, Scale, are_convertible, describe, scale, si_unit
+
+__all__ = ["Quantity", "Spread", "parse_any_dimension", "parse_quantity", "parse_spread"]
+
+_QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*\Z", re.DOTALL)
+_PLUS_MINUS = re.compile(r"±|\+/-|\+-")
+_GROUPED = re.compile(r"\s*\((.*)\)\s*(.*?)\s*\Z", re.DOTALL)
+_DECIMAL_COMMA = re.compile(r"\s*([+-]?[0-9]+),([0-9]+)(.*)\Z", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A value in SI units, with the unit in which a person wrote it.
+
+    Parameters
+    ----------
+    value : float
+        In the coherent SI unit of `unit`.
+    unit : str
+        The unit to show it in.
+    """
+
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A mean and a standard deviation, both in SI units, and the unit they were written in."""
+
+    mean: float
+    std: float
+    unit: str
+
+
+def parse_quantity(text: str | float, like: str, *, difference: bool = False) -> Quantity:
+    """Read a quantity such as ``"17.5 g/cm^3"``.
+
+    Parameters
+    ----------
+    text : str or float
+        What a person wrote; a plain number where the dimension has no unit.
+    like : str
+        A unit of the dimension that is expected.
+    difference : bool
+        Whether it is a difference, a standard deviation say: 5 degC is then 5 K.
+
+    Returns
+    -------
+    Quantity
+        With its value in SI units.
+
+    Raises
+    ------
+    QuantityError
+        If it is not a finite number with a unit of that dimension.
+    """
+    if isinstance(text, int | float) and not isinstance(text, bool):
+        text = repr(text)
+    if not isinstance(text, str):
+        raise QuantityError(toml_text(text), describe(like))
+    number, unit = _split(text, like)
+    measure = _checked_scale(text, unit, like)
+    value = measure.difference_to_si(number) if difference else measure.to_si(number)
+    if not math.isfinite(value):
+        raise QuantityError(f"{toml_text(text)}, which is not finite", describe(like))
+    return Quantity(value, unit)
+
+
+def parse_any_dimension(text: str) -> Quantity:
+    """Read a quantity of whatever dimension its unit has.
+
+    Raises
+    ------
+    QuantityError
+        If it is not a finite number with a unit, or without one.
+    """
+    return parse_quantity(text, _split(text, DIMENSIONLESS)[1])
+
+
+def parse_spread(text: str, like: str) -> Spread | None:
+    """Read a mean with a standard deviation such as ``"(2.5 ± 0.05) g/cm^3"``.
+
+    Returns
+    -------
+    Spread or None
+        None where `text` has no ``±`` (or ``+/-``), so is no spread at all.
+
+    Raises
+    ------
+    QuantityError
+        If it has one but cannot be read.
+    """
+    if not _PLUS_MINUS.search(text):
+        return None
+    grouped = _GROUPED.match(text)
+    inner, unit = grouped.groups() if grouped else (text, "")
+    parts = _PLUS_MINUS.split(inner)
+    shape = f'a mean and a standard deviation, such as "{_example(like)}"'
+    if len(parts) != 2:
+        raise QuantityError(toml_text(text), shape)
+    for part in parts:
+        _refuse_comma(part)
+    if not all(re.fullmatch(rf"\s*{NUMBER}\s*", part) for part in parts):
+        raise QuantityError(toml_text(text), f"{shape}, the unit once and behind the bracket")
+    mean, std = (float(part) for part in parts)
+    measure = _checked_scale(text, unit, like)
+    return Spread(measure.to_si(mean), measure.difference_to_si(std), unit or DIMENSIONLESS)
+
+
+def _example(like: str) -> str:
+    """A spread in the dimension of `like`, to be shown in a message."""
+    return "2.5 ± 0.5" if si_unit(like) == DIMENSIONLESS else f"(2.5 ± 0.5) {like}"
+
+
+def _split(text: str, like: str) -> tuple[float, str]:
+    """Number and unit of a quantity's text."""
+    _refuse_comma(text)
+    match = _QUANTITY.match(text)
+    if match is None:
+        raise QuantityError(toml_text(text), describe(like))
+    number, unit = match.groups()
+    if _PLUS_MINUS.search(unit):
+        raise QuantityError(f"{toml_text(text)}, with a ±", f"{describe(like)}, without a spread")
+    return float(number), unit or DIMENSIONLESS
+
+
+def _refuse_comma(text: str) -> None:
+    match = _DECIMAL_COMMA.match(text)
+    if match:
+        whole, fraction, rest = match.groups()
+        written = f"{whole}.{fraction}{rest}".strip()
+        raise QuantityError(
+            f"{toml_text(text)}, with a decimal comma", f'a decimal point: "{written}"'
+        )
+
+
+def _checked_scale(text: str, unit: str, like: str) -> Scale:
+    """The scale of `unit`, which must be of the dimension of `like`."""
+    unit = unit or DIMENSIONLESS
+    if not are_convertible(unit, like):
+        missing = ", a number without a unit" if unit == DIMENSIONLESS else ""
+        raise QuantityError(f"{toml_text(text)}{missing}", describe(like))
+    return scale(unit)

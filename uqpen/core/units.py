@@ -1,0 +1,214 @@
+"""Units: UDUNITS strings, what they measure, and their coherent SI units.
+
+Inside uqpen every value is in coherent SI units; the unit that a person wrote is kept for showing
+it back.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import Any
+
+from uqpen.core.errors import QuantityError, toml_text
+
+__all__ = [
+    "DIMENSIONLESS",
+    "NUMBER",
+    "Scale",
+    "are_convertible",
+    "describe",
+    "product",
+    "ratio",
+    "scale",
+    "si_unit",
+]
+
+DIMENSIONLESS = "1"
+
+# A decimal number, as a regular expression.
+NUMBER = r"[+-]?(?:[0-9]+(?:_[0-9]+)*\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+# Typeset powers, of which the library reads a few only.
+_TYPESET = str.maketrans("⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+-0123456789")
+
+# What units are written of, for `_is_product_of_names`.
+_POWER = r"(?:(?:\^|\*\*)?[+-]?[0-9]+)"
+_OPERAND = re.compile(rf"\(|(?!(?:nmi|mph)\b)[A-Za-z_%°µμΩΩÅ℃℉′″'\"]+{_POWER}?|1(?![0-9])")
+_OPERATOR = re.compile(rf"\){_POWER}?|\s*[*/·.]\s*|\s+")
+
+# Coherent units with a name of their own, preferred to their base units; what they measure, for
+# messages; and an example that a message can print.
+_KNOWN = {
+    "1": ("a plain number", "0.5"),
+    "m": ("a length", "16 cm"),
+    "m2": ("an area", "4 cm^2"),
+    "m3": ("a volume", "2 l"),
+    "kg": ("a mass", "5 kg"),
+    "s": ("a time", "10 s"),
+    "K": ("a temperature", "293 K"),
+    "A": ("an electric current", "2 A"),
+    "mol": ("an amount of substance", "1 mol"),
+    "cd": ("a luminous intensity", "1 cd"),
+    "rad": ("an angle", "30 degree"),
+    "m s-1": ("a velocity", "1400 m/s"),
+    "m s-2": ("an acceleration", "9.81 m/s^2"),
+    "kg m-3": ("a density", "17.5 g/cm^3"),
+    "Pa": ("a pressure or stress", "400 MPa"),
+    "N": ("a force", "5 kN"),
+    "J": ("an energy", "3 kJ"),
+    "W": ("a power", "2 kW"),
+    "V": ("a voltage", "230 V"),
+    "ohm": ("a resistance", "50 ohm"),
+    "s-1": ("a rate or frequency", "50 Hz"),
+    "Pa s": ("a dynamic viscosity", "1 mPa s"),
+    "m2 s-1": ("a diffusivity or kinematic viscosity", "1 mm^2/s"),
+    "m3 s-1": ("a flow rate", "2 l/s"),
+    "W m-1 K-1": ("a thermal conductivity", "0.5 W/(m K)"),
+    "W m-2 K-1": ("a heat transfer coefficient", "10 W/(m^2 K)"),
+    "J kg-1 K-1": ("a specific heat capacity", "900 J/(kg K)"),
+}
+
+
+@dataclass(frozen=True)
+class Scale:
+    """From a unit to its coherent SI unit: ``SI value = factor * value + offset``."""
+
+    factor: float
+    offset: float
+    _exact: tuple[Decimal, Decimal] | None = None
+
+    def to_si(self, value: float) -> float:
+        """A value in SI units; correctly rounded where the scale is a short decimal."""
+        if self._exact is not None and math.isfinite(value):
+            factor, offset = self._exact
+            return float(Decimal(repr(float(value))) * factor + offset)
+        return value * self.factor + self.offset
+
+    def difference_to_si(self, value: float) -> float:
+        """A difference of two values in SI units: 5 degC is 5 K, not 278.15 K."""
+        return Scale(self.factor, 0.0, self._exact and (self._exact[0], Decimal(0))).to_si(value)
+
+    def from_si(self, value: Any) -> Any:
+        """A value, or an array of them, back from SI units."""
+        return (value - self.offset) / self.factor
+
+    def difference_from_si(self, value: Any) -> Any:
+        """A difference, or an array of them, back from SI units."""
+        return value / self.factor
+
+
+def _unit(text: str) -> Any:
+    """The units library's own object; imported here, since not every command needs it."""
+    import cf_units
+
+    plain = text.translate(_TYPESET) or DIMENSIONLESS
+    try:
+        if _is_product_of_names(plain):
+            return cf_units.Unit(plain)
+    except ValueError:
+        pass
+    expected = 'a unit such as "g/cm^3", with whole powers'
+    raise QuantityError(f"{toml_text(text)}, which is not a known unit", expected)
+
+
+def _is_product_of_names(text: str) -> bool:
+    """Whether a text is names with whole powers, multiplied and divided.
+
+    The library takes far more, and some of it not as it was meant: the ``.5`` of ``m^0.5`` for a
+    factor of 5, what follows a bracket too many for nothing, a ``nmi`` for a thousand millionth of
+    a mile and ``mph`` for a thousandth of a phot.
+    """
+    position, depth, wants_operand = 0, 0, True
+    while position < len(text):
+        pattern = _OPERAND if wants_operand else _OPERATOR
+        match = pattern.match(text, position)
+        if match is None:
+            return False
+        depth += match[0].count("(") - match[0].count(")")
+        if depth < 0:
+            return False
+        wants_operand = "(" in match[0] if wants_operand else ")" not in match[0]
+        position = match.end()
+    return depth == 0 and not wants_operand
+
+
+@functools.cache
+def _base(text: str) -> tuple[str, Decimal, Decimal]:
+    """Base units of `text`, with the factor and offset that its definition prints."""
+    definition = str(_unit(text).definition).strip()
+    definition, _, offset = definition.partition(" @ ")
+    definition = definition.strip("() ")
+    match = re.match(rf"({NUMBER})\s*(.*)\Z", definition)
+    number, base = match.groups() if match else ("1", definition)
+    base = " ".join((base or DIMENSIONLESS).split("."))
+    factor = Decimal(number)
+    return base, factor, Decimal(offset.strip() or 0) * factor
+
+
+@functools.cache
+def si_unit(text: str) -> str:
+    """The coherent SI unit of the same dimension.
+
+    Parameters
+    ----------
+    text : str
+        A UDUNITS string.
+
+    Returns
+    -------
+    str
+        A named unit where there is a usual one (``"Pa"``), else the product of base units.
+
+    Raises
+    ------
+    QuantityError
+        If `text` is not a unit.
+    """
+    base = _base(text)[0]
+    return next((known for known in _KNOWN if _base(known)[0] == base), base)
+
+
+@functools.cache
+def scale(text: str) -> Scale:
+    """The conversion between a unit and its coherent SI unit."""
+    base, factor, offset = _base(text)
+    unit, si = _unit(text), _unit(base)
+    zero = float(unit.convert(0.0, si)) if offset else 0.0
+    binary = float(unit.convert(1.0, si)) - zero
+    # The definition prints fifteen digits. A factor that needs fewer is the exact one (1000 for
+    # g/cm^3, where the binary conversion gives 999.9999999999998); a longer one has been cut.
+    digits = len(factor.normalize().as_tuple().digits)
+    if digits < 14 and math.isclose(float(factor), binary, rel_tol=1e-13):
+        return Scale(float(factor), float(offset), (factor, offset))
+    return Scale(binary, zero)
+
+
+def are_convertible(one: str, other: str) -> bool:
+    """Whether two units measure the same thing, so that one converts into the other."""
+    return bool(_unit(one).is_convertible(_unit(other)))
+
+
+def product(one: str, other: str) -> str:
+    """Coherent SI unit of a product of quantities in two units."""
+    return si_unit(f"({si_unit(one)}).({si_unit(other)})")
+
+
+def ratio(one: str, other: str) -> str:
+    """Coherent SI unit of a quotient of quantities in two units."""
+    return si_unit(f"({si_unit(one)})/({si_unit(other)})")
+
+
+def describe(unit: str) -> str:
+    """What a unit measures and how such a quantity is written, for messages.
+
+    >>> describe("kg m-3")
+    'a density, such as "17.5 g/cm^3"'
+    """
+    si = si_unit(unit)
+    if si in _KNOWN:
+        what, example = _KNOWN[si]
+        return f'{what}, such as "{example}"'
+    return f'a quantity in {unit}, such as "1 {unit}"'

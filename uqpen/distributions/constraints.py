@@ -1,0 +1,197 @@
+"""Constraints: where an input law ends, as comparisons that a study file writes down.
+
+``"plasticity_radius > crater_radius"`` or ``"impact_velocity * 2 < '3 km/s'"``: names of inputs,
+numbers, quoted quantities, ``+ - * /``, whole powers and comparisons. The text is parsed into a
+tree in which only these may stand, and the tree is walked by the functions below: nothing that a
+file contains is ever executed.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import itertools
+import operator
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.errors import ConstraintError, QuantityError, toml_text
+from uqpen.core.lookup import choices
+from uqpen.core.quantities import Quantity, parse_any_dimension
+from uqpen.core.units import DIMENSIONLESS, are_convertible, product, ratio, si_unit
+
+__all__ = ["Constraint", "parse_constraint"]
+
+_SHAPE = 'a comparison of inputs, such as "plasticity_radius > crater_radius"'
+_LONGEST = 500
+_HIGHEST_POWER = 9
+
+_COMPARISONS: Mapping[type[ast.cmpop], Callable[[Any, Any], Any]] = {
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+}
+_SUMS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+}
+_PRODUCTS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+}
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """A comparison that a point must satisfy to belong to the input law.
+
+    Parameters
+    ----------
+    text : str
+        As its author wrote it.
+    names : frozenset of str
+        The inputs that it compares.
+    """
+
+    text: str
+    names: frozenset[str]
+
+    def is_satisfied(self, inputs: Mapping[str, npt.NDArray[np.float64]]) -> npt.NDArray[np.bool_]:
+        """Where the constraint holds; false where a value in it is not finite.
+
+        Parameters
+        ----------
+        inputs : mapping of str to ndarray
+            SI values of the inputs, of shapes that broadcast.
+        """
+        with np.errstate(all="ignore"):
+            return np.asarray(_is_satisfied(_parse(self.text), inputs))
+
+
+def parse_constraint(text: str, units: Mapping[str, str]) -> Constraint:
+    """Read a constraint and check its names and units.
+
+    Parameters
+    ----------
+    text : str
+        The comparison.
+    units : mapping of str to str
+        The SI unit of every input that may stand in it.
+
+    Raises
+    ------
+    ConstraintError
+        If it is no comparison, names something else, or mixes dimensions.
+    """
+    tree = _parse(text)
+    sides = [tree.left, *tree.comparators]
+    try:
+        found = [_check_unit(side, units) for side in sides]
+    except RecursionError:
+        raise ConstraintError(f"{toml_text(text)}, nested too deeply", _SHAPE) from None
+    _check_same_unit(found, text)
+    names = frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
+    if not names:
+        raise ConstraintError(f"{toml_text(text)}, which names no input", _SHAPE)
+    return Constraint(text, names)
+
+
+def _parse(text: str) -> ast.Compare:
+    if len(text) > _LONGEST:
+        raise ConstraintError(f"{len(text)} characters", f"at most {_LONGEST}")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # what Python would only warn of is no comparison
+            tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise ConstraintError(f"{toml_text(text)}", _SHAPE) from None
+    if not isinstance(tree, ast.Compare):
+        raise ConstraintError(f"{toml_text(text)}", _SHAPE)
+    if not all(type(comparison) in _COMPARISONS for comparison in tree.ops):
+        raise ConstraintError(f"{toml_text(text)}", "one of <, <=, >, >= between its sides")
+    return tree
+
+
+def _is_satisfied(tree: ast.Compare, inputs: Mapping[str, Any]) -> Any:
+    sides = [_evaluate(side, inputs) for side in (tree.left, *tree.comparators)]
+    results = [
+        _COMPARISONS[type(comparison)](left, right)
+        for comparison, left, right in zip(tree.ops, sides, sides[1:], strict=False)
+    ]
+    return functools.reduce(np.logical_and, [*results, *map(np.isfinite, sides)])
+
+
+def _evaluate(node: ast.expr, inputs: Mapping[str, Any]) -> Any:
+    """Value of a side in SI units; the tree has been checked by `_check_unit`."""
+    match node:
+        case ast.Name(id=name):
+            return inputs[name]
+        case ast.Constant(value=value):
+            return np.float64(_quantity(value).value)  # which divides by zero as arrays do
+        case ast.UnaryOp(op=op, operand=operand):
+            value = _evaluate(operand, inputs)
+            return -value if isinstance(op, ast.USub) else value
+        case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int(power))):
+            return _evaluate(left, inputs) ** power
+        case ast.BinOp(left=left, op=op, right=right):
+            apply = {**_SUMS, **_PRODUCTS}[type(op)]
+            return apply(_evaluate(left, inputs), _evaluate(right, inputs))
+    raise AssertionError(ast.dump(node))
+
+
+def _check_unit(node: ast.expr, units: Mapping[str, str]) -> str:
+    """SI unit of a side; refuses whatever is not arithmetic of inputs."""
+    match node:
+        case ast.Name(id=name):
+            if name not in units:
+                expected = f"an input of the model; {choices(name, units)}"
+                raise ConstraintError(f'"{name}"', expected)
+            return si_unit(units[name])
+        case ast.Constant(value=value):
+            return si_unit(_quantity(value).unit)
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
+            return _check_unit(operand, units)
+        case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int(power))) if (
+            not isinstance(power, bool) and 1 <= power <= _HIGHEST_POWER
+        ):
+            unit = base = _check_unit(left, units)
+            for _ in range(power - 1):
+                unit = product(unit, base)
+            return unit
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _SUMS:
+            one, other = _check_unit(left, units), _check_unit(right, units)
+            _check_same_unit([one, other], ast.unparse(node))
+            return one
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _PRODUCTS:
+            combine = product if isinstance(op, ast.Mult) else ratio
+            return combine(_check_unit(left, units), _check_unit(right, units))
+    raise ConstraintError(
+        f'"{ast.unparse(node)}"', "names of inputs, numbers, quoted quantities, + - * / and **"
+    )
+
+
+def _check_same_unit(found: list[str], text: str) -> None:
+    for one, other in itertools.pairwise(found):
+        if not are_convertible(one, other):
+            raise ConstraintError(
+                f"{toml_text(text)}, which compares {one} with {other}",
+                "sides of the same dimension",
+            )
+
+
+def _quantity(value: object) -> Quantity:
+    """A number, or a quoted quantity of any dimension."""
+    if isinstance(value, str):
+        try:
+            return parse_any_dimension(value)
+        except QuantityError as error:
+            raise ConstraintError(error.found, 'a quantity such as "16 cm"') from None
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300:
+        return Quantity(float(value), DIMENSIONLESS)
+    raise ConstraintError(repr(value), "a number or a quoted quantity")

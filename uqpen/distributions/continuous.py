@@ -1,0 +1,287 @@
+"""The laws that an input can follow, each a few formulas over `scipy.special`.
+
+Parameters are those of the variable itself: a lognormal's ``mean`` is its own, not its logarithm's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import special
+
+from uqpen.core.errors import Problem
+from uqpen.core.settings import difference, number, quantity
+from uqpen.distributions.distribution import Distribution, order_problem
+
+__all__ = [
+    "DISTRIBUTIONS",
+    "Beta",
+    "Gamma",
+    "Gumbel",
+    "LogUniform",
+    "Lognormal",
+    "Normal",
+    "Triangular",
+    "Uniform",
+    "Weibull",
+]
+
+FloatArray = npt.NDArray[np.float64]
+
+DISTRIBUTIONS = {
+    "normal": "uqpen.distributions.continuous:Normal",
+    "lognormal": "uqpen.distributions.continuous:Lognormal",
+    "uniform": "uqpen.distributions.continuous:Uniform",
+    "log-uniform": "uqpen.distributions.continuous:LogUniform",
+    "triangular": "uqpen.distributions.continuous:Triangular",
+    "beta": "uqpen.distributions.continuous:Beta",
+    "gamma": "uqpen.distributions.continuous:Gamma",
+    "weibull": "uqpen.distributions.continuous:Weibull",
+    "gumbel": "uqpen.distributions.continuous:Gumbel",
+}
+
+
+@dataclass(frozen=True)
+class Normal(Distribution):
+    """The normal law."""
+
+    mean: float = quantity()
+    std: float = difference(above=0)
+
+    def ppf(self, probability: FloatArray) -> FloatArray:
+        return self.mean + self.std * special.ndtri(probability)
+
+    def isf(self, probability: FloatArray) -> FloatArray:
+        return self.mean - self.std * special.ndtri(probability)
+
+    def cdf(self, value: FloatArray) -> FloatArray:
+        return special.ndtr((value - self.mean) / self.std)
+
+    def sf(self, value: FloatArray) -> FloatArray:
+        return special.ndtr((self.mean - value) / self.std)
+
+
+@dataclass(frozen=True)
+class Lognormal(Distribution):
+    """The law of a variable whose logarithm is normal; mean and std are the variable's."""
+
+    mean: float = quantity(above=0)
+    std: float = difference(above=0)
+
+    def _logarithm(self) -> Normal:
+        variance = math.log1p((self.std / self.mean) ** 2)
+        return Normal(math.log(self.mean) - variance / 2, math.sqrt(variance))
+
+    def ppf(self, probability: FloatArray) -> FloatArray:
+        return np.exp(self._logarithm().ppf(probability))
+
+    def isf(self, probability: FloatArray) -> FloatArray:
+        return np.exp(self._logarithm().isf(probability))
+
+    def cdf(self, value: FloatArray) -> FloatArray:
+        return self._logarithm().cdf(_log(value))
+
+    def sf(self, value: FloatArray) -> FloatArray:
+        return self._logarithm().sf(_log(value))
+
+
+@dataclass(frozen=True)
+class Uniform(Distribution):
+    """The uniform law between two values."""
+
+    lower: float = quantity()
+    upper: float = quantity()
+
+    def check_settings(self) -> Iterator[Problem]:
+        return order_problem(self.lower, self.upper)
+
+    def ppf(self, probability: FloatArray) -> FloatArray:
+        return self.lower + (self.upper - self.lower) * probability
+
+    def isf(self, probability: FloatArray) -> FloatArray:
+        return self.upper - (self.upper - self.lower) * probability
+
+    def cdf(self, value: FloatArray) -> FloatArray:
+        return np.clip((value - self.lower) / (self.upper - self.lower), 0.0, 1.0)
+
+    def sf(self, value: FloatArray) -> FloatArray:
+        return np.clip((self.upper - value) / (self.upper - self.lower), 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class LogUniform(Distribution):
+    """The law of a variable whose logarithm is uniform."""
+
+    lower: float = quantity(above=0)
+    upper: float = quantity(above=0)
+
+    def check_settings(self) -> Iterator[Problem]:
+        return order_problem(self.lower, self.upper)
+
+    def _logarithm(self) -> Uniform:
+        return Uniform(math.log(self.lower), math.log(self.upper))
+
+    def ppf(self, probability: FloatArray) -> FloatArray:
+        # Rounding must not carry a value past the ends.
+        return np.clip(np.exp(self._logarithm().ppf(probability)), self.lower, self.upper)
+
+    def isf(self, probability: FloatArray) -> FloatArray:
+        return np.clip(np.exp(self._logarithm().isf(probability)), self.lower, self.upper)
+
+    def cdf(self, value: FloatArray) -> FloatArray:
+        return self._logarithm().cdf(_log(value))
+
+    def sf(self, value: FloatArray) -> FloatArray:
+        return self._logarithm().sf(_log(value))
+
+
+@dataclass(frozen=True)
+class Triangular(Distribution):
+    """The triangular law: densest at the mode, nothing outside lower and upper."""
+
+    lower: float = quantity()
+    mode: float = quantity()
+    upper: float = quantity()
+
+    def check_settings(self) -> Iterator[Problem]:
+        yield from order_problem(self.lower, self.upper)
+        if self.lower < self.upper and not self.lower <= self.mode <= self.upper:
+            yield Problem(("mode",), f"{self.mode:g}", "a value from lower to upper")
+
+    def ppf(self, probability: FloatArray) -> FloatArray:
+        width, left = self.upper - self.lower, self.mode - self.lower
+        rising = self.lower + np.sqrt(probability * width * left)
+        falling = self.upper - np.sqrt((1 - probability) * width * (width - left))
+        return np.where(probability * width <= left, rising, falling)
+
+    def isf(self, probability: FloatArray) -> FloatArray:
+        return -self._mirror().ppf(probability)
+
+    def cdf(self, value: FloatArray) -> FloatArray:
+        width, left = self.upper - self.lower, self.mode - self.lower
+        x = np.clip(value, self.lower, self.upper)
+        # The side of a mode at an end has no width; dividing by one instead leaves its zero.
+        rising = (x - self.lower) ** 2 / (width * (left or 1.0))
+        falling = 1 - (self.upper - x) ** 2 / (width * (width - left or 1.0))
+        return np.where(x <= self.mode, rising, falling) if left else falling
+
+    def sf(self, value: FloatArray) -> FloatArray:
+        return self._mirror().cdf(-value)
+
+    def _mirror(self) -> Triangular:
+        return Triangular(-self.upper, -self.mode, -self.lower)
+
+
+@dataclass(frozen=True)
+class Beta(Distribution):
+    """The beta law, stretched from lower to upper."""
+
+    alpha: float = number(above=0)
+    beta: float = number(above=0)
+    lower: float = quantity()
+    upper: float = quantity()
+
+    def check_settings(self) -> Iterator[Problem]:
+        return order_problem(self.lower, self.upper)
+
+    def ppf(self, probability: FloatArray) -> FloatArray:
+        unit = special.betaincinv(self.alpha, self.beta, probability)
+        return self.lower + (self.upper - self.lower) * unit
+
+    def isf(self, probability: FloatArray) -> FloatArray:
+        unit = special.betaincinv(self.beta, self.alpha, probability)
+        return self.upper - (self.upper - self.lower) * unit
+
+    def cdf(self, value: FloatArray) -> FloatArray:
+        unit = Uniform(self.lower, self.upper).cdf(value)
+        return special.betainc(self.alpha, self.beta, unit)
+
+    def sf(self, value: FloatArray) -> FloatArray:
+        unit = Uniform(self.lower, self.upper).sf(value)
+        return special.betainc(self.beta, self.alpha, unit)
+
+
+@dataclass(frozen=True)
+class Gamma(Distribution):
+    """The gamma law, by its mean and standard deviation."""
+
+    mean: float = quantity(above=0)
+    std: float = difference(above=0)
+
+    @property
+    def _shape(self) -> float:
+        return (self.mean / self.std) ** 2
+
+    @property
+    def _scale(self) -> float:
+        return self.std * (self.std / self.mean)
+
+    def ppf(self, probability: FloatArray) -> FloatArray:
+        return self._scale * special.gammaincinv(self._shape, probability)
+
+    def isf(self, probability: FloatArray) -> FloatArray:
+        return self._scale * special.gammainccinv(self._shape, probability)
+
+    def cdf(self, value: FloatArray) -> FloatArray:
+        return special.gammainc(self._shape, np.maximum(value, 0.0) / self._scale)
+
+    def sf(self, value: FloatArray) -> FloatArray:
+        return special.gammaincc(self._shape, np.maximum(value, 0.0) / self._scale)
+
+
+@dataclass(frozen=True)
+class Weibull(Distribution):
+    """The Weibull law of two parameters; `scale` is its 63.2 % quantile."""
+
+    shape: float = number(above=0)
+    scale: float = quantity(above=0)
+
+    def ppf(self, probability: FloatArray) -> FloatArray:
+        return self.scale * (-special.log1p(-probability)) ** (1 / self.shape)
+
+    def isf(self, probability: FloatArray) -> FloatArray:
+        return self.scale * (-_log(probability)) ** (1 / self.shape)
+
+    def cdf(self, value: FloatArray) -> FloatArray:
+        return -special.expm1(-((np.maximum(value, 0.0) / self.scale) ** self.shape))
+
+    def sf(self, value: FloatArray) -> FloatArray:
+        return np.exp(-((np.maximum(value, 0.0) / self.scale) ** self.shape))
+
+
+@dataclass(frozen=True)
+class Gumbel(Distribution):
+    """The Gumbel law of largest values, by its mean and standard deviation."""
+
+    mean: float = quantity()
+    std: float = difference(above=0)
+
+    @property
+    def _scale(self) -> float:
+        return self.std * math.sqrt(6) / math.pi
+
+    @property
+    def _location(self) -> float:
+        return self.mean - np.euler_gamma * self._scale
+
+    def ppf(self, probability: FloatArray) -> FloatArray:
+        return self._location - self._scale * _log(-_log(probability))
+
+    def isf(self, probability: FloatArray) -> FloatArray:
+        return self._location - self._scale * _log(-special.log1p(-probability))
+
+    def cdf(self, value: FloatArray) -> FloatArray:
+        return np.exp(-np.exp((self._location - value) / self._scale))
+
+    def sf(self, value: FloatArray) -> FloatArray:
+        return -special.expm1(-np.exp((self._location - value) / self._scale))
+
+
+def _log(value: FloatArray) -> FloatArray:
+    """Logarithm with log(0) = -inf and no warning, for the ends of a law."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.log(np.maximum(value, 0.0))

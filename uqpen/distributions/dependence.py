@@ -1,0 +1,144 @@
+"""How random inputs depend on each other: copulas, as maps of the unit cube onto itself.
+
+A copula is the joint law of the inputs' probabilities, apart from the law of each. Points of the
+unit cube whose coordinates are independent become points that follow the copula by the inverse of
+Rosenblatt's transformation: each coordinate in turn is the quantile of its law given those before.
+
+Rosenblatt, M. (1952). Ann. Math. Stat. 23, 470-472.
+"""
+
+from __future__ import annotations
+
+import functools
+import operator
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.errors import Problem, SettingsError
+from uqpen.core.settings import validate
+from uqpen.distributions.distribution import OPEN_INTERVAL
+
+__all__ = ["Dependence", "sum_columns"]
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class Dependence(ABC):
+    """A copula over some of the random inputs.
+
+    A subclass is a frozen dataclass of its parameters, the first of which is ``inputs``, the names
+    of those that it joins. It works on *scores*, whatever function of the probabilities its
+    formulas are simplest in. Every formula is of one run by itself, in a fixed number of steps, so
+    that a run's point does not depend on which others are computed beside it.
+    """
+
+    inputs: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        problems = list(self._check_input_names())
+        if problems:
+            raise SettingsError(problems)
+        validate(self, self.check_settings())
+
+    def check_settings(self) -> Iterator[Problem]:
+        """What is wrong between parameters that are right by themselves."""
+        yield from ()
+
+    def __str__(self) -> str:
+        return f"{self.title} of {', '.join(self.inputs)}: {self.description}"
+
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """What it is called."""
+
+    @property
+    @abstractmethod
+    def description(self) -> str:
+        """Its parameters, in one line."""
+
+    @abstractmethod
+    def score(self, probability: FloatArray) -> FloatArray:
+        """The score of a probability, element by element."""
+
+    @abstractmethod
+    def probability(self, score: FloatArray) -> FloatArray:
+        """The probability of a score."""
+
+    @abstractmethod
+    def conditional_score(
+        self, position: int, probability: FloatArray, known: Mapping[int, FloatArray]
+    ) -> FloatArray:
+        """The score below which one input lies with a probability, given those of others.
+
+        Parameters
+        ----------
+        position : int
+            Which of `inputs`.
+        probability : ndarray, shape (run,)
+            Strictly between 0 and 1.
+        known : mapping of int to ndarray, shape (run,)
+            The scores of other inputs, by position; at least one.
+        """
+
+    def inverse_rosenblatt(self, unit: FloatArray) -> FloatArray:
+        """Points that follow the copula, from points whose coordinates are independent.
+
+        Parameters
+        ----------
+        unit : ndarray, shape (run, input)
+            Probabilities, a column for each of `inputs`.
+
+        Returns
+        -------
+        ndarray, shape (run, input)
+            Each column is uniform by itself; the first is as it was.
+        """
+        return self.conditional_points(unit, {})
+
+    def conditional_points(self, unit: FloatArray, given: Mapping[int, FloatArray]) -> FloatArray:
+        """Points that follow the copula given the probabilities of some of the inputs.
+
+        Parameters
+        ----------
+        unit : ndarray, shape (run, input)
+            Independent probabilities; the columns of given inputs are not looked at.
+        given : mapping of int to ndarray, shape (run,)
+            The probabilities of the given inputs, by position.
+
+        Returns
+        -------
+        ndarray, shape (run, input)
+            With the given columns as they are given.
+        """
+        points = np.clip(unit, *OPEN_INTERVAL)
+        for position, column in given.items():
+            points[:, position] = np.clip(column, *OPEN_INTERVAL)
+        known = {position: self.score(points[:, position]) for position in sorted(given)}
+        for position in range(len(self.inputs)):
+            if position in known:
+                continue
+            if known:
+                known[position] = self.conditional_score(position, points[:, position], known)
+                points[:, position] = np.clip(self.probability(known[position]), *OPEN_INTERVAL)
+            else:
+                known[position] = self.score(points[:, position])
+        return points
+
+    def _check_input_names(self) -> Iterator[Problem]:
+        if len(self.inputs) < 2:
+            yield Problem(("inputs",), f"{len(self.inputs)} inputs", "at least two, to be joined")
+        for position, name in enumerate(self.inputs):
+            if name in self.inputs[:position]:
+                yield Problem(("inputs", position), f'"{name}" twice', "each input once")
+
+
+def sum_columns(columns: Mapping[int, FloatArray]) -> FloatArray:
+    """Sum of columns in the order of their positions, run by run.
+
+    A sum over an axis of an array may go in another order where the array has another shape.
+    """
+    return functools.reduce(operator.add, [columns[position] for position in sorted(columns)])

@@ -1,0 +1,212 @@
+"""A named family fitted to measurements by maximum likelihood, and how well it fits them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import optimize, special
+
+from uqpen.core.errors import Problem, SettingsError
+from uqpen.distributions.continuous import (
+    Gamma,
+    Gumbel,
+    Lognormal,
+    LogUniform,
+    Normal,
+    Uniform,
+    Weibull,
+)
+from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
+
+__all__ = ["FAMILIES", "LOWEST_P_VALUE", "NOT_FITTABLE", "DistributionFit", "fit_distribution"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# Samples of the bootstrap: enough to tell a probability of 0.05 from 0.03 and 0.07.
+_SAMPLES = 999
+
+# And as many measurements in all; a hundred samples tell a bad fit from a good one still.
+_MOST_DRAWS = 10_000_000
+_FEWEST_SAMPLES = 99
+
+# A fit that so few samples of the fitted law itself would fit worse is called bad.
+LOWEST_P_VALUE = 0.05
+
+NOT_FITTABLE = {
+    "triangular": "the likelihood of its three corners has no single maximum",
+    "beta": "the likelihood of its ends has no bound",
+}
+
+
+@dataclass(frozen=True)
+class DistributionFit:
+    """A law fitted to measurements.
+
+    Parameters
+    ----------
+    distribution : Distribution
+        With the likeliest parameters.
+    distance : float
+        The Kolmogorov-Smirnov distance: the largest difference between its distribution function
+        and the measurements'.
+    p_value : float
+        The share of samples of the fitted law, each fitted anew, that lie as far from their fit.
+    """
+
+    distribution: Distribution
+    distance: float
+    p_value: float
+
+    @property
+    def is_rejected(self) -> bool:
+        """Whether measurements of such a law would hardly look like these."""
+        return self.p_value < LOWEST_P_VALUE
+
+
+def fit_distribution(
+    family: str, measurements: FloatArray, rng: np.random.Generator, *, samples: int | None = None
+) -> DistributionFit:
+    """Fit a family to measurements.
+
+    Parameters
+    ----------
+    family : str
+        One of `FAMILIES`.
+    measurements : ndarray, shape (measurement,)
+        In SI units.
+    rng : Generator
+        For the bootstrap.
+    samples : int, optional
+        How many the bootstrap draws; 999, or fewer where the measurements are very many.
+
+    Raises
+    ------
+    SettingsError
+        If no parameters of the family are the likeliest, or they are beyond double precision.
+
+    References
+    ----------
+    Stute, W., González Manteiga, W. & Presedo Quindimil, M. (1993). Metrika 40, 243-256.
+    """
+    if samples is None:
+        samples = max(_FEWEST_SAMPLES, min(_SAMPLES, _MOST_DRAWS // len(measurements)))
+    distribution = _maximum_likelihood(family, measurements)
+    distance = _distance(distribution, measurements)
+    worse = 0
+    for _ in range(samples):
+        sample = distribution.ppf(np.clip(rng.random(len(measurements)), *OPEN_INTERVAL))
+        worse += _distance(_maximum_likelihood(family, sample), sample) >= distance
+    return DistributionFit(distribution, distance, (1 + worse) / (1 + samples))
+
+
+def _maximum_likelihood(family: str, measurements: FloatArray) -> Distribution:
+    if family in _POSITIVE and not (measurements > 0).all():
+        found = f"a measurement of {measurements.min():g}"
+        raise SettingsError([Problem((), found, f"values above 0, as those of a {family} law are")])
+    # In units of a power of two near their size, which is exact: powers then neither overflow nor
+    # vanish.
+    size = math.ldexp(1.0, math.frexp(float(np.abs(measurements).max()))[1] - 1)
+    try:
+        with np.errstate(all="ignore"):
+            distribution = FAMILIES[family](measurements / size, size)
+            if distribution.is_finite:
+                return distribution
+    except (ArithmeticError, ValueError, RuntimeError):
+        pass  # of equations that have no solution within double precision
+    found = f"measurements too far apart, or too near each other, for a {family} law"
+    raise SettingsError([Problem((), found, "another family")])
+
+
+def _distance(distribution: Distribution, measurements: FloatArray) -> float:
+    probabilities = distribution.cdf(np.sort(measurements))
+    steps = np.arange(len(measurements) + 1) / len(measurements)
+    return float(max((steps[1:] - probabilities).max(), (probabilities - steps[:-1]).max()))
+
+
+def _normal(x: FloatArray, size: float) -> Normal:
+    return Normal(float(x.mean()) * size, float(x.std()) * size)
+
+
+def _lognormal(x: FloatArray, size: float) -> Lognormal:
+    logarithms = np.log(x)
+    variance = float(logarithms.var())
+    mean = math.exp(float(logarithms.mean()) + variance / 2) * size
+    return Lognormal(mean, mean * math.sqrt(math.expm1(variance)))
+
+
+def _uniform(x: FloatArray, size: float) -> Uniform:
+    return Uniform(float(x.min() * size), float(x.max() * size))
+
+
+def _log_uniform(x: FloatArray, size: float) -> LogUniform:
+    return LogUniform(float(x.min() * size), float(x.max() * size))
+
+
+def _gamma(x: FloatArray, size: float) -> Gamma:
+    mean = float(x.mean())
+    departures = x / mean - 1
+    excess = float(np.mean(departures - np.log1p(departures)))  # ln E x - E ln x
+    shape = _root(lambda shape: _gamma_excess(shape) - excess, 0.5, 1.0, excess)
+    return Gamma(mean * size, mean * size / math.sqrt(shape))
+
+
+def _gamma_excess(shape: float) -> float:
+    """The excess ln E x - E ln x of a gamma law, between 1 / (2 shape) and 1 / shape."""
+    if shape > 1e4:  # where the difference would cancel
+        return 1 / (2 * shape) + 1 / (12 * shape**2)
+    return math.log(shape) - float(special.digamma(shape))
+
+
+def _weibull(x: FloatArray, size: float) -> Weibull:
+    logarithms = np.log(x)
+    middle, scatter = float(logarithms.mean()), float(logarithms.std())
+
+    def slope(shape: float) -> float:
+        weights = np.exp(shape * (logarithms - logarithms.max()))
+        return float(weights @ logarithms / weights.sum()) - 1 / shape - middle
+
+    shape = _root(slope, 0.1, 10.0, scatter)
+    greatest = float(x.max())
+    mean_power = float(np.mean((x / greatest) ** shape))
+    return Weibull(shape, greatest * mean_power ** (1 / shape) * size)
+
+
+def _gumbel(x: FloatArray, size: float) -> Gumbel:
+    mean, lowest = float(x.mean()), float(x.min())
+
+    def slope(rate: float) -> float:
+        weights = np.exp(-rate * (x - lowest))
+        return mean - float(weights @ x / weights.sum()) - 1 / rate
+
+    scale = 1 / _root(slope, 0.1, 10.0, float(x.std()))
+    location = lowest - scale * math.log(float(np.exp((lowest - x) / scale).mean()))
+    std = scale * math.pi / math.sqrt(6)
+    return Gumbel((location + np.euler_gamma * scale) * size, std * size)
+
+
+def _root(slope: Callable[[float], float], low: float, high: float, scatter: float) -> float:
+    """Where a monotonic function of a rate is zero: of the order of 1 / scatter."""
+    low, high = low / scatter, high / scatter
+    rising = slope(high) > slope(low)
+    for _ in range(60):
+        if (slope(low) < 0) == rising and (slope(high) > 0) == rising:
+            return float(optimize.brentq(slope, low, high, rtol=1e-12))
+        low, high = low / 2, high * 2
+    raise ArithmeticError("no sign change")
+
+
+FAMILIES: dict[str, Callable[[FloatArray, float], Distribution]] = {
+    "normal": _normal,
+    "lognormal": _lognormal,
+    "uniform": _uniform,
+    "log-uniform": _log_uniform,
+    "gamma": _gamma,
+    "weibull": _weibull,
+    "gumbel": _gumbel,
+}
+
+_POSITIVE = frozenset({"lognormal", "log-uniform", "gamma", "weibull"})

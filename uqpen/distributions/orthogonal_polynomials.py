@@ -1,0 +1,264 @@
+"""Orthogonal polynomials of an input's law, by their three-term recurrence, and Gauss's rule.
+
+The coefficients belong to a standardised variable t = (x - location) / scale, so that they stay
+near one whatever the unit of x:
+
+    p[k+1](t) = (t - alpha[k]) p[k](t) - beta[k] p[k-1](t),    p[0] = 1, p[-1] = 0
+
+where the polynomials are monic, E p[j](t) p[k](t) = 0 for j ≠ k, and the mean square of p[k](t) is
+beta[1] … beta[k].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import linalg, special
+
+from uqpen.distributions.continuous import Beta, Gamma, Lognormal, Normal, Uniform
+from uqpen.distributions.distribution import Distribution
+
+__all__ = ["Recurrence", "recurrence"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# A law is integrated over z, where Φ(z) is the probability below: up to here, where Φ(-z) is the
+# smallest probability but for a few that a double can hold.
+_FARTHEST = 37.0
+# Every law has a value up to here, where draws of it end
+# (`uqpen.distributions.distribution.OPEN_INTERVAL`).
+_GIVEN_UP = 8.2
+_PANELS = 148
+_NODES_PER_PANEL = 20
+# Two halves of a panel must agree with the whole to this, relative to the whole law's spread.
+_AGREEMENT = 1e-14
+# A panel is halved until what it holds of a corner or a jump is below rounding.
+_HALVINGS = 48
+# A law of n values has n polynomials; what is left for the next is rounding.
+_NOTHING = 1e-10
+# An empirical law may have a jump in every panel; more would take too long.
+_MOST_PANELS = 20_000
+
+
+@dataclass(frozen=True)
+class Recurrence:
+    """Three-term recurrence of a law's monic orthogonal polynomials in t.
+
+    Parameters
+    ----------
+    alpha, beta : ndarray, shape (order + 1,)
+        The coefficients; ``beta[0]`` is 1, the probability of the whole law.
+    location, scale : float
+        What makes t of a value: t = (x - location) / scale.
+    """
+
+    alpha: FloatArray
+    beta: FloatArray
+    location: float
+    scale: float
+
+    @property
+    def mean(self) -> float:
+        """The law's mean."""
+        return self.location + self.scale * float(self.alpha[0])
+
+    @property
+    def std(self) -> float:
+        """The law's standard deviation; it takes the recurrence up to order 1 at least."""
+        return self.scale * math.sqrt(self.beta[1])
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether all coefficients are numbers that lead to a rule with real nodes."""
+        is_number = np.isfinite(self.alpha).all() and np.isfinite(self.beta).all()
+        return bool(is_number and (self.beta > 0).all())
+
+    def gauss(self, nodes: int) -> tuple[FloatArray, FloatArray]:
+        """Gauss's rule: exact for polynomials up to degree 2 `nodes` - 1.
+
+        Golub, G. H. & Welsch, J. H. (1969). Math. Comput. 23, 221-230.
+
+        Parameters
+        ----------
+        nodes : int
+            How many; the recurrence must reach order `nodes` - 1.
+
+        Returns
+        -------
+        values, weights : ndarray, shape (node,)
+            Values of the variable itself, ascending, and weights whose sum is 1.
+        """
+        off_diagonal = np.sqrt(self.beta[1:nodes])
+        t, vectors = linalg.eigh_tridiagonal(self.alpha[:nodes], off_diagonal)
+        weights = vectors[0] ** 2
+        return self.location + self.scale * t, weights / weights.sum()
+
+
+def recurrence(distribution: Distribution, order: int) -> Recurrence:
+    """The recurrence of a law's orthogonal polynomials up to an order.
+
+    Parameters
+    ----------
+    distribution : Distribution
+        Any law with a quantile function. The classical ones have formulas; the coefficients of any
+        other are those of its quantile function, integrated to rounding.
+    order : int
+        The highest k of the coefficients.
+    """
+    formula = _FORMULAS.get(type(distribution), _discretized_stieltjes)
+    with np.errstate(all="ignore"):
+        return formula(distribution, np.arange(order + 1, dtype=np.float64))
+
+
+def _hermite(distribution: Normal, k: FloatArray) -> Recurrence:
+    return Recurrence(
+        np.zeros_like(k), np.where(k > 0, k, 1.0), distribution.mean, distribution.std
+    )
+
+
+def _legendre(distribution: Uniform, k: FloatArray) -> Recurrence:
+    beta = np.where(k > 0, k**2 / (4 * k**2 - 1), 1.0)
+    half = distribution.upper / 2 - distribution.lower / 2
+    return Recurrence(np.zeros_like(k), beta, distribution.lower + half, half)
+
+
+def _laguerre(distribution: Gamma, k: FloatArray) -> Recurrence:
+    shape = (distribution.mean / distribution.std) ** 2
+    # Over the standard deviation, and from the mean, as a large shape is close to a normal law.
+    beta = np.where(k > 0, k * (1 + (k - 1) / shape), 1.0)
+    return Recurrence(2 * k / math.sqrt(shape), beta, distribution.mean, distribution.std)
+
+
+def _jacobi(distribution: Beta, k: FloatArray) -> Recurrence:
+    a, b = distribution.beta - 1, distribution.alpha - 1
+    total = 2 * k + a + b
+    with np.errstate(divide="ignore", invalid="ignore"):
+        alpha = (b - a) * (b + a) / (total * (total + 2))
+        beta = 4 * k * (k + a) * (k + b) * (k + a + b) / (total**2 * (total + 1) * (total - 1))
+        # The general formula is 0/0 here for some parameters.
+        first = 4 * (1 + a) * (1 + b) / ((2 + a + b) ** 2 * (3 + a + b))
+    alpha[0] = (b - a) / (a + b + 2)
+    beta[0] = 1.0
+    beta[1:2] = first
+    half = distribution.upper / 2 - distribution.lower / 2
+    return Recurrence(alpha, beta, distribution.lower + half, half)
+
+
+def _stieltjes_wigert(distribution: Lognormal, k: FloatArray) -> Recurrence:
+    ratio = distribution.std / distribution.mean
+    q = 1 + ratio**2
+    # In units of the mean; (q^k - 1) keeps its figures where the law is narrow.
+    excess = np.expm1(k * math.log1p(ratio**2))
+    alpha = q ** (k - 1) * (q * excess + excess + q) - 1
+    beta = np.where(k > 0, q ** (3 * k - 3) * excess, 1.0)
+    return Recurrence(
+        alpha / ratio, np.where(k > 0, beta / ratio**2, 1.0), distribution.mean, distribution.std
+    )
+
+
+_FORMULAS: dict[type, Callable[..., Recurrence]] = {
+    Normal: _hermite,
+    Uniform: _legendre,
+    Gamma: _laguerre,
+    Beta: _jacobi,
+    Lognormal: _stieltjes_wigert,
+}
+
+
+def _discretized_stieltjes(distribution: Distribution, k: FloatArray) -> Recurrence:
+    """The coefficients by Stieltjes's procedure on many nodes of the law.
+
+    Gautschi, W. (2004). Orthogonal Polynomials: Computation and Approximation, section 2.2.
+    """
+    values, weights = _distribution_nodes(distribution)
+    location = float(values @ weights)
+    scale = math.sqrt(float((values - location) ** 2 @ weights))
+    t = (values - location) / scale
+    alpha, beta = np.full_like(k, np.nan), np.full_like(k, np.nan)
+    before, now, norm = np.zeros_like(t), np.ones_like(t), 1.0
+    for order in range(len(k)):
+        # Orthonormal ones, as the monic ones of a high order overflow.
+        beta[order] = norm**2
+        alpha[order] = float(t * now**2 @ weights)
+        following = (t - alpha[order]) * now - norm * before
+        before, norm = now, math.sqrt(float(following**2 @ weights))
+        if not norm > _NOTHING:
+            break
+        now = following / norm
+    beta[0] = 1.0
+    return Recurrence(alpha, beta, location, scale)
+
+
+def _distribution_nodes(distribution: Distribution) -> tuple[FloatArray, FloatArray]:
+    """Values of a law with weights, so many that they stand for it.
+
+    Gauss's rule on panels of z, halved where the quantile function is not smooth: at the mode of a
+    triangle, at the values of an empirical law.
+    """
+    ends = np.linspace(-_FARTHEST, _FARTHEST, _PANELS + 1)
+    lower, upper = ends[:-1], ends[1:]
+    settled: list[tuple[FloatArray, FloatArray]] = []
+    panels = 0
+    for halving in range(_HALVINGS + 1):
+        values, weights = _panel_nodes(distribution, lower, upper)
+        panels += len(lower)
+        if halving == _HALVINGS or panels > _MOST_PANELS:
+            done = np.full(lower.shape, fill_value=True)
+        else:
+            done = _has_converged(distribution, lower, upper, values, weights)
+        settled.append((values[done].ravel(), weights[done].ravel()))
+        if done.all():
+            break
+        lower, upper = lower[~done], upper[~done]
+        between = (lower + upper) / 2
+        lower, upper = np.concatenate([lower, between]), np.concatenate([between, upper])
+    values, weights = (np.concatenate(parts) for parts in zip(*settled, strict=True))
+    return values, weights / weights.sum()
+
+
+def _has_converged(
+    distribution: Distribution,
+    lower: FloatArray,
+    upper: FloatArray,
+    values: FloatArray,
+    weights: FloatArray,
+) -> npt.NDArray[np.bool_]:
+    """On which panels the first two moments are those of both their halves."""
+    low, middle, high = _values(distribution, np.array([-1.0, 0.0, 1.0]))
+    between = (lower + upper) / 2
+    moments = np.zeros((2, len(lower)))
+    for sign, (x, weight) in (
+        (1, (values, weights)),
+        (-1, _panel_nodes(distribution, lower, between)),
+        (-1, _panel_nodes(distribution, between, upper)),
+    ):
+        t = (x - middle) / ((high - low) or 1.0)
+        moments += sign * np.stack([(t * weight).sum(axis=1), (t**2 * weight).sum(axis=1)])
+    largest = np.abs((values - middle) / ((high - low) or 1.0)).max(axis=1)
+    allowed = _AGREEMENT * np.clip(largest, 1.0, 1e3)
+    settled: npt.NDArray[np.bool_] = (np.abs(moments) <= allowed).all(axis=0)
+    return settled
+
+
+def _panel_nodes(
+    distribution: Distribution, lower: FloatArray, upper: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Values of a law at the nodes of each panel of z, and their probability weights."""
+    nodes, weights = special.roots_legendre(_NODES_PER_PANEL)
+    half = (upper - lower)[:, None] / 2
+    z = (lower[:, None] + half) + half * nodes
+    density = np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)
+    values = _values(distribution, z)
+    # Some inverse functions give up far out, where a law has no probability to speak of.
+    is_number = np.isfinite(values) | (np.abs(z) < _GIVEN_UP)
+    return np.where(is_number, values, 0.0), np.where(is_number, half * weights * density, 0.0)
+
+
+def _values(distribution: Distribution, z: FloatArray) -> FloatArray:
+    """The law's values at standard normal quantiles, each tail from its own probability."""
+    tail = special.ndtr(-np.abs(z))
+    return np.where(z < 0, distribution.ppf(tail), distribution.isf(tail))

@@ -1,0 +1,86 @@
+"""A distribution cut off at one end or both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.errors import Problem
+from uqpen.distributions.distribution import Distribution, order_problem
+
+__all__ = ["Truncated"]
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Truncated(Distribution):
+    """A law given that it lies between two values; the parent keeps its parameters.
+
+    Parameters
+    ----------
+    parent : Distribution
+        The law before truncation.
+    lower, upper : float
+        What is left; infinite for an open end.
+    """
+
+    parent: Distribution
+    lower: float = -math.inf
+    upper: float = math.inf
+
+    def check_settings(self) -> Iterator[Problem]:
+        yield from order_problem(self.lower, self.upper)
+        if self.lower < self.upper and not self._has_mass():
+            found = f"{self.lower:g} to {self.upper:g}, where the law has no probability"
+            yield Problem((), found, "limits that leave some of the law")
+
+    def ppf(self, probability: FloatArray) -> FloatArray:
+        return self._inverse(probability, 1 - probability)
+
+    def isf(self, probability: FloatArray) -> FloatArray:
+        return self._inverse(1 - probability, probability)
+
+    def cdf(self, value: FloatArray) -> FloatArray:
+        x = np.clip(value, self.lower, self.upper)
+        parent, lower = self.parent, np.array(self.lower)
+        if self._is_upper_tail():
+            return (parent.sf(lower) - parent.sf(x)) / self._mass()
+        return (parent.cdf(x) - parent.cdf(lower)) / self._mass()
+
+    def sf(self, value: FloatArray) -> FloatArray:
+        x = np.clip(value, self.lower, self.upper)
+        parent, upper = self.parent, np.array(self.upper)
+        if self._is_upper_tail():
+            return (parent.sf(x) - parent.sf(upper)) / self._mass()
+        return (parent.cdf(upper) - parent.cdf(x)) / self._mass()
+
+    def _is_upper_tail(self) -> bool:
+        """Whether what is left lies in the parent's upper half, where 1 - F is the exact one."""
+        return bool(self.parent.cdf(np.array(self.lower)) > 0.5)
+
+    def _has_mass(self) -> bool:
+        try:
+            return self._mass() > 0
+        except ArithmeticError:
+            return False  # parameters so large or small that the formulas overflow
+
+    def _mass(self) -> float:
+        lower, upper = np.array(self.lower), np.array(self.upper)
+        if self._is_upper_tail():
+            return float(self.parent.sf(lower) - self.parent.sf(upper))
+        return float(self.parent.cdf(upper) - self.parent.cdf(lower))
+
+    def _inverse(self, probability: FloatArray, complement: FloatArray) -> FloatArray:
+        lower, upper = np.array(self.lower), np.array(self.upper)
+        if self._is_upper_tail():
+            ends = self.parent.sf(lower), self.parent.sf(upper)
+            value = self.parent.isf(complement * ends[0] + probability * ends[1])
+        else:
+            ends = self.parent.cdf(lower), self.parent.cdf(upper)
+            value = self.parent.ppf(complement * ends[0] + probability * ends[1])
+        return np.clip(value, self.lower, self.upper)

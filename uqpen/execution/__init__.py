@@ -1,0 +1,21 @@
+"""A model over points: every run ends with a status, and none ends the study."""
+
+from __future__ import annotations
+
+from uqpen.execution.batch import Map
+from uqpen.execution.evaluate import evaluate
+from uqpen.execution.evaluator import Evaluator
+from uqpen.execution.failures import FailurePolicy
+from uqpen.execution.progress import Progress
+from uqpen.execution.runs import join_rounds, status_counts, worst_status_runs
+
+__all__ = [
+    "Evaluator",
+    "FailurePolicy",
+    "Map",
+    "Progress",
+    "evaluate",
+    "join_rounds",
+    "status_counts",
+    "worst_status_runs",
+]

@@ -1,0 +1,106 @@
+"""How runs are cut into batches."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.streams import BLOCK
+from uqpen.execution.batch import Batch
+
+__all__ = ["WORTH_SENDING", "Pace", "scalar_batches", "vectorized_batches"]
+
+Columns = Mapping[str, npt.NDArray[np.float64]]
+BoolArray = npt.NDArray[np.bool_]
+
+# Into how many batches the runs of a vectorised model are divided, how small and how large.
+_BATCHES, _SMALLEST = 16, 1024
+
+# How long the runs should take, in seconds, that are sent in one batch; none may be so long that
+# much is lost with it, nor so short that sending it takes longer than making it.
+WORTH_SENDING = 0.01
+_MOST_AT_ONCE = 1024
+
+# Over how many answers the pace is measured.
+_WINDOW = 32
+
+
+def vectorized_batches(columns: Columns, done: BoolArray) -> Iterator[Batch]:
+    """Batches for a model that takes many runs at a time.
+
+    They follow from how many runs there are, and from nothing else: a function of the user's own
+    may give other last bits in another batch. So one that is not wholly done is made as a whole.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray, shape (run,)
+        The inputs.
+    done : ndarray of bool, shape (run,)
+        Which runs have been made before.
+    """
+    runs = len(done)
+    size = min(max(-(-runs // _BATCHES), _SMALLEST), BLOCK)
+    for start in range(0, runs, size):
+        if not done[start : start + size].all():
+            yield _batch(columns, start, start + size)
+
+
+def scalar_batches(columns: Columns, done: BoolArray, pace: Pace) -> Iterator[Batch]:
+    """Batches for a model that takes a run at a time, as large as its pace makes sense of.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray, shape (run,)
+        The inputs.
+    done : ndarray of bool, shape (run,)
+        Which runs have been made before.
+    pace : Pace
+        How fast they come back.
+    """
+    # Where a stretch of runs to make begins, and where it ends.
+    edges = np.flatnonzero(np.diff(~done, prepend=False, append=False))
+    for start, end in edges.reshape(-1, 2).tolist():
+        while start < end:
+            size = min(pace.size, end - start)
+            yield _batch(columns, start, start + size)
+            start += size
+
+
+class Pace:
+    """How fast runs come back, which no result depends on.
+
+    Parameters
+    ----------
+    worth_sending : float
+        How long the runs should take that are sent at once, in seconds.
+    is_alone : bool
+        Whether each run has to be by itself, as a limit on its time is kept.
+    """
+
+    def __init__(self, worth_sending: float, *, is_alone: bool = False) -> None:
+        self._worth_sending = worth_sending
+        self._is_alone = is_alone
+        self._answers: deque[tuple[float, int]] = deque(maxlen=_WINDOW)
+
+    def record(self, runs: int) -> None:
+        """Note that so many runs have come back."""
+        self._answers.append((time.monotonic(), runs))
+
+    @property
+    def size(self) -> int:
+        """How many runs are worth sending at once."""
+        if self._is_alone or len(self._answers) < 2:
+            return 1
+        took = self._answers[-1][0] - self._answers[0][0]
+        runs = sum(runs for _, runs in self._answers) - self._answers[0][1]
+        if took * _MOST_AT_ONCE <= runs * self._worth_sending:
+            return _MOST_AT_ONCE
+        return max(1, int(runs * self._worth_sending / took))
+
+
+def _batch(columns: Columns, start: int, end: int) -> Batch:
+    return Batch(start, {name: column[start:end] for name, column in columns.items()})

@@ -1,0 +1,189 @@
+"""A model over points: a dataset of its runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, REPLICATE, ROLE, RUN, STATUS, Status
+from uqpen.core.model import Category, Model, Output
+from uqpen.execution.batch import Batch, BatchResult, Map
+from uqpen.execution.batching import WORTH_SENDING, Pace, scalar_batches, vectorized_batches
+from uqpen.execution.checkpoint import Checkpoint
+from uqpen.execution.evaluator import Evaluator, EvaluatorWork
+from uqpen.execution.failures import FailureCount, FailurePolicy
+from uqpen.execution.progress import Progress
+
+__all__ = ["evaluate"]
+
+
+def evaluate(
+    evaluator: Evaluator,
+    points: xr.Dataset,
+    display_units: Mapping[str, str],
+    *,
+    map: Map = map,
+    progress: Progress | None = None,
+    checkpoint: Checkpoint | None = None,
+    failures: FailurePolicy | None = None,
+) -> xr.Dataset:
+    """Run a model over points.
+
+    Parameters
+    ----------
+    evaluator : Evaluator
+        The model with its constraints.
+    points : Dataset
+        A variable for each input, along ``run`` or a scalar.
+    display_units : mapping of str to str
+        The unit to show an input or output in, where it is not the model's own.
+    map : callable
+        Like the built-in: where batches of points become runs.
+    progress : Progress, optional
+        Told how far it is.
+    checkpoint : Checkpoint, optional
+        Who has kept runs before, and keeps those that are done.
+    failures : FailurePolicy, optional
+        What is done about runs that are lost.
+
+    Returns
+    -------
+    Dataset
+        The points with an output variable each along ``run``, ``status(run)``, and the reasons of
+        lost runs along their own dimension.
+
+    Raises
+    ------
+    TooManyFailedError
+        If more runs were lost than are allowed.
+    """
+    progress, checkpoint, failures = (
+        progress or Progress(),
+        checkpoint or Checkpoint(),
+        failures or FailurePolicy(),
+    )
+    model, total = evaluator.model, points.sizes[RUN]
+    columns = {str(name): np.broadcast_to(points[name].values, total) for name in points.data_vars}
+    record = _RunRecord(model.outputs, total)
+    failure_count = FailureCount(failures.at_most, total)
+    for batch_result in checkpoint.restore(columns):
+        record.add(batch_result)
+        failure_count.add(batch_result)
+        model.record_files(batch_result.results.files)
+    if record.done.any():
+        progress.count_restored(int(record.done.sum()))
+    pace = Pace(getattr(map, "worth_sending", WORTH_SENDING), is_alone=bool(model.enforced_limits))
+    batches = record.count_batches(
+        vectorized_batches(columns, record.done.copy())
+        if model.vectorized
+        else scalar_batches(columns, record.done.copy(), pace)
+    )
+    for batch_result in map(EvaluatorWork(evaluator, failures.retry), batches):
+        pace.record(len(batch_result))
+        record.under_way -= len(batch_result)
+        record.add(batch_result)
+        # Before it is kept, as it may be of another version of the model.
+        model.record_files(batch_result.results.files)
+        checkpoint.save(columns, batch_result)
+        for warning in batch_result.warnings:
+            progress.warn(warning)
+        progress.advance(len(batch_result), failure_count.add(batch_result), record.under_way)
+    runs = points.assign(record.variables(model.outputs))
+    _add_attributes(runs, model, display_units)
+    return runs
+
+
+class _RunRecord:
+    """Runs as they are made: what has come of each so far."""
+
+    def __init__(self, outputs: Sequence[Output], runs: int) -> None:
+        self.done = np.zeros(runs, dtype=np.bool_)
+        self.under_way = 0
+        self._outputs = {output.name: np.full(runs, np.nan) for output in outputs}
+        self._status = np.zeros(runs, dtype=np.int8)
+        self._reasons: dict[int, str] = {}
+
+    def count_batches(self, batches: Iterator[Batch]) -> Iterator[Batch]:
+        """Batches, their runs counted as under way."""
+        for batch in batches:
+            self.under_way += len(batch)
+            yield batch
+
+    def add(self, batch_result: BatchResult) -> None:
+        """Put what came of some runs where it belongs."""
+        runs, results = (
+            slice(batch_result.start, batch_result.start + len(batch_result)),
+            batch_result.results,
+        )
+        if self.done[runs].any():
+            # A batch of which some runs were kept before is made as a whole.
+            for run in range(batch_result.start, batch_result.start + len(batch_result)):
+                self._reasons.pop(run, None)
+        self.done[runs] = True
+        for name, values in results.outputs.items():
+            self._outputs[name][runs] = values
+        self._status[runs] = results.status
+        self._reasons |= {
+            batch_result.start + run: reason for run, reason in results.reasons.items()
+        }
+
+    def variables(self, outputs: Sequence[Output]) -> dict[str, Any]:
+        """All runs as variables of a dataset."""
+        variables: dict[str, Any] = {}
+        for output in outputs:
+            values: npt.NDArray[Any] = self._outputs[output.name]
+            if output.categories:
+                # A lost run is of no kind, which is a kind of its own among whole numbers.
+                values = np.where(np.isnan(values), -1, values).astype(np.int8)
+            variables[output.name] = (RUN, values)
+        variables[STATUS] = (RUN, self._status)
+        failed = sorted(self._reasons)
+        if not failed:
+            return variables
+        reasons = np.array([self._reasons[run] for run in failed], dtype=object)
+        failed_runs = (FAILED_RUN, np.array(failed, dtype=np.int64))
+        return {**variables, FAILED_RUN: failed_runs, FAILURE_REASON: (FAILED_RUN, reasons)}
+
+
+def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, str]) -> None:
+    """Say of every variable what it is, as the CF conventions do."""
+    for role, variables in (("input", model.inputs), ("output", model.outputs)):
+        for variable in variables:
+            if variable.name in runs:
+                shown = display_units.get(variable.name, variable.preferred_unit)
+                measure = {"units": variable.unit, "display_units": shown}
+                kinds = variable.categories if isinstance(variable, Output) else ()
+                runs[variable.name].attrs = {
+                    **runs[variable.name].attrs,
+                    "long_name": variable.title,
+                    ROLE: role,
+                    **(_category_attributes(kinds) if kinds else measure),
+                }
+    runs[STATUS].attrs = {"long_name": "what became of the run"}
+    runs[STATUS].attrs |= _flag_attributes(list(Status), [status.meaning for status in Status])
+    runs[RUN].attrs = {
+        "standard_name": "realization",
+        "units": "1",
+        "long_name": "number of the run",
+    }
+    if REPLICATE in runs:
+        runs[REPLICATE].attrs = {"units": "1", "long_name": "number of the run's replicate"}
+    if FAILED_RUN in runs:
+        runs[FAILED_RUN].attrs = {"long_name": "number of a lost run"}
+        runs[FAILURE_REASON].attrs = {"long_name": "why the run was lost"}
+
+
+def _category_attributes(categories: Sequence[Category]) -> dict[str, Any]:
+    """Attributes of an output with kinds; those of no kind are the lost runs."""
+    flags = _flag_attributes(
+        range(-1, len(categories)), ["lost", *(kind.flag for kind in categories)]
+    )
+    return {**flags, "flag_labels": ["lost", *(kind.label for kind in categories)]}
+
+
+def _flag_attributes(values: Sequence[int], meanings: Sequence[str]) -> dict[str, Any]:
+    return {"flag_values": np.array(values, dtype=np.int8), "flag_meanings": " ".join(meanings)}

@@ -1,0 +1,160 @@
+"""A model with the domain of its inputs: every run ends with a status, and none ends the study."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.labels import Status
+from uqpen.core.limits import Limits
+from uqpen.core.model import Arrays, Model, Results, violated_conditions
+from uqpen.distributions.constraints import Constraint
+from uqpen.execution.batch import Batch, BatchResult
+from uqpen.execution.child_process import is_child_process, run_in_child
+
+__all__ = ["Evaluator", "EvaluatorWork"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# Of one batch; a model may warn at every run.
+_MOST_WARNINGS = 16
+
+
+@dataclass(frozen=True)
+class Evaluator:
+    """A model with the domain of its inputs, as one call over a batch.
+
+    Parameters
+    ----------
+    model : Model
+        What is run.
+    constraints : sequence of Constraint
+        Where the input law ends; points outside are inadmissible and not run.
+    """
+
+    model: Model
+    constraints: Sequence[Constraint] = ()
+
+    def __call__(self, inputs: dict[str, FloatArray]) -> Results:
+        """Results of a batch of points, given in SI units."""
+        if self.model.enforced_limits and not is_child_process():
+            return run_in_child(EvaluatorWork(self), Batch(0, inputs)).results
+        runs = len(next(iter(inputs.values())))
+        status = np.full(runs, Status.OK, dtype=np.int8)
+        reasons: dict[int, str] = {}
+        for violated, reason in self._violations(inputs):
+            for run in np.flatnonzero(violated & (status == Status.OK)).tolist():
+                reasons[run] = reason
+            status[violated] = Status.INADMISSIBLE
+        outputs = {output.name: np.full(runs, np.nan) for output in self.model.outputs}
+        files: frozenset[str] = frozenset()
+        admissible = np.flatnonzero(status == Status.OK)
+        if admissible.size:
+            # A constraint may be on an input that this model of several does not take.
+            taken = [variable.name for variable in self.model.inputs if variable.name in inputs]
+            some = {name: inputs[name][admissible] for name in taken}
+            results = self.model.evaluate(some)
+            self._fill(admissible, results, outputs, status, reasons)
+            files = results.files
+        return Results(outputs, status, reasons, files)
+
+    def _violations(self, inputs: dict[str, FloatArray]) -> Iterator[tuple[Any, str]]:
+        yield from violated_conditions(self.model, inputs)
+        for constraint in self.constraints:
+            yield ~constraint.is_satisfied(inputs), constraint.text
+
+    def _fill(
+        self,
+        runs: npt.NDArray[np.int64],
+        results: Results,
+        outputs: dict[str, FloatArray],
+        status: npt.NDArray[np.int8],
+        reasons: dict[int, str],
+    ) -> None:
+        """Put a model's results where they belong, and look for what is not finite."""
+        status[runs] = results.status
+        reasons.update({int(runs[run]): reason for run, reason in results.reasons.items()})
+        for name, values in results.outputs.items():
+            outputs[name][runs] = values
+            broken = runs[~np.isfinite(values) & (status[runs] == Status.OK)]
+            status[broken] = Status.NOT_FINITE
+            for run in broken.tolist():
+                reasons[run] = f"{name} is {outputs[name][run]}"
+        for values in outputs.values():
+            values[status != Status.OK] = np.nan
+
+
+@dataclass(frozen=True)
+class EvaluatorWork:
+    """An evaluator as work for an executor.
+
+    Parameters
+    ----------
+    evaluator : Evaluator
+        What makes the runs of a batch.
+    retries : int
+        How often a run that was lost is made again.
+    """
+
+    evaluator: Evaluator
+    retries: int = 0
+
+    @property
+    def limits(self) -> Limits:
+        """What one run may use."""
+        return self.evaluator.model.enforced_limits
+
+    @property
+    def is_untrusted(self) -> bool:
+        """Whether the model can hang or kill the process it is called in."""
+        return self.evaluator.model.is_untrusted
+
+    def __call__(self, batch: Batch) -> BatchResult:
+        """What came of a batch."""
+        if self.limits and not is_child_process():
+            return run_in_child(self, batch)
+        with warnings.catch_warnings(record=True) as caught:
+            results = self._evaluate_with_retries(batch.inputs)
+        messages = dict.fromkeys(map(_warning_text, caught))
+        return BatchResult(batch.start, results, tuple(messages)[:_MOST_WARNINGS])
+
+    def failed_result(self, batch: Batch, status: Status, reason: str) -> BatchResult:
+        """What comes of a batch whose runs were all lost to the same."""
+        runs = len(batch)
+        outputs = {output.name: np.full(runs, np.nan) for output in self.evaluator.model.outputs}
+        statuses = np.full(runs, status, dtype=np.int8)
+        reasons = dict.fromkeys(range(runs), reason)
+        return BatchResult(batch.start, Results(outputs, statuses, reasons))
+
+    def _evaluate_with_retries(self, inputs: Arrays) -> Results:
+        """Results of a batch; what was lost is tried again, each run by itself."""
+        results = self.evaluator(dict(inputs))
+        for _ in range(self.retries):
+            for run in np.flatnonzero(results.status > Status.INADMISSIBLE).tolist():
+                one = {name: values[run : run + 1] for name, values in inputs.items()}
+                results = _replace_run(results, run, self.evaluator(one))
+        return results
+
+
+def _replace_run(results: Results, run: int, one: Results) -> Results:
+    """Results with those of a single run in the place of its own."""
+    outputs = {name: values.copy() for name, values in results.outputs.items()}
+    status, reasons = results.status.copy(), dict(results.reasons)
+    for name, values in one.outputs.items():
+        outputs[name][run] = values[0]
+    status[run] = one.status[0]
+    reasons.pop(run, None)
+    if one.reasons:
+        reasons[run] = one.reasons[0]
+    return Results(outputs, status, reasons, results.files | one.files)
+
+
+def _warning_text(warning: warnings.WarningMessage) -> str:
+    text = " ".join(str(warning.message).split())
+    return f"{warning.category.__name__}: {text} ({Path(warning.filename).name}:{warning.lineno})"

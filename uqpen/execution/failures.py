@@ -1,0 +1,86 @@
+"""What is done about runs that are lost."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from uqpen.core.errors import TooManyFailedError
+from uqpen.core.labels import STATUS_TEXT, Status
+from uqpen.execution.batch import BatchResult
+
+__all__ = ["FailureCount", "FailurePolicy"]
+
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class FailurePolicy:
+    """How often lost runs are made again, and how many of them are one too many.
+
+    Parameters
+    ----------
+    retry : int
+        How often a run that was lost is made again; one that is inadmissible never is.
+    at_most : float
+        The share of a design's runs that may be lost, from 0 to 1.
+    """
+
+    retry: int = 0
+    at_most: float = 1.0
+
+
+@dataclass
+class FailureCount:
+    """The runs that a model has lost in a design so far.
+
+    Parameters
+    ----------
+    allowed : float
+        The share that may be lost, from 0 to 1.
+    runs : int
+        How many runs there are in all.
+    """
+
+    allowed: float
+    runs: int
+    statuses: Counter[Status] = field(default_factory=Counter)
+    reasons: Counter[str] = field(default_factory=Counter)
+    counted: set[int] = field(default_factory=set)
+
+    def add(self, batch_result: BatchResult) -> int:
+        """Count those of a piece that are new; how many it has.
+
+        A batch of a vectorised model is made again as a whole where some of it is missing.
+
+        Raises
+        ------
+        TooManyFailedError
+            If there are now more than are allowed.
+        """
+        status = batch_result.results.status
+        failed = [
+            run
+            for run in np.flatnonzero(status > Status.INADMISSIBLE).tolist()
+            if batch_result.start + run not in self.counted
+        ]
+        self.counted.update(batch_result.start + run for run in failed)
+        self.statuses.update(Status(int(status[run])) for run in failed)
+        self.reasons.update(batch_result.results.reasons[run] for run in failed)
+        # 29 of 100 are no more than 0.29, whatever that times 100 is.
+        if failed and self.statuses.total() > self.allowed * self.runs * (1 + _ROUNDING):
+            raise TooManyFailedError(self._message())
+        return len(failed)
+
+    def _message(self) -> str:
+        kinds = ", ".join(
+            f"{count} {STATUS_TEXT[status]}" for status, count in sorted(self.statuses.items())
+        )
+        reason, count = self.reasons.most_common(1)[0]
+        return (
+            f"{self.statuses.total()} of {self.runs} runs were lost so far ({kinds}), more than "
+            f"the {100 * self.allowed:g} % that [failures] at_most allows\n"
+            f"  the most frequent reason, {count} times: {reason}"
+        )

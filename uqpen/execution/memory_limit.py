@@ -1,0 +1,41 @@
+"""A limit on the memory of this process, for as long as a run lasts."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+__all__ = ["CAN_LIMIT", "limit_memory"]
+
+# Elsewhere the limit can be set and is not kept, or there is none.
+CAN_LIMIT = sys.platform == "linux"
+
+
+@contextlib.contextmanager
+def limit_memory(memory: int | None) -> Iterator[None]:
+    """While this lasts, this process cannot take so much memory more than it has.
+
+    Parameters
+    ----------
+    memory : int or None
+        In bytes; None for no limit. What asks for more gets a MemoryError, or from C a null
+        pointer.
+    """
+    if memory is None or not CAN_LIMIT:
+        yield
+        return
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    pages = int(Path("/proc/self/statm").read_bytes().split()[0])
+    most = pages * os.sysconf("SC_PAGE_SIZE") + memory
+    if before[1] != resource.RLIM_INFINITY:
+        most = min(most, before[1])
+    resource.setrlimit(resource.RLIMIT_AS, (most, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)

@@ -1,0 +1,140 @@
+"""Runs on several processes of this machine: the same results, sooner."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import wait
+
+from uqpen.core.errors import Problem, SettingsError, WorkerError
+from uqpen.execution.batch import Batch, BatchResult, Work
+from uqpen.execution.task_queue import TRIES, TaskQueue
+from uqpen.execution.worker import Worker, WorkerDiedError
+
+__all__ = ["ProcessPool", "processes"]
+
+# Batches that are under way or taken to be begun next, for each worker.
+_AHEAD = 2
+
+
+@contextmanager
+def processes(workers: int) -> Iterator[ProcessPool]:
+    """Processes that make runs, as a map like the built-in.
+
+    It takes batches as they are needed, and yields what came of them as it comes. A worker that
+    dies is replaced and its batch tried again, then halved, until the run that kills it is alone:
+    that run is lost as *crashed*, and no other.
+
+    Parameters
+    ----------
+    workers : int
+        How many. No result depends on it.
+
+    Raises
+    ------
+    SettingsError
+        If it is less than 1.
+    """
+    if workers < 1:
+        problem = Problem(("workers",), str(workers), "a number of processes, 1 or more")
+        raise SettingsError([problem])
+    pool = ProcessPool(workers)
+    try:
+        pool.start_workers()
+        yield pool
+        pool.stop_workers()
+    finally:
+        pool.kill_workers()
+
+
+class ProcessPool:
+    """Workers, and what they work on; `processes` makes one."""
+
+    def __init__(self, workers: int) -> None:
+        self._size = workers
+        self._workers: list[Worker] = []
+        self._failed_starts = 0
+
+    def __call__(
+        self, work: Work, batches: Iterable[Batch], pickled: bytes = b""
+    ) -> Iterator[BatchResult]:
+        """What came of batches, as it comes."""
+        call = TaskQueue(work, batches, _AHEAD * self._size, pickled)
+        try:
+            while call.fill():
+                self.start_workers()
+                for worker in self._workers:
+                    if worker.is_idle and call.has_tasks:
+                        worker.send(call.start(), call.pickled, work.limits)
+                self._wait_for_workers(call)
+                yield from call.completed()
+        finally:
+            # Only where the results are wanted no longer is anyone still busy.
+            for worker in [worker for worker in self._workers if worker.task is not None]:
+                self._workers.remove(worker)
+                worker.kill()
+
+    def start_workers(self) -> None:
+        """Start as many workers as are missing."""
+        while len(self._workers) < self._size:
+            self._workers.append(Worker())
+
+    def stop_workers(self) -> None:
+        """Let all workers leave."""
+        for worker in self._workers:
+            worker.stop()
+        for worker in self._workers:
+            worker.join()
+        self._workers.clear()
+
+    def kill_workers(self) -> None:
+        """End all workers."""
+        for worker in self._workers:
+            worker.kill()
+        self._workers.clear()
+
+    def _wait_for_workers(self, call: TaskQueue) -> None:
+        """Wait until workers have answered or died, and note what came of their tasks."""
+        speakers = {sign: worker for worker in self._workers for sign in worker.waitables}
+        late_at = min(worker.late_at for worker in self._workers)
+        patience = None if late_at == math.inf else max(0.0, late_at - time.monotonic())
+        for worker in dict.fromkeys(speakers[sign] for sign in wait(list(speakers), patience)):
+            self._receive(worker, call)
+        now = time.monotonic()
+        for worker in [worker for worker in self._workers if worker.late_at < now]:
+            if not worker.has_message:
+                self._workers.remove(worker)
+                worker.kill()
+                call.record_timeout(worker.task)
+
+    def _receive(self, worker: Worker, call: TaskQueue) -> None:
+        """Note what a worker has answered, or that it has died."""
+        try:
+            answer = worker.receive()
+        except WorkerDiedError as death:
+            self._remove_dead(worker, call, str(death))
+            return
+        if isinstance(answer, BaseException):
+            raise answer
+        if answer is None:
+            self._failed_starts = 0
+            worker.mark_started()
+        else:
+            worker.mark_done()
+            call.complete(answer)
+
+    def _remove_dead(self, worker: Worker, call: TaskQueue, reason: str) -> None:
+        """Do without a worker that has died."""
+        self._workers.remove(worker)
+        worker.kill()
+        if not worker.is_ready:
+            self._failed_starts += 1
+            if self._failed_starts == TRIES:
+                raise WorkerError(
+                    f"no worker process can be started here ({reason}); a script that starts some "
+                    'does so under if __name__ == "__main__":'
+                )
+        elif worker.task is not None:
+            call.record_death(worker.task, reason)

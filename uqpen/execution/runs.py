@@ -1,0 +1,71 @@
+"""Runs as datasets: joined, compared, counted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROUND, RUN, STATUS, Status
+
+__all__ = ["join_rounds", "status_counts", "worst_status_runs"]
+
+
+def join_rounds(rounds: Sequence[xr.Dataset]) -> xr.Dataset:
+    """The runs of several rounds as those of one design, numbered through.
+
+    Parameters
+    ----------
+    rounds : sequence of Dataset
+        What `evaluate` returned, at least one.
+
+    Returns
+    -------
+    Dataset
+        With the number of each run's round as a coordinate, where there is more than one.
+    """
+    if len(rounds) == 1:
+        return rounds[0]
+    sizes = [runs.sizes[RUN] for runs in rounds]
+    starts = np.cumsum([0, *sizes[:-1]])
+    along_run = [runs.drop_vars([FAILED_RUN, FAILURE_REASON], errors="ignore") for runs in rounds]
+    joined = xr.concat(along_run, RUN, data_vars="minimal", coords="minimal", compat="equals")
+    joined = joined.assign_coords({RUN: np.arange(sum(sizes))})
+    joined[RUN].attrs = rounds[0][RUN].attrs
+    joined = joined.assign_coords({ROUND: (RUN, np.repeat(np.arange(len(rounds)), sizes))})
+    joined[ROUND].attrs = {"units": "1", "long_name": "round that the run was made in"}
+    failed = [
+        runs[[FAILURE_REASON]].assign_coords({FAILED_RUN: runs[FAILED_RUN] + start})
+        for runs, start in zip(rounds, starts, strict=True)
+        if FAILURE_REASON in runs
+    ]
+    return joined.merge(xr.concat(failed, FAILED_RUN)) if failed else joined
+
+
+def worst_status_runs(runs: Sequence[xr.Dataset]) -> xr.Dataset:
+    """The runs of the first of several models, lost where any of them lost its run.
+
+    Parameters
+    ----------
+    runs : sequence of Dataset
+        Of several models at the same points, at least one.
+
+    Returns
+    -------
+    Dataset
+        Where a point is inadmissible to one model, it is so; else with the gravest status.
+    """
+    first, *others = runs
+    if not others:
+        return first
+    statuses = np.stack([each[STATUS].values for each in runs])
+    gravest = statuses.max(axis=0)
+    gravest[(statuses == Status.INADMISSIBLE).any(axis=0)] = Status.INADMISSIBLE
+    return first.assign({STATUS: first[STATUS].copy(data=gravest)})
+
+
+def status_counts(runs: xr.Dataset) -> dict[Status, int]:
+    """How many runs ended with each status."""
+    counts = np.bincount(runs[STATUS].values.astype(np.int64), minlength=len(Status))
+    return {status: int(counts[status]) for status in Status}

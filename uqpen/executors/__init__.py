@@ -1,1 +1,0 @@
-"""Where batches of runs are made: each executor is a context that yields a map."""

@@ -1,0 +1,117 @@
+"""Estimates as dots with their intervals, a row for each name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.archive.interval_metadata import interval_metadata
+from uqpen.core.labels import INTERVAL_LABEL, INTERVAL_LEVEL, REFUSED
+from uqpen.figures.style import SourceStyle
+from uqpen.results.digits import percent_text
+from uqpen.results.table import Conversion
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["HOLLOW", "REFUSED_NOTE", "EstimateDot", "draw_dots", "error_bar_lengths"]
+
+FloatArray = npt.NDArray[np.float64]
+
+HOLLOW = "hollow: no interval"
+REFUSED_NOTE = "crossed out: refused, as independent runs contradict it"
+
+
+@dataclass(frozen=True)
+class EstimateDot:
+    """An estimate at a place along the other axis.
+
+    Parameters
+    ----------
+    bounds : ndarray
+        Estimate, lower, upper, in the unit that is shown; NaN for a bound that is none.
+    place : float
+        The row, or a place near it.
+    look : SourceStyle
+    label : str
+        What the legend says of it; empty for nothing.
+    is_refused : bool
+        Whether independent runs contradict it.
+    level : float
+        Of its interval.
+    """
+
+    bounds: FloatArray
+    place: float
+    look: SourceStyle
+    label: str = ""
+    is_refused: bool = False
+    level: float = math.nan
+
+    @classmethod
+    def from_array(
+        cls,
+        array: xr.DataArray,
+        convert: Conversion,
+        place: float,
+        look: SourceStyle,
+        label: str = "",
+    ) -> EstimateDot:
+        """An estimate of an archive, along ``bound``, in another unit."""
+        return cls(
+            np.asarray(convert(array.values), dtype=np.float64),
+            place,
+            look,
+            label,
+            interval_metadata(array, INTERVAL_LABEL) == REFUSED,
+            float(array.attrs.get(INTERVAL_LEVEL, math.nan)),
+        )
+
+    @property
+    def has_interval(self) -> bool:
+        """Whether any of its bounds is one."""
+        return bool(np.isfinite(self.bounds[1:]).any())
+
+
+def error_bar_lengths(bounds: FloatArray) -> FloatArray:
+    """The lengths of an interval below and above its estimate; 0 where a bound is none."""
+    estimate, lower, upper = bounds
+    sides = np.array([[estimate - lower], [upper - estimate]])
+    lengths: FloatArray = np.maximum(np.nan_to_num(sides), 0.0)
+    return lengths
+
+
+def draw_dots(axes: Axes, dots: list[EstimateDot]) -> Iterator[str]:
+    """Draw estimates along the horizontal axis.
+
+    Yields
+    ------
+    str
+        What a reader must know of the markers.
+    """
+    for dot in dots:
+        axes.errorbar(
+            dot.bounds[:1],
+            [dot.place],
+            xerr=error_bar_lengths(dot.bounds) if dot.has_interval else None,
+            fmt=dot.look.marker,
+            color=dot.look.colour,
+            markerfacecolor=dot.look.colour if dot.has_interval else "white",
+            elinewidth=1.2,
+            capsize=2,
+            label=dot.label or None,
+        )
+        if dot.is_refused:
+            axes.plot(dot.bounds[:1], [dot.place], "x", color="black", markersize=7)
+    for level in sorted({dot.level for dot in dots if dot.has_interval and dot.level > 0}):
+        yield f"bars: {percent_text(level)} intervals"
+    if not all(dot.has_interval for dot in dots):
+        yield HOLLOW
+    if any(dot.is_refused for dot in dots):
+        yield REFUSED_NOTE

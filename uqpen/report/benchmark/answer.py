@@ -1,0 +1,231 @@
+"""Which method wins for which statistic, at which number of runs, and what must be known of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from itertools import islice
+
+import numpy as np
+import xarray as xr
+
+from uqpen.archive.read import read_group
+from uqpen.core.labels import ERRORS, METHODS, NOTE, SINGLE, VERDICTS
+from uqpen.report.benchmark.plotted_methods import (
+    MOST_CHARTS,
+    PlottedMethod,
+    benchmark_budgets,
+    entries_by_output,
+    method_keys,
+    output_heading,
+    plotted_methods,
+    reference_run_counts,
+)
+from uqpen.report.blocks import Axis, Block, Chart, Charts, Quote, Remarks, Table, Text
+from uqpen.report.marks import Trace, point_trace
+from uqpen.results.benchmark_entries import BenchmarkEntry, entries
+from uqpen.results.benchmark_tables import (
+    IS_DOUBTFUL,
+    IS_LEVEL,
+    WINS,
+    entry_comparisons,
+    has_reference,
+    join_names,
+    standing_mark,
+    standings_table,
+)
+from uqpen.results.digits import grouped_number
+
+__all__ = ["answer"]
+
+# What a method's standing is called in a sentence, at first and further on.
+_STANDING_TEXTS = {
+    WINS: ("leads all others by more than the noise in {}", "leads in {}"),
+    IS_LEVEL: ("is level with the best in {}", "is level in {}"),
+    IS_DOUBTFUL: ("is ahead, but in doubt, in {}", "is ahead, in doubt, in {}"),
+}
+
+# Sizes of the markers, and how far apart those are that share a place, in rows or columns.
+_ALONE, _TOGETHER, _APART = 13.0, 7.0, 0.17
+_ROW, _FRAME = 30, 70
+
+
+def answer(tree: xr.DataTree) -> Iterator[Block]:
+    """Who leads, in sentences to be quoted, and by output and statistic."""
+    sentences = tuple(_standing_sentences(tree))
+    if sentences:
+        yield Quote(sentences)
+    elif has_reference(tree):
+        yield Text("No two methods have figures to compare.")
+    if caveats := tuple(_caveat_sentences(tree)):
+        yield Remarks("What must be known", caveats)
+    if not sentences:
+        return
+    yield Table(standings_table(tree))
+    outputs = entries_by_output(tree)
+    yield Charts(
+        tuple(_leaders(tree, *each) for each in islice(outputs.items(), MOST_CHARTS)),
+        keys=method_keys(plotted_methods(tree, SINGLE)),
+        notes=(
+            "One filled marker: it leads all others by more than the noise. Several side by side: "
+            "they are level. A hollow one: it is ahead, but the lead is in doubt and has no "
+            "interval. None: no two methods have figures to compare.",
+            *_omitted_outputs_note(len(outputs)),
+        ),
+    )
+    yield from _verdict_blocks(tree)
+
+
+def _omitted_outputs_note(outputs: int) -> Iterator[str]:
+    if outputs > MOST_CHARTS:
+        yield f"The first {MOST_CHARTS} of {outputs} outputs; the verdicts below are of all."
+
+
+def _standing_sentences(tree: xr.DataTree) -> Iterator[str]:
+    """A sentence for each number of runs at which there is a verdict."""
+    found = [entry.single_set_standings for entry in entries(tree)]
+    of = f"{len(found)} statistic{'s' if len(found) > 1 else ''}"
+    for column, budget in enumerate(benchmark_budgets(tree)):
+        texts = list(_method_standings(tree, [standings[column] for standings in found]))
+        if texts:
+            yield f"At {grouped_number(budget)} runs, of {of}, {'; '.join(texts)}."
+
+
+def _method_standings(tree: xr.DataTree, found: list[tuple[str, float]]) -> Iterator[str]:
+    """What is said of each method at a number of runs, the best first."""
+    counted = {
+        method.source: Counter(
+            standing_mark(method.source, *level_and_bound) for level_and_bound in found
+        )
+        for method in plotted_methods(tree, SINGLE)
+    }
+    ranked = sorted(counted, key=lambda name: [-counted[name][mark] for mark in _STANDING_TEXTS])
+    known: set[str] = set()
+    for name in ranked:
+        marks = [mark for mark in _STANDING_TEXTS if counted[name][mark]]
+        parts = [_STANDING_TEXTS[mark][mark in known].format(counted[name][mark]) for mark in marks]
+        known.update(marks)
+        if parts:
+            yield f"{name} {join_names(parts)}"
+
+
+def _caveat_sentences(tree: xr.DataTree) -> Iterator[str]:
+    """What must be known of the answer, a sentence each."""
+    yield from _reference_caveats(tree)
+    if not has_reference(tree):
+        return
+    found = list(entries(tree))
+    notes = [str(note) for each in found for note in each.variable(VERDICTS, "_note").values[0]]
+    for note, count in Counter(filter(None, notes)).items():
+        yield f"For {count} of {len(notes)} verdicts: {note}."
+    marks = [
+        _is_doubtful(*level_and_bound)
+        for each in found
+        for level_and_bound in each.single_set_standings
+    ]
+    if any(marks):
+        yield (
+            f"In {sum(marks)} of {len(marks)} contests the lead is in doubt: few of the repeats "
+            "decide it, or the errors are no larger than the reference's own."
+        )
+    yield from _absent_methods(tree)
+    if without := sum(map(_count_without_error, found)):
+        yield (
+            f"{without} {'error is' if without == 1 else 'errors are'} not told, as some repeat "
+            "has no estimate, or the reference has none."
+        )
+    yield from dict.fromkeys(
+        f"Intervals of errors: {note}." for each in found if (note := _note(each))
+    )
+
+
+def _reference_caveats(tree: xr.DataTree) -> Iterator[str]:
+    run_count, used = reference_run_counts(tree)
+    if not used:
+        yield "The reference lost all of its runs, so no error can be told."
+    elif used < run_count:
+        yield (
+            f"The reference lost {grouped_number(run_count - used)} of its "
+            f"{grouped_number(run_count)} runs; errors are "
+            "held to what the others tell."
+        )
+
+
+def _is_doubtful(level: str, lowest: float) -> bool:
+    first = level.partition(" ")[0]
+    return standing_mark(first, level, lowest) == IS_DOUBTFUL if first else False
+
+
+def _absent_methods(tree: xr.DataTree) -> Iterator[str]:
+    """The methods that cannot do with some numbers of runs."""
+    runs = read_group(tree, METHODS)["runs"].values
+    for method in plotted_methods(tree, SINGLE):
+        counts = zip(benchmark_budgets(tree), runs[method.position].tolist(), strict=True)
+        if where := [grouped_number(budget) for budget, count in counts if not count]:
+            yield f"{method.source} takes no part at {join_names(where)} runs."
+
+
+def _count_without_error(entry: BenchmarkEntry) -> int:
+    """How many methods made their runs, as single sets, but have no error."""
+    errors = entry.variable(ERRORS).values[..., 0]
+    takes_part = read_group(entry.tree, METHODS)["runs"].values > 0
+    single = [method.position for method in plotted_methods(entry.tree, SINGLE)]
+    return int((np.isnan(errors) & takes_part)[single].sum())
+
+
+def _note(entry: BenchmarkEntry) -> str:
+    return str(entry.variable(ERRORS).attrs.get(NOTE, ""))
+
+
+def _leaders(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> Chart:
+    """Who leads, a row for each statistic and a column for each number of runs."""
+    budgets = benchmark_budgets(tree)
+    rows = tuple(entry.label for entry in found)
+    ends = (-0.5, len(budgets) - 0.5)
+    ticks = tuple((float(place), grouped_number(budget)) for place, budget in enumerate(budgets))
+    best = [(entry.label, entry.single_set_standings[-1][0].split()) for entry in found]
+    texts = [f"{label}: {join_names(names)}" for label, names in best if names]
+    return Chart(
+        title=f"Who leads in {output_heading(tree, output)}",
+        summary=f"Nearest to the reference at {grouped_number(budgets[-1])} runs: "
+        f"{'; '.join(texts) or 'none'}. Sentences below tell the others.",
+        x=Axis("runs", ends, ticks=ticks),
+        y=Axis("", rows=rows),
+        traces=tuple(_leader_markers(method, found) for method in plotted_methods(tree, SINGLE)),
+        height=_FRAME + _ROW * len(rows),
+    )
+
+
+def _leader_markers(method: PlottedMethod, found: list[BenchmarkEntry]) -> Trace:
+    """Where a method leads, or is level."""
+    marks: list[tuple[float, float, str, float, str]] = []
+    for row, entry in enumerate(found):
+        texts = entry.variable(VERDICTS, "_verdict").values[0].tolist()
+        for column, (level, lowest) in enumerate(entry.single_set_standings):
+            names = level.split()
+            mark = standing_mark(method.source, level, lowest)
+            if mark in _STANDING_TEXTS:
+                step = min(_APART, 0.8 / len(names))
+                place = column + (names.index(method.source) - (len(names) - 1) / 2) * step
+                symbol = f"{method.marker}-open" if mark == IS_DOUBTFUL else method.marker
+                size = _TOGETHER if mark == IS_LEVEL else _ALONE
+                text = f"{entry.label}: {texts[column]}"
+                marks.append((place, float(row), symbol, size, text))
+    x, y, symbols, sizes, hovers = zip(*marks, strict=True) if marks else ((), (), (), (), ())
+    trace = point_trace(
+        x, y, method.series, hover="%{text}", name=method.source, texts=hovers, opacity=1.0
+    )
+    outlines = [2 if symbol.endswith("-open") else 0 for symbol in symbols]
+    trace["marker"] |= {"symbol": list(symbols), "size": list(sizes), "line": {"width": outlines}}
+    return trace
+
+
+def _verdict_blocks(tree: xr.DataTree) -> Iterator[Block]:
+    """The verdicts in words, output by output."""
+    lines: dict[str, list[str]] = {}
+    for comparison in entry_comparisons(tree):
+        entry = comparison.entry
+        line = f"{entry.label}: {'; '.join(comparison.verdicts)}."
+        lines.setdefault(entry.output, []).append(line)
+    for output, found in lines.items():
+        yield Remarks(f"In words: {output_heading(tree, output)}", tuple(found), is_folded=True)

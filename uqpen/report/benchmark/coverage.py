@@ -1,0 +1,181 @@
+"""How often the methods' own intervals held the reference."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.archive.read import read_group
+from uqpen.core.labels import ERRORS, INTERVAL_LEVEL, METHODS, SINGLE
+from uqpen.report.benchmark.plotted_methods import (
+    MOST_CHARTS,
+    PlottedMethod,
+    benchmark_budgets,
+    entries_by_output,
+    method_keys,
+    output_heading,
+    plotted_methods,
+    variants,
+)
+from uqpen.report.benchmark.row_charts import (
+    chart_height,
+    method_positions,
+    omitted_charts_note,
+    variant_text,
+)
+from uqpen.report.blocks import Axis, Block, Chart, Charts
+from uqpen.report.marks import Trace, point_trace
+from uqpen.report.shapes import Shape, shaded_interval, vertical_line
+from uqpen.results.benchmark_entries import BenchmarkEntry, entries
+from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.table import NOTHING, OutputTable
+from uqpen.statistics.intervals import clopper_pearson
+
+__all__ = ["coverage"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# Of the shares that chance may show; and of intervals that do not say themselves.
+_LEVEL = 0.95
+
+
+def coverage(tree: xr.DataTree) -> Iterator[Block]:
+    """In what share of the repeats a method's own interval held the reference."""
+    repeats = int(read_group(tree, METHODS).attrs["repeats"])
+    charts = [
+        _coverage_chart(tree, output, variant, found, repeats)
+        for variant in variants(tree)
+        for output, found in entries_by_output(tree).items()
+        if np.isfinite(_shares(tree, variant, found)).any()
+    ]
+    if charts:
+        yield Charts(
+            tuple(charts[:MOST_CHARTS]),
+            keys=method_keys(plotted_methods(tree, SINGLE)),
+            notes=(
+                _expected_coverage_note(tree, repeats),
+                *_methods_without_intervals(tree),
+                *omitted_charts_note(charts),
+            ),
+        )
+
+
+def _shares(tree: xr.DataTree, variant: str, found: list[BenchmarkEntry]) -> FloatArray:
+    """Along statistic, method and budget."""
+    positions = [method.position for method in plotted_methods(tree, variant)]
+    values = [entry.variable(ERRORS, "_coverage").values[positions] for entry in found]
+    return np.array(values, dtype=np.float64)
+
+
+def _lowest_expected_share(level: float, repeats: int) -> float:
+    """The least share that intervals that cover as often as they say would show."""
+    covered = np.arange(repeats + 1)
+    _, upper = clopper_pearson(covered, repeats, _LEVEL)
+    return float(covered[upper >= level][0] / repeats)
+
+
+def _nominal_level(tree: xr.DataTree) -> float:
+    """How often the methods' own intervals should hold: as those of the reference, of one kind."""
+    truths = (entry.reference for entry in entries(tree))
+    levels = (each.attrs[INTERVAL_LEVEL] for each in truths if INTERVAL_LEVEL in each.attrs)
+    return float(next(levels, _LEVEL))
+
+
+def _expected_coverage_note(tree: xr.DataTree, repeats: int) -> str:
+    level = _nominal_level(tree)
+    least = f"{100 * _lowest_expected_share(level, repeats):.0f} %"
+    return (
+        f"Each marker is of one number of runs. Shaded: shares from {least}, which {repeats} "
+        f"intervals that cover {percent_text(level)} may well show by chance. Estimates without an "
+        f"interval do not count, so a share may be of fewer than {repeats}."
+    )
+
+
+def _methods_without_intervals(tree: xr.DataTree) -> Iterator[str]:
+    """The methods without any interval of their own."""
+    every = [entry for found in entries_by_output(tree).values() for entry in found]
+    has_coverage: dict[str, bool] = {}
+    for variant in variants(tree):
+        shares = _shares(tree, variant, every)
+        for at, method in enumerate(plotted_methods(tree, variant)):
+            has_coverage[method.source] = has_coverage.get(method.source, False) or _has_coverage(
+                shares[:, at]
+            )
+    for source, has_intervals in has_coverage.items():
+        if not has_intervals:
+            yield f"{source} tells no intervals of its own."
+
+
+def _has_coverage(shares: FloatArray) -> bool:
+    return bool(np.isfinite(shares).any())
+
+
+def _coverage_chart(
+    tree: xr.DataTree, output: str, variant: str, found: list[BenchmarkEntry], repeats: int
+) -> Chart:
+    shares, methods = _shares(tree, variant, found), plotted_methods(tree, variant)
+    level = _nominal_level(tree)
+    known = shares[np.isfinite(shares)]
+    shapes: tuple[Shape, ...] = (
+        shaded_interval(100 * _lowest_expected_share(level, repeats), 100, "quiet"),
+        vertical_line(100 * level, "quiet", "dash"),
+    )
+    return Chart(
+        title=f"Intervals of {output_heading(tree, output)}{variant_text(tree, variant)}",
+        summary="The shares of intervals that held lie between "
+        f"{percent_text(round(known.min(), 3))} "
+        f"and {percent_text(round(known.max(), 3))}; they should be {percent_text(level)}.",
+        x=Axis("intervals that held [%]", (min(78.0, 100 * known.min()) - 2, 102)),
+        y=Axis("", rows=tuple(entry.label for entry in found)),
+        traces=tuple(
+            _points(
+                tree, method, shares[:, at], found, method_positions(at, len(methods), len(found))
+            )
+            for at, method in enumerate(methods)
+        ),
+        shapes=shapes,
+        tables=(_coverage_table(tree, methods, shares, found),),
+        height=chart_height(len(methods), len(found)),
+    )
+
+
+def _points(
+    tree: xr.DataTree,
+    method: PlottedMethod,
+    shares: FloatArray,
+    found: list[BenchmarkEntry],
+    places: FloatArray,
+) -> Trace:
+    rows, columns = np.nonzero(np.isfinite(shares))
+    budgets = benchmark_budgets(tree)
+    texts = [
+        f"{method.source}, {found[row].label}, {grouped_number(budgets[column])} runs: "
+        f"{100 * shares[row, column]:.1f} % of its intervals held"
+        for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
+    ]
+    return point_trace(
+        100 * shares[rows, columns],
+        places[rows],
+        method.series,
+        hover="%{text}",
+        name=method.source,
+        texts=texts,
+        marker=method.marker,
+        size=7,
+    )
+
+
+def _coverage_table(
+    tree: xr.DataTree, methods: list[PlottedMethod], shares: FloatArray, found: list[BenchmarkEntry]
+) -> OutputTable:
+    columns = [*map(grouped_number, benchmark_budgets(tree))]
+    table = OutputTable("Intervals that held the reference, in %", columns)
+    for entry, rows in zip(found, shares, strict=True):
+        for method, row in zip(methods, rows.tolist(), strict=True):
+            cells = [NOTHING if math.isnan(share) else f"{100 * share:.0f}" for share in row]
+            table.rows.append((f"{entry.label}, {method.source}", cells))
+    return table

@@ -1,0 +1,168 @@
+"""What all sections about methods head to head go by: the methods, the budgets, the statistics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+import xarray as xr
+
+from uqpen.archive.benchmark_structure import find_benchmark_faults
+from uqpen.archive.read import read_group
+from uqpen.core.errors import ArchiveError
+from uqpen.core.labels import (
+    BUDGET,
+    ERRORS,
+    ESTIMATES,
+    METHODS,
+    MOMENTS,
+    REFERENCE,
+    REPLICATED,
+    SINGLE,
+)
+from uqpen.figures.requirements import find_level_faults
+from uqpen.figures.texts import title_with_name
+from uqpen.report.blocks import Axis, LegendKey
+from uqpen.report.marks import series_marker
+from uqpen.results.benchmark_entries import BenchmarkEntry, entries
+from uqpen.results.digits import grouped_number
+from uqpen.results.table import OutputTable
+
+__all__ = [
+    "MOST_CHARTS",
+    "PlottedMethod",
+    "benchmark_budgets",
+    "budget_axis",
+    "check_benchmark",
+    "entries_by_output",
+    "indent_labels",
+    "method_keys",
+    "output_heading",
+    "plotted_methods",
+    "reference_error",
+    "reference_run_counts",
+    "variants",
+]
+
+# Of more charts in a section the first are shown, and a note says so.
+MOST_CHARTS = 24
+
+# Beside the fewest and the most runs, as a power of ten.
+_FREE = 0.1
+
+
+@dataclass(frozen=True)
+class PlottedMethod:
+    """One that takes part.
+
+    Parameters
+    ----------
+    position : int
+        Along the dimension of the methods.
+    source : str
+        The study's name of what it is.
+    variants : tuple of str
+        The contests that it is in.
+    series : int
+        Its colour and marker: the same for a design as one set and in replicates.
+    """
+
+    position: int
+    source: str
+    variants: tuple[str, ...]
+    series: int
+
+    @property
+    def marker(self) -> str:
+        """The same wherever it is drawn."""
+        return series_marker(self.series)
+
+
+def check_benchmark(tree: xr.DataTree) -> None:
+    """Hold an archive of methods head to head against what the report goes by.
+
+    Raises
+    ------
+    ArchiveError
+        If it lacks anything.
+    """
+    if fault := next(chain(find_benchmark_faults(tree), find_level_faults(tree)), None):
+        raise ArchiveError(f"the archive is damaged: {fault}")
+
+
+def plotted_methods(tree: xr.DataTree, variant: str) -> list[PlottedMethod]:
+    """The methods that are in a contest, in the order of the archive."""
+    methods = read_group(tree, METHODS)
+    sources = [str(source) for source in methods["source"].values]
+    looks = list(dict.fromkeys(sources))
+    every = [
+        PlottedMethod(position, source, tuple(str(contests).split()), looks.index(source))
+        for position, (source, contests) in enumerate(
+            zip(sources, methods["contests"].values, strict=True)
+        )
+    ]
+    return [method for method in every if variant in method.variants]
+
+
+def variants(tree: xr.DataTree) -> list[str]:
+    """The contests that differ: there is one where no method has replicates."""
+    has_replicates = any(SINGLE not in each.variants for each in plotted_methods(tree, REPLICATED))
+    return [SINGLE, REPLICATED] if has_replicates else [SINGLE]
+
+
+def benchmark_budgets(tree: xr.DataTree) -> list[int]:
+    """The numbers of runs that methods are given."""
+    return [int(budget) for budget in read_group(tree, METHODS)[BUDGET].values]
+
+
+def entries_by_output(tree: xr.DataTree) -> dict[str, list[BenchmarkEntry]]:
+    """The entries of all statistics of each output."""
+    found: dict[str, list[BenchmarkEntry]] = {}
+    for entry in entries(tree):
+        found.setdefault(entry.output, []).append(entry)
+    return found
+
+
+def output_heading(tree: xr.DataTree, output: str) -> str:
+    """What an output is called in a heading."""
+    estimates = read_group(tree, ESTIMATES, output)
+    described = str(estimates["mean"].attrs.get("long_name", "")) if "mean" in estimates else ""
+    return title_with_name(described.removeprefix("mean of ") or output, output)
+
+
+def reference_error(entry: BenchmarkEntry) -> float:
+    """Half the reference's interval, in per cent of what errors are relative to; NaN for none."""
+    _, lower, upper = entry.reference.values.tolist()
+    relative_to = float(entry.variable(ERRORS, "_scale"))
+    return 100 * (upper - lower) / 2 / relative_to if relative_to > 0 else math.nan
+
+
+def reference_run_counts(tree: xr.DataTree) -> tuple[int, int]:
+    """How many runs the reference made, and how many of them came back and count."""
+    attributes = read_group(tree, REFERENCE, MOMENTS).attrs
+    made = attributes.get("runs", read_group(tree, METHODS).attrs["reference_runs"])
+    return int(made), int(attributes["runs_used"])
+
+
+def budget_axis(tree: xr.DataTree) -> Axis:
+    """A logarithmic axis with a tick at each number of runs."""
+    budgets = benchmark_budgets(tree)
+    ends = (math.log10(budgets[0]) - _FREE, math.log10(budgets[-1]) + _FREE)
+    ticks = tuple((float(budget), grouped_number(budget)) for budget in budgets)
+    return Axis("runs", ends, ticks=ticks, is_logarithmic=True)
+
+
+def method_keys(methods: Sequence[PlottedMethod]) -> tuple[LegendKey, ...]:
+    """The legend's entries of methods."""
+    return tuple(LegendKey(method.source, method.series, method.marker) for method in methods)
+
+
+def indent_labels(table: OutputTable) -> OutputTable:
+    """A table whose labels keep the room before them on a page."""
+    rows = [
+        (label.replace("  ", "\u00a0\u00a0\u00a0"), [cell.strip() for cell in cells])
+        for label, cells in table.rows
+    ]
+    return OutputTable(table.title, table.columns, rows, table.notes)

@@ -1,0 +1,109 @@
+"""What a comparison of methods cost, its tables, and the reference that errors are held to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from uqpen.archive.interval_metadata import interval_metadata
+from uqpen.archive.read import read_group
+from uqpen.core.labels import BUDGET, ERRORS, ESTIMATES, INTERVAL, METHODS
+from uqpen.core.units import scale
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.texts import unit_suffix
+from uqpen.report.benchmark.plotted_methods import (
+    entries_by_output,
+    indent_labels,
+    output_heading,
+    reference_error,
+    reference_run_counts,
+)
+from uqpen.report.blocks import Block, Table, Text
+from uqpen.report.sections.archive import study_blocks
+from uqpen.report.sections.archive_tables import provenance_table
+from uqpen.results.benchmark_entries import BenchmarkEntry
+from uqpen.results.benchmark_tables import LEGEND, entry_comparisons, methods_table, percentage_text
+from uqpen.results.digits import grouped_number
+from uqpen.results.table import NOTHING, OutputTable, estimate_remark
+
+__all__ = ["cost", "provenance", "reference", "tables"]
+
+
+def cost(tree: xr.DataTree) -> Iterator[Block]:
+    """What each method makes of the runs that it is given."""
+    yield Table(indent_labels(methods_table(tree)))
+    methods = read_group(tree, METHODS)
+    charged = int(methods["runs"].sum()) * int(methods.attrs["repeats"])
+    yield Text(
+        f"All repeats together are charged {grouped_number(charged)} runs, and the reference "
+        f"{grouped_number(int(methods.attrs['reference_runs']))}."
+    )
+    if (methods["runs"] < methods[BUDGET]).where(methods["runs"] > 0, other=False).any():
+        yield Text(
+            "Where a method makes fewer runs than it is given, no more of its blocks or replicates "
+            "fit. Its errors stand at the number that it is given; slopes are over the runs made."
+        )
+
+
+def tables(tree: xr.DataTree) -> Iterator[Block]:
+    """The tables that the command line shows, with their legend."""
+    yield Text(LEGEND)
+    for comparison in entry_comparisons(tree):
+        yield Table(indent_labels(comparison.table), is_folded=True)
+
+
+def reference(tree: xr.DataTree) -> Iterator[Block]:
+    """The values that errors are held to, and how sure they are."""
+    run_count, used = reference_run_counts(tree)
+    yield Text(
+        f"It made {grouped_number(run_count)} runs, of which {grouped_number(used)} came back "
+        "and count."
+        if used < run_count
+        else f"It made {grouped_number(run_count)} runs, all of which came back."
+    )
+    for output, found in entries_by_output(tree).items():
+        yield Table(_values(tree, output, found))
+
+
+def _values(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> OutputTable:
+    columns = ["value", "its own error", "errors are relative to", "how its interval was made"]
+    table = OutputTable(f"Reference of {output_heading(tree, output)}", columns)
+    for entry in found:
+        truth = entry.reference
+        value = entry.reference_text if math.isfinite(truth.values[0]) else NOTHING
+        value += table.note_mark(estimate_remark(truth))
+        cells = [
+            value,
+            _reference_error_text(entry),
+            _error_scale_text(entry),
+            interval_metadata(truth, INTERVAL) or NOTHING,
+        ]
+        table.rows.append((entry.label, cells))
+    return table
+
+
+def _reference_error_text(entry: BenchmarkEntry) -> str:
+    """Half its interval over what errors are relative to."""
+    own = reference_error(entry)
+    return NOTHING if math.isnan(own) else f"± {percentage_text(own / 100)} %"
+
+
+def _error_scale_text(entry: BenchmarkEntry) -> str:
+    """What errors are relative to, in the unit that is shown."""
+    unit = str(entry.variable(ESTIMATES).attrs["display_units"])
+    value = float(
+        np.asarray(scale(unit).difference_from_si(float(entry.variable(ERRORS, "_scale"))))
+    )
+    if not math.isfinite(value + float(entry.reference.values[0])):
+        return NOTHING
+    return f"{value:.4g}{unit_suffix(unit)}"
+
+
+def provenance(tree: xr.DataTree) -> Iterator[Block]:
+    """The study's text, and what made the archive."""
+    view = ArchiveView(tree, "")
+    yield from study_blocks(view)
+    yield Table(provenance_table(view))

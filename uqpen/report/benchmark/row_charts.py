@@ -1,0 +1,41 @@
+"""Charts of methods head to head that have a row for each statistic, and the methods in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.core.labels import REPLICATED, SINGLE
+from uqpen.report.benchmark.plotted_methods import MOST_CHARTS, variants
+from uqpen.report.blocks import Chart
+
+__all__ = ["chart_height", "method_positions", "omitted_charts_note", "variant_text"]
+
+_VARIANT_TEXTS = {SINGLE: "as single sets", REPLICATED: "in replicates"}
+# Pixels of a row, of each method in it, and of what is around all rows.
+_ROW_HEIGHT, _METHOD_HEIGHT, _FRAME = 10, 11, 80
+
+
+def variant_text(tree: xr.DataTree, variant: str) -> str:
+    """What a title says of how points are taken, where methods have replicates."""
+    return f", {_VARIANT_TEXTS[variant]}" if len(variants(tree)) > 1 else ""
+
+
+def method_positions(at: int, methods: int, rows: int) -> npt.NDArray[np.float64]:
+    """Where the markers of a method stand, one below the other in each row."""
+    shift = (at - (methods - 1) / 2) * 0.8 / methods
+    return np.arange(rows, dtype=np.float64) + shift
+
+
+def chart_height(methods: int, rows: int) -> int:
+    """How high a chart is, in CSS pixels."""
+    return _FRAME + (_ROW_HEIGHT + _METHOD_HEIGHT * max(2, methods)) * rows
+
+
+def omitted_charts_note(charts: Sequence[Chart]) -> Iterator[str]:
+    """What is said where there are more charts than are shown."""
+    if len(charts) > MOST_CHARTS:
+        yield f"The first {MOST_CHARTS} of {len(charts)} charts; more outputs are not drawn."

@@ -1,0 +1,80 @@
+"""Charts as the JSON that the page's script draws them from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from uqpen.report.blocks import Axis, Chart
+from uqpen.report.marks import escape_text
+
+__all__ = ["charts_json"]
+
+# A list that is longer is written once.
+_SHORT = 50
+
+
+def charts_json(charts: Sequence[Chart]) -> str:
+    """All charts of a page; a text that ends no script, whatever it holds."""
+    content = _deduplicate_lists([_chart_content(chart) for chart in charts])
+    text = json.dumps(content, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace("-->", "--\\u003e")
+
+
+def _deduplicate_lists(charts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The same with each long list of the traces once; later ones say where it stands.
+
+    Charts side by side have the same runs along an axis. The page's script puts the lists back.
+    """
+    places: dict[str, tuple[int, int, str]] = {}
+
+    def kept(key: str, value: Any, chart: int, trace: int) -> Any:
+        if not isinstance(value, list) or len(value) <= _SHORT:
+            return value
+        own = chart, trace, key
+        first = places.setdefault(json.dumps(value), own)
+        return value if first == own else {"same": first}
+
+    return [
+        chart
+        | {
+            "traces": [
+                {key: kept(key, value, number, position) for key, value in trace.items()}
+                for position, trace in enumerate(chart["traces"])
+            ]
+        }
+        for number, chart in enumerate(charts)
+    ]
+
+
+def _chart_content(chart: Chart) -> dict[str, Any]:
+    """What the page's script draws a chart from."""
+    drawn: dict[str, Any] = {
+        "traces": chart.traces,
+        "shapes": chart.shapes,
+        "x": _axis_content(chart.x),
+        "y": _axis_content(chart.y),
+        "height": chart.height,
+        "hovermode": "x unified" if chart.is_compared else "closest",
+    }
+    if chart.reading is not None:
+        drawn["bounds"] = chart.reading.bounds
+    return drawn
+
+
+def _axis_content(axis: Axis) -> dict[str, Any]:
+    content: dict[str, Any] = {"title": {"text": escape_text(axis.title)}}
+    if axis.is_logarithmic:
+        content["type"] = "log"
+    if axis.ends is not None:
+        content["range"] = axis.ends
+    if axis.ticks:
+        content["tickvals"] = [place for place, _ in axis.ticks]
+        content["ticktext"] = [escape_text(text, 28) for _, text in axis.ticks]
+    if axis.rows:
+        content["tickvals"] = list(range(len(axis.rows)))
+        content["ticktext"] = [escape_text(row, 28) for row in axis.rows]
+        content["range"] = (len(axis.rows) - 0.5, -0.5)
+        content["showgrid"] = False
+    return content

@@ -1,0 +1,103 @@
+"""Distribution functions at common values, so that a pointer reads them all off at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.labels import INTERVAL_LEVEL, NOTE
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.curves import Curve
+from uqpen.report.marks import Trace, band_traces, escape_text, line_trace
+from uqpen.report.sections.leading_design import output_sample
+from uqpen.statistics.distribution_function.cdfs import cdf_at_values
+
+__all__ = ["Grid", "curve_at", "curve_band_traces", "curve_quantile", "curve_trace"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# Values between the ends of an axis, at the least.
+_FEWEST = 250
+
+
+class Grid(NamedTuple):
+    """Round values from one end of an axis to the other.
+
+    Attributes
+    ----------
+    values : ndarray, shape (value,)
+        Ascending, in the unit that is shown.
+    step : float
+        How far they are apart.
+    decimals : int
+        To write them with.
+    """
+
+    values: FloatArray
+    step: float
+    decimals: int
+
+    @classmethod
+    def between(cls, lower: float, upper: float) -> Grid:
+        """As few as there can be with a step of 1, 2 or 5 times a power of ten."""
+        widest = (upper - lower) / _FEWEST
+        power = 10.0 ** math.floor(math.log10(widest))
+        step = next(factor * power for factor in (5, 2, 1) if factor * power <= widest)
+        decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+        places = np.arange(math.ceil(lower / step), math.floor(upper / step) + 1)
+        return cls(np.round(step * places, decimals), float(f"{step:.12g}"), decimals)
+
+
+def curve_at(view: ArchiveView, output: str, curve: Curve, grid: Grid) -> Curve:
+    """A function at other values: from its runs or, without any, between its ranks."""
+    if curve.name in view.designs:
+        measure = view.scale(output)
+        in_si = np.array([measure.to_si(value) for value in grid.values.tolist()])
+        cdf = cdf_at_values(output_sample(view, curve.name, output), in_si)
+        level, note = cdf.attrs.get(INTERVAL_LEVEL, math.nan), cdf.attrs.get(NOTE, "")
+        return replace(curve, values=grid.values, band=cdf.values, level=level, note=note)
+    estimate = np.interp(grid.values, curve.values, curve.band[:, 0], left=0.0, right=1.0)
+    none = np.full_like(estimate, np.nan)
+    return replace(curve, values=grid.values, band=np.stack([estimate, none, none], axis=-1))
+
+
+def curve_quantile(curve: Curve, p: float) -> float:
+    """A quantile as the archive's ranks have it, which are equally spaced."""
+    return float(curve.values[round(p * (curve.values.size - 1))])
+
+
+def curve_band_traces(curve: Curve, series: int, *, is_stepped: bool) -> Iterator[Trace]:
+    """Its simultaneous band; nothing where it has none."""
+    if curve.has_band:
+        lower, upper = curve.band[:, 1], curve.band[:, 2]
+        yield from band_traces(curve.values, lower, upper, series, is_stepped=is_stepped)
+
+
+def curve_trace(
+    curve: Curve,
+    series: int,
+    dash: str,
+    *,
+    is_stepped: bool,
+    width: float = 2,
+    has_band: bool = True,
+) -> Trace:
+    """The function, which a pointer reads off, with its band where that is shown."""
+    bounds = " (%{customdata[0]:.4f} … %{customdata[1]:.4f})"
+    has_band = has_band and curve.has_band
+    return line_trace(
+        curve.values,
+        curve.band[:, 0],
+        series,
+        hover=f"%{{y:.4f}}{bounds * has_band} {escape_text(curve.name, 40)}",
+        name=curve.name,
+        beside=[curve.band[:, 1], curve.band[:, 2]] if has_band else (),
+        dash=dash,
+        width=width,
+        is_stepped=is_stepped,
+    )

@@ -1,0 +1,185 @@
+"""Charts of lost runs: how likely they are, and where among the inputs they lie."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.archive.read import read_group
+from uqpen.core.labels import INPUT, RUN, RUNS, STATUS_TEXT, STATUSES, Status
+from uqpen.execution import status_counts
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.failure_panels import ASSOCIATIONS, failed_run_counts
+from uqpen.report.blocks import Axis, Chart, LegendKey
+from uqpen.report.counting import percent_texts
+from uqpen.report.marks import Trace, dot_trace, series_marker
+from uqpen.report.notes import hollow_note, interval_notes
+from uqpen.report.shapes import vertical_line
+from uqpen.results.digits import estimate_text, grouped_number
+from uqpen.results.table import OutputTable, identity
+from uqpen.statistics.failure_analysis import FAILURES
+
+__all__ = ["failure_association_chart", "failure_probability_chart"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# Inputs in a chart, and designs in what is said of one.
+_MOST_INPUTS = 15
+_MOST_NAMED = 6
+
+_NO_SAMPLE = "the share of its runs, which are no sample of the inputs: no interval"
+
+
+def failure_probability_chart(view: ArchiveView, designs: Sequence[str]) -> Chart:
+    """The probability of losing a run in each way that some were lost in, by design."""
+    every = [failed_run_counts(view, design) for design in designs]
+    statuses = [status for status in Status if any(status in each for each in every)]
+    table = OutputTable("Probability of losing a run", [STATUS_TEXT[each] for each in statuses])
+    rows = [
+        [_failure_probability(view, design, status, table) for status in statuses]
+        for design in designs
+    ]
+    table.rows += [
+        (name, [text for _, text in row]) for name, row in zip(designs, rows, strict=True)
+    ]
+    bounds = np.array([[array for array, _ in row] for row in rows])
+    last = 1.05 * float(np.nanmax(bounds))
+    return Chart(
+        title="How likely a run is lost",
+        summary=_probability_sentence(designs, statuses, bounds),
+        x=Axis("probability of losing a run", (-0.02 * last, last)),
+        y=Axis("", rows=tuple(designs)),
+        traces=tuple(_status_traces(designs, statuses, bounds)),
+        keys=tuple(LegendKey(STATUS_TEXT[each], *_status_style(each)) for each in statuses),
+        notes=(*_notes(view, designs, bounds), *_sample_notes(view, designs)),
+        tables=(table,),
+        height=100 + len(designs) * max(34, 18 * len(statuses)),
+    )
+
+
+def _failure_probability(
+    view: ArchiveView, design: str, status: Status, table: OutputTable
+) -> tuple[FloatArray, str]:
+    """The probability of a status, or else the share of runs that ended with it."""
+    probability = read_group(view.tree, STATUSES, design).get(status.meaning)
+    if probability is not None:
+        return np.asarray(probability.values, dtype=np.float64), table.cell(probability, identity)
+    runs = read_group(view.tree, RUNS, design)
+    share = status_counts(runs)[status] / runs.sizes[RUN]
+    return np.array([share, np.nan, np.nan]), f"{share:.4g}{table.note_mark(_NO_SAMPLE)}"
+
+
+def _status_style(status: Status) -> tuple[int, str]:
+    return int(status) - 1, series_marker(int(status) - 1)
+
+
+def _probability_sentence(
+    designs: Sequence[str], statuses: Sequence[Status], bounds: FloatArray
+) -> str:
+    texts = []
+    for design, row in zip(designs[:_MOST_NAMED], bounds, strict=False):
+        shares = (
+            f"{STATUS_TEXT[s]} {_percent_text(b)}" for s, b in zip(statuses, row, strict=True)
+        )
+        texts.append(f"{design}: {', '.join(shares)}")
+    return f"{'; '.join(texts)}."
+
+
+def _percent_text(bounds: FloatArray) -> str:
+    value, lower, upper = percent_texts(*bounds.tolist())
+    return f"{value} ({lower} to {upper})" if np.isfinite(bounds).all() else value
+
+
+def _status_traces(
+    designs: Sequence[str], statuses: Sequence[Status], bounds: FloatArray
+) -> Iterator[Trace]:
+    for number, status in enumerate(statuses):
+        name = STATUS_TEXT[status]
+        offset = (number + 1) / (len(statuses) + 1) - 0.5
+        place = [row + offset for row in range(len(designs))]
+        colour, marker = _status_style(status)
+        hovers = [
+            f"{design}, {name}: {_percent_text(row)}"
+            for design, row in zip(designs, bounds[:, number], strict=True)
+        ]
+        yield dot_trace(bounds[:, number], place, colour, hovers=hovers, name=name, marker=marker)
+
+
+def _notes(view: ArchiveView, designs: Sequence[str], bounds: FloatArray) -> Iterator[str]:
+    yield from interval_notes(
+        each for name in designs for each in read_group(view.tree, STATUSES, name).values()
+    )
+    yield from hollow_note(bounds)
+
+
+def _sample_notes(view: ArchiveView, designs: Sequence[str]) -> Iterator[str]:
+    """Designs of which only some runs are a sample."""
+    for design in designs:
+        used = read_group(view.tree, STATUSES, design).attrs.get("runs")
+        if used is not None and used != read_group(view.tree, RUNS, design).sizes[RUN]:
+            yield (
+                f"{design}: of those {grouped_number(int(used))} runs that are a sample of the "
+                "inputs."
+            )
+
+
+def failure_association_chart(view: ArchiveView, design: str, table: OutputTable) -> Chart | None:
+    """Which inputs go with the loss of a design's runs; None where nothing tells.
+
+    Parameters
+    ----------
+    view : ArchiveView
+    design : str
+    table : OutputTable
+        The numbers behind it, a row for each input, those first that go with the losses most.
+    """
+    associations = read_group(view.tree, FAILURES, design)
+    bounds = np.stack([associations[name].values for name, _ in ASSOCIATIONS])
+    if not np.isfinite(bounds[..., 0]).any():
+        return None
+    strength = np.nan_to_num(np.abs(bounds[..., 0] - 0.5)).max(axis=0)
+    order = np.argsort(-strength, kind="stable")
+    bounds = bounds[:, order[:_MOST_INPUTS]]
+    rows = tuple(str(name) for name in associations[INPUT].values[order[:_MOST_INPUTS]])
+    left_out = len(order) - len(rows)
+    return Chart(
+        title=f"Which inputs go with the lost runs of {design}",
+        summary=_strongest_input(rows[0], bounds[:, 0]),
+        x=Axis("P(a lost run's input is so)", (-0.02, 1.02)),
+        y=Axis("", rows=rows),
+        traces=tuple(_measure_traces(rows, bounds)),
+        shapes=(vertical_line(0.5, "quiet", "dot"),),
+        keys=tuple(
+            LegendKey(label, n, series_marker(n)) for n, (_, label) in enumerate(ASSOCIATIONS)
+        ),
+        notes=(
+            "Larger, further out: than in a run that came back; further out is from the median.",
+            "0.5: the input does not go with the losses.",
+            *interval_notes(associations[name] for name, _ in ASSOCIATIONS),
+            *hollow_note(bounds),
+            *([f"{left_out} more inputs are in the table."] if left_out else []),
+        ),
+        tables=(table,),
+        height=100 + 36 * len(rows),
+    )
+
+
+def _strongest_input(name: str, bounds: FloatArray) -> str:
+    texts = (
+        f"P({label}) {estimate_text(*each)}"
+        for (_, label), each in zip(ASSOCIATIONS, bounds, strict=True)
+    )
+    return f"The input that goes with the losses most is {name}: {', '.join(texts)}."
+
+
+def _measure_traces(rows: Sequence[str], bounds: FloatArray) -> Iterator[Trace]:
+    for number, (_, label) in enumerate(ASSOCIATIONS):
+        hovers = [
+            f"{row}: P({label}) = {estimate_text(*each)}"
+            for row, each in zip(rows, bounds[number], strict=True)
+        ]
+        place = [row + 0.3 * (number - 0.5) for row in range(len(rows))]
+        marker = series_marker(number)
+        yield dot_trace(bounds[number], place, number, hovers=hovers, name=label, marker=marker)

@@ -1,0 +1,225 @@
+"""What an interval costs: its width against the runs that a source took."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from uqpen.archive.read import read_group
+from uqpen.core.labels import EXCEEDANCE, MOMENTS, RUN, RUNS, SHARES, Sampling
+from uqpen.core.units import DIMENSIONLESS
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.source_comparison import ComparedStatistic
+from uqpen.figures.texts import title_with_unit, unit_suffix
+from uqpen.report.axes import logarithmic_axis
+from uqpen.report.blocks import Block, Chart, Charts, LegendKey, Table
+from uqpen.report.counting import count_text
+from uqpen.report.marks import Trace, escape_text, line_trace, point_trace, series_marker
+from uqpen.results.digits import grouped_number
+from uqpen.results.statistics_rows import runs_spent
+from uqpen.results.table import NOTHING, OutputTable, estimate_remark, identity, quantile_label
+from uqpen.statistics.sample import input_sample
+
+__all__ = ["interval_costs"]
+
+# Probabilities of one output that are shown.
+_MOST_SHARES = 2
+
+_ROUGH = (
+    "so many independent draws would give as narrow an interval; a rough figure, the square of the "
+    "ratio of two widths, without an interval as nothing tells how far off these are"
+)
+_HALF = "± is half of an interval's length, also where its ends lie unevenly."
+
+
+class _Width(NamedTuple):
+    """Half the length of a source's interval, in the unit that is shown, and what it took."""
+
+    source: str
+    runs: int
+    half: float
+    estimate: xr.DataArray
+
+
+class _ComparedWidths(NamedTuple):
+    """A statistic and the intervals that there are of it."""
+
+    statistic: ComparedStatistic
+    widths: Sequence[_Width]
+
+    def source_width(self, source: str) -> _Width | None:
+        """The interval of a source."""
+        return next((each for each in self.widths if each.source == source), None)
+
+
+def interval_costs(
+    view: ArchiveView, output: str, found: Sequence[ComparedStatistic]
+) -> Iterator[Block]:
+    """Widths of intervals against runs, where there are several to be compared."""
+    every = [_ComparedWidths(each, _widths(view, each)) for each in _main_statistics(found)]
+    compared = [each for each in every if len(each.widths) > 1]
+    if not compared:
+        return
+    plain = _independent_design(view)
+    shown = {width.source for each in compared for width in each.widths}
+    sources = [source for source in view.sources if source in shown]
+    others = [
+        s
+        for s in view.sources
+        if s not in shown and any(s in each.available_estimates for each in found)
+    ]
+    keys = [_key(view, source) for source in sources]
+    if plain in shown:
+        keys.append(LegendKey(_guide(plain), "quiet", "line", "dot"))
+    notes = [_HALF]
+    if others:
+        notes.append(f"No interval, so not shown: {', '.join(others)}.")
+    yield Charts(
+        charts=tuple(_chart(view, output, each, plain) for each in compared),
+        keys=tuple(keys),
+        notes=tuple(notes),
+    )
+    if plain in shown:
+        yield Table(_table(view, output, compared, sources, plain))
+
+
+def _main_statistics(found: Sequence[ComparedStatistic]) -> list[ComparedStatistic]:
+    """Mean, median, and the first probabilities among statistics."""
+    middle = quantile_label(0.5)
+    first = [each for each in found if each.kind == EXCEEDANCE][:1]
+    shares = [each for each in found if each.kind == SHARES][:_MOST_SHARES]
+    means = [each for each in found if each.kind == MOMENTS and each.label == "mean"]
+    return [*means, *(each for each in found if each.label == middle), *first, *shares]
+
+
+def _widths(view: ArchiveView, statistic: ComparedStatistic) -> list[_Width]:
+    """The intervals that have a width, each with the runs of its source."""
+    widths = []
+    for source, estimate in statistic.available_estimates.items():
+        _, lower, upper = (float(bound) for bound in statistic.convert(estimate.values))
+        runs = runs_spent(view.tree, source)
+        if runs and 0 < upper - lower < math.inf:
+            widths.append(_Width(source, runs, (upper - lower) / 2, estimate))
+    return widths
+
+
+def _independent_design(view: ArchiveView) -> str:
+    """The first design of independent draws; empty for none."""
+    return next((n for n in view.designs if view.sampling(n) is Sampling.INDEPENDENT), "")
+
+
+def _key(view: ArchiveView, source: str) -> LegendKey:
+    position = view.sources.index(source)
+    return LegendKey(source, position, series_marker(position))
+
+
+def _guide(plain: str) -> str:
+    return f"as 1/√runs, from {plain}"
+
+
+def _chart(view: ArchiveView, output: str, compared: _ComparedWidths, plain: str) -> Chart:
+    """One statistic: half the length of its intervals against the runs that they took."""
+    statistic, widths = compared
+    unit = _unit(view, output, statistic)
+    shown = unit_suffix(unit)
+    traces: list[Trace] = []
+    heights = [each.half for each in widths]
+    if (first := compared.source_width(plain)) is not None:
+        runs = [each.runs for each in widths]
+        ends = np.array([min(runs), max(runs)], dtype=np.float64)
+        half = first.half * np.sqrt(first.runs / ends)
+        heights += half.tolist()
+        hover = escape_text(_guide(plain), 200)
+        traces.append(
+            line_trace(ends, half, "quiet", hover=hover, name="guide", dash="dot", width=1.5)
+        )
+    texts = []
+    for each in widths:
+        key = _key(view, each.source)
+        texts.append(
+            f"{each.source}: ± {_two_digits(each.half)}{shown} with {count_text(each.runs, 'run')}"
+        )
+        traces.append(
+            point_trace(
+                [each.runs],
+                [each.half],
+                key.series,
+                hover=escape_text(texts[-1], 200),
+                name=each.source,
+                marker=key.mark,
+                size=10,
+                opacity=1,
+            )
+        )
+    return Chart(
+        title=f"How wide the interval is: {statistic.label}",
+        summary=f"{'; '.join(texts)}.",
+        x=logarithmic_axis("runs spent", [each.runs for each in widths]),
+        y=logarithmic_axis(title_with_unit("half-width", unit), heights),
+        traces=tuple(traces),
+        height=260,
+    )
+
+
+def _two_digits(half: float) -> str:
+    """A half-width in two digits."""
+    power = math.floor(math.log10(half))
+    return f"{half:.{max(0, 1 - power)}f}" if -5 <= power < 6 else f"{half:.1e}"
+
+
+def _unit(view: ArchiveView, output: str, statistic: ComparedStatistic) -> str:
+    """What a width of a statistic is shown in."""
+    return DIMENSIONLESS if statistic.convert is identity else view.unit(output)
+
+
+def _table(
+    view: ArchiveView,
+    output: str,
+    compared: Sequence[_ComparedWidths],
+    sources: Sequence[str],
+    plain: str,
+) -> OutputTable:
+    """Of each source, what its intervals took, and what independent draws would take."""
+    title = "What an interval costs: its ±, and as many independent draws"
+    table = OutputTable(title, ["runs"])
+    for each in compared:
+        label, unit = each.statistic.label, _unit(view, output, each.statistic)
+        table.columns += [title_with_unit(f"{label} ±", unit), "draws"]
+    for source in sources:
+        cells = [_runs(view, source, table)]
+        for each in compared:
+            cells += _cells(each.source_width(source), each.source_width(plain), table)
+        table.rows.append((source, cells))
+    return table
+
+
+def _runs(view: ArchiveView, source: str, table: OutputTable) -> str:
+    """The runs of a source, and how many of them are the sample."""
+    spent = runs_spent(view.tree, source) or 0
+    sampled = spent
+    if source in view.designs:
+        sampled = input_sample(read_group(view.tree, RUNS, source)).sizes[RUN]
+    mark = ""
+    if sampled < spent:
+        mark = table.note_mark(
+            f"{grouped_number(sampled)} of them are a sample; the others serve its indices"
+        )
+    return grouped_number(spent) + mark
+
+
+def _cells(width: _Width | None, plain: _Width | None, table: OutputTable) -> list[str]:
+    """A half-width, and how many independent draws would give as narrow an interval."""
+    if width is None:
+        return [NOTHING, NOTHING]
+    half = f"{_two_digits(width.half)}{table.note_mark(estimate_remark(width.estimate))}"
+    if plain is None:
+        return [half, NOTHING]
+    if width is plain:
+        return [half, grouped_number(plain.runs)]
+    draws = plain.runs * (plain.half / width.half) ** 2
+    rounded = int(float(f"{draws:.2g}"))
+    return [half, f"≈ {grouped_number(rounded)}{table.note_mark(_ROUGH)}"]

@@ -1,0 +1,76 @@
+"""How several models differ at the same points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.curves import Curve, axis_span
+from uqpen.figures.distributions import CUT
+from uqpen.figures.model_comparison import model_curves
+from uqpen.figures.texts import capitalized, unit_suffix
+from uqpen.report.blocks import Axis, Block, Chart, Heading, LegendKey, Table
+from uqpen.report.marks import Trace, series_dash
+from uqpen.report.sections.distribution_curves import (
+    Grid,
+    curve_at,
+    curve_band_traces,
+    curve_quantile,
+    curve_trace,
+)
+from uqpen.report.sections.leading_design import leading_design, output_heading, output_title
+from uqpen.results.digits import percent_text
+from uqpen.results.output_tables import difference_tables
+
+__all__ = ["model_comparison"]
+
+
+def model_comparison(view: ArchiveView) -> Iterator[Block]:
+    """Distribution functions by each of several models, and the models' differences."""
+    if not view.model:
+        return
+    design = leading_design(view)
+    for output in view.numeric_outputs if design else ():
+        if curves := model_curves(view, output, design or ""):
+            yield Heading(output_heading(view, output))
+            yield _chart(view, output, design or "", curves)
+    for table in difference_tables(view.archive):
+        yield Table(table)
+
+
+def _chart(view: ArchiveView, output: str, design: str, curves: list[Curve]) -> Chart:
+    parts = {each.model: each for each in view.model_views}
+    lower, upper, is_cut = axis_span([curve.values for curve in curves])
+    grid = Grid.between(lower, upper)
+    traces: list[Trace] = []
+    keys: list[LegendKey] = []
+    for curve in curves:
+        series = list(parts).index(curve.name)
+        dash = series_dash(series)
+        by_design = replace(curve, name=design)
+        drawn = replace(curve_at(parts[curve.name], output, by_design, grid), name=curve.name)
+        traces += curve_band_traces(drawn, series, is_stepped=curve.is_stepped)
+        traces.append(curve_trace(drawn, series, dash, is_stepped=curve.is_stepped))
+        keys.append(LegendKey(curve.name, series, "line", dash))
+    notes = [f"no band of {curve.name}: {curve.note}" for curve in curves if not curve.has_band]
+    if banded := [curve for curve in curves if curve.has_band]:
+        notes.append(
+            f"Shades: simultaneous {percent_text(banded[0].level)} bands, each for itself."
+        )
+    notes += [f"{capitalized(CUT)}."] if is_cut else []
+    return Chart(
+        title=f"Probability that {output_title(view, output)} is at most x, by {design}",
+        summary=" ".join(
+            f"By {curve.name} half lies at or below "
+            f"{curve_quantile(curve, 0.5):.4g}{unit_suffix(view.unit(output))}."
+            for curve in curves
+        ),
+        x=Axis(view.axis_label(output), (lower, upper)),
+        y=Axis("P(at most x)", (0.0, 1.0)),
+        traces=tuple(traces),
+        keys=tuple(keys),
+        notes=tuple(notes),
+        height=340,
+        is_compared=True,
+    )

@@ -1,0 +1,96 @@
+"""The runs of a design as points: some of many, the same ones in all charts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.archive.read import read_group
+from uqpen.core.labels import MATRIX, RUN, RUNS, STATUS, Status
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.scatter import thin_runs
+from uqpen.results.digits import grouped_number
+
+__all__ = ["PlottedRuns"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+# Runs in a chart at the most, and lost ones besides.
+_MOST_RUNS, _MOST_LOST = 400, 100
+
+
+@dataclass(frozen=True)
+class PlottedRuns:
+    """The runs of a design that are shown.
+
+    Parameters
+    ----------
+    view : ArchiveView
+    design : str
+        One of which some runs came back.
+    """
+
+    view: ArchiveView
+    design: str
+
+    @cached_property
+    def runs(self) -> xr.Dataset:
+        """Those that are a sample of the law, each with its place among all runs of the design."""
+        every = read_group(self.view.tree, RUNS, self.design)
+        places = np.arange(every.sizes[RUN])
+        if MATRIX in every:
+            places = places[every[MATRIX].values <= 1]
+        return self.view.runs(self.design).assign_coords(number=(RUN, places))
+
+    @cached_property
+    def completed(self) -> BoolArray:
+        """Which of them did."""
+        is_ok: BoolArray = self.runs[STATUS].values == Status.OK
+        return is_ok
+
+    @cached_property
+    def shown_completed(self) -> xr.Dataset:
+        """Some of those that came back."""
+        return _sample_runs(self.runs, self.completed, _MOST_RUNS)
+
+    @cached_property
+    def shown_failed(self) -> xr.Dataset:
+        """Some of those that did not."""
+        return _sample_runs(self.runs, ~self.completed, _MOST_LOST)
+
+    @property
+    def inputs(self) -> list[str]:
+        """Those that are not the same in all runs."""
+        return self.view.random_inputs(self.design)
+
+    @property
+    def thinning_note(self) -> str:
+        """How many of the runs are shown."""
+        whole = int(self.completed.sum())
+        counts = [_count_text(self.shown_completed, whole, "that came back")]
+        if failed := len(self.completed) - whole:
+            counts.append(_count_text(self.shown_failed, failed, "that were lost"))
+        return f"Runs of {self.design} that are shown: {', '.join(counts)}."
+
+    def values(self, name: str, runs: xr.Dataset) -> FloatArray:
+        """Of an input or an output that is a number, in the unit that is shown."""
+        found: FloatArray = self.view.scale(name).from_si(runs[name].values)
+        return found
+
+
+def _sample_runs(runs: xr.Dataset, which: BoolArray, most: int) -> xr.Dataset:
+    """Some of the runs, without copying all."""
+    places = xr.Dataset({"place": (RUN, np.flatnonzero(which))})
+    return runs.isel({RUN: thin_runs(places, most)["place"].values})
+
+
+def _count_text(shown: xr.Dataset, whole: int, what: str) -> str:
+    number = shown.sizes[RUN]
+    if number == whole:
+        return f"{'all' if whole > 1 else 'the'} {grouped_number(whole)} {what}"
+    return f"{grouped_number(number)} of {grouped_number(whole)} {what}"

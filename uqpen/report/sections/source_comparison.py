@@ -1,0 +1,120 @@
+"""What all sources say of the same statistics, side by side, and what it cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import xarray as xr
+
+from uqpen.archive.interval_metadata import interval_metadata
+from uqpen.core.labels import INTERVAL_LABEL, REFUSED
+from uqpen.core.units import DIMENSIONLESS
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.estimate_dots import REFUSED_NOTE
+from uqpen.figures.source_comparison import ComparedStatistic, compared_statistics
+from uqpen.figures.texts import title_with_unit, unit_suffix
+from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Table, Text
+from uqpen.report.marks import Trace, cross_trace, dot_trace, series_marker
+from uqpen.report.notes import has_interval, interval_notes
+from uqpen.report.sections.interval_costs import interval_costs
+from uqpen.report.sections.leading_design import output_heading, output_title
+from uqpen.results.output_tables import statistics_table
+from uqpen.results.table import estimate_with_verdict, identity
+
+__all__ = ["source_comparison"]
+
+# Outputs that are drawn, and rows of a chart in CSS pixels.
+_MOST_OUTPUTS = 6
+_ROW, _FRAME = 22, 66
+
+
+def source_comparison(view: ArchiveView) -> Iterator[Block]:
+    """The statistics of each output by all sources, and what their intervals cost."""
+    outputs = [
+        each
+        for each in (*view.numeric_outputs, *view.categorical_outputs)
+        if _available_statistics(view, each)
+    ]
+    for output in outputs[:_MOST_OUTPUTS]:
+        found = _available_statistics(view, output)
+        yield Heading(output_heading(view, output))
+        if len(rows := _rows(view, found)) > 1:
+            yield _comparison_charts(view, output, found, rows)
+            yield from interval_costs(view, output, found)
+        else:
+            yield Text(f"There is one source only, {rows[0]}, so nothing stands beside it.")
+            yield from _tables(view, output)
+    if left := outputs[_MOST_OUTPUTS:]:
+        yield Text(f"Without charts, as there are so many outputs: {', '.join(left)}.")
+        for output in left:
+            yield from _tables(view, output, is_folded=True)
+
+
+def _available_statistics(view: ArchiveView, output: str) -> list[ComparedStatistic]:
+    """The statistics that any source tells."""
+    return [each for each in compared_statistics(view, output) if each.available_estimates]
+
+
+def _rows(view: ArchiveView, found: Sequence[ComparedStatistic]) -> tuple[str, ...]:
+    """The sources that tell any of some statistics."""
+    return tuple(
+        name for name in view.sources if any(name in each.available_estimates for each in found)
+    )
+
+
+def _tables(view: ArchiveView, output: str, *, is_folded: bool = False) -> Iterator[Table]:
+    """The table of all statistics of an output."""
+    if table := statistics_table(view.tree, output, view.attributes(output)):
+        yield Table(table, is_folded)
+
+
+def _comparison_charts(
+    view: ArchiveView, output: str, found: Sequence[ComparedStatistic], rows: tuple[str, ...]
+) -> Charts:
+    every = [estimate for each in found for estimate in each.available_estimates.values()]
+    keys = []
+    if not all(has_interval(each.values) for each in every):
+        keys.append(LegendKey("no interval", "ink", "circle-open"))
+    if any(map(_is_refused, every)):
+        keys.append(LegendKey(REFUSED_NOTE, "ink", "x"))
+    return Charts(
+        charts=tuple(_chart(view, output, each, rows) for each in found),
+        keys=tuple(keys),
+        notes=tuple(interval_notes(every)),
+        tables=tuple(each.table for each in _tables(view, output)),
+    )
+
+
+def _chart(
+    view: ArchiveView, output: str, statistic: ComparedStatistic, rows: tuple[str, ...]
+) -> Chart:
+    """One statistic, a row for each source."""
+    traces: list[Trace] = []
+    refused: list[Trace] = []
+    texts = []
+    unit = DIMENSIONLESS if statistic.convert is identity else view.unit(output)
+    for source, estimate in statistic.available_estimates.items():
+        texts.append(
+            f"{source} {estimate_with_verdict(estimate, statistic.convert)}{unit_suffix(unit)}"
+        )
+        bounds = np.asarray([statistic.convert(estimate.values)], dtype=np.float64)
+        place, position = [rows.index(source)], view.sources.index(source)
+        marker = series_marker(position)
+        traces.append(
+            dot_trace(bounds, place, position, hovers=texts[-1:], name=source, marker=marker)
+        )
+        if _is_refused(estimate):
+            refused.append(cross_trace(bounds[:, 0], place, REFUSED))
+    return Chart(
+        title=statistic.label,
+        summary=f"Of {output_title(view, output)}: {'; '.join(texts)}.",
+        x=Axis(title_with_unit(statistic.label, unit)),
+        y=Axis("", rows=rows),
+        traces=(*traces, *refused),
+        height=_FRAME + _ROW * len(rows),
+    )
+
+
+def _is_refused(estimate: xr.DataArray) -> bool:
+    return interval_metadata(estimate, INTERVAL_LABEL) == REFUSED

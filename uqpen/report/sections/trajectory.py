@@ -1,0 +1,152 @@
+"""The course of the model at the nominal inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.figures.archive_view import ArchiveView
+from uqpen.figures.texts import capitalized, title_with_unit, unit_suffix
+from uqpen.figures.trajectory import (
+    find_trajectories,
+    quantity_name,
+    quantity_symbol,
+    readable_unit,
+    shared_panels,
+)
+from uqpen.report.blocks import Axis, Block, Chart, Charts, LegendKey
+from uqpen.report.marks import Trace, escape_text, line_trace, series_dash
+from uqpen.results.table import NOTHING, OutputTable
+
+__all__ = ["trajectory"]
+
+FloatArray = npt.NDArray[np.float64]
+Trajectories = Mapping[str, xr.Dataset]
+
+# Points of a line at the most, and rows of a table.
+_MOST_POINTS, _ROWS = 300, 11
+
+
+def trajectory(view: ArchiveView) -> Iterator[Block]:
+    """The course of the model at the nominal inputs; of several models, all together."""
+    trajectories = find_trajectories(view)
+    if not trajectories:
+        return
+    first = next(iter(trajectories.values()))
+    every = [each.model for each in view.model_views]
+    notes = ["One run at the nominal inputs: it has no scatter, so there are no intervals."]
+    if lacking := [name for name in every if name not in trajectories]:
+        notes.append(f"No course is told by {', '.join(lacking)}.")
+    yield Charts(
+        tuple(_chart(view, trajectories, names) for names in shared_panels(first)),
+        keys=tuple(LegendKey(name, every.index(name), "line") for name in trajectories if name),
+        notes=tuple(notes),
+        tables=tuple(_table(view, name, dataset) for name, dataset in trajectories.items()),
+    )
+
+
+def _chart(view: ArchiveView, trajectories: Trajectories, names: list[str]) -> Chart:
+    """Quantities that share an axis, of all models."""
+    first = next(iter(trajectories.values()))
+    along = str(next(iter(first.dims)))
+    unit, _ = readable_unit(first[names[0]])
+    every = [each.model for each in view.model_views]
+    notes = []
+    if len(names) > 1:
+        patterns = zip(names, ("solid", "dashed", "dotted", *["dashed"] * len(names)), strict=False)
+        notes = [f"{pattern}: {quantity_name(first[name])}" for name, pattern in patterns]
+    return Chart(
+        title=capitalized("; ".join(quantity_name(first[name]) for name in names)),
+        summary=" ".join(
+            _ends_sentence(view, model, dataset, names) for model, dataset in trajectories.items()
+        ),
+        x=Axis(title_with_unit(quantity_name(first[along]), view.unit(along))),
+        y=Axis(title_with_unit(", ".join(quantity_symbol(first[name]) for name in names), unit)),
+        traces=tuple(
+            _line(view, dataset, name, (model, every.index(model) if model else number), number)
+            for model, dataset in trajectories.items()
+            for number, name in enumerate(names)
+            if name in dataset
+        ),
+        notes=(f"{capitalized('; '.join(notes))}.",) if notes else (),
+        height=250,
+    )
+
+
+def _line(
+    view: ArchiveView, told: xr.Dataset, name: str, of: tuple[str, int], number: int
+) -> Trace:
+    """A quantity of a model, in a colour and with dashes."""
+    model, series = of
+    along = str(next(iter(told.dims)))
+    x, y, unit = _shown_values(view, told, name)
+    chosen = _spread_positions(x.size, _MOST_POINTS)
+    head = f"{escape_text(model, 40)}<br>" if model else ""
+    here = (
+        f"{escape_text(quantity_name(told[along]), 50)} "
+        f"%{{x:.4~g}}{escape_text(unit_suffix(view.unit(along)))}"
+    )
+    return line_trace(
+        x[chosen],
+        y[chosen],
+        series,
+        hover=f"{head}{here}<br>{escape_text(quantity_name(told[name]), 50)} "
+        f"%{{y:.4~g}}{escape_text(unit)}",
+        name=f"{model} {name}".strip(),
+        dash=series_dash(number),
+    )
+
+
+def _shown_values(
+    view: ArchiveView, told: xr.Dataset, name: str
+) -> tuple[FloatArray, FloatArray, str]:
+    """What lies along, a quantity, and what stands behind its numbers."""
+    along = str(next(iter(told.dims)))
+    unit, factor = readable_unit(told[name])
+    x = np.asarray(view.scale(along).from_si(told[along].values), dtype=np.float64)
+    return x, np.asarray(told[name].values * factor, dtype=np.float64), unit_suffix(unit)
+
+
+def _spread_positions(size: int, most: int) -> npt.NDArray[np.int64]:
+    """So many positions at the most, the first and the last among them."""
+    return np.unique(np.round(np.linspace(0, size - 1, min(size, most))).astype(np.int64))
+
+
+def _ends_sentence(view: ArchiveView, model: str, told: xr.Dataset, names: list[str]) -> str:
+    """Where each quantity begins and ends."""
+    texts = []
+    for name in (each for each in names if each in told):
+        _, y, unit = _shown_values(view, told, name)
+        known = y[np.isfinite(y)]
+        if known.size:
+            ends = f"from {known[0]:.4g} to {known[-1]:.4g}{unit}"
+            texts.append(
+                f"{quantity_name(told[name])} goes {ends}, and is {known.max():.4g} at most"
+            )
+    text = "; ".join(texts) or "no values"
+    return f"By {model}, {text}." if model else f"{capitalized(text)}."
+
+
+def _table(view: ArchiveView, model: str, told: xr.Dataset) -> OutputTable:
+    """All quantities of a model at some places."""
+    along = str(next(iter(told.dims)))
+    title = f"Course of {model}" if model else "Course"
+    where = title_with_unit(quantity_name(told[along]), view.unit(along))
+    table = OutputTable(f"{title}, by {where}", [])
+    columns = []
+    for name in map(str, told.data_vars):
+        unit, _ = readable_unit(told[name])
+        table.columns.append(title_with_unit(quantity_name(told[name]), unit))
+        x, y, _ = _shown_values(view, told, name)
+        columns.append(y)
+    for position in _spread_positions(x.size, _ROWS).tolist():
+        cells = [_number_text(y[position]) for y in columns]
+        table.rows.append((f"{x[position]:.4g}", cells))
+    return table
+
+
+def _number_text(value: float) -> str:
+    return f"{value:.4g}" if np.isfinite(value) else NOTHING

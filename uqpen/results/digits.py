@@ -1,0 +1,122 @@
+"""Figures in the digits that their intervals leave a meaning."""
+
+from __future__ import annotations
+
+import math
+
+__all__ = [
+    "SUPERSCRIPTS",
+    "estimate_text",
+    "estimate_texts",
+    "grouped_number",
+    "percent_text",
+    "tolerance_limit_text",
+]
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+# The sides of an interval may differ by this factor before both ends are shown.
+_UNEVEN = 1.5
+
+
+def estimate_text(estimate: float, lower: float, upper: float) -> str:
+    """An estimate in the digits that its interval leaves a meaning.
+
+    Two digits of the half-width, and the estimate to the same place; both ends where they lie
+    unevenly; four digits where there is no interval.
+
+    Parameters
+    ----------
+    estimate, lower, upper : float
+        NaN for a bound that does not exist.
+
+    Examples
+    --------
+    >>> sensible(0.49274, 0.49004, 0.49544)
+    '0.4927 ± 0.0027'
+    >>> sensible(71.1, 70.6, 72.9)
+    '71.1 (70.6 … 72.9)'
+    """
+    sides = [side for side in (estimate - lower, upper - estimate) if not math.isnan(side)]
+    half = max(sides, default=math.nan)
+    if not half > 0 or math.isinf(half):
+        return _text_without_interval(estimate)
+    number_format = _NumberFormat(estimate, half)
+    if len(sides) == 2 and half < _UNEVEN * min(sides):
+        return number_format.write(f"{number_format(estimate)} ± {number_format(half)}")
+    ends = f"{number_format(lower)} … {number_format(upper)}"
+    if number_format.exponent:
+        return number_format.write(f"{number_format(estimate)}, {ends}")
+    return f"{number_format(estimate)} ({ends})"
+
+
+def tolerance_limit_text(estimate: float, upper: float) -> str:
+    """A value that holds, with its upper bound in the same digits.
+
+    >>> held(13.4812, 13.7699)
+    '13.48, at most 13.77'
+    """
+    if not 0 < upper - estimate < math.inf:
+        return _text_without_interval(estimate)
+    number_format = _NumberFormat(estimate, upper - estimate)
+    return number_format.write(f"{number_format(estimate)}, at most {number_format(upper)}")
+
+
+def estimate_texts(estimate: float, lower: float, upper: float, *others: float) -> tuple[str, ...]:
+    """An estimate, the ends of its interval, and other values, in the digits of `estimate_text`.
+
+    Each stands by itself, as in a sentence.
+
+    >>> alike(0.49274, 0.49004, 0.49544, 0.5)
+    ('0.4927', '0.4900', '0.4954', '0.5000')
+    """
+    values = (estimate, lower, upper, *others)
+    sides = (side for side in (estimate - lower, upper - estimate) if not math.isnan(side))
+    half = max(sides, default=math.nan)
+    if not 0 < half < math.inf:
+        return tuple(map(_text_without_interval, values))
+    number_format = _NumberFormat(estimate, half)
+    return tuple(
+        _text_without_interval(each) if each == 0 else number_format.full_text(each)
+        for each in values
+    )
+
+
+def grouped_number(number: int) -> str:
+    """A whole number with thin spaces between thousands."""
+    return f"{number:,}".replace(",", "\u202f")
+
+
+def percent_text(probability: float) -> str:
+    """A probability in per cent, in as many digits as it has."""
+    return f"{100 * probability:.10g} %"
+
+
+def _text_without_interval(estimate: float) -> str:
+    """An estimate without an interval."""
+    return "–" if math.isnan(estimate) else f"{estimate:.4g}"
+
+
+class _NumberFormat:
+    """Writes figures to one place, given by the uncertainty, and out of one power of ten."""
+
+    def __init__(self, estimate: float, half: float) -> None:
+        # Of the least numbers of all, the power of ten would be 0.
+        exponent = max(-300, math.floor(math.log10(max(abs(estimate), half))))
+        self.exponent = 0 if -3 <= exponent < 6 else exponent
+        self._power = 10.0**self.exponent
+        self._places = max(0, 1 - math.floor(math.log10(half / self._power)))
+
+    def __call__(self, value: float) -> str:
+        return "?" if math.isnan(value) else f"{value / self._power:.{self._places}f}"
+
+    def full_text(self, value: float) -> str:
+        """A value with its power of ten."""
+        power = f"×10{str(self.exponent).translate(SUPERSCRIPTS)}" if self.exponent else ""
+        return f"{self(value)}{power}"
+
+    def write(self, body: str) -> str:
+        """The body with the power of ten that its figures leave out."""
+        if not self.exponent:
+            return body
+        return f"({body})×10{str(self.exponent).translate(SUPERSCRIPTS)}"

@@ -1,0 +1,63 @@
+"""Which runs of an archive were lost, and why."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, RUN, RUNS, STATUS, Status
+from uqpen.execution import status_counts
+
+__all__ = ["FailedRuns", "failed_runs", "has_failed_design"]
+
+
+class FailedRuns(NamedTuple):
+    """Runs of one design that were lost for one reason.
+
+    Attributes
+    ----------
+    design : str
+    status : Status
+    reason : str
+    runs : int
+        How many.
+    """
+
+    design: str
+    status: Status
+    reason: str
+    runs: int
+
+
+def failed_runs(tree: xr.DataTree, design: str) -> Iterator[FailedRuns]:
+    """What was lost of a design, the most frequent reason first.
+
+    Parameters
+    ----------
+    tree : DataTree
+        An archive.
+    design : str
+        Its name.
+    """
+    runs = read_group(tree, RUNS, design)
+    if FAILURE_REASON in runs:
+        at = np.searchsorted(runs[RUN].values, runs[FAILED_RUN].values)
+        statuses = runs[STATUS].values[at].tolist()
+        counted = Counter(zip(statuses, runs[FAILURE_REASON].values.tolist(), strict=True))
+        for (status, reason), count in counted.most_common():
+            yield FailedRuns(design, Status(status), str(reason), count)
+
+
+def has_failed_design(tree: xr.DataTree) -> bool:
+    """Whether some design has no run that came back."""
+    designs = (
+        read_group(model, RUNS, design)
+        for model in model_trees(tree).values()
+        for design in group_names(model, RUNS)
+    )
+    return any(not status_counts(runs)[Status.OK] for runs in designs)

@@ -1,0 +1,50 @@
+"""Analyses: from runs to statistics, each with the interval that covers on its design.
+
+An analysis of a sample takes one output's sample of the input law and the questions that a study
+asks of that output; it yields named estimates. Every design whose points are such a sample gets all
+of them, so that designs can be compared. Designs that are made to answer one question (pick-freeze
+blocks, trajectories, an integration rule) have analyses of their own, which take their runs. What
+became of the runs themselves is told by
+`uqpen.statistics.distribution_function.probabilities.status_probabilities`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from uqpen.core.labels import Sampling
+
+__all__ = ["ANALYSES", "ANALYSES_OF_DESIGNS"]
+
+# The group that the answers stand in, and who gives them.
+ANALYSES = {
+    "moments": ["uqpen.statistics.moments.sample_moments:sample_moments"],
+    "quantiles": ["uqpen.statistics.distribution_function.quantiles:quantile_estimates"],
+    "holds": ["uqpen.statistics.distribution_function.quantiles:tolerance_limits"],
+    "exceedance": ["uqpen.statistics.distribution_function.probabilities:exceedance_probabilities"],
+    "cdfs": ["uqpen.statistics.distribution_function.cdfs:cdf"],
+    "shares": ["uqpen.statistics.distribution_function.probabilities:category_probabilities"],
+    "sensitivity": [
+        "uqpen.statistics.sensitivity.given_data:first_order",
+        "uqpen.statistics.sensitivity.correlations:correlations",
+        "uqpen.statistics.sensitivity.delta:delta",
+    ],
+}
+
+ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType(
+    {
+        Sampling.PICK_FREEZE: {
+            "sensitivity": ["uqpen.statistics.sensitivity.sobol_indices:sobol_indices"],
+        },
+        Sampling.QUADRATURE: {
+            "moments": ["uqpen.statistics.moments.quadrature_moments:quadrature_moments"]
+        },
+        Sampling.TRAJECTORIES: {
+            "sensitivity": ["uqpen.statistics.sensitivity.elementary_effects:elementary_effects"],
+        },
+        Sampling.ONE_AT_A_TIME: {
+            "sensitivity": ["uqpen.statistics.sensitivity.responses:relative_responses"]
+        },
+    }
+)

@@ -1,0 +1,1 @@
+"""The distribution function of an output: quantiles, probabilities, tolerance limits."""

@@ -1,0 +1,169 @@
+"""Probabilities: of exceeding a value, of each kind of an output, of losing a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.core.labels import STATUS_TEXT, Status
+from uqpen.statistics.distribution_function.quantiles import has_enough_runs_beside
+from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.intervals import clopper_pearson, student_quantile
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import ErrorModel, Sample
+from uqpen.statistics.standard_errors import probability_error
+
+__all__ = [
+    "category_coordinates",
+    "category_probabilities",
+    "exceedance_probabilities",
+    "status_probabilities",
+    "threshold_coordinates",
+]
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+def exceedance_probabilities(
+    sample: Sample, quantity: QuantityOfInterest
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Probability that an output exceeds each of the values asked.
+
+    Yields
+    ------
+    name : str
+        The output's.
+    estimate : DataArray
+        Along ``<output>_threshold`` (as written; ``<output>_threshold_value`` in SI) and
+        ``bound``.
+    """
+    if not quantity.thresholds:
+        return
+    name = quantity.output.name
+    dimension = f"{name}_threshold"
+    array = Estimate.stack(
+        [
+            _probability_with_missing(sample, sample.values > threshold.value)
+            for threshold in quantity.thresholds
+        ],
+        dimension,
+        units="1",
+        long_name=f"probability that {quantity.output.title} exceeds a value",
+    )
+    yield name, array.assign_coords(threshold_coordinates(quantity))
+
+
+def threshold_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
+    """The coordinates along ``<output>_threshold``: the values asked, as written and in SI."""
+    dimension = f"{quantity.output.name}_threshold"
+    written = np.array([threshold.text for threshold in quantity.thresholds], dtype=object)
+    values = np.array([threshold.value for threshold in quantity.thresholds])
+    described = {"units": quantity.output.unit, "long_name": "value exceeded"}
+    return {
+        dimension: (dimension, written, {"long_name": "value exceeded, as written"}),
+        f"{dimension}_value": (dimension, values, described),
+    }
+
+
+def category_probabilities(
+    sample: Sample, quantity: QuantityOfInterest
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Probability of each kind of an output that has kinds.
+
+    Yields
+    ------
+    name : str
+        The output's.
+    estimate : DataArray
+        Along ``<output>_category`` and ``bound``.
+    """
+    categories = quantity.output.categories
+    if not categories:
+        return
+    name = quantity.output.name
+    dimension = f"{name}_category"
+    array = Estimate.stack(
+        [
+            _probability_with_missing(sample, sample.values == kind)
+            for kind in range(len(categories))
+        ],
+        dimension,
+        units="1",
+        long_name=f"share of {quantity.output.title}",
+    )
+    yield name, array.assign_coords(category_coordinates(quantity))
+
+
+def category_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
+    """The coordinates along ``<output>_category``: the kinds, as flags and to be read."""
+    dimension = f"{quantity.output.name}_category"
+    flags = np.array([category.flag for category in quantity.output.categories], dtype=object)
+    labels = np.array([category.label for category in quantity.output.categories], dtype=object)
+    return {
+        dimension: (dimension, flags, {"long_name": "kind"}),
+        f"{dimension}_label": (dimension, labels, {"long_name": "kind, to be read"}),
+    }
+
+
+def status_probabilities(runs: xr.Dataset) -> Iterator[tuple[str, xr.DataArray]]:
+    """Probability of each way in which runs of a design can be lost, whether or not one was.
+
+    Parameters
+    ----------
+    runs : Dataset
+        With ``status(run)``.
+
+    Yields
+    ------
+    name : str
+        The status.
+    estimate : DataArray
+        Along ``bound``.
+    """
+    sample = Sample.from_statuses(runs)
+    for status in Status:
+        if status is not Status.OK:
+            estimate = _probability(sample, sample.values == status)
+            long_name = f"probability that a run is {STATUS_TEXT[status]}"
+            yield status.meaning, estimate.to_array(units="1", long_name=long_name)
+
+
+def _probability(sample: Sample, events: BoolArray) -> Estimate:
+    """Probability of an event over the runs of a sample."""
+    if not sample.size:
+        return Estimate.without_bounds(np.nan, sample.reason_without_intervals)
+    count = int(events.sum())
+    value = count / sample.size
+    if reason := sample.reason_without_intervals:
+        return Estimate.without_bounds(value, reason)
+    if sample.error_model is not ErrorModel.INDEPENDENT and has_enough_runs_beside(sample, count):
+        error, freedom, is_rounded = probability_error(sample, events)
+        half = student_quantile(freedom, LEVEL) * error
+        ends = max(value - half, 0.0), min(value + half, 1.0)
+        if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
+            method = "Student t on the residuals of an additive fit"
+            return Estimate(value, *ends, method, "conservative")
+        label = "discrete" if is_rounded else "nominal"
+        return Estimate(value, *ends, "Student t over replicates", label)
+    lower, upper = clopper_pearson(count, sample.size, LEVEL)
+    label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
+    return Estimate(value, float(lower), float(upper), "Clopper-Pearson", label)
+
+
+def _probability_with_missing(sample: Sample, events: BoolArray) -> Estimate:
+    """Probability of an event, its interval widened by what the missing runs could have been."""
+    estimate = _probability(sample, events)
+    if not sample.missing.size or estimate.label == "none":
+        return estimate
+    whole = sample.with_missing()
+    as_none, as_all = (
+        _probability(whole, np.concatenate([events, np.full(sample.missing.shape, happened)]))
+        for happened in (False, True)
+    )
+    method = f"{estimate.method}, missing runs counted both ways"
+    note = f"the {sample.missing.size} missing runs are counted both ways"
+    return Estimate(estimate.value, as_none.lower, as_all.upper, method, "conservative", note)

@@ -1,0 +1,198 @@
+"""Quantiles, and the values that are not exceeded with a given probability."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.intervals import (
+    order_statistic_ranks,
+    runs_needed,
+    student_quantile,
+    upper_rank,
+)
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import ErrorModel, Sample
+from uqpen.statistics.standard_errors import cdf_error
+
+__all__ = [
+    "TOO_ONE_SIDED",
+    "has_enough_runs_beside",
+    "quantile_estimates",
+    "sample_quantile",
+    "tolerance_limits",
+]
+
+FloatArray = npt.NDArray[np.float64]
+
+# With fewer runs than this on a side of a value, replicates do not tell the error there.
+_FEWEST_BEYOND = 10
+TOO_ONE_SIDED = "fewer than ten runs lie on one side"
+
+_ORDER_STATISTICS = "order statistics (binomial)"
+_WOODRUFF = "Woodruff, over replicates"
+
+
+def quantile_estimates(
+    sample: Sample, quantity: QuantityOfInterest
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """The quantiles asked of an output.
+
+    Yields
+    ------
+    name : str
+        The output's.
+    estimate : DataArray
+        Along ``<output>_probability`` and ``bound``.
+    """
+    if quantity.output.categories:
+        return
+    name = quantity.output.name
+    dimension = f"{name}_probability"
+    array = Estimate.stack(
+        [_quantile_estimate(sample, p) for p in quantity.quantiles],
+        dimension,
+        units=quantity.output.unit,
+        long_name=f"quantiles of {quantity.output.title}",
+    )
+    described = {"units": "1", "long_name": "probability of lying below the quantile"}
+    probabilities = np.array(quantity.quantiles)
+    yield name, array.assign_coords({dimension: (dimension, probabilities, described)})
+
+
+def tolerance_limits(
+    sample: Sample, quantity: QuantityOfInterest
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """The values not exceeded with the probabilities asked, each with an upper tolerance bound.
+
+    Yields
+    ------
+    name : str
+        The output's.
+    estimate : DataArray
+        Along ``<output>_hold`` and ``bound``, the lower bound being NaN; the coordinate
+        ``<output>_hold_runs_needed`` says how many independent runs an upper bound takes.
+    """
+    if quantity.output.categories or not quantity.tolerance_contents:
+        return
+    name = quantity.output.name
+    dimension = f"{name}_hold"
+    array = Estimate.stack(
+        [_tolerance_limit(sample, p) for p in quantity.tolerance_contents],
+        dimension,
+        units=quantity.output.unit,
+        long_name=f"value that {quantity.output.title} does not exceed with a probability",
+    )
+    needed = [runs_needed(p, LEVEL) for p in quantity.tolerance_contents]
+    described = {"units": "1", "long_name": "probability of not exceeding the value"}
+    fewest = {"units": "1", "long_name": "independent runs that an upper bound takes at least"}
+    yield (
+        name,
+        array.assign_coords(
+            {
+                dimension: (dimension, np.array(quantity.tolerance_contents), described),
+                f"{dimension}_runs_needed": (dimension, needed, fewest),
+            }
+        ),
+    )
+
+
+def sample_quantile(sample: Sample, probability: npt.ArrayLike) -> FloatArray:
+    """Median-unbiased quantiles of a sample (Hyndman & Fan 1996, Am. Stat. 50, 361-365, no. 8)."""
+    p = np.asarray(probability, dtype=np.float64)
+    if not sample.size:
+        return np.full(p.shape, np.nan)
+    position = np.clip(p * (sample.size + 1 / 3) + 1 / 3, 1, sample.size) - 1
+    below = np.floor(position).astype(np.int64)
+    above = np.minimum(below + 1, sample.size - 1)
+    low, high = sample.sorted_values[below], sample.sorted_values[above]
+    # Weights rather than a difference, which overflows where both ends of the numbers are met.
+    share = position - below
+    between: FloatArray = np.where(low == high, low, (1 - share) * low + share * high)
+    return between
+
+
+def has_enough_runs_beside(sample: Sample, counts_below: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    """Whether enough runs lie on either side of a value for their scatter to tell the error.
+
+    Parameters
+    ----------
+    sample : Sample
+        The runs.
+    counts_below : array_like
+        How many of them lie below.
+    """
+    # A probability times a number of runs is a whole number but for rounding.
+    beyond = np.minimum(counts_below, sample.size - np.asarray(counts_below))
+    enough: npt.NDArray[np.bool_] = np.round(beyond, 6) >= _FEWEST_BEYOND
+    return enough
+
+
+def _quantile_estimate(sample: Sample, p: float) -> Estimate:
+    value = float(sample_quantile(sample, p))
+    if reason := sample.reason_without_intervals:
+        return Estimate.without_bounds(value, reason)
+    if sample.error_model is ErrorModel.REPLICATED and has_enough_runs_beside(
+        sample, sample.size * p
+    ):
+        step, is_rounded = _woodruff_step(sample, p, value, LEVEL)
+        # So many runs, a whole number, lie below the quantile at least, and at most.
+        fewest = math.ceil(sample.size * (p - step))
+        most = math.floor(sample.size * (p + step))
+        if fewest >= 1 and most < sample.size:
+            ends = _order_statistic(sample, fewest), _order_statistic(sample, most + 1)
+            return Estimate(value, *ends, _WOODRUFF, "discrete" if is_rounded else "nominal")
+    ranks = order_statistic_ranks(sample.size, p, LEVEL)
+    ends = _order_statistic(sample, float(ranks[0])), _order_statistic(sample, float(ranks[1]))
+    if all(map(math.isnan, ends)):
+        return Estimate.without_bounds(value, sample.too_few_runs)
+    label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
+    estimate = Estimate(value, *ends, _ORDER_STATISTICS, label)
+    if any(map(math.isnan, ends)):
+        side = "a lower" if math.isnan(ends[0]) else "an upper"
+        return estimate.with_note(f"{sample.too_few_runs} for {side} bound")
+    return estimate
+
+
+def _tolerance_limit(sample: Sample, p: float) -> Estimate:
+    """A quantile with a one-sided upper bound."""
+    value = float(sample_quantile(sample, p))
+    if reason := sample.reason_without_intervals:
+        return Estimate.without_bounds(value, reason)
+    if sample.error_model is ErrorModel.REPLICATED and has_enough_runs_beside(
+        sample, sample.size * p
+    ):
+        # A one-sided bound at 95 % is the upper end of a two-sided interval at 90 %.
+        step, is_rounded = _woodruff_step(sample, p, value, 2 * LEVEL - 1)
+        most = math.floor(sample.size * (p + step))
+        if most < sample.size:
+            upper = _order_statistic(sample, most + 1)
+            label = "discrete" if is_rounded else "nominal"
+            return Estimate(value, math.nan, upper, f"one-sided, {_WOODRUFF}", label)
+    upper = _order_statistic(sample, float(upper_rank(sample.size, p, LEVEL)))
+    if math.isnan(upper):
+        needed = runs_needed(p, LEVEL)
+        return Estimate.without_bounds(value, f"an upper bound takes at least {needed} runs")
+    label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
+    return Estimate(value, math.nan, upper, f"one-sided, {_ORDER_STATISTICS}", label)
+
+
+def _woodruff_step(sample: Sample, p: float, value: float, level: float) -> tuple[float, bool]:
+    """How far the distribution function at a quantile may be off, and whether that is by counting.
+
+    Woodruff, R. S. (1952). J. Am. Stat. Assoc. 47, 635-646; with the scatter over replicates.
+    """
+    error, freedom, is_rounded = cdf_error(sample, value)
+    return student_quantile(freedom, level) * error, is_rounded
+
+
+def _order_statistic(sample: Sample, rank: float) -> float:
+    """The value at a rank counted from 1; NaN where there is no such rank."""
+    if not 1 <= rank <= sample.size:
+        return math.nan
+    return float(sample.sorted_values[int(rank) - 1])

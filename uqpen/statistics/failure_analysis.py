@@ -1,0 +1,120 @@
+"""Where among the inputs the runs lie that were lost, against those that came back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.core.labels import INPUT
+from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.intervals import student_quantile
+from uqpen.statistics.sample import ErrorModel, Sample
+from uqpen.statistics.sensitivity.input_measures import input_coordinate, mean_ranks
+
+__all__ = ["FAILURES", "failure_analysis"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+# The group that the answers stand in.
+FAILURES = "losses"
+
+# Runs of each of the two kinds below which the spread of neither can be told.
+_FEWEST_RUNS = 10
+
+
+def failure_analysis(sample: Sample) -> Iterator[tuple[str, xr.DataArray]]:
+    """Which inputs go with the loss of runs.
+
+    Inadmissible points are not among them: they lie outside of the law, not where a model fails.
+
+    Parameters
+    ----------
+    sample : Sample
+        Of any output; its `missing` runs are compared with those that came back.
+
+    Yields
+    ------
+    name : str
+        ``larger``: the probability that an input is larger in a lost run than in one that came
+        back, 0.5 where the input has nothing to do with it. ``further_out``: the same of its
+        distance from the median of all runs. ``lowest`` and ``highest``: between which values the
+        lost runs lie, in SI units.
+    answer : DataArray
+        Along ``input``, the first two and ``bound``. Nothing where no run was lost.
+
+    References
+    ----------
+    DeLong, DeLong and Clarke-Pearson (1988), "Comparing the areas under two or more correlated
+    receiver operating characteristic curves", Biometrics 44, 837-845.
+    """
+    if not sample.missing.size or not sample.inputs:
+        return
+    at = np.concatenate([sample.used, sample.missing])
+    is_failed = np.arange(len(at)) >= len(sample.used)
+    columns = sample.points[at].T
+    for name, what, measured in (
+        ("larger", "is larger", columns),
+        ("further_out", "lies further from its median", [_median_distances(x) for x in columns]),
+    ):
+        array = Estimate.stack(
+            [_superiority_probability(sample, values, is_failed) for values in measured],
+            INPUT,
+            units="1",
+            long_name=f"probability that an input {what} in a lost run than in another",
+            name=name,
+        )
+        yield name, array.assign_coords(input_coordinate(sample))
+    for name, end in (("lowest", np.min), ("highest", np.max)):
+        values = np.array([end(column[is_failed]) for column in columns])
+        attributes = {"long_name": f"{name} value of each input among the lost runs, in SI units"}
+        yield name, xr.DataArray(values, input_coordinate(sample), (INPUT,), attrs=attributes)
+
+
+def _median_distances(values: FloatArray) -> FloatArray:
+    """How far each value is from the median, counted in values that lie between."""
+    ranks = _ranks(values)
+    distances: FloatArray = np.abs(ranks - ranks.mean())
+    return distances
+
+
+def _superiority_probability(sample: Sample, values: FloatArray, is_failed: BoolArray) -> Estimate:
+    """The probability that a lost run has the larger value, ties counted half."""
+    failed, others = int(is_failed.sum()), int((~is_failed).sum())
+    if not others or not np.ptp(values) > 0:
+        reason = "no run came back" if not others else "the input does not vary"
+        return Estimate.without_bounds(math.nan, reason)
+    ranks = _ranks(values)
+    within = np.empty(len(values))
+    for kind in (is_failed, ~is_failed):
+        within[kind] = _ranks(values[kind])
+    # Of each run, the share of the other kind that lies below it.
+    below = np.where(is_failed, (ranks - within) / others, (ranks - within) / failed)
+    value = float(below[is_failed].mean())
+    if reason := sample.reason_without_intervals or _reason_without_bounds(failed, others, value):
+        return Estimate.without_bounds(value, reason)
+    variances = [float(below[kind].var(ddof=1)) / kind.sum() for kind in (is_failed, ~is_failed)]
+    slope = value * (1 - value)
+    half = student_quantile(min(failed, others) - 1, LEVEL) * math.sqrt(sum(variances)) / slope
+    centre = math.log(value / (1 - value))
+    ends = (1 / (1 + math.exp(half - centre)), 1 / (1 + math.exp(-half - centre)))
+    # Points that fill the law evenly scatter less than the formula says.
+    label = "nominal" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
+    return Estimate(value, *ends, "DeLong on the logit", label)
+
+
+def _reason_without_bounds(failed: int, others: int, value: float) -> str:
+    if min(failed, others) < _FEWEST_RUNS:
+        kind = "lost" if failed <= others else "that came back"
+        return f"fewer than {_FEWEST_RUNS} runs {kind} do not tell the error"
+    if not 0 < value < 1:
+        return "the lost runs lie apart from all others"
+    return ""
+
+
+def _ranks(values: FloatArray) -> FloatArray:
+    return mean_ranks(np.unique(values, return_inverse=True)[1])

@@ -1,0 +1,220 @@
+"""Formulas of confidence intervals, free of any knowledge of designs and datasets.
+
+Which formula covers on which design was measured; the choice is made in `uqpen.statistics`. Levels
+are two-sided unless said otherwise; a bound that does not exist at the given number of runs is
+NaN.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from scipy import special
+
+__all__ = [
+    "additive_residual_error",
+    "clopper_pearson",
+    "dkw_half_width",
+    "order_statistic_ranks",
+    "ratio_error",
+    "ratio_jackknife_error",
+    "runs_needed",
+    "student_quantile",
+    "upper_rank",
+]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+def student_quantile(freedom: float, level: float) -> float:
+    """Half-width of Student's t interval, in standard errors.
+
+    Parameters
+    ----------
+    freedom : float
+        Degrees of freedom; NaN below one.
+    level : float
+        Probability inside the interval.
+    """
+    if freedom < 1:
+        return math.nan
+    return float(special.stdtrit(freedom, 0.5 + level / 2))
+
+
+def ratio_error(influence: FloatArray, replicate: IntArray, replicates: int) -> tuple[float, float]:
+    """Standard error of a mean from the scatter of its replicates.
+
+    Lost runs leave replicates of unequal size, so the mean is a ratio of sums, and what scatters
+    is each replicate's sum of deviations.
+
+    Parameters
+    ----------
+    influence : ndarray, shape (run,)
+        Values whose mean is estimated.
+    replicate : ndarray of int, shape (run,)
+        The replicate of each run, from 0.
+    replicates : int
+        How many there are.
+
+    Returns
+    -------
+    error, freedom : float
+        Standard error of the mean, and its degrees of freedom.
+    """
+    deviation = influence - influence.mean()
+    sums = np.bincount(replicate, weights=deviation, minlength=replicates)
+    scale = replicates / len(influence)
+    variance = scale**2 * float((sums**2).sum()) / (replicates * (replicates - 1))
+    return math.sqrt(variance), replicates - 1
+
+
+def ratio_jackknife_error(
+    numerator: FloatArray, denominator: FloatArray, group: IntArray, groups: int
+) -> tuple[float, float]:
+    """Standard error of a ratio of sums, by leaving out one group after the other.
+
+    The groups may be of unequal size (Busing, F. M. T. A., Meijer, E. & van der Leeden, R. (1999).
+    Stat. Comput. 9, 3-8).
+
+    Parameters
+    ----------
+    numerator, denominator : ndarray, shape (row,)
+        What is summed.
+    group : ndarray of int, shape (row,)
+        The group of each row, from 0; none is empty, and none holds all of the denominator.
+    groups : int
+        How many there are.
+
+    Returns
+    -------
+    error, freedom : float
+        Standard error of the ratio, and its degrees of freedom.
+    """
+    above, below = (np.bincount(group, column, groups) for column in (numerator, denominator))
+    without = (above.sum() - above) / (below.sum() - below)
+    fold = len(group) / np.bincount(group, minlength=groups)
+    whole = above.sum() / below.sum()
+    pseudo_values = fold * whole - (fold - 1) * without
+    centre = groups * whole - float(((1 - 1 / fold) * without).sum())
+    variance = float(((pseudo_values - centre) ** 2 / (fold - 1)).mean())
+    return math.sqrt(variance), groups - 1
+
+
+def additive_residual_error(influence: FloatArray, inputs: FloatArray) -> tuple[float, float]:
+    """Standard error of a mean over one Latin hypercube.
+
+    Stratification removes what is additive in the inputs from the mean's variance; what is left
+    is the variance about an additive fit (Stein 1987, Technometrics 29, 143-151; Owen 1992, J. R.
+    Statist. Soc. B 54, 541-551). The fit is piecewise constant over √n bins of each input's ranks,
+    by backfitting.
+
+    Parameters
+    ----------
+    influence : ndarray, shape (run,)
+        Values whose mean is estimated.
+    inputs : ndarray, shape (run, input)
+        The random inputs; only their order counts.
+
+    Returns
+    -------
+    error, freedom : float
+        Standard error of the mean, and the degrees of freedom of the residuals.
+    """
+    runs, dimension = inputs.shape
+    # At least half of the runs are left to the residuals.
+    bins = min(math.isqrt(runs), runs // (2 * dimension)) if dimension else 1
+    if runs < 2 or bins < 2:
+        freedom = runs - 1
+        return (float(influence.std(ddof=1)) / math.sqrt(runs) if freedom else math.nan), freedom
+    order = np.argsort(inputs, axis=0, kind="stable")
+    label = np.empty((dimension, runs), dtype=np.int64)
+    for column in range(dimension):
+        label[column, order[:, column]] = np.arange(runs) * bins // runs
+    residual = _additive_residual(influence - influence.mean(), label, bins)
+    freedom = runs - 1 - dimension * (bins - 1)
+    return math.sqrt(float((residual**2).sum()) / freedom / runs), freedom
+
+
+def _additive_residual(residual: FloatArray, label: IntArray, bins: int) -> FloatArray:
+    """What an additive, piecewise constant fit leaves."""
+    sizes = [np.bincount(column, minlength=bins) for column in label]
+    # Ranks of a Latin hypercube are all but orthogonal between inputs: each sweep shrinks what
+    # is left of the fit by about bins / runs, so a few reach rounding.
+    for _ in range(6):
+        for column, size in zip(label, sizes, strict=True):
+            residual = residual - (np.bincount(column, residual, minlength=bins) / size)[column]
+    return residual
+
+
+def clopper_pearson(
+    events: npt.ArrayLike, runs: int, level: float
+) -> tuple[FloatArray, FloatArray]:
+    """Exact binomial interval of a probability (Clopper & Pearson 1934, Biometrika 26, 404-413).
+
+    Parameters
+    ----------
+    events : array_like
+        How often it happened.
+    runs : int
+        Out of how many.
+    level : float
+        Probability inside the interval, at least.
+    """
+    k = np.asarray(events, dtype=np.float64)
+    tail = (1 - level) / 2
+    with np.errstate(invalid="ignore"):
+        lower = np.where(k > 0, special.betaincinv(np.maximum(k, 1), runs - k + 1, tail), 0.0)
+        upper = np.where(
+            k < runs, special.betaincinv(k + 1, np.maximum(runs - k, 1), 1 - tail), 1.0
+        )
+    return lower, upper
+
+
+def order_statistic_ranks(
+    runs: int, probability: npt.ArrayLike, level: float
+) -> tuple[FloatArray, FloatArray]:
+    """Ranks (from 1) whose values enclose a quantile; NaN where the runs do not suffice.
+
+    The number of runs below the quantile is binomial, so the interval is free of any assumption
+    about the law; being discrete, it covers at least as often as `level` says.
+    """
+    tail = (1 - level) / 2
+    upper = upper_rank(runs, probability, 1 - tail)
+    mirrored = upper_rank(runs, 1 - np.asarray(probability, dtype=np.float64), 1 - tail)
+    return runs + 1 - mirrored, upper
+
+
+def upper_rank(runs: int, probability: npt.ArrayLike, confidence: float) -> FloatArray:
+    """Rank (from 1) of a one-sided upper bound of a quantile; NaN where the runs do not suffice.
+
+    The smallest u with P(Binomial(runs, p) <= u - 1) >= confidence (Wilks 1941, Ann. Math.
+    Statist. 12, 91-96).
+    """
+    p = np.asarray(probability, dtype=np.float64)
+    # The continuous inverse is right to within one, which the two comparisons mend.
+    guess = np.floor(special.bdtrik(confidence, runs, p)).clip(0, runs)
+    guess = np.where(special.bdtr(guess, runs, p) < confidence, guess + 1, guess)
+    before = (guess >= 1) & (special.bdtr(np.maximum(guess - 1, 0), runs, p) >= confidence)
+    rank = np.where(before, guess - 1, guess) + 1
+    return np.where(rank <= runs, rank, np.nan)
+
+
+def runs_needed(probability: float, confidence: float) -> int:
+    """Fewest independent runs whose largest value bounds a quantile from above.
+
+    >>> runs_needed(0.95, 0.95)
+    59
+    """
+    return math.ceil(math.log1p(-confidence) / math.log(probability))
+
+
+def dkw_half_width(runs: int, level: float) -> float:
+    """Half-width of a simultaneous band about an empirical distribution function.
+
+    The inequality of Dvoretzky, Kiefer and Wolfowitz with Massart's constant (1990, Ann. Probab.
+    18, 1269-1283).
+    """
+    return math.sqrt(math.log(2 / (1 - level)) / (2 * runs)) if runs else math.nan

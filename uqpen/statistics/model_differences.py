@@ -1,0 +1,55 @@
+"""Differences between models on common points, which share what the draw decides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.labels import MOMENTS, QUANTILES, SAMPLING, STATUS, Sampling, Status
+from uqpen.execution import worst_status_runs
+from uqpen.statistics.analyze import analyze
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+
+__all__ = ["model_differences"]
+
+_GROUPS = (MOMENTS, QUANTILES)
+
+
+def model_differences(
+    first: xr.Dataset, other: xr.Dataset, quantities: Sequence[QuantityOfInterest]
+) -> dict[str, xr.Dataset]:
+    """What another model's outputs differ by from those of the first.
+
+    Two models at the same points differ far less than their runs scatter, so the difference is
+    known better than either.
+
+    Parameters
+    ----------
+    first, other : Dataset
+        Runs of the two models, at the same points of one design.
+    quantities : sequence of QuantityOfInterest
+        One for each output of the other model.
+
+    Returns
+    -------
+    dict of str to Dataset
+        Moments and quantiles of other minus first, where both runs came back; nothing where the
+        design is no sample of the law.
+    """
+    if not Sampling(first.attrs[SAMPLING]).is_sample:
+        return {}
+    requested = [
+        replace(quantity, thresholds=(), tolerance_contents=())
+        for quantity in quantities
+        if quantity.output.name in first and not quantity.output.categories
+    ]
+    runs = worst_status_runs([first, other])
+    came_back = runs[STATUS].values == Status.OK
+    for quantity in requested:
+        name = quantity.output.name
+        difference = np.where(came_back, other[name].values - first[name].values, np.nan)
+        runs[name] = other[name].copy(data=difference)
+    return analyze(runs, requested, only=_GROUPS)

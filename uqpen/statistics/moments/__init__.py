@@ -1,0 +1,1 @@
+"""Moments of an output: from samples and from quadrature rules."""

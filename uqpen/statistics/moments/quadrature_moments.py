@@ -1,0 +1,146 @@
+"""Moments by an integration rule: sums over its nodes with their weights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.core.labels import QUADRATURE_WEIGHT, STATUS, Status
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+
+__all__ = ["quadrature_moments"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_NO_SCATTER = "an integration rule has no scatter; its error is not told"
+_CONSTANT = "the output does not vary"
+_IMPOSSIBLE_MOMENT = (
+    "the rule's negative weights give no {} that a law can have; a higher order may"
+)
+
+# What rounding leaves of a sum of weighted terms, relative to their size.
+_ROUNDING = 1e-12
+
+
+def quadrature_moments(
+    runs: xr.Dataset, quantity: QuantityOfInterest
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Moments of an output by the weights of its runs.
+
+    Yields
+    ------
+    name : str
+        ``<output>_mean``, ``_std``, ``_skewness``, ``_kurtosis``.
+    estimate : DataArray
+        Along ``bound``, without bounds: nothing in a rule tells how far off it is.
+    """
+    if quantity.output.categories:
+        return
+    name, title, unit = quantity.output.name, quantity.output.title, quantity.output.unit
+    integrals = _Integrals.from_runs(runs, name)
+    for statistic, units, long_name in (
+        ("mean", unit, "mean"),
+        ("std", unit, "standard deviation"),
+        ("skewness", "1", "skewness"),
+        ("kurtosis", "1", "kurtosis"),
+    ):
+        value, reason = integrals.statistic_with_reason(statistic)
+        estimate = Estimate.without_bounds(
+            value, "; ".join(filter(None, [reason, integrals.missing_runs_note]))
+        )
+        yield (
+            f"{name}_{statistic}",
+            estimate.to_array(units=units, long_name=f"{long_name} of {title}"),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Integrals:
+    """The runs of a rule that came back, their weights made to add up to 1 again.
+
+    Parameters
+    ----------
+    values, weights : ndarray, shape (run,)
+        Of those that came back.
+    missing_runs_note : str
+        What was lost, and what that does; empty for nothing.
+    total : float
+        What their weights add up to before; 1 where none was lost.
+    """
+
+    values: FloatArray
+    weights: FloatArray
+    missing_runs_note: str
+    total: float
+
+    @classmethod
+    def from_runs(cls, runs: xr.Dataset, name: str) -> _Integrals:
+        """The integrals of an output."""
+        weights = runs[QUADRATURE_WEIGHT].values
+        used = runs[STATUS].values == Status.OK
+        missing_runs_note = ""
+        if not used.all():
+            share = float(np.abs(weights[~used]).sum() / np.abs(weights).sum())
+            count_text = f"{np.count_nonzero(~used)} of {len(used)} nodes"
+            missing_runs_note = (
+                f"{count_text} ({100 * share:.3g} % of the weight) were lost, which biases it"
+            )
+        total = float(weights[used].sum())
+        values = runs[name].values[used].astype(np.float64)
+        return cls(values, weights[used] / (total or math.nan), missing_runs_note, total)
+
+    def statistic_with_reason(self, statistic: str) -> tuple[float, str]:
+        """A statistic with the reason why it has no interval, or is none at all."""
+        if not len(self.values):
+            return math.nan, "no run came back"
+        if not self.total > _ROUNDING:
+            return math.nan, "the weights of the runs that came back add up to nothing"
+        if statistic == "mean":
+            return self.mean, _NO_SCATTER
+        if not self.scale > 0:
+            return (0.0 if statistic == "std" else math.nan), _CONSTANT
+        if not self._moment(2) > _ROUNDING:
+            return math.nan, _IMPOSSIBLE_MOMENT.format("variance")
+        if statistic == "std":
+            return math.sqrt(self._moment(2)) * self.scale, _NO_SCATTER
+        if statistic == "skewness":
+            return self.skewness, _NO_SCATTER
+        # No law has less (Pearson 1916, Phil. Trans. R. Soc. A 216, 429-457).
+        if self.kurtosis < (1 + self.skewness**2) * (1 - _ROUNDING):
+            return math.nan, _IMPOSSIBLE_MOMENT.format("kurtosis")
+        return self.kurtosis, _NO_SCATTER
+
+    @cached_property
+    def mean(self) -> float:
+        """Σ w y."""
+        # About a value of its own a constant comes out exactly; over the largest no sum overflows.
+        first = float(self.values[0])
+        largest = float(np.abs(self.values).max()) or 1.0
+        weighted = (self.values / largest - first / largest) * self.weights
+        return first + float(weighted.sum()) * largest
+
+    @cached_property
+    def scale(self) -> float:
+        """The largest deviation: powers of what is divided by it neither overflow nor vanish."""
+        return float(np.abs(self.values - self.mean).max())
+
+    def _moment(self, power: int) -> float:
+        deviations = (self.values - self.mean) / self.scale
+        return float((deviations**power * self.weights).sum())
+
+    @property
+    def skewness(self) -> float:
+        """The third central moment over the cube of the standard deviation."""
+        return float(self._moment(3) / self._moment(2) ** 1.5)
+
+    @property
+    def kurtosis(self) -> float:
+        """The fourth central moment over the square of the variance."""
+        return self._moment(4) / self._moment(2) ** 2

@@ -1,0 +1,108 @@
+"""The shape of a sample's tail: how much of its spread hangs on how few runs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.statistics.sample import Sample
+
+__all__ = ["DOUBTFUL_TAIL", "FEWEST_RUNS_FOR_TAILS", "NO_TAIL_SEEN", "SampleShape"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# Where the standard deviation's interval stopped covering in simulations: a tail so heavy that
+# only a few runs decide the variance. With few runs a heavy tail need not show in them: below the
+# first number it did not as a rule, up to the second now and then.
+_HEAVY_KURTOSIS = 6.0
+_FEWEST_EFFECTIVE_RUNS = 1000.0
+FEWEST_RUNS_FOR_TAILS = 200
+_ENOUGH_RUNS_FOR_TAILS = 1000
+# A law with a heavier tail may give a sample below the former limit; seldom one below this.
+_DOUBTFUL_KURTOSIS = 4.5
+
+NO_TAIL_SEEN = f"fewer than {FEWEST_RUNS_FOR_TAILS} runs do not show a heavy tail"
+# What to say of an interval where a heavier tail may hide.
+DOUBTFUL_TAIL = "if the tail is heavier than these runs show, it covers less often than it says"
+
+
+@dataclass(frozen=True)
+class SampleShape:
+    """A sample's deviations from its mean, and how much of them hangs on how few runs.
+
+    Parameters
+    ----------
+    sample : Sample
+        The runs.
+    """
+
+    sample: Sample
+
+    @cached_property
+    def mean(self) -> float:
+        """The mean, also of values near the end of the numbers."""
+        values = self.sample.values
+        if not self.sample.size or self.sample.is_constant:
+            return float(values[0]) if self.sample.size else math.nan
+        # The sum of values over their largest cannot overflow.
+        largest = float(np.abs(values).max())
+        return float((values / largest).mean()) * largest
+
+    @cached_property
+    def scale(self) -> float:
+        """The largest deviation: powers of what is divided by it neither overflow nor vanish."""
+        if not self.sample.size:
+            return math.nan
+        return float(np.abs(self.sample.values - self.mean).max())
+
+    @cached_property
+    def deviations(self) -> FloatArray:
+        """Deviations from the mean over `scale`."""
+        if not self.scale > 0:
+            return np.zeros(self.sample.size)
+        scaled: FloatArray = (self.sample.values - self.mean) / self.scale
+        return scaled
+
+    def _moment(self, power: int) -> float:
+        return float((self.deviations**power).mean()) if self.scale > 0 else math.nan
+
+    @cached_property
+    def skewness(self) -> float:
+        """The third standardized moment."""
+        return float(self._moment(3) / self._moment(2) ** 1.5)
+
+    @cached_property
+    def kurtosis(self) -> float:
+        """The fourth standardized moment; 3 for a normal law."""
+        return self._moment(4) / self._moment(2) ** 2
+
+    @property
+    def effective_runs(self) -> float:
+        """(Σd²)²/Σd⁴ of the deviations d: how many runs decide the variance."""
+        return self.sample.size / self.kurtosis
+
+    @property
+    def has_few_effective_runs(self) -> bool:
+        """Whether these are so few that a heavy tail would do harm."""
+        return self.effective_runs < _FEWEST_EFFECTIVE_RUNS
+
+    @property
+    def is_heavy(self) -> bool:
+        """Whether so few runs decide the variance that no interval of it covers."""
+        return self.kurtosis > _HEAVY_KURTOSIS and self.has_few_effective_runs
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether a heavier tail may be there that these runs do not show."""
+        if self.sample.size < _ENOUGH_RUNS_FOR_TAILS:
+            return True
+        return self.kurtosis > _DOUBTFUL_KURTOSIS and self.has_few_effective_runs
+
+    @property
+    def tail_note(self) -> str:
+        """The tail in figures."""
+        return f"kurtosis {self.kurtosis:.3g}, {self.effective_runs:.0f} effective runs"

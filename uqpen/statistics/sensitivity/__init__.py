@@ -1,0 +1,1 @@
+"""Sensitivity of an output to the inputs: Sobol' indices, correlations, effects, responses."""

@@ -1,0 +1,222 @@
+"""Correlations of an output with the inputs: of values and of ranks, simple and partial."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.core.labels import INPUT
+from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.intervals import student_quantile
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import Sample
+from uqpen.statistics.sample_shape import (
+    DOUBTFUL_TAIL,
+    FEWEST_RUNS_FOR_TAILS,
+    NO_TAIL_SEEN,
+    SampleShape,
+)
+from uqpen.statistics.sensitivity.input_measures import (
+    INCLUDES_CORRELATION,
+    input_coordinate,
+    mean_ranks,
+    reason_without_measure,
+)
+from uqpen.statistics.standard_errors import standard_error
+
+__all__ = ["correlations"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_FEWEST_RUNS = 30
+# Correlations nearer to one than this are one but for rounding.
+_ROUNDING = 1e-12
+
+
+def correlations(
+    sample: Sample, quantity: QuantityOfInterest
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Correlations of an output with each random input.
+
+    Yields
+    ------
+    name : str
+        ``<output>_pearson``, ``_spearman``; ``_partial`` and ``_partial_rank``: of what is left of
+        both when the other inputs have explained what they can by straight lines.
+    estimate : DataArray
+        Along ``input`` and ``bound``.
+    """
+    if quantity.output.categories or not sample.inputs:
+        return
+    name, title = quantity.output.name, quantity.output.title
+    values = _CorrelatedColumns(sample, is_ranked=False)
+    ranks = _CorrelatedColumns(sample, is_ranked=True)
+    for suffix, columns, is_partial, adjective in (
+        ("pearson", values, False, "Pearson correlations"),
+        ("spearman", ranks, False, "Spearman rank correlations"),
+        ("partial", values, True, "partial correlations"),
+        ("partial_rank", ranks, True, "partial rank correlations"),
+    ):
+        long_name = f"{adjective} of {title} with the inputs"
+        if sample.dependence and not is_partial:
+            long_name = f"{long_name}, {INCLUDES_CORRELATION}"
+        array = Estimate.stack(
+            [columns.correlation(i, is_partial=is_partial) for i in range(len(sample.inputs))],
+            INPUT,
+            units="1",
+            long_name=long_name,
+            name=f"{name}_{suffix}",
+        )
+        yield f"{name}_{suffix}", array.assign_coords(input_coordinate(sample))
+
+
+@dataclass(frozen=True)
+class _CorrelatedColumns:
+    """The inputs and the output of a sample, or their ranks, and how they correlate."""
+
+    sample: Sample
+    is_ranked: bool
+
+    @cached_property
+    def shape(self) -> SampleShape:
+        return SampleShape(self.sample)
+
+    @cached_property
+    def levels(self) -> list[IntArray]:
+        """For each column, the output last, which of its values, ascending, each run has."""
+        columns = [*self.sample.points[self.sample.used].T, self.sample.values]
+        return [np.unique(column, return_inverse=True)[1] for column in columns]
+
+    @cached_property
+    def standardized(self) -> FloatArray:
+        """The columns, of mean 0 and variance 1, as rows; 0 where one does not vary."""
+        if self.is_ranked:
+            columns = [mean_ranks(level) for level in self.levels]
+        else:
+            columns = [*self.sample.points[self.sample.used].T, self.shape.deviations]
+        return np.stack([_standardized(column) for column in columns])
+
+    @cached_property
+    def _varying(self) -> IntArray:
+        """Which columns vary."""
+        return np.flatnonzero(self.standardized.any(axis=1))
+
+    @cached_property
+    def _products(self) -> FloatArray:
+        """Mean products of the columns that vary: how they correlate."""
+        columns = self.standardized[self._varying]
+        # `einsum` adds in one order on every processor; the kernels of `@` each have their own.
+        products: FloatArray = np.einsum("ir,jr->ij", columns, columns) / self.sample.size
+        return products
+
+    def correlation(self, i: int, *, is_partial: bool) -> Estimate:
+        """The correlation of the output with input `i`."""
+        if reason := reason_without_measure(self.sample, i, _FEWEST_RUNS):
+            return Estimate.without_bounds(math.nan, reason)
+        weights = self._partial_weights(i) if is_partial else self._simple_weights(i)
+        if weights is None:
+            reason = "the inputs and the output follow from each other by straight lines"
+            return Estimate.without_bounds(math.nan, reason)
+        one, other = (_standardized(self._combined(weight)) for weight in weights)
+        value = float((one * other).mean())
+        if reason := self.sample.reason_without_intervals or self._reason_without_bounds:
+            return Estimate.without_bounds(value, reason)
+        return self._with_bounds(value, self._influence(one, other, weights))
+
+    def _simple_weights(self, i: int) -> tuple[FloatArray, FloatArray]:
+        unit = np.eye(len(self.standardized))
+        return unit[i], unit[-1]
+
+    def _partial_weights(self, i: int) -> tuple[FloatArray, FloatArray] | None:
+        """How the residuals of input and output over the other inputs are made of the columns."""
+        kept, matrix = self._varying, self._products
+        if np.linalg.cond(matrix) > 1 / _ROUNDING:
+            return None
+        mine, last = int(np.flatnonzero(kept == i)[0]), len(kept) - 1
+        rest = [k for k in range(last) if k != mine]
+        weights = np.zeros((2, len(self.standardized)))
+        for row, target in enumerate((mine, last)):
+            weights[row, kept[target]] = 1
+            if rest:
+                slope = np.linalg.solve(matrix[np.ix_(rest, rest)], matrix[rest, target])
+                weights[row, kept[rest]] = -slope
+        return weights[0], weights[1]
+
+    def _combined(self, weights: FloatArray) -> FloatArray:
+        """Return the weighted sum of the columns, added one after the other."""
+        combined = np.zeros(self.sample.size)
+        for k in np.flatnonzero(weights):
+            combined += weights[k] * self.standardized[k]
+        return combined
+
+    def _influence(
+        self, one: FloatArray, other: FloatArray, weights: tuple[FloatArray, FloatArray]
+    ) -> FloatArray:
+        """Each run's influence on the correlation of two combinations of the columns."""
+        value = float((one * other).mean())
+        influence: FloatArray = one * other - value / 2 * (one**2 + other**2)
+        if not self.is_ranked:
+            return influence
+        # A run moves the ranks of all others too.
+        scales = [float(self._combined(weight).std()) for weight in weights]
+        for target, weight, scale in (
+            (other - value * one, weights[0], scales[0]),
+            (one - value * other, weights[1], scales[1]),
+        ):
+            for k in np.flatnonzero(weight):
+                influence += weight[k] / scale * self._rank_influence(int(k), target)
+        return influence
+
+    def _rank_influence(self, k: int, target: FloatArray) -> FloatArray:
+        """What each run adds to a column's mean product with `target` by moving others' ranks."""
+        level = self.levels[k]
+        at = np.bincount(level, target)
+        above = np.cumsum(at[::-1])[::-1] - at
+        # Half of what is equal lies above.
+        moved: FloatArray = (above + at / 2)[level] / mean_ranks(level).std()
+        return moved
+
+    def _with_bounds(self, value: float, influence: FloatArray) -> Estimate:
+        """A correlation with its bounds, by the delta method on Fisher's transform."""
+        error, freedom = standard_error(self.sample, influence)
+        if 1 - abs(value) < _ROUNDING or not error > _ROUNDING:
+            return Estimate.without_bounds(value, "the runs leave no scatter that tells the error")
+        half = student_quantile(freedom, LEVEL) * error / (1 - value**2)
+        centre = math.atanh(value)
+        estimate = Estimate(
+            value,
+            math.tanh(centre - half),
+            math.tanh(centre + half),
+            f"delta method on Fisher's transform, {self.sample.error_model}",
+            "nominal",
+        )
+        # Ranks have no tail that could be hidden.
+        is_doubtful = self.shape.is_doubtful and not self.is_ranked
+        return estimate.with_note(DOUBTFUL_TAIL) if is_doubtful else estimate
+
+    @property
+    def _reason_without_bounds(self) -> str:
+        if self.is_ranked:
+            return ""
+        if self.sample.size < FEWEST_RUNS_FOR_TAILS:
+            return f"{NO_TAIL_SEEN}; see the correlations of ranks"
+        if self.shape.is_heavy:
+            heavy = f"heavy tail ({self.shape.tail_note}): no interval covers"
+            return f"{heavy}; see the correlations of ranks"
+        return ""
+
+
+def _standardized(values: FloatArray) -> FloatArray:
+    centred = values - values.mean()
+    largest = np.abs(centred).max(initial=0.0)
+    if not np.ptp(values) > 0:
+        return np.zeros(len(values))
+    scaled: FloatArray = centred / largest
+    return scaled / float(np.sqrt((scaled**2).mean()))

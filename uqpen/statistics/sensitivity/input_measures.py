@@ -1,0 +1,70 @@
+"""What measures of sensitivity say of the inputs that they are of, and when they are none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.labels import INPUT
+from uqpen.statistics.sample import Sample
+
+__all__ = [
+    "INCLUDES_CORRELATION",
+    "input_coordinate",
+    "input_names_coordinate",
+    "mean_ranks",
+    "reason_without_measure",
+]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+# Of inputs that depend on each other, what one explains is partly what another does.
+INCLUDES_CORRELATION = "includes correlation"
+
+
+def input_coordinate(sample: Sample) -> dict[str, Any]:
+    """The coordinate along ``input`` of what is told of a sample's inputs."""
+    return input_names_coordinate(sample.inputs)
+
+
+def input_names_coordinate(names: Sequence[str]) -> dict[str, Any]:
+    """The coordinate along ``input``: the names of inputs."""
+    return {INPUT: (INPUT, np.array(names, dtype=object), {"long_name": "input"})}
+
+
+def reason_without_measure(sample: Sample, column: int, fewest: int) -> str:
+    """Why nothing can be said of an input's part in an output; empty where it can.
+
+    Parameters
+    ----------
+    sample : Sample
+        Of the output.
+    column : int
+        The input, by its number in `Sample.inputs`.
+    fewest : int
+        The runs that the measure needs.
+    """
+    if sample.size < fewest:
+        return sample.too_few_runs
+    if sample.is_constant:
+        return "the output does not vary"
+    if not np.ptp(sample.points[sample.used, column]) > 0:
+        return "the input does not vary"
+    return ""
+
+
+def mean_ranks(level: IntArray) -> FloatArray:
+    """Ranks from 1; equal values share the mean of theirs.
+
+    Parameters
+    ----------
+    level : ndarray of int, shape (run,)
+        Which of the values, ascending, each run has.
+    """
+    count = np.bincount(level)
+    ranks: FloatArray = (np.cumsum(count) - (count - 1) / 2)[level]
+    return ranks

@@ -1,0 +1,194 @@
+"""Runs that lie near each other in an input, and what a straight line leaves of an output there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.streams import Stream
+from uqpen.statistics.sample import ErrorModel, Sample
+
+__all__ = ["RegressionBins", "ResidualVariance"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+# Runs in a bin. More leave less noise, fewer less of what no straight line follows.
+_RUNS_IN_A_BIN = 16
+# With fewer the mean takes the place of a straight line.
+_FEWEST_RUNS_FOR_A_SLOPE = 4
+
+
+@dataclass(frozen=True)
+class RegressionBins:
+    """Bins of an input's ranks, and in each the straight line through an output.
+
+    Parameters
+    ----------
+    label : ndarray of int, shape (run,)
+        The bin of each run, numbered through those that are not empty.
+    place : ndarray, shape (run,)
+        Where in its bin each run lies: of mean 0 and sum of squares 1 in every bin, or 0 in a bin
+        that has too few runs for a slope.
+    """
+
+    label: IntArray
+    place: FloatArray
+
+    @classmethod
+    def from_sample(cls, sample: Sample, column: int, *, halved: bool = False) -> RegressionBins:
+        """The bins of an input.
+
+        Over replicates a bin is a stratum, which has one point of each replicate, or a part of one.
+        Points of one replicate avoid each other in the other inputs too, and in a low-discrepancy
+        set those that are neighbours in one input are anything but independent in the others.
+
+        Parameters
+        ----------
+        sample : Sample
+            The runs.
+        column : int
+            The input, by its number in `Sample.inputs`.
+        halved : bool
+            Whether to cut the bins in two, where a line through each half is left.
+        """
+        values = sample.points[:, column]
+        rank = _ranks(values)
+        if sample.error_model is ErrorModel.REPLICATED:
+            replicates = int(sample.replicates.max()) + 1
+            pieces = max(1, round(replicates / _RUNS_IN_A_BIN))
+            if halved and replicates >= 2 * pieces * _FEWEST_RUNS_FOR_A_SLOPE:
+                pieces *= 2
+            in_a_bin = replicates / pieces
+            # Whole strata are cut, so that no bin lies across the border of two.
+            block = rank * pieces // replicates
+        else:
+            in_a_bin, block = _RUNS_IN_A_BIN / (2 if halved else 1), rank
+        count = np.bincount(block[sample.used], minlength=len(rank))
+        # Where runs were lost, strata are taken together until they fill a bin.
+        full = np.floor((np.cumsum(count) - count) / in_a_bin + 1e-9).astype(np.int64)
+        label = full[block[sample.used]]
+        label = _separate_atoms(label, values[sample.used], in_a_bin)
+        return cls(label, _positions_in_bin(label, rank[sample.used].astype(np.float64)))
+
+    @cached_property
+    def size(self) -> FloatArray:
+        """How many runs are in each bin."""
+        return np.bincount(self.label).astype(np.float64)
+
+    @cached_property
+    def freedom(self) -> FloatArray:
+        """Degrees of freedom of what the line leaves in each bin."""
+        return self.size - 1 - np.where(self.size >= _FEWEST_RUNS_FOR_A_SLOPE, 1.0, 0.0)
+
+    @cached_property
+    def leverage(self) -> FloatArray:
+        """How far each run draws the line of its bin to itself: from 0 to 1."""
+        leverage: FloatArray = 1 / self.size[self.label] + self.place**2
+        return leverage
+
+    def total(self, values: FloatArray) -> FloatArray:
+        """Sums over each bin."""
+        sums: FloatArray = np.bincount(self.label, values).astype(np.float64)
+        return sums
+
+    def residual(self, values: FloatArray) -> FloatArray:
+        """What the lines leave of a variable."""
+        centred = values - (self.total(values) / self.size)[self.label]
+        left: FloatArray = centred - self.place * self.total(self.place * centred)[self.label]
+        return left
+
+
+@dataclass(frozen=True)
+class ResidualVariance:
+    """How far runs lie from the lines of their bins: what an input does not explain.
+
+    Parameters
+    ----------
+    bins : RegressionBins
+        Of the input.
+    values : ndarray, shape (run,)
+        The variable.
+    """
+
+    bins: RegressionBins
+    values: FloatArray
+
+    @cached_property
+    def _scale(self) -> FloatArray:
+        """What makes a bin's sum of squares unbiased; 0 where one run is a bin by itself."""
+        freedom = self.bins.freedom
+        scale: FloatArray = np.where(freedom > 0, self.bins.size / np.maximum(freedom, 1), 0)
+        return scale
+
+    @cached_property
+    def _leave_one_out_products(self) -> FloatArray:
+        """The product of each run's residual and of that from the line through all others."""
+        residual = self.bins.residual(self.values)
+        free = 1 - self.bins.leverage
+        squares: FloatArray = np.where(free > 0, residual**2 / np.where(free > 0, free, 1), 0)
+        return squares
+
+    @cached_property
+    def _sums(self) -> FloatArray:
+        """Unbiased sums of squares over each bin."""
+        return self._scale * self.bins.total(self.bins.residual(self.values) ** 2)
+
+    @cached_property
+    def variance(self) -> float:
+        """The mean variance about the lines."""
+        return float(self._sums.sum() / self.bins.size[self._scale > 0].sum())
+
+    @cached_property
+    def influence(self) -> FloatArray:
+        """Each run's influence on it, but for a constant."""
+        # A run counts by its bin's scale, of which the rest of the bin bears what is above 1.
+        scale, mean = self._scale[self.bins.label], (self._sums / self.bins.size)[self.bins.label]
+        influence: FloatArray = scale * self._leave_one_out_products - (scale - 1) * mean
+        return influence
+
+    @cached_property
+    def pair_noise(self) -> float:
+        """The part of its standard error that comes of the products of pairs of runs in a bin."""
+        bins, squares = self.bins, self._leave_one_out_products
+        # The squares of 1 / size + place · place, the elements of the projection on the lines.
+        all_pairs = (
+            (bins.total(squares) / bins.size) ** 2
+            + 2 * bins.total(squares * bins.place) ** 2 / bins.size
+            + bins.total(squares * bins.place**2) ** 2
+        )
+        pairs = all_pairs - bins.total((bins.leverage * squares) ** 2)
+        variance = 2 * float((self._scale**2 * np.maximum(pairs, 0)).sum())
+        return float(np.sqrt(variance)) / len(self.values)
+
+
+def _ranks(values: FloatArray) -> IntArray:
+    """Ranks from 0; among equal values in random order."""
+    # A table may list runs in an order of the other inputs, and neighbours must be alike in none.
+    tie_breaker = Stream(0, "analyses", "ties").generator().permutation(len(values))
+    order = np.lexsort((tie_breaker, values))
+    rank = np.empty(len(values), dtype=np.int64)
+    rank[order] = np.arange(len(values))
+    return rank
+
+
+def _separate_atoms(label: IntArray, values: FloatArray, in_a_bin: float) -> IntArray:
+    """Bins in which a value that fills a bin by itself is among no others."""
+    _, level, count = np.unique(values, return_inverse=True, return_counts=True)
+    own = np.where(count[level] >= in_a_bin, level + 1, 0)
+    _, numbered = np.unique(label * (len(count) + 1) + own, return_inverse=True)
+    return numbered.astype(np.int64)
+
+
+def _positions_in_bin(label: IntArray, rank: FloatArray) -> FloatArray:
+    size = np.bincount(label)
+    place = rank - (np.bincount(label, rank) / size)[label]
+    spread = np.sqrt(np.bincount(label, place**2))
+    has_slope = size >= _FEWEST_RUNS_FOR_A_SLOPE
+    places: FloatArray = np.where(
+        has_slope[label], place / np.where(has_slope, spread, 1)[label], 0
+    )
+    return places

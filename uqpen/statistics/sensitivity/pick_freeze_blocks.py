@@ -1,0 +1,260 @@
+"""The blocks of a pick-freeze design that came back whole, and Sobol' indices from them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.core.labels import REPLICATE, ROUND, STATUS, Sampling, Status
+from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B, BlockLayout
+from uqpen.statistics.distribution_function.quantiles import TOO_ONE_SIDED, has_enough_runs_beside
+from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.intervals import ratio_jackknife_error, student_quantile
+from uqpen.statistics.sample import Sample
+from uqpen.statistics.sample_shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, SampleShape
+from uqpen.statistics.sensitivity import salib_estimators
+
+__all__ = ["BlockVariable", "PickFreezeBlocks"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+_JACKKNIFE = "jackknife over replicates"
+_WIDER = f"the wider of {_JACKKNIFE} and delta method over blocks"
+
+# Of an event that happens in a seventh of the runs, indices were covered in 91 % with 128 blocks.
+_ENOUGH_FOR_EVENTS = 500
+_FEW_BLOCKS_WITH_EVENTS = (
+    f"with fewer than {_ENOUGH_FOR_EVENTS} blocks it may cover less often than it says"
+)
+# With fewer blocks that say anything of an index, replicates do not tell its error: of a value that
+# is exceeded in 0.8 % of the runs, first-order indices were covered in 28 % with 2 048 blocks.
+_FEWEST_INFORMATIVE = 10
+_NO_SCATTER = "the strata leave no scatter, so nothing tells the error"
+
+# A sum of as many standardized values as there ever are is exact to this.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class PickFreezeBlocks:
+    """The blocks all of whose parts came back.
+
+    Parameters
+    ----------
+    layout : BlockLayout
+        What a block consists of.
+    rows : dict of int to ndarray of int, shape (block,)
+        The run that stands for each part, by the part's matrix.
+    replicate : ndarray of int, shape (block,)
+        The replicate of each block, numbered through those that are not empty.
+    attributes : dict of str to int or str
+        What is said of indices from them: how many were used and dropped, and of what law they are.
+    """
+
+    layout: BlockLayout
+    rows: dict[int, IntArray]
+    replicate: IntArray
+    attributes: dict[str, int | str]
+
+    @classmethod
+    def from_runs(cls, runs: xr.Dataset) -> PickFreezeBlocks:
+        """The blocks in the runs of a design."""
+        layout = BlockLayout.from_runs(runs)
+        rows = layout.run_numbers(runs)
+        status = runs[STATUS].values
+        reached = np.array(
+            [np.where(part < 0, Status.INADMISSIBLE, status[part]) for part in rows.values()]
+        )
+        whole = np.flatnonzero((reached == Status.OK).all(axis=0))
+        lost = (reached != Status.OK) & (reached != Status.INADMISSIBLE)
+        dropped_blocks = int(lost.any(axis=0).sum())
+        unsettled = reached.shape[1] - len(whole) - dropped_blocks
+        estimand = "indices of the input law"
+        if ROUND in runs.coords or (status == Status.INADMISSIBLE).any():
+            estimand += " given admissible draws"
+        if dropped_blocks:
+            estimand += "; blocks holding a lost run are dropped"
+        if unsettled:
+            estimand += "; blocks that lack an admissible draw are dropped"
+        chosen = {number: part[whole] for number, part in rows.items()}
+        _, replicate = np.unique(runs[REPLICATE].values[chosen[MATRIX_A]], return_inverse=True)
+        attributes: dict[str, int | str] = {
+            "estimand": estimand,
+            "blocks_used": len(whole),
+            "blocks_dropped": reached.shape[1] - len(whole),
+        }
+        return cls(layout, chosen, replicate.astype(np.int64), attributes)
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.replicate)
+
+    @property
+    def replicate_count(self) -> int:
+        """How many replicates have any."""
+        return int(self.replicate.max(initial=-1)) + 1
+
+
+@dataclass(frozen=True)
+class BlockVariable:
+    """A variable over the runs of blocks, and its Sobol' indices.
+
+    Parameters
+    ----------
+    blocks : PickFreezeBlocks
+        The blocks.
+    values : ndarray, shape (run,)
+        The variable, in any unit.
+    is_event : bool
+        Whether it says, by 0 and 1, what happened in which run.
+    """
+
+    blocks: PickFreezeBlocks
+    values: npt.NDArray[Any]
+    is_event: bool = False
+
+    @cached_property
+    def sample(self) -> Sample:
+        """The points A and B of all blocks, as one sample."""
+        drawn = np.concatenate([self.blocks.rows[MATRIX_A], self.blocks.rows[MATRIX_B]])
+        everything = np.arange(len(drawn))
+        return Sample(
+            values=self.values[drawn].astype(np.float64),
+            used=everything,
+            missing=everything[:0],
+            points=np.empty((len(drawn), 0)),
+            inputs=(),
+            replicates=np.tile(self.blocks.replicate, 2),
+            sampling=Sampling.PICK_FREEZE,
+        )
+
+    @cached_property
+    def shape(self) -> SampleShape:
+        """The shape of that sample."""
+        return SampleShape(self.sample)
+
+    def logarithm(self) -> BlockVariable:
+        """The same of the logarithms; lost runs have none."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return BlockVariable(self.blocks, np.log(self.values))
+
+    @property
+    def is_positive(self) -> bool:
+        """Whether every value is above zero, in all parts."""
+        rows = self.blocks.rows.values()
+        return self.blocks.count > 0 and all((self.values[part] > 0).all() for part in rows)
+
+    def first_order(self, i: int) -> Estimate:
+        """Share of the variance that would go were input `i` known."""
+        if reason := self._reason_without_indices:
+            return Estimate.without_bounds(math.nan, reason)
+        A, B = self._values_at(MATRIX_A), self._values_at(MATRIX_B)
+        AB = self._values_at(self.blocks.layout.part_sharing_one(i).matrix)
+        numerator = B * (AB - A)
+        telling = numerator != 0
+        if self.is_event:
+            # That two points which share an input both see what is rare is what tells of the input.
+            side = 1 if self.sample.values.mean() < 0.5 else -1
+            telling = (side * B > 0) & (side * AB > 0)
+        return self._estimate(salib_estimators.first_order(A, AB, B), numerator, telling)
+
+    def total_order(self, i: int) -> Estimate:
+        """Share of the variance that would stay were all inputs but `i` known."""
+        if reason := self._reason_without_indices:
+            return Estimate.without_bounds(math.nan, reason)
+        A, B = self._values_at(MATRIX_A), self._values_at(MATRIX_B)
+        AB = self._values_at(self.blocks.layout.part_sharing_others(i).matrix)
+        return self._estimate(salib_estimators.total_order(A, AB, B), (A - AB) ** 2 / 2, A != AB)
+
+    def second_order(self, number: int) -> Estimate:
+        """Share of the variance of a pair of inputs beyond their first-order indices."""
+        if reason := self._reason_without_indices:
+            return Estimate.without_bounds(math.nan, reason)
+        layout = self.blocks.layout
+        shared = layout.part_sharing_pair(number)
+        A, B = self._values_at(MATRIX_A), self._values_at(MATRIX_B)
+        ABj, ABk = (
+            self._values_at(layout.part_sharing_one(i).matrix) for i in layout.pairs[number]
+        )
+        assert shared.anchor is not None
+        pair, BAj = self._values_at(shared.matrix), self._values_at(shared.anchor)
+        numerator = BAj * pair - A * B - B * (ABj - A) - B * (ABk - A)
+        value = salib_estimators.second_order(A, ABj, ABk, BAj, pair, B)
+        return self._estimate(value, numerator, numerator != 0)
+
+    @cached_property
+    def _reason_without_indices(self) -> str:
+        """Why there are no indices at all; empty where there are."""
+        if not self.blocks.count:
+            return "no block came back whole"
+        if self.sample.is_constant:
+            return "it is the same in all runs" if self.is_event else "the output does not vary"
+        return ""
+
+    def _values_at(self, matrix: int) -> FloatArray:
+        """Standardized values at a part of each block."""
+        values = self.values[self.blocks.rows[matrix]]
+        scaled = (values - self.shape.mean) / self.shape.scale
+        standardized: FloatArray = scaled / self.shape.deviations.std()
+        return standardized
+
+    @cached_property
+    def _denominator(self) -> FloatArray:
+        """What each block adds to the variance."""
+        return (self._values_at(MATRIX_A) ** 2 + self._values_at(MATRIX_B) ** 2) / 2
+
+    def _estimate(self, value: float, numerator: FloatArray, informative: BoolArray) -> Estimate:
+        """An index with its interval; `informative` are the blocks that say anything of it."""
+        if reason := self._reason_without_bounds(informative):
+            return Estimate.without_bounds(value, reason)
+        blocks = self.blocks
+        error, freedom = ratio_jackknife_error(
+            numerator, self._denominator, blocks.replicate, blocks.replicate_count
+        )
+        if error < _ROUNDING:
+            return Estimate.without_bounds(value, _NO_SCATTER)
+        half = student_quantile(freedom, LEVEL) * error
+        if not self._warning:
+            estimate = Estimate(value, value - half, value + half, _JACKKNIFE, "nominal")
+            return estimate.with_note(self._doubt)
+        influence = numerator - value * self._denominator
+        over_blocks = float(influence.std(ddof=1)) / math.sqrt(blocks.count)
+        half = max(half, student_quantile(blocks.count - 1, LEVEL) * over_blocks)
+        wider = Estimate(value, value - half, value + half, _WIDER, "conservative")
+        return wider.with_note(f"{self._warning}: it may cover less often than it says")
+
+    @property
+    def _warning(self) -> str:
+        """What keeps the scatter of replicates from telling the error; empty for nothing."""
+        if self.sample.size < FEWEST_RUNS_FOR_TAILS:
+            return f"only {self.blocks.count} blocks"
+        return f"heavy tail ({self.shape.tail_note})" if self.shape.is_heavy else ""
+
+    @property
+    def _doubt(self) -> str:
+        """What may keep it from that without showing; empty for nothing."""
+        if self.is_event:
+            # It has no tail that could be hidden.
+            return _FEW_BLOCKS_WITH_EVENTS if self.blocks.count < _ENOUGH_FOR_EVENTS else ""
+        return DOUBTFUL_TAIL if self.shape.is_doubtful else ""
+
+    def _reason_without_bounds(self, informative: BoolArray) -> str:
+        if self.blocks.replicate_count < 2:
+            return "the blocks that came back whole are all of one replicate"
+        if self.is_event and not has_enough_runs_beside(self.sample, self.sample.values.sum()):
+            return TOO_ONE_SIDED
+        if np.count_nonzero(informative) < _FEWEST_INFORMATIVE:
+            return "fewer than ten blocks tell of it"
+        spread = np.bincount(self.blocks.replicate, self._denominator)
+        if spread.max() == spread.sum():
+            return "it varies in one replicate alone"
+        return ""

@@ -1,0 +1,136 @@
+"""Responses: by how much an output changes with each input, at the nominal point."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.labels import (
+    INPUT,
+    MOVED_BY,
+    MOVED_INPUT,
+    MOVED_UNCERTAINTY,
+    RELATIVE_TO_SPREAD,
+    STATUS,
+    Status,
+)
+from uqpen.designs.moves import moved_input_numbers
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sensitivity.input_measures import input_names_coordinate
+
+__all__ = ["relative_responses"]
+
+_ONE_POINT = "a derivative at one point; the model has no scatter"
+_FIXED = "a fixed input has no uncertainty"
+
+# From here on a reader must know that the steps up and down tell different derivatives: their
+# difference, relative to the larger.
+_CURVED = 0.1
+
+
+def relative_responses(
+    runs: xr.Dataset, quantity: QuantityOfInterest
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Relative derivatives of an output, and what each input's uncertainty contributes to its own.
+
+    Yields
+    ------
+    name : str
+        ``<output>_response``: the relative change of the output over that of the input, by central
+        differences; ``<output>_contribution``: its size times the input's standard deviation over
+        its nominal value.
+    estimate : DataArray
+        Along ``input`` and ``bound``, without bounds.
+    """
+    if quantity.output.categories:
+        return
+    name, title = quantity.output.name, quantity.output.title
+    inputs = moved_input_numbers(runs)
+    found = [_response(runs, name, entry) for entry in inputs]
+    contributions = [
+        _contribution(response, runs, number)
+        for response, number in zip(found, inputs.values(), strict=True)
+    ]
+    for statistic, estimates, long_name in (
+        ("response", found, f"relative response of {title}"),
+        ("contribution", contributions, f"contribution to the relative uncertainty of {title}"),
+    ):
+        array = Estimate.stack(
+            estimates, INPUT, units="1", long_name=long_name, name=f"{name}_{statistic}"
+        )
+        yield f"{name}_{statistic}", array.assign_coords(input_names_coordinate(list(inputs)))
+
+
+@dataclass(frozen=True)
+class _Slopes:
+    """Relative changes of an output over those of one input; NaN where a run was lost.
+
+    Parameters
+    ----------
+    down, up : float
+        From the nominal point to either side.
+    """
+
+    down: float
+    up: float
+
+    @property
+    def is_central(self) -> bool:
+        return math.isfinite(self.down) and math.isfinite(self.up)
+
+    @property
+    def value(self) -> float:
+        """The derivative: central, or of the side that there is."""
+        if self.is_central:
+            return (self.down + self.up) / 2
+        return self.up if math.isfinite(self.up) else self.down
+
+    @property
+    def note(self) -> str:
+        """What a reader must know of it."""
+        if not self.is_central:
+            side = "up" if math.isfinite(self.up) else "down"
+            return f"of the step {side} alone; the other run was lost"
+        if abs(self.up - self.down) > _CURVED * max(abs(self.up), abs(self.down)):
+            return f"curved: {self.down:.3g} of the step down, {self.up:.3g} of that up"
+        return ""
+
+
+def _response(runs: xr.Dataset, name: str, entry: str) -> Estimate:
+    values = np.where(runs[STATUS].values == Status.OK, runs[name].values, np.nan)
+    moved, by = runs[MOVED_INPUT].values, runs[MOVED_BY].values
+    number = moved_input_numbers(runs)[entry]
+    nominal = float(values[moved < 0][0])
+    if math.isnan(nominal):
+        return Estimate.without_bounds(math.nan, "the run at the nominal point was lost")
+    if not nominal:
+        return Estimate.without_bounds(math.nan, "the output is 0 at the nominal point")
+    down, up = (
+        float((values[side][0] / nominal - 1) / by[side][0])
+        for side in ((moved == number) & (by < 0), (moved == number) & (by > 0))
+    )
+    slopes = _Slopes(down, up)
+    if math.isnan(slopes.value):
+        return Estimate.without_bounds(math.nan, "both runs of the step were lost")
+    notes = [_ONE_POINT, slopes.note, _reference(runs, entry)]
+    return Estimate.without_bounds(slopes.value, "; ".join(filter(None, notes)))
+
+
+def _reference(runs: xr.Dataset, entry: str) -> str:
+    """What a change of an input is relative to, where that is not its nominal value."""
+    if entry in str(runs[MOVED_BY].attrs.get(RELATIVE_TO_SPREAD, "")).split():
+        return "relative to half the input's 16–84 % range, as its nominal value is 0"
+    return ""
+
+
+def _contribution(response: Estimate, runs: xr.Dataset, number: int) -> Estimate:
+    its_runs = runs[MOVED_INPUT].values == number
+    uncertainty = float(runs[MOVED_UNCERTAINTY].values[its_runs][0])
+    if not uncertainty:
+        return Estimate.without_bounds(math.nan, _FIXED)
+    return Estimate.without_bounds(abs(response.value) * uncertainty, response.note)

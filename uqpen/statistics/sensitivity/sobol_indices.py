@@ -1,0 +1,148 @@
+"""Sobol' indices from pick-freeze blocks: which inputs an output's variance comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.labels import INPUT, PAIR
+from uqpen.statistics.distribution_function.probabilities import (
+    category_coordinates,
+    threshold_coordinates,
+)
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sensitivity.input_measures import input_names_coordinate
+from uqpen.statistics.sensitivity.pick_freeze_blocks import BlockVariable, PickFreezeBlocks
+
+__all__ = ["sobol_indices"]
+
+_ORDERS = {"first_order": "first-order", "total_order": "total-order"}
+
+
+def sobol_indices(
+    runs: xr.Dataset, quantity: QuantityOfInterest
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Sobol' indices of an output, of its logarithm and of its exceeding a value.
+
+    Parameters
+    ----------
+    runs : Dataset
+        Of a pick-freeze design.
+    quantity : QuantityOfInterest
+        Of the output.
+
+    Yields
+    ------
+    name : str
+        ``<output>_first_order``, ``_total_order`` and, of a design with second order,
+        ``_second_order``; ``_log_first_order``, ``_log_total_order`` where all values are positive;
+        ``_exceedance_first_order``, ``_exceedance_total_order`` where exceedance is asked. Of an
+        output with kinds, ``_category_first_order`` and ``_category_total_order``.
+    estimate : DataArray
+        Along ``input`` (or ``pair``) and ``bound``; before them, ``<output>_threshold`` or
+        ``<output>_category``.
+    """
+    blocks = PickFreezeBlocks.from_runs(runs)
+    name, title = quantity.output.name, quantity.output.title
+    values = runs[name].values
+    if kinds := quantity.output.categories:
+        events = [
+            BlockVariable(blocks, values == kind, is_event=True) for kind in range(len(kinds))
+        ]
+        coordinates = category_coordinates(quantity)
+        yield from _event_indices(events, f"{name}_category", f"the kind of {title}", coordinates)
+        return
+    column = BlockVariable(blocks, values)
+    yield from _variable_indices(column, name, title)
+    if blocks.layout.pairs:
+        yield _pair_indices(column, f"{name}_second_order", title)
+    if column.is_positive:
+        yield from _variable_indices(column.logarithm(), f"{name}_log", f"the logarithm of {title}")
+    if quantity.thresholds:
+        events = [
+            BlockVariable(blocks, values > each.value, is_event=True)
+            for each in quantity.thresholds
+        ]
+        what = f"whether {title} exceeds a value"
+        yield from _event_indices(
+            events, f"{name}_exceedance", what, threshold_coordinates(quantity)
+        )
+
+
+def _variable_indices(
+    column: BlockVariable, stem: str, title: str
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """First- and total-order indices along ``input``."""
+    inputs = column.blocks.layout.inputs
+    for order, adjective in _ORDERS.items():
+        name = f"{stem}_{order}"
+        array = Estimate.stack(
+            _input_estimates(column, order),
+            INPUT,
+            units="1",
+            long_name=f"{adjective} Sobol' indices of {title}",
+            name=name,
+        )
+        yield name, _with_attributes(array, column.blocks, input_names_coordinate(inputs))
+
+
+def _event_indices(
+    events: Sequence[BlockVariable], stem: str, title: str, coordinates: Mapping[str, Any]
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """First- and total-order indices of several events, a row for each."""
+    blocks = events[0].blocks
+    along = next(iter(coordinates))
+    for order, adjective in _ORDERS.items():
+        name = f"{stem}_{order}"
+        array = Estimate.table(
+            [_input_estimates(event, order) for event in events],
+            (along, INPUT),
+            units="1",
+            long_name=f"{adjective} Sobol' indices of {title}",
+            name=name,
+        )
+        yield (
+            name,
+            _with_attributes(
+                array, blocks, {**coordinates, **input_names_coordinate(blocks.layout.inputs)}
+            ),
+        )
+
+
+def _pair_indices(column: BlockVariable, name: str, title: str) -> tuple[str, xr.DataArray]:
+    """Second-order indices along ``pair``."""
+    layout = column.blocks.layout
+    names = [(layout.inputs[i], layout.inputs[j]) for i, j in layout.pairs]
+    array = Estimate.stack(
+        [column.second_order(number) for number in range(len(names))],
+        PAIR,
+        units="1",
+        long_name=f"second-order Sobol' indices of {title}",
+        name=name,
+    )
+    texts = {
+        PAIR: ([f"{one}, {other}" for one, other in names], "pair of inputs"),
+        f"{PAIR}_first": ([one for one, _ in names], "first input of the pair"),
+        f"{PAIR}_second": ([other for _, other in names], "second input of the pair"),
+    }
+    coordinates = {
+        coordinate: (PAIR, np.array(entries, dtype=object), {"long_name": long_name})
+        for coordinate, (entries, long_name) in texts.items()
+    }
+    return name, _with_attributes(array, column.blocks, coordinates)
+
+
+def _input_estimates(column: BlockVariable, order: str) -> list[Estimate]:
+    index = column.first_order if order == "first_order" else column.total_order
+    return [index(i) for i in range(column.blocks.layout.dimension)]
+
+
+def _with_attributes(
+    array: xr.DataArray, blocks: PickFreezeBlocks, coordinates: Mapping[str, Any]
+) -> xr.DataArray:
+    """Indices with their coordinates, and of what law and how many blocks they are."""
+    return array.assign_coords(coordinates).assign_attrs(blocks.attributes)

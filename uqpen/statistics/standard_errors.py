@@ -1,0 +1,90 @@
+"""The standard error that the design of a sample allows to tell."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.statistics.intervals import additive_residual_error, ratio_error
+from uqpen.statistics.sample import ErrorModel, Sample
+
+__all__ = ["cdf_error", "probability_error", "rounding_error", "standard_error"]
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def standard_error(sample: Sample, influence: FloatArray) -> tuple[float, float]:
+    """Standard error of a mean over the sample, and its degrees of freedom.
+
+    Parameters
+    ----------
+    sample : Sample
+        The runs.
+    influence : ndarray, shape (run,)
+        Values whose mean is estimated, or each run's influence on an estimate.
+
+    Returns
+    -------
+    error, freedom : float
+        NaN and 0 where the design allows none.
+    """
+    if sample.reason_without_intervals:
+        return math.nan, 0
+    if sample.error_model is ErrorModel.REPLICATED:
+        return ratio_error(influence, sample.replicate, sample.replicate_count)
+    if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
+        return _single_error(sample, influence)
+    return float(influence.std(ddof=1)) / math.sqrt(sample.size), sample.degrees_of_freedom
+
+
+def _single_error(sample: Sample, influence: FloatArray) -> tuple[float, float]:
+    # With lost runs the mean is a ratio of sums over all points, to which a lost run adds
+    # nothing.
+    deviation = np.zeros(len(sample.points))
+    deviation[sample.used] = influence - influence.mean()
+    error, freedom = additive_residual_error(deviation, sample.points)
+    return error * len(sample.points) / sample.size, freedom
+
+
+def rounding_error(sample: Sample) -> float:
+    """Standard error that a share may have because runs are counted whole, at most.
+
+    Over strata a replicate's count is one of two whole numbers, so it scatters by half a run
+    at most; where the replicates happen to agree, their scatter tells nothing of it.
+    """
+    if sample.error_model is ErrorModel.INDEPENDENT:
+        return 0.5 / sample.size
+    return 0.5 * math.sqrt(sample.replicate_count) / sample.size
+
+
+def probability_error(sample: Sample, events: npt.NDArray[np.bool_]) -> tuple[float, float, bool]:
+    """Standard error of a share, and its degrees of freedom.
+
+    Parameters
+    ----------
+    sample : Sample
+        The runs.
+    events : ndarray of bool, shape (run,)
+        In which runs it happened.
+
+    Returns
+    -------
+    error, freedom : float
+    is_rounded : bool
+        Whether it is the error of counting whole runs, which is more than that of the scatter.
+    """
+    error, freedom = standard_error(sample, events.astype(np.float64))
+    is_rounded = error <= rounding_error(sample)
+    return max(error, rounding_error(sample)), freedom, is_rounded
+
+
+def cdf_error(sample: Sample, value: float) -> tuple[float, float, bool]:
+    """Like `probability_error`, of lying below a value; where the law has a lump of probability.
+
+    The distribution function jumps there, and a quantile may be off to either side: the larger
+    of the errors below the jump and above it counts.
+    """
+    at_or_below = probability_error(sample, sample.values <= value)
+    return max(at_or_below, probability_error(sample, sample.values < value))

@@ -1,0 +1,96 @@
+"""Draws of a surrogate: as many as one likes, for it costs next to nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import xarray as xr
+
+from uqpen.core.labels import SAMPLING, STATUS, Status
+from uqpen.core.streams import Stream
+from uqpen.designs.quasi_monte_carlo import SobolSequence
+from uqpen.distributions.constraints import Constraint
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.execution import Evaluator, evaluate
+from uqpen.statistics.surrogate.pick_freeze_pairs import PickFreezePairs, draw_pick_freeze_pairs
+from uqpen.surrogates.surrogate import FittedSurrogate
+
+__all__ = ["FROM_COEFFICIENTS", "SurrogateDraws"]
+
+# Enough that the error of sampling is far below that of the fit.
+_SAMPLE = SobolSequence(runs=65_536, replicates=16)
+
+FROM_COEFFICIENTS = "from the coefficients"
+
+
+@dataclass(frozen=True)
+class SurrogateDraws:
+    """A fitted surrogate under the law of its inputs.
+
+    Parameters
+    ----------
+    model : FittedSurrogate
+        The surrogate.
+    joint : JointDistribution
+        The inputs.
+    constraints : sequence of Constraint
+        Where the law ends.
+    given : mapping of str to float
+        Values that fixed inputs have in place of the law's.
+    stream : Stream
+        Where the random numbers come from.
+    """
+
+    model: FittedSurrogate
+    joint: JointDistribution
+    constraints: Sequence[Constraint]
+    given: Mapping[str, float]
+    stream: Stream
+
+    @cached_property
+    def runs(self) -> xr.Dataset:
+        """A sample of the law, run through the surrogate."""
+        points = next(_SAMPLE.rounds(self.joint, self.stream.child("sample"))).assign(self.given)
+        runs = evaluate(self._evaluator, points, {})
+        return runs.assign_attrs({SAMPLING: str(_SAMPLE.sampling)})
+
+    @cached_property
+    def pairs(self) -> PickFreezePairs:
+        """Pairs of draws for all sets of inputs."""
+        return draw_pick_freeze_pairs(self._evaluator, self.joint, self.given, self.stream)
+
+    @cached_property
+    def all_are_admissible(self) -> bool:
+        """Whether no draw of the sample was inadmissible."""
+        return not bool((self.runs[STATUS].values == Status.INADMISSIBLE).any())
+
+    def has_closed_form(self, output: str) -> bool:
+        """Whether moments and indices of an output follow from the coefficients."""
+        return self.all_are_admissible and self.model.has_closed_form(output)
+
+    @property
+    def sampling_estimator(self) -> str:
+        """How a figure comes from the sample."""
+        drawn = int((self.runs[STATUS].values == Status.OK).sum())
+        return f"by sampling the surrogate at {drawn} admissible draws"
+
+    @property
+    def pairs_estimator(self) -> str:
+        """How an index comes from the pairs."""
+        pairs = len(next(iter(self.pairs.first.values())))
+        return f"by sampling the surrogate at {pairs} pairs of draws for each set of inputs"
+
+    @property
+    def estimand(self) -> str:
+        """What law the indices are of, and what they hold."""
+        admissible = "" if self.all_are_admissible else " given admissible draws"
+        correlated = (
+            "" if self.joint.is_independent else "; first-order indices include correlation"
+        )
+        return f"indices of the input law{admissible}{correlated}"
+
+    @cached_property
+    def _evaluator(self) -> Evaluator:
+        return Evaluator(self.model, self.constraints)

@@ -1,0 +1,171 @@
+"""Sobol' indices and Shapley effects of a model, as its surrogate tells them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.core.labels import ESTIMATOR, INPUT
+from uqpen.statistics.distribution_function.probabilities import threshold_coordinates
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sensitivity.input_measures import INCLUDES_CORRELATION, input_names_coordinate
+from uqpen.statistics.surrogate.pick_freeze_pairs import MOST_INPUTS_FOR_ALL_SETS
+from uqpen.statistics.surrogate.surrogate_draws import FROM_COEFFICIENTS, SurrogateDraws
+from uqpen.surrogates.closed_forms import shapley_effects, sobol_indices
+
+__all__ = ["surrogate_indices"]
+
+FloatArray = npt.NDArray[np.float64]
+# An index and the standard error that sampling the surrogate leaves it; NaN where it is exact.
+Index = tuple[float, float]
+# First-order, total-order indices and Shapley effects, each along the inputs; None for none.
+Indices = list[list[Index] | None]
+
+# How their names end, in that order.
+_ORDERS = {
+    "first_order": "first-order Sobol' indices",
+    "total_order": "total-order Sobol' indices",
+    "shapley": "Shapley effects",
+}
+
+
+def surrogate_indices(
+    draws: SurrogateDraws, quantity: QuantityOfInterest
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Indices of an output, of its logarithm where that was fitted, of its exceeding a value.
+
+    Yields
+    ------
+    name : str
+        ``<output>_first_order``, ``_total_order``, ``_shapley``; ``<output>_log_first_order`` and
+        so on; ``<output>_exceedance_first_order`` and so on.
+    estimate : DataArray
+        Along ``input`` and ``bound``; before them ``<output>_threshold`` for exceedance.
+    """
+    yield from _SurrogateIndices(draws, quantity).all_indices()
+
+
+@dataclass(frozen=True)
+class _SurrogateIndices:
+    """Asks a surrogate for the indices of one output."""
+
+    draws: SurrogateDraws
+    quantity: QuantityOfInterest
+
+    def all_indices(self) -> Iterator[tuple[str, xr.DataArray]]:
+        """Of all that is asked."""
+        name, title = self.quantity.output.name, self.quantity.output.title
+        if self.draws.has_closed_form(name):
+            yield from self._index_arrays(
+                name, title, self._closed_form_indices(), FROM_COEFFICIENTS
+            )
+        else:
+            indices = self._sampled_indices(lambda values: values)
+            yield from self._index_arrays(name, title, indices, self.draws.pairs_estimator)
+        if self.draws.model.expansions[name].is_logarithm:
+            yield from self._logarithm_indices(name, title)
+        if self.quantity.thresholds:
+            yield from self._exceedance_indices(name, title)
+
+    def _logarithm_indices(self, name: str, title: str) -> Iterator[tuple[str, xr.DataArray]]:
+        is_closed = self.draws.all_are_admissible and self.draws.joint.is_independent
+        indices = self._closed_form_indices() if is_closed else self._sampled_indices(np.log)
+        how = FROM_COEFFICIENTS if is_closed else self.draws.pairs_estimator
+        yield from self._index_arrays(f"{name}_log", f"the logarithm of {title}", indices, how)
+
+    def _exceedance_indices(self, name: str, title: str) -> Iterator[tuple[str, xr.DataArray]]:
+        coordinates = threshold_coordinates(self.quantity)
+        thresholds = self.quantity.thresholds
+        rows = [
+            self._sampled_indices(_exceedance_event(threshold.value)) for threshold in thresholds
+        ]
+        for position, (ending, adjective) in enumerate(_ORDERS.items()):
+            variable = f"{name}_exceedance_{ending}"
+            array = Estimate.table(
+                [self._estimates(row[position], ending) for row in rows],
+                (next(iter(coordinates)), INPUT),
+                units="1",
+                long_name=f"{adjective} of whether {title} exceeds a value",
+                name=variable,
+            )
+            described = array.assign_coords({**coordinates, **self._inputs})
+            yield variable, described.assign_attrs({ESTIMATOR: self.draws.pairs_estimator})
+
+    def _closed_form_indices(self) -> Indices:
+        expansion = self.draws.model.expansions[self.quantity.output.name]
+        terms = expansion.indices, expansion.coefficients
+        indices = sobol_indices(*terms)
+        exact = indices.first, indices.total, shapley_effects(*terms)
+        return [[(float(value), math.nan) for value in values] for values in exact]
+
+    def _sampled_indices(self, function: Callable[[FloatArray], FloatArray]) -> Indices:
+        shares = self.draws.pairs.variance_shares(self.quantity.output.name, function)
+        if shares is None:
+            return [None, None, None]
+        found: Indices = []
+        for measure in _ORDERS:
+            values = getattr(shares, measure)
+            # With dependent inputs, what the others leave is no part of the variance.
+            if values is None or (measure == "total_order" and not self.draws.joint.is_independent):
+                found.append(None)
+            else:
+                found.append(list(zip(values, shares.errors(measure), strict=True)))
+        return found
+
+    def _index_arrays(
+        self, stem: str, title: str, indices: Indices, estimator: str
+    ) -> Iterator[tuple[str, xr.DataArray]]:
+        for (ending, adjective), values in zip(_ORDERS.items(), indices, strict=True):
+            variable = f"{stem}_{ending}"
+            array = Estimate.stack(
+                self._estimates(values, ending),
+                INPUT,
+                units="1",
+                long_name=f"{adjective} of {title}",
+                name=variable,
+            )
+            yield variable, array.assign_coords(self._inputs).assign_attrs({ESTIMATOR: estimator})
+
+    def _estimates(self, values: list[Index] | None, ending: str) -> list[Estimate]:
+        if values is None:
+            reason = self._reason_without_indices(ending)
+            return [Estimate.without_bounds(math.nan, reason) for _ in self.draws.joint.random]
+        is_correlated = ending == "first_order" and not self.draws.joint.is_independent
+        note = INCLUDES_CORRELATION if is_correlated else ""
+        return [_estimate_with_noise(*value, note) for value in values]
+
+    def _reason_without_indices(self, ending: str) -> str:
+        inputs = len(self.draws.joint.random)
+        if ending == "shapley" and inputs > MOST_INPUTS_FOR_ALL_SETS:
+            return f"it takes all sets of inputs, too many with {inputs} of them"
+        if ending == "total_order" and not self.draws.joint.is_independent:
+            return "the random inputs depend on each other"
+        return "it is the same at all draws"
+
+    @property
+    def _inputs(self) -> dict[str, Any]:
+        return input_names_coordinate([entry.variable.name for entry in self.draws.joint.random])
+
+
+def _estimate_with_noise(value: float, error: float, note: str) -> Estimate:
+    """An index with what sampling leaves it; how far the surrogate is off is another matter."""
+    if math.isnan(error):
+        return Estimate.without_bounds(value, note)
+    half = 2 * error
+    return Estimate(value, value - half, value + half, "sampling of the surrogate", "nominal", note)
+
+
+def _exceedance_event(value: float) -> Callable[[FloatArray], FloatArray]:
+    """Whether an output exceeds a value; of one that is not a number, nothing."""
+
+    def event(values: FloatArray) -> FloatArray:
+        return np.where(np.isnan(values), np.nan, values > value)
+
+    return event

@@ -1,0 +1,57 @@
+"""What of a study decides its runs, and what of it does not."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterator
+from typing import Any
+
+from uqpen.archive.provenance import of_python_functions, provenance
+from uqpen.models.python_function import PythonFunction
+from uqpen.study.study import Study
+
+__all__ = ["run_fingerprint"]
+
+# Not the title, nor what is asked of the runs, nor what they are held against.
+_TABLES = ("seed", "inputs", "dependence", "constraints")
+
+
+def run_fingerprint(study: Study, model: str, design: str) -> dict[str, str]:
+    """All that the runs of a model in a design follow from, each as a text by its key.
+
+    That is the model, the inputs, the constraints, the seed, the design, the files that these name,
+    and what computes them. Modules that a model has imported only in its runs are told by those.
+
+    Parameters
+    ----------
+    study : Study
+        Whose runs they are.
+    model, design : str
+        Their names in it.
+    """
+    content = tomllib.loads(study.text)
+    tables = {name: content[name] for name in _TABLES if name in content}
+    tables["designs"] = {design: content["designs"][design]}
+    if model:
+        tables["models"] = {model: content["models"][model]}
+    else:
+        tables["model"] = content["model"]
+    adapter = study.models[model].model
+    files = [*adapter.files(), *study.joint.files, *study.designs[design].files()]
+    return {
+        **dict(_flatten(tables)),
+        **{f"model {name}": value for name, value in adapter.identity().items()},
+        **{f"file {file.path.name}": file.sha256 for file in files},
+        **provenance(),
+        **(of_python_functions() if isinstance(adapter, PythonFunction) else {}),
+    }
+
+
+def _flatten(table: dict[str, Any], *path: str) -> Iterator[tuple[str, str]]:
+    """The values of nested tables by their dotted keys; an input's law is a single one."""
+    for key, value in table.items():
+        if isinstance(value, dict) and path[:1] != ("inputs",):
+            yield from _flatten(value, *path, key)
+        else:
+            yield ".".join((*path, key)), json.dumps(value, ensure_ascii=False, default=str)

@@ -1,0 +1,218 @@
+"""The terms of an expansion: of the order that is given, or of the one that fits best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.model import Arrays
+from uqpen.surrogates.basis import MOST_TERMS, ProductBasis
+from uqpen.surrogates.projection import is_exact, projection_coefficients
+from uqpen.surrogates.regression import (
+    FOLDS,
+    RegressionFit,
+    cross_validation,
+    least_squares,
+    sparse_regression,
+)
+
+__all__ = ["HIGHEST_ORDER", "FitPoints", "Terms", "projection_terms", "regression_terms"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+# The highest order that is tried where none is given.
+HIGHEST_ORDER = 20
+# Orders are tried until so many in a row have been worse than the best one.
+_PATIENCE = 3
+# Below this error, a share of the variance, no figure is worth another order.
+_EXACT = 1e-16
+# An order is tried while its matrix has at most so many entries, which takes about a second ...
+_MOST_ENTRIES = 4_000_000
+# ... and given, while it fits into memory.
+_MOST_ENTRIES_GIVEN = 100_000_000
+
+_METHODS: dict[str, Callable[[FloatArray, FloatArray], RegressionFit | None]] = {
+    "least-squares": least_squares,
+    "sparse": sparse_regression,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """Terms with coefficients.
+
+    Parameters
+    ----------
+    indices : ndarray of int, shape (term, input)
+        Their degrees.
+    coefficients : ndarray, shape (term,)
+        Theirs.
+    order : int
+        Of all the terms that they were chosen from.
+    leave_one_out : float
+        See `uqpen.surrogates.regression.RegressionFit`; NaN for a projection.
+    cross_validation : float
+        Mean square error at runs that took no part in the fit, nor in the choice of its terms, as
+        a share of the variance: the former, where all terms are kept.
+    """
+
+    indices: IntArray
+    coefficients: FloatArray
+    order: int
+    leave_one_out: float
+    cross_validation: float
+
+
+@dataclass(frozen=True, eq=False)
+class FitPoints:
+    """The points of a fit and the terms that may be fitted there.
+
+    Parameters
+    ----------
+    basis : ProductBasis
+        Of the random inputs.
+    inputs : mapping of str to ndarray, shape (run,)
+        Their values.
+    truncation : float
+        See `uqpen.surrogates.basis.multi_indices`.
+    """
+
+    basis: ProductBasis
+    inputs: Arrays
+    truncation: float
+
+    @property
+    def run_count(self) -> int:
+        """How many there are."""
+        return len(next(iter(self.inputs.values())))
+
+    def orders(self, most_terms: float) -> Iterator[tuple[int, IntArray]]:
+        """Orders from 1 and their terms, as long as there are not too many of them."""
+        for order in range(1, HIGHEST_ORDER + 1):
+            indices = self.basis.indices(order, self.truncation)
+            if not 0 < len(indices) <= min(most_terms, max(_MOST_ENTRIES / self.run_count, 1)):
+                return
+            yield order, indices
+
+    def matrix(self, indices: IntArray) -> FloatArray:
+        """The terms at the points."""
+        return self.basis.matrix(self.inputs, indices)
+
+
+def regression_terms(
+    points: FitPoints,
+    values: FloatArray,
+    method: str,
+    order: int | None,
+    rng: np.random.Generator,
+) -> Terms | str:
+    """Terms from runs at any points, or why there are none.
+
+    Parameters
+    ----------
+    points : FitPoints
+        Where the runs were made.
+    values : ndarray, shape (run,)
+        What is fitted; not constant.
+    method : str
+        ``"sparse"`` or ``"least-squares"``.
+    order : int, optional
+        The order; without it, that of the least cross-validation error, or of the least corrected
+        leave-one-out error where all terms are kept. On the concrete study, the order of a sparse
+        fit with the least leave-one-out error has two to three times the error at fresh runs.
+    rng : Generator
+        Divides the runs for cross-validation.
+    """
+    fewest = 2 * (len(points.basis.univariate_bases) + 1)
+    if points.run_count < fewest:
+        inputs = (
+            f"{len(points.basis.univariate_bases)} random "
+            f"input{'s' * (len(points.basis.univariate_bases) > 1)}"
+        )
+        return f"{points.run_count} runs came back, and {inputs} need at least {fewest}"
+    folds = rng.permutation(np.arange(points.run_count) % FOLDS)
+    if order is not None:
+        return _terms_of_order(points, values, method, order, folds)
+    best, least = None, np.inf
+    most_terms = np.inf if method == "sparse" else points.run_count / 2
+    for tried, indices in points.orders(most_terms):
+        found, error = _fitted(points, values, method, tried, indices, folds)
+        if found is not None and (best is None or error < least):
+            best, least = found, error
+        if best and (least < _EXACT or tried - best.order >= _PATIENCE):
+            break
+    return best or "its points do not tell the terms of order 1 apart"
+
+
+def projection_terms(
+    points: FitPoints, weights: FloatArray, values: FloatArray, order: int | None
+) -> Terms | str:
+    """Terms from an integration rule, or why there are none.
+
+    Parameters
+    ----------
+    points : FitPoints
+        The rule's nodes.
+    weights : ndarray, shape (node,)
+        Its weights.
+    values : ndarray, shape (node,)
+        What is fitted.
+    order : int, optional
+        The order; without it, the highest that the rule is exact for.
+    """
+    best: Terms | None = None
+    for tried, indices in points.orders(points.run_count):
+        matrix = points.matrix(indices)
+        if not is_exact(matrix, weights):
+            break
+        best = Terms(
+            indices, projection_coefficients(matrix, weights, values), tried, np.nan, np.nan
+        )
+        if tried == order:
+            return best
+    highest = best.order if best else 0
+    if order is not None or best is None:
+        wanted = "any order" if order is None else f"order {order}"
+        return f"its rule is too coarse for {wanted}; the highest that it is exact for is {highest}"
+    return best
+
+
+def _terms_of_order(
+    points: FitPoints, values: FloatArray, method: str, order: int, folds: IntArray
+) -> Terms | str:
+    indices = points.basis.indices(order, points.truncation)
+    terms, runs = len(indices), points.run_count
+    if not terms or terms * runs > _MOST_ENTRIES_GIVEN:
+        count = f"{terms:_}" if terms else f"more than {MOST_TERMS:_}"
+        return f"order {order} has {count} terms, too many for {runs} runs to be fitted in memory"
+    if method == "least-squares" and runs <= terms:
+        return (
+            f"{runs} runs came back, and least squares need more of them than order {order} has "
+            f"terms, {terms}"
+        )
+    found, _ = _fitted(points, values, method, order, indices, folds)
+    return found or f"its points do not tell the terms of order {order} apart"
+
+
+def _fitted(
+    points: FitPoints,
+    values: FloatArray,
+    method: str,
+    order: int,
+    indices: IntArray,
+    folds: IntArray,
+) -> tuple[Terms | None, float]:
+    """The terms of an order, and the error that orders are compared by."""
+    matrix = points.matrix(indices)
+    fit = _METHODS[method](matrix, values)
+    if fit is None:
+        return None, np.inf
+    unseen, compared = fit.leave_one_out, fit.corrected
+    if method == "sparse":
+        unseen = compared = cross_validation(matrix, values, folds)
+    terms = Terms(indices[fit.terms], fit.coefficients, order, fit.leave_one_out, unseen)
+    return terms, compared

@@ -1,0 +1,127 @@
+"""The polynomials that are orthonormal under the law of one input.
+
+They are written in a *germ*: the input itself or its logarithm, shifted and scaled so that its
+size is about one. A normal law has Hermite's polynomials, a uniform one Legendre's, a gamma law
+Laguerre's and a beta law Jacobi's; any other law has polynomials of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.distributions.continuous import Lognormal, LogUniform, Normal, Uniform
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.orthogonal_polynomials import recurrence
+from uqpen.distributions.truncated import Truncated
+
+__all__ = ["UnivariateBasis", "univariate_basis"]
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class UnivariateBasis:
+    """The variable in which the polynomials of an input are written, and their recurrence.
+
+    With ξ = (x - location) / scale, x the input or its logarithm, the orthonormal polynomials are
+    √b_{n+1} p_{n+1} = (ξ - a_n) p_n - √b_n p_{n-1}, from p_0 = 1.
+
+    Parameters
+    ----------
+    name : str
+        The input's.
+    is_logarithm : bool
+        Whether x is the input's logarithm.
+    location, scale : float
+        What makes ξ of x.
+    centres, ratios : ndarray, shape (degree + 1,)
+        a_n and b_n from n = 0; b_0 is 1 and has no meaning.
+    """
+
+    name: str
+    is_logarithm: bool
+    location: float
+    scale: float
+    centres: FloatArray
+    ratios: FloatArray
+
+    @property
+    def highest_degree(self) -> int:
+        """The highest degree that there is a polynomial of."""
+        return len(self.ratios) - 1
+
+    def polynomials(self, values: FloatArray, degree: int) -> FloatArray:
+        """The polynomials up to a degree, at values of the input.
+
+        Parameters
+        ----------
+        values : ndarray, shape (run,)
+            In the input's SI unit; NaN comes of one that has no logarithm.
+        degree : int
+            At most `highest_degree`.
+
+        Returns
+        -------
+        ndarray, shape (degree + 1, run)
+        """
+        # Contiguous, so that NumPy's logarithm takes the same path for every batch.
+        x = np.ascontiguousarray(values, dtype=np.float64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = np.log(x) if self.is_logarithm else x
+        xi = (x - self.location) / self.scale
+        roots = np.sqrt(self.ratios)
+        table = np.ones((degree + 1, len(xi)))
+        for n in range(degree):
+            following = (xi - self.centres[n]) * table[n]
+            if n:
+                following -= roots[n] * table[n - 1]
+            table[n + 1] = following / roots[n + 1]
+        return table
+
+
+def univariate_basis(
+    name: str, distribution: Distribution, degree: int, *, logarithms: bool = True
+) -> UnivariateBasis:
+    """The germ of an input, with polynomials up to a degree.
+
+    Parameters
+    ----------
+    name : str
+        The input's.
+    distribution : Distribution
+        Its law; one that lies on a few points has fewer polynomials.
+    degree : int
+        The highest.
+    logarithms : bool
+        Whether an input whose logarithm has a simpler law than itself is taken by its logarithm.
+    """
+    of_logarithm = _logarithm_distribution(distribution) if logarithms else None
+    found = recurrence(of_logarithm or distribution, degree)
+    is_usable = np.isfinite(found.alpha) & np.isfinite(found.beta) & (found.beta > 0)
+    usable = len(is_usable) if is_usable.all() else int(is_usable.argmin())
+    return UnivariateBasis(
+        name=name,
+        is_logarithm=of_logarithm is not None,
+        location=found.location,
+        scale=found.scale,
+        centres=found.alpha[:usable],
+        ratios=found.beta[:usable],
+    )
+
+
+def _logarithm_distribution(distribution: Distribution) -> Distribution | None:
+    """The law of the logarithm, where that is the simpler one; truncation cuts it likewise."""
+    if isinstance(distribution, LogUniform):
+        return Uniform(math.log(distribution.lower), math.log(distribution.upper))
+    if isinstance(distribution, Lognormal):
+        variance = math.log1p((distribution.std / distribution.mean) ** 2)
+        return Normal(math.log(distribution.mean) - variance / 2, math.sqrt(variance))
+    if isinstance(distribution, Truncated):
+        parent = _logarithm_distribution(distribution.parent)
+        lower = math.log(distribution.lower) if distribution.lower > 0 else -math.inf
+        return parent and Truncated(parent, lower, math.log(distribution.upper))
+    return None

@@ -1,0 +1,151 @@
+"""The study of an archive, read again from its own text; nothing is executed unless trusted."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+
+import xarray as xr
+
+from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.core.errors import ArchiveError, ModelError, StudyError
+from uqpen.core.labels import KIND, RUN, RUNS, SAMPLING
+from uqpen.study.load import parse_study
+from uqpen.study.model_section import EXTERNAL_MODELS
+from uqpen.study.study import Study, Variant
+
+__all__ = [
+    "archived_runs",
+    "archived_study",
+    "external_models",
+    "find_incompatibility",
+    "refuse_external_models",
+    "run_inputs",
+]
+
+
+def archived_study(tree: xr.DataTree, folder: Path, *, trust: bool) -> Study:
+    """The study that an archive was made of.
+
+    Parameters
+    ----------
+    tree : DataTree
+        The archive.
+    folder : Path
+        Where the files lie that the study names.
+    trust : bool
+        Whether code that it names may be executed, and servers asked. If not, its models cannot
+        be run, but all else can be asked of them.
+
+    Raises
+    ------
+    StudyError
+        If it cannot be read here: a file that it names is not there, say.
+    """
+    name = str(tree.attrs.get("study_name", "study"))
+    try:
+        return parse_study(str(tree.attrs["study_text"]), name=name, folder=folder, trust=trust)
+    except StudyError as error:
+        where = f"the files that it names are looked for in {folder.absolute()} (--folder)"
+        raise StudyError(f"{error}\n\n{where}", error.problems) from None
+
+
+def external_models(text: str) -> list[str]:
+    """The models of a study that are not built in, as its text names them."""
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError):
+        return []  # whoever reads the study will say what is wrong with it
+    several = content.get("models")
+    tables = [content.get("model"), *(several.values() if isinstance(several, dict) else ())]
+    return [
+        next(
+            (_model_description(table[key]) for key in EXTERNAL_MODELS if key in table),
+            "one of no known kind",
+        )
+        for table in tables
+        if isinstance(table, dict)
+        and ("use" not in table or not EXTERNAL_MODELS.keys().isdisjoint(table))
+    ]
+
+
+def refuse_external_models(tree: xr.DataTree, path: Path, *, trust: bool) -> None:
+    """Refuse an archive whose study cannot be repeated without executing others' code.
+
+    Parameters
+    ----------
+    tree : DataTree
+        The archive.
+    path : Path
+        Where it was read, for the message.
+    trust : bool
+        Whether that code may be executed.
+
+    Raises
+    ------
+    ArchiveError
+        If it is none of a study.
+    ModelError
+        Naming the models.
+    """
+    if KIND in tree.attrs:
+        raise ArchiveError(f"{path}: holds methods head to head; `uqpen compare` repeats those")
+    named = external_models(str(tree.attrs["study_text"]))
+    if named and not trust:
+        raise ModelError(
+            f"{path}: its study runs code that it names itself: {', '.join(named)}\n"
+            "  if you trust whoever made it, say --trust"
+        )
+
+
+def archived_runs(tree: xr.DataTree) -> dict[str, dict[str, xr.Dataset]]:
+    """The runs of every design by model."""
+    return {
+        name: {design: read_group(model, RUNS, design) for design in group_names(model, RUNS)}
+        for name, model in model_trees(tree).items()
+    }
+
+
+def find_incompatibility(study: Study, runs: Mapping[str, Mapping[str, xr.Dataset]]) -> str:
+    """Why runs cannot be those of a study; empty where they can."""
+    if set(study.models) != set(runs):
+        return f"its text names other models than it holds: {_list_names(study.models)}"
+    for name, variant in study.models.items():
+        if set(study.designs) != set(runs[name]):
+            return f"its text names other designs than it holds: {_list_names(study.designs)}"
+        for design, design_runs in runs[name].items():
+            if design_runs.attrs.get(SAMPLING) != str(study.designs[design].sampling):
+                return f"its text has another kind of design by the name of {design}"
+            if lacking := _missing_variable(variant, study, design_runs):
+                return f"{design} does not have the {lacking} that its text tells of"
+    return ""
+
+
+def _missing_variable(variant: Variant, study: Study, made: xr.Dataset) -> str:
+    """An input or output that runs should have."""
+    for output in variant.model.outputs:
+        kind = "i" if output.categories else "f"
+        if output.name not in made or made[output.name].dims != (RUN,):
+            return output.name
+        if made[output.name].dtype.kind != kind:
+            return output.name
+    needed = {entry.variable.name for entry in study.joint.inputs} | set(variant.given)
+    for name in sorted(needed.union(run_inputs(study, made))):
+        if name not in made or made[name].dims not in ((), (RUN,)) or made[name].dtype.kind != "f":
+            return name
+    return next(variant.model.missing_inputs(run_inputs(study, made)), "")
+
+
+def run_inputs(study: Study, made: xr.Dataset) -> list[str]:
+    """The inputs that runs were made with: the law's, and those that a table or a model gives."""
+    return [variable.name for variable in study.joint.variables if variable.name in made]
+
+
+def _model_description(reference: object) -> str:
+    """A model as its table names it: a function, a server, or the words of a command."""
+    return " ".join(map(str, reference)) if isinstance(reference, list) else str(reference)
+
+
+def _list_names(names: Mapping[str, object]) -> str:
+    return ", ".join(names) or "a single one"

@@ -1,0 +1,208 @@
+"""Whether what is found again is what an archive holds: to the bit, nearly, or not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+__all__ = [
+    "NEGLIGIBLE",
+    "TOLERANCE",
+    "Difference",
+    "difference_text",
+    "find_attribute_differences",
+    "find_differences",
+    "relative_difference",
+    "unequal",
+]
+
+# What other versions or another machine may change: far more than last bits that a computation
+# carries along, far less than any interval; relative to the scale of a variable.
+TOLERANCE = 1e-9
+
+# What is left of a sum whose terms cancel is this small beside them; no statistic tells it from 0.
+NEGLIGIBLE = 2.0**-60
+
+# Errors of a fit are what is left of its output. Those that are shares of a variance have the scale
+# 1, others that of the coefficients that they are attributes of.
+_SHARES_OF_VARIANCE = ("leave_one_out_error", "cross_validation_error")
+_IN_THE_OUTPUTS_UNIT = ("fit_noise_mean", "fit_noise_std")
+
+
+class Difference(NamedTuple):
+    """Something of a group that is not the same.
+
+    Attributes
+    ----------
+    what : str
+        Which variable or attribute, and how it differs.
+    relative : float
+        By how much, relative to the largest value; infinite where that means nothing.
+    is_new : bool
+        Whether it is something that the archive does not have.
+    """
+
+    what: str
+    relative: float
+    is_new: bool = False
+
+
+def unequal(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+    """Where two arrays of one shape are not the same to the bit; one NaN is like another."""
+    if one.dtype.kind == "f" and other.dtype.kind == "f":
+        same = (one == other) & (np.signbit(one) == np.signbit(other))
+        return ~(same | (np.isnan(one) & np.isnan(other)))
+    return np.asarray(one != other, dtype=bool)
+
+
+def relative_difference(
+    one: npt.NDArray[Any], other: npt.NDArray[Any], scale: float = 0.0
+) -> float:
+    """The largest difference of two arrays of one shape, relative to their largest value.
+
+    Parameters
+    ----------
+    one, other : ndarray
+        The two.
+    scale : float
+        What differences are relative to where it is larger than their largest value.
+
+    Returns
+    -------
+    float
+        Infinite where something that is no finite number differs.
+    """
+    at = unequal(one, other)
+    if not at.any():
+        return 0.0
+    if one.dtype.kind != "f" or other.dtype.kind != "f":
+        return math.inf
+    if not (np.isfinite(one[at]).all() and np.isfinite(other[at]).all()):
+        return math.inf
+    finite = np.concatenate([each[np.isfinite(each)] for each in (one, other)])
+    largest = max(float(np.abs(finite).max()), scale)
+    # Halves, as the difference of the largest numbers of all is none.
+    difference = float(np.abs(one[at] / 2 - other[at] / 2).max())
+    return 2 * (difference / largest) if largest else 0.0
+
+
+def difference_text(difference: float) -> str:
+    """A gap in words, after "differ"; empty where it is none of numbers.
+
+    >>> size_of(2.1e-16)
+    ' by up to 2.1e-16 of the largest value'
+    """
+    return "" if math.isinf(difference) else f" by up to {difference:.2g} of the largest value"
+
+
+def find_differences(
+    archived: xr.Dataset, found: xr.Dataset, *, besides: Container[str] = ()
+) -> Iterator[Difference]:
+    """All that an archive's group and another made for the same do not share.
+
+    Parameters
+    ----------
+    archived, found : Dataset
+        The two.
+    besides : container of str
+        Attributes of the group that are not looked at.
+    """
+    yield from _missing_keys(archived.variables, found.variables, "")
+    scales = _scales(archived)
+    for name in archived.variables.keys() & found.variables.keys():
+        one, other = archived.variables[name], found.variables[name]
+        if one.dims != other.dims or one.shape != other.shape or _kind(one) != _kind(other):
+            yield Difference(f"{name} is of another shape or type", math.inf)
+            continue
+        if difference := relative_difference(one.values, other.values, scales[str(name)]):
+            entries = int(unequal(one.values, other.values).sum())
+            counted = f"{entries} of {one.size} entries" if one.size > 1 else "the value"
+            differ = "differ" if entries > 1 else "differs"
+            yield Difference(f"{name}: {counted} {differ}{difference_text(difference)}", difference)
+        largest = _largest(one)
+        yield from find_attribute_differences(
+            one.attrs, other.attrs, of=f" of {name}", largest=largest
+        )
+    yield from find_attribute_differences(archived.attrs, found.attrs, besides=besides)
+
+
+def find_attribute_differences(
+    archived: Mapping[Any, Any],
+    found: Mapping[Any, Any],
+    *,
+    of: str = "",
+    besides: Container[str] = (),
+    largest: float = 0.0,
+) -> Iterator[Difference]:
+    """The attributes that two groups or variables do not share.
+
+    Parameters
+    ----------
+    archived, found : mapping
+        The two.
+    of : str
+        Where the attributes stand, for the message.
+    besides : container of str
+        Attributes that are not looked at.
+    largest : float
+        The largest value of the variable that they are attributes of.
+    """
+    one, other = (
+        {key: np.ravel(np.asarray(value)) for key, value in each.items() if key not in besides}
+        for each in (archived, found)
+    )
+    for lacking in _missing_keys(one, other, "attribute "):
+        yield lacking._replace(what=f"{lacking.what}{of}")
+    for name in sorted(one.keys() & other.keys()):
+        alike = one[name].shape == other[name].shape and _kind(one[name]) == _kind(other[name])
+        scale = 1.0 if name in _SHARES_OF_VARIANCE else 0.0
+        scale = largest if name in _IN_THE_OUTPUTS_UNIT else scale
+        difference = relative_difference(one[name], other[name], scale) if alike else math.inf
+        if difference:
+            yield Difference(
+                f"attribute {name}{of} differs{difference_text(difference)}", difference
+            )
+
+
+def _scales(group: xr.Dataset) -> dict[str, float]:
+    """Return the scale of each variable: the largest value with its unit in its group.
+
+    A mean may be 0 but for rounding. What it is rounded from has the scale of the other statistics
+    of its unit. The scale of a plain number, such as a skewness, is at least 1.
+    """
+    largest = {"1": 1.0}
+    for variable in group.variables.values():
+        unit = variable.attrs.get("units")
+        if isinstance(unit, str) and unit != "1":
+            largest[unit] = max(largest.get(unit, 0.0), _largest(variable))
+    return {
+        str(name): largest.get(str(variable.attrs.get("units")), 0.0)
+        for name, variable in group.variables.items()
+    }
+
+
+def _largest(variable: xr.Variable) -> float:
+    """Return the largest finite absolute value of a variable; 0 where it has none."""
+    values = np.asarray(variable.values)
+    if values.dtype.kind != "f":
+        return 0.0
+    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+
+
+def _missing_keys(
+    archived: Mapping[Any, object], found: Mapping[Any, object], what: str
+) -> Iterator[Difference]:
+    for name in sorted(map(str, archived.keys() - found.keys())):
+        yield Difference(f"{what}{name} is not found again", math.inf)
+    for name in sorted(map(str, found.keys() - archived.keys())):
+        yield Difference(f"{what}{name} is missing", math.inf, is_new=True)
+
+
+def _kind(array: Any) -> str:
+    """What an array is of; texts may be kept in several ways."""
+    return "text" if array.dtype.kind in "OUS" else str(array.dtype.name)

@@ -1,0 +1,145 @@
+"""The study of an archive with the files that it was made with, as long as it is needed."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import xarray as xr
+
+from uqpen.archive.files import FILES, ArchivedFile, archived_files, files_by_name
+from uqpen.archive.files_extraction import extract_files
+from uqpen.archive.read import read_group
+from uqpen.core.errors import ArchiveError, StudyError, UqpenError
+from uqpen.models.command.model import Command
+from uqpen.study.study import Study
+from uqpen.verification.archived_study import archived_study
+
+__all__ = ["RestoredStudy", "restored_study", "with_kept_folders"]
+
+
+class RestoredStudy(NamedTuple):
+    """A study that can be repeated.
+
+    Attributes
+    ----------
+    study : Study
+        Read again.
+    has_kept_files : bool
+        Whether the files that it names are those that the archive keeps.
+    different_files : list of str
+        Of each file that it names and that is another than the archive's, how, in a line.
+    """
+
+    study: Study
+    has_kept_files: bool
+    different_files: list[str]
+
+
+@contextlib.contextmanager
+def restored_study(
+    tree: xr.DataTree, folder: Path | None, *, trust: bool
+) -> Iterator[RestoredStudy]:
+    """While this lasts, an archive's study can be repeated.
+
+    Parameters
+    ----------
+    tree : DataTree
+        The archive, which has no faults.
+    folder : Path or None
+        Where to take the files that the study names; None for those that the archive keeps. What
+        it keeps by a hash alone, or not at all, is then looked for in the current folder.
+    trust : bool
+        As for `archived_study`.
+
+    Raises
+    ------
+    ArchiveError
+        If its files are not what their hashes say, or cannot be in a folder.
+    StudyError
+        If the study cannot be read: a file that it names is not there, say.
+    """
+    here = Path.cwd()
+    files = archived_files(read_group(tree, FILES))
+    if folder is not None or not files:
+        folder = folder or here
+        study = archived_study(tree, folder, trust=trust)
+        differing = _different_files(study, files, folder.absolute())
+        _refuse_substitutes(files, differing)
+        yield RestoredStudy(study, False, list(differing.values()))
+        return
+    with extract_files(files, here) as (place, missing):
+        try:
+            study = archived_study(tree, place, trust=trust)
+        except UqpenError as error:
+            raise _without_temporary_folder(error, place, missing) from None
+        differing = _different_files(study, files, None)
+        if differing:
+            advice = "named by an absolute path, and another file now (--folder: take it anyway)"
+            raise ArchiveError("\n".join([*differing.values(), advice]))
+        yield RestoredStudy(study, True, [])
+
+
+def with_kept_folders(study: Study, folder: Path) -> Study:
+    """A study whose programs leave in a folder what is kept of their runs.
+
+    Parameters
+    ----------
+    study : Study
+        Programs of several models get a folder each within that.
+    folder : Path
+        It is made when there is something to keep.
+    """
+    models = {
+        name: replace(variant, model=variant.model.with_folder(folder / name))
+        if isinstance(variant.model, Command)
+        else variant
+        for name, variant in study.models.items()
+    }
+    return replace(study, models=models)
+
+
+def _different_files(
+    study: Study, files: Sequence[ArchivedFile], folder: Path | None
+) -> dict[str, str]:
+    """Of each file that is another than the archive's, how; those in a folder are looked at too."""
+    kept = {file.name: file.sha256 for file in files}
+    read = {name: file.sha256 for name, file in files_by_name(study.files(), study.folder).items()}
+    beside = {name: _sha256(folder / name) for name in kept.keys() - read.keys() if folder}
+    differing = {name: f"{name}: is not there" for name, found in beside.items() if not found}
+    for name, found in sorted({**read, **beside}.items()):
+        # An absolute path can have been another on the machine that made the archive.
+        if kept and found and found != kept.get(name) and found not in kept.values():
+            expected = kept.get(name, "none, as the archive has no such file")
+            differing[name] = f"{name}: found the SHA-256 {found}, expected {expected}"
+    return differing
+
+
+def _refuse_substitutes(files: Sequence[ArchivedFile], differing: dict[str, str]) -> None:
+    """Refuse others in place of files that the archive knows by their hashes alone."""
+    known = {file.name for file in files if not file.is_whole}
+    refused = [reason for name, reason in differing.items() if name in known]
+    if refused:
+        raise ArchiveError("\n".join(refused))
+
+
+def _sha256(path: Path) -> str:
+    """The hash of a file; empty where there is none."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+    except (OSError, ValueError):
+        return ""
+
+
+def _without_temporary_folder(error: UqpenError, place: Path, missing: Sequence[str]) -> UqpenError:
+    """A mistake told without the folder where files are only for the moment."""
+    message = str(error).partition("\n\nthe files that it names")[0]
+    message = message.replace(f"{place}{os.sep}", "")
+    advice = "the files that it names are those that the archive keeps (others: --folder)"
+    problems = error.problems if isinstance(error, StudyError) else ()
+    return StudyError("\n".join([message, "", *missing, advice]), problems)
