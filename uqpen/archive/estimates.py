@@ -1,0 +1,170 @@
+"""Estimates in datasets of an archive: how they are packed, and taken out with their texts.
+
+An *estimate array* is what analyses yield and readers get: a DataArray named like its statistic,
+with the statistic's dimensions and ``bound`` (estimate, lower, upper), and with three text
+coordinates, ``interval``, ``interval_label`` and ``note``, along all dimensions but ``bound``.
+
+In a dataset these texts are attributes of the variable where all entries agree. Otherwise a
+variable ``<statistic>_interval`` of small integers stands beside it. Its attributes
+``flag_interval``, ``flag_interval_label`` and ``flag_note`` list the texts: 1 000 entries then take
+a kilobyte.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.labels import BOUND, BOUNDS, INTERVAL, INTERVAL_LABEL, NOTE
+
+__all__ = ["INTERVAL_TEXTS", "estimate_array", "interval_text", "pack", "statistic_names", "unpack"]
+
+INTERVAL_TEXTS = (INTERVAL, INTERVAL_LABEL, NOTE)
+
+_CODES = f"_{INTERVAL}"
+_FLAG = "flag_"
+
+
+def estimate_array(
+    values: Any,
+    dims: Mapping[str, int],
+    texts: Mapping[str, Any],
+    *,
+    units: str,
+    long_name: str,
+    attributes: Mapping[str, Any] | None = None,
+) -> xr.DataArray:
+    """Build an estimate array.
+
+    Parameters
+    ----------
+    values : array_like, shape (*dims, 3)
+        Estimate, lower and upper bound; NaN for what there is not.
+    dims : mapping of str to int
+        The dimensions before ``bound`` and their sizes.
+    texts : mapping of str to array_like
+        By `INTERVAL_TEXTS`: one text for all entries, or one for each.
+    units, long_name : str
+        In SI; what it is.
+    attributes : mapping, optional
+        Further ones.
+    """
+    shape = tuple(dims.values())
+    coordinates = {}
+    for name in INTERVAL_TEXTS:
+        entries = np.empty(shape, dtype=object)
+        entries[...] = np.asarray(texts[name], dtype=object).reshape(
+            () if isinstance(texts[name], str) else shape
+        )
+        coordinates[name] = (tuple(dims), entries)
+    return xr.DataArray(
+        np.asarray(values, dtype=np.float64).reshape(*shape, len(BOUNDS)),
+        {BOUND: list(BOUNDS), **coordinates},
+        (*dims, BOUND),
+        attrs={"units": units, "long_name": long_name, **(attributes or {})},
+    )
+
+
+def interval_text(array: xr.DataArray, name: str) -> str:
+    """Return what one estimate says of its interval; empty for nothing.
+
+    Parameters
+    ----------
+    array : DataArray
+        A single entry of an estimate array, along ``bound`` alone.
+    name : str
+        One of `INTERVAL_TEXTS`.
+    """
+    return str(array.coords[name].values) if name in array.coords else ""
+
+
+def pack(arrays: Mapping[str, xr.DataArray] | Iterable[tuple[str, xr.DataArray]]) -> xr.Dataset:
+    """Put estimate arrays, and arrays without bounds, into a dataset as an archive has it."""
+    variables: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {}
+    for name, array in dict(arrays).items():
+        attributes = dict(array.attrs)
+        coordinates |= {
+            key: each.variable for key, each in array.coords.items() if key not in INTERVAL_TEXTS
+        }
+        if BOUND in array.dims:
+            texts = [array.coords[text].values for text in INTERVAL_TEXTS]
+            entries = list(zip(*(np.ravel(text).tolist() for text in texts), strict=True))
+            known = {entry: code for code, entry in enumerate(dict.fromkeys(entries))}
+            if len(known) > 1:
+                variables[f"{name}{_CODES}"] = _codes(array, entries, known)
+            else:
+                entry = entries[0] if entries else ("none", "none", "")
+                attributes |= {
+                    key: text for key, text in zip(INTERVAL_TEXTS, entry, strict=True) if text
+                }
+        variables[name] = (array.dims, array.values, attributes)
+    return xr.Dataset(variables, coordinates)
+
+
+def _codes(
+    array: xr.DataArray, entries: list[tuple[str, ...]], known: Mapping[tuple[str, ...], int]
+) -> tuple[Any, ...]:
+    """Return the variable that says which of the known texts each entry has."""
+    dims = [dim for dim in array.dims if dim != BOUND]
+    kind = np.int8 if len(known) <= np.iinfo(np.int8).max else np.int16
+    codes = np.array([known[entry] for entry in entries], dtype=kind)
+    attributes = {
+        "long_name": f"how the intervals of {array.name or 'the estimates'} were made",
+        "flag_values": np.arange(len(known), dtype=kind),
+        "flag_meanings": " ".join(f"k{code}" for code in known.values()),
+        **{
+            f"{_FLAG}{name}": [entry[position] for entry in known]
+            for position, name in enumerate(INTERVAL_TEXTS)
+        },
+    }
+    return dims, codes.reshape([array.sizes[dim] for dim in dims]), attributes
+
+
+def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
+    """Take a statistic out of a dataset, with the texts of its intervals beside it.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        A group of an archive.
+    name : str
+        The statistic's.
+
+    Returns
+    -------
+    DataArray or None
+        An estimate array, or one without bounds; None where the dataset does not have it.
+    """
+    if name not in dataset.data_vars:
+        return None
+    array = dataset[name]
+    if BOUND not in array.dims:
+        return array
+    dims = array.dims[:-1]
+    shape = array.shape[:-1]
+    codes = dataset.variables.get(f"{name}{_CODES}")
+    texts = {}
+    for key in INTERVAL_TEXTS:
+        if codes is None:
+            values = np.full(shape, str(array.attrs.get(key, "")), dtype=object)
+        else:
+            table = np.array(np.atleast_1d(codes.attrs[f"{_FLAG}{key}"]), dtype=object)
+            values = table[codes.values]
+        texts[key] = (dims, values)
+    taken = array.assign_coords(texts)
+    taken.attrs = {key: value for key, value in array.attrs.items() if key not in INTERVAL_TEXTS}
+    return taken
+
+
+def statistic_names(dataset: xr.Dataset) -> list[str]:
+    """Return the statistics of a dataset, without the codes of their intervals."""
+    names = [str(name) for name in dataset.data_vars]
+    return [
+        name
+        for name in names
+        if not (name.endswith(_CODES) and name.removesuffix(_CODES) in dataset.data_vars)
+    ]

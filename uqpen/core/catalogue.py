@@ -1,0 +1,177 @@
+"""The catalogue of statistics: what each number of an archive is.
+
+An entry says along which dimensions a statistic lies, in what unit it is, and what a person calls
+it. Whatever writes, checks or shows a statistic reads its entry here; nobody parses a name. A
+statistic that is not in the catalogue is described by its own variable, and shown from that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from types import MappingProxyType
+
+from uqpen.core.labels import INPUT, PAIR, RANK, STATUS
+
+__all__ = [
+    "CATALOGUE",
+    "CATEGORY",
+    "CONTENT_LEVEL",
+    "DIMENSIONS",
+    "FAILURE_STATISTICS",
+    "PROBABILITY",
+    "THRESHOLD",
+    "Dimension",
+    "Statistic",
+    "UnitRule",
+]
+
+PROBABILITY = "probability"
+# The share of the distribution that a tolerance limit has on its side.
+CONTENT_LEVEL = "content"
+THRESHOLD = "threshold"
+CATEGORY = "category"
+
+
+class UnitRule(Enum):
+    """The unit of a statistic, as far as it follows from its output's."""
+
+    VALUE = "a value of the output"
+    """Converted with the offset of the unit: 0 degC is 273.15 K."""
+    DIFFERENCE = "a difference of two values of the output"
+    """Converted by the factor of the unit alone."""
+    NONE = "a plain number"
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """What the entries of a statistic lie along.
+
+    Parameters
+    ----------
+    kind : str
+        ``"number"`` or ``"text"``: what tells the entries apart.
+    companions : mapping of str to str
+        Further coordinates along it, each with its kind: ``"number"``, ``"count"`` or ``"text"``.
+    """
+
+    kind: str
+    companions: Mapping[str, str] = field(default_factory=dict)
+
+
+DIMENSIONS: Mapping[str, Dimension] = MappingProxyType(
+    {
+        PROBABILITY: Dimension("number"),
+        CONTENT_LEVEL: Dimension("number", {"content_runs_needed": "count"}),
+        THRESHOLD: Dimension("text", {"threshold_value": "number"}),
+        CATEGORY: Dimension("text", {"category_label": "text"}),
+        RANK: Dimension("number"),
+        INPUT: Dimension("text"),
+        PAIR: Dimension("text", {"pair_first": "text", "pair_second": "text"}),
+        STATUS: Dimension("text"),
+    }
+)
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """One kind of number.
+
+    Parameters
+    ----------
+    name : str
+        Of its variable in an archive.
+    title : str
+        What a person calls it.
+    dims : tuple of str
+        Its dimensions, keys of `DIMENSIONS`; an estimate has ``bound`` behind them.
+    unit : UnitRule
+        How its unit follows from the output's.
+    has_bounds : bool
+        Whether it is an estimate with bounds; a place on an axis, say, is none.
+    note_is_of_estimate : bool
+        Whether a note says something of the estimate rather than of its interval.
+    """
+
+    name: str
+    title: str
+    dims: tuple[str, ...] = ()
+    unit: UnitRule = UnitRule.NONE
+    has_bounds: bool = True
+    note_is_of_estimate: bool = False
+
+    @property
+    def is_function(self) -> bool:
+        """Whether it is a distribution function, which is judged and shown as a whole."""
+        return RANK in self.dims
+
+
+_INDICES = {
+    "first_order": "first-order Sobol' index",
+    "total_order": "total-order Sobol' index",
+    "shapley": "Shapley effect",
+}
+
+
+def _indices(prefix: str, of: str, *along: str) -> list[Statistic]:
+    """The three shares of a variance, of the output or of something made of it."""
+    return [
+        Statistic(f"{prefix}{name}", f"{title}{of}", (*along, INPUT), note_is_of_estimate=True)
+        for name, title in _INDICES.items()
+    ]
+
+
+_STATISTICS = [
+    Statistic("mean", "mean", unit=UnitRule.VALUE),
+    Statistic("std", "standard deviation", unit=UnitRule.DIFFERENCE),
+    Statistic("half_spread", "half the 16 % to 84 % range", unit=UnitRule.DIFFERENCE),
+    Statistic("skewness", "skewness"),
+    Statistic("kurtosis", "kurtosis"),
+    Statistic("effective_runs", "effective number of runs"),
+    Statistic("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
+    Statistic("tolerance_limit", "upper tolerance limit", (CONTENT_LEVEL,), UnitRule.VALUE),
+    Statistic("exceedance", "probability of exceeding a value", (THRESHOLD,)),
+    Statistic("share", "probability of a category", (CATEGORY,)),
+    Statistic("cdf", "distribution function, pointwise bounds", (RANK,)),
+    Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
+    Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
+    *_indices("", ""),
+    Statistic("second_order", "second-order Sobol' index", (PAIR,), note_is_of_estimate=True),
+    *_indices("log_", " of the logarithm"),
+    *_indices("exceedance_", " of exceeding a value", THRESHOLD),
+    *_indices("category_", " of a category", CATEGORY),
+    *(
+        Statistic(name, title, (INPUT,), note_is_of_estimate=True)
+        for name, title in (
+            ("pearson", "Pearson correlation"),
+            ("spearman", "Spearman rank correlation"),
+            ("partial", "partial correlation"),
+            ("partial_rank", "partial rank correlation"),
+            ("delta", "moment-independent delta"),
+            ("mu", "mean elementary effect"),
+            ("mu_star", "mean absolute elementary effect"),
+            ("sigma", "standard deviation of the elementary effects"),
+            ("response", "relative response"),
+            ("contribution", "contribution to the relative uncertainty"),
+        )
+    ),
+]
+
+CATALOGUE: Mapping[str, Statistic] = MappingProxyType({each.name: each for each in _STATISTICS})
+
+# What an archive says of a design's runs as a whole, of no output in particular.
+FAILURE_STATISTICS: Mapping[str, Statistic] = MappingProxyType(
+    {
+        each.name: each
+        for each in (
+            Statistic("probability", "probability that a run ends so", (STATUS,)),
+            Statistic("larger", "probability that an input is larger in a failed run", (INPUT,)),
+            Statistic(
+                "further_out", "probability that an input is further out in a failed run", (INPUT,)
+            ),
+            Statistic("lowest", "lowest value in a failed run", (INPUT,), has_bounds=False),
+            Statistic("highest", "highest value in a failed run", (INPUT,), has_bounds=False),
+        )
+    }
+)
