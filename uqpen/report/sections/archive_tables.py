@@ -46,6 +46,8 @@ _NAMES = {
     "numba_target": "processor that Numba compiles for",
     SCHEMA_ATTRIBUTE: "schema of the archive",
 }
+# Characters of an attribute that are shown: a hash fits, and the table stays within the screen.
+_LONGEST_VALUE = 72
 _SHOWN_ELSEWHERE = ("study_text", CONTENT, "Conventions")
 
 
@@ -174,4 +176,4 @@ def _attribute_name(name: Any) -> str:
 
 
 def _add(table: OutputTable, entries: Mapping[str, Any]) -> None:
-    table.rows += [(name, [plain_text(str(value), 120)]) for name, value in entries.items()]
+    table.rows += [(name, [plain_text(str(value), _LONGEST_VALUE)]) for name, value in entries.items()]
