@@ -31,10 +31,12 @@ from coverage_table import FEWEST_SEEDS, LOWEST, markdown, read, write
 from scipy import stats
 from scipy.stats import qmc
 
-from uqpen.archive.interval_metadata import interval_metadata
-from uqpen.core.labels import BOUNDS, INTERVAL_LABEL, NOTE, RUN, SAMPLING, Sampling, Status
+from uqpen.archive.estimates import interval_text
+from uqpen.core.labels import BOUNDS, INTERVAL_LABEL, NOTE, RUN, SAMPLING
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Input, Model, Output
+from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
@@ -271,15 +273,15 @@ def _moments(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
     known = {"mean": truth.mean, "std": truth.std, "half_spread": (high - low) / 2}
     answers = _answers("moments", runs, QuantityOfInterest(problem.output, ""))
     for statistic, value in known.items():
-        yield statistic, _cell(answers[f"{problem.output.name}_{statistic}"], value)
+        yield statistic, _cell(answers[statistic], value)
 
 
 def _quantiles(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
-    name = problem.output.name
     quantity = QuantityOfInterest(problem.output, "", quantiles=QUANTILES, tolerance_contents=HOLDS)
-    for p, answer in zip(QUANTILES, _answers("quantiles", runs, quantity)[name], strict=True):
+    for p, answer in zip(QUANTILES, _answers("quantiles", runs, quantity)["quantile"], strict=True):
         yield f"quantile {p}", _cell(answer, float(problem.truth.quantile(p)))
-    for p, answer in zip(HOLDS, _answers("holds", runs, quantity)[name], strict=True):
+    limits = _answers("holds", runs, quantity)["tolerance_limit"]
+    for p, answer in zip(HOLDS, limits, strict=True):
         yield f"hold {p}", _cell(answer, float(problem.truth.quantile(p)), one_sided=True)
 
 
@@ -288,33 +290,33 @@ def _exceedance(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]
         probability = 1 - float(problem.truth.cdf(value))
         quantity = QuantityOfInterest(problem.output, "", thresholds=(Threshold("", value),))
         answers = _answers("exceedance", runs, quantity)
-        answer = answers[problem.output.name][0]
+        answer = answers["exceedance"][0]
         yield f"P(> {value:.4g}) = {probability:.3g}", _cell(answer, probability)
 
 
 def _cdf(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
-    name = problem.output.name
     answers = _answers("cdfs", runs, QuantityOfInterest(problem.output, ""))
-    values = answers[name].values
-    pointwise = answers[f"{name}_probability"]
+    values = answers["cdf_value"].values
+    pointwise = answers["cdf"]
     for p in FIXED:
         value = problem.truth.quantile(p)
         # Between two ranks the function is a step that the archive does not keep.
         between = [np.interp(value, values, column) for column in pointwise.values.T]
         yield f"cdf at fixed q{p}", _cell(pointwise[0].copy(data=between), p)
-    band = answers[f"{name}_band"]
+    band = answers["cdf_band"]
     _, lower, upper = band.values.T
     exact = problem.truth.cdf(values)
     inside = bool(((lower <= exact) & (exact <= upper)).all())
     error = float(np.abs(band.values[:, 0] - exact).max())
     half = float((upper - lower).max() / 2)
-    yield "cdf band", Cell(inside, error, half, band.attrs["interval_label"], warns=False)
+    label = interval_text(band[0], INTERVAL_LABEL)
+    yield "cdf band", Cell(inside, error, half, label, warns=False)
 
 
 def _shares(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
     for output in problem.evaluator.model.outputs:
         if output.categories:
-            answer = _answers("shares", runs, QuantityOfInterest(output, ""))[output.name]
+            answer = _answers("shares", runs, QuantityOfInterest(output, ""))["share"]
             for position, category in enumerate(output.categories):
                 value = problem.truth.shares[category.flag]
                 yield f"share {category.flag} = {value:.3g}", _cell(answer[position], value)
@@ -331,19 +333,18 @@ def _indices(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
     else:
         answering = first_order(Sample.from_runs(runs, name), quantity)
     known = [kind for kind in truth.indices if has_blocks or kind.endswith("first_order")]
-    wanted = {f"{name}_{kind}" for kind in known}
+    wanted = set(known)
     if exceeds:
-        wanted.add(f"{name}_exceedance_{'total_order' if has_blocks else 'first_order'}")
+        wanted.add(f"exceedance_{'total_order' if has_blocks else 'first_order'}")
     answers = _until(wanted, answering)
     for kind in known:
-        own = _Own(answers[f"{name}_{kind}"], f"{name}_{kind}")
+        own = _Own(answers[kind])
         for position, value in enumerate(truth.indices[kind]):
             yield f"{kind} of x{position + 1} = {value:.3g}", own.cell((position,), value)
     for number, (threshold, indices) in enumerate(truth.exceedance_indices.items()):
         for kind, exact in indices.items():
             if has_blocks or kind == "first_order":
-                called = f"{name}_exceedance_{kind}"
-                own = _Own(answers[called], called)
+                own = _Own(answers[f"exceedance_{kind}"])
                 for position, value in enumerate(exact):
                     yield (
                         f"exceedance {kind} of x{position + 1} > {threshold} = {value:.3g}",
@@ -390,10 +391,10 @@ class _Own:
     Taking them from the array one by one would take longer than most statistics do.
     """
 
-    def __init__(self, array: xr.DataArray, name: str) -> None:
+    def __init__(self, array: xr.DataArray) -> None:
         self._bounds = array.values
-        self._labels = array.coords[f"{name}_{INTERVAL_LABEL}"].values
-        self._notes = array.coords[f"{name}_{NOTE}"].values
+        self._labels = array.coords[INTERVAL_LABEL].values
+        self._notes = array.coords[NOTE].values
 
     def cell(self, place: tuple[int, ...], truth: float) -> Cell:
         """One of them, held against the truth."""
@@ -401,7 +402,7 @@ class _Own:
 
 
 def _cell(answer: xr.DataArray, truth: float, *, one_sided: bool = False) -> Cell:
-    label, note = interval_metadata(answer, INTERVAL_LABEL), interval_metadata(answer, NOTE)
+    label, note = interval_text(answer, INTERVAL_LABEL), interval_text(answer, NOTE)
     return _held(answer.values, label, note, truth, one_sided=one_sided)
 
 

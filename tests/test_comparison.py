@@ -1,4 +1,4 @@
-"""The comparison: each figure from all sources, beside the runs that each took."""
+"""Statistics of all sources side by side, beside the runs that each took."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import xarray as xr
 import uqpen
 from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
+from uqpen.results.source_statistics import SourceStatistics
 from uqpen.study.study import Study
 
 pytestmark = pytest.mark.processor
@@ -41,37 +42,31 @@ def tree(study_of: MakeStudy) -> xr.DataTree:
 
 
 def test_each_source_stands_with_its_runs(tree: xr.DataTree) -> None:
-    comparison = tree["comparison"]
-    assert comparison["source"].values.tolist() == ["mc", "blocks", "steps", "pce"]
-    assert comparison["source_kind"].values.tolist() == ["design"] * 3 + ["surrogate"]
+    statistics = SourceStatistics(tree)
+    assert statistics.sources == ["mc", "blocks", "steps", "pce"]
+    kinds = [statistics.kind(source) for source in statistics.sources]
+    assert kinds == ["design"] * 3 + ["surrogate"]
     # The surrogate takes the runs that it is fitted to and those that check it.
-    assert comparison["runs_spent"].values.tolist() == [400, 1024, 5, 1424]
+    spent = [int(tree[f"statistics/{name}"].attrs["runs_spent"]) for name in statistics.sources]
+    assert spent == [400, 1024, 5, 1424]
 
 
-def test_the_figures_are_those_of_the_groups(tree: xr.DataTree) -> None:
-    comparison = tree["comparison"].to_dataset()
-    for source in ("mc", "blocks", "pce"):
-        at = comparison.sel(source=source)
-        own = tree[f"moments/{source}"]["y_mean"]
-        np.testing.assert_array_equal(at["y_mean"].values, own.values)
-        assert str(at["y_mean_interval_label"].values) == own.attrs["interval_label"]
-        own = tree[f"exceedance/{source}"]["y"]
-        np.testing.assert_array_equal(at["y_exceedance"].values, own.values)
-        labels = at["y_exceedance_interval_label"].values.tolist()
-        assert labels == own["y_threshold_interval_label"].values.tolist()
+def test_a_source_has_what_it_tells_and_nothing_else(tree: xr.DataTree) -> None:
+    statistics = SourceStatistics(tree)
+    assert statistics.get("steps", "y", "mean") is None
+    assert statistics.sources_of("y", "mean") == ["mc", "blocks", "pce"]
+    assert statistics.sources_of("y", "response") == ["steps"]
+    response = statistics.statistics("steps", "y")["response"]
+    assert np.isfinite(response.sel(bound="estimate")).all()
 
 
-def test_what_a_source_does_not_tell_is_not_a_number_and_says_so(tree: xr.DataTree) -> None:
-    at = tree["comparison"].to_dataset().sel(source="steps")
-    assert np.isnan(at["y_mean"].values).all()
-    assert str(at["y_mean_note"].values) == "this source does not tell it"
-    assert np.isfinite(at["y_response"].sel(bound="estimate")).all()
-
-
-def test_it_reads_back_from_an_archive(tree: xr.DataTree, tmp_path: Path) -> None:
+def test_statistics_read_back_from_an_archive(tree: xr.DataTree, tmp_path: Path) -> None:
     write(tree, tmp_path / "all.nc")
-    read = open_archive(tmp_path / "all.nc")["comparison"].to_dataset()
-    xr.testing.assert_equal(read["y_quantile"], tree["comparison"].to_dataset()["y_quantile"])
+    made, read = SourceStatistics(tree), SourceStatistics(open_archive(tmp_path / "all.nc"))
+    assert read.sources == made.sources
+    for source in made.sources:
+        for name, array in made.statistics(source, "y").items():
+            xr.testing.assert_equal(read.statistics(source, "y")[name], array)
 
 
 def test_a_source_that_tells_of_more_inputs_stands_beside_one_that_tells_of_fewer(
@@ -86,9 +81,9 @@ def test_a_source_that_tells_of_more_inputs_stands_beside_one_that_tells_of_fewe
     fixed = true
     """
     tree = uqpen.run(study_of("a + b * c", text, a=(1, 2), b=(1, 2), c=3.0))
-    comparison = tree["comparison"].to_dataset()
-    assert comparison["input"].values.tolist() == ["a", "b", "c"]
-    responses = comparison["y_response"].sel(source="steps", bound="estimate")
+    responses = tree["statistics/steps/y"]["response"].sel(bound="estimate")
+    assert responses["input"].values.tolist() == ["a", "b", "c"]
     assert np.isfinite(responses).all()
-    first = comparison["y_first_order"].sel(source="mc", bound="estimate")
-    assert np.isfinite(first).values.tolist() == [True, True, False]
+    first = tree["statistics/mc/y"]["first_order"].sel(bound="estimate")
+    assert first["input"].values.tolist() == ["a", "b"]
+    assert np.isfinite(first).all()

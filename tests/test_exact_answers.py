@@ -19,7 +19,7 @@ import uqpen
 from uqpen.statistics.intervals import dkw_half_width, runs_needed
 from uqpen.study.study import Study
 
-pytestmark = pytest.mark.processor
+pytestmark = [pytest.mark.processor, pytest.mark.slow]
 
 MakeStudy = Callable[..., Study]
 
@@ -149,14 +149,14 @@ PROBABILITIES: dict[str, tuple[str, dict[str, Any], float, float]] = {
 def of_moments(tree: xr.DataTree, name: str) -> Iterator[Answer]:
     _, _, mean, std = MOMENTS[name]
     for design in ("mc", "lhs", "sobol", "halton"):
-        moments = tree[f"moments/{design}"]
-        yield answer(f"{name}, {design}: mean", moments["y_mean"], mean)
-        yield answer(f"{name}, {design}: sd", moments["y_std"], std)
+        moments = tree[f"statistics/{design}/y"]
+        yield answer(f"{name}, {design}: mean", moments["mean"], mean)
+        yield answer(f"{name}, {design}: sd", moments["std"], std)
 
 
 def of_indices(tree: xr.DataTree, name: str) -> Iterator[Answer]:
     for order, exact in zip(("first", "total"), INDICES[name], strict=True):
-        indices = tree["sensitivity/blocks"][f"y_{order}_order"]
+        indices = tree["statistics/blocks/y"][f"{order}_order"]
         for i, value in enumerate(exact):
             yield answer(f"{name}: {order} order of input {i}", indices[i], value)
 
@@ -171,7 +171,7 @@ def answers(study_of: MakeStudy) -> list[Answer]:
         question = f"[outputs.y]\nexceeds = [{threshold!r}]\n"
         tree = uqpen.run(study_of(body, question + SAMPLES, **inputs))
         for design in ("mc", "lhs", "sobol", "halton"):
-            exceedance = tree[f"exceedance/{design}"]["y"][0]
+            exceedance = tree[f"statistics/{design}/y"]["exceedance"][0]
             found.append(answer(f"{name}, {design}: P(> {threshold:g})", exceedance, probability))
     return found
 
@@ -220,9 +220,9 @@ def test_ishigami_from_two_hundred_runs(study_of: MakeStudy) -> None:
     design = "training"
     """
     tree = uqpen.run(study_of(ISHIGAMI, text, a=PI, b=PI, c=PI))
-    first = tree["sensitivity/pce"]["y_first_order"].sel(bound="estimate").values
+    first = tree["statistics/pce/y"]["first_order"].sel(bound="estimate").values
     assert first == pytest.approx([0.31390519114781146, 0.4424111447900409, 0], abs=1e-4)
-    shapley = tree["sensitivity/pce"]["y_shapley"].sel(bound="estimate").values
+    shapley = tree["statistics/pce/y"]["shapley"].sel(bound="estimate").values
     exact = [0.4357470231788853, 0.4424111447900409, 0.12184183203107386]
     assert shapley == pytest.approx(exact, abs=1e-4)
-    assert np.isnan(tree["sensitivity/pce"]["y_first_order"].sel(bound="upper")).all()
+    assert np.isnan(tree["statistics/pce/y"]["first_order"].sel(bound="upper")).all()

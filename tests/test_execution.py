@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.core.labels import Status
 from uqpen.core.model import POSITIVE, Arrays, Category, Input, Model, Output, Results
+from uqpen.core.status import Status
 from uqpen.distributions.constraints import parse_constraint
 from uqpen.execution import Evaluator, Progress, evaluate, join_rounds
 from uqpen.execution.batch import BatchResult
@@ -69,7 +69,7 @@ def test_outputs_stand_beside_the_inputs(vectorized: bool) -> None:
 @pytest.mark.parametrize("vectorized", [True, False])
 def test_values_go_in_and_come_out_in_the_units_of_the_function(vectorized: bool) -> None:
     unit_of = {"x": "cm", "z": "mm"}
-    runs = runs_of(lambda x, y: {"z": x, "w": y}, [0.5], vectorized=vectorized, called_in=unit_of)
+    runs = runs_of(lambda x, y: {"z": x, "w": y}, [0.5], vectorized=vectorized, unit_of=unit_of)
     # 0.5 m goes in as 50 cm; 50 mm come out.
     assert runs["z"].values.tolist() == [pytest.approx(0.05, rel=1e-15)]
 

@@ -12,10 +12,11 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.archive.interval_metadata import interval_metadata, select_variable
-from uqpen.core.labels import Status
+from uqpen.archive.estimates import interval_text
+from uqpen.core.status import Status
 from uqpen.designs import DESIGNS
 from uqpen.execution import status_counts
+from uqpen.results.source_statistics import SourceStatistics
 
 MODEL = """
 import math
@@ -92,21 +93,21 @@ def test_every_estimator_copes_with_what_is_lost(kind: str, tmp_path: Path) -> N
     assert counts[Status.NOT_FINITE] == 1
     assert counts[Status.INADMISSIBLE] >= 1
     if kind == "saltelli":
-        assert tree["sensitivity/it"]["y_first_order"].attrs["blocks_dropped"] >= 1
-    others = ("runs", "comparison", "trajectory", "files")
-    groups = [name for name in tree.children if name not in others]
-    assert groups
-    for group in groups:
-        statistics = tree[f"{group}/it"].to_dataset()
+        assert tree["statistics/it/y"]["first_order"].attrs["blocks_dropped"] >= 1
+    view = SourceStatistics(tree)
+    statistics, failures = view.statistics("it", "y"), view.failures("it")
+    assert statistics
+    for name, array in (statistics | failures).items():
         # The sample within pick-freeze blocks may be whole where the blocks are not.
-        if kind != "saltelli":
-            assert statistics.attrs["runs_used"] < statistics.attrs["runs"]
+        if kind != "saltelli" and "runs" in array.attrs:
+            assert array.attrs["runs_used"] < array.attrs["runs"]
         # A status that no run has is a probability of zero.
-        for name in map(str, statistics.data_vars if group != "statuses" else ()):
-            check(select_variable(statistics, name))
+        if name != "probability":
+            check(name, array)
+    assert all("runs" in array.attrs for array in statistics.values())
 
 
-def check(array: xr.DataArray) -> None:
+def check(name: str, array: xr.DataArray) -> None:
     """No figure that is nothing, or not a number, without a reason."""
     if "bound" not in array.dims:
         return
@@ -114,11 +115,11 @@ def check(array: xr.DataArray) -> None:
         figure = array[at]
         value = float(figure.sel(bound="estimate"))
         if np.isnan(value):
-            assert any(word in interval_metadata(figure, "note") for word in ABSENT), (
-                array.name,
+            assert any(word in interval_text(figure, "note") for word in ABSENT), (
+                name,
                 figure,
             )
-    assert not (array.sel(bound="estimate") == 0).all(), array.name
+    assert not (array.sel(bound="estimate") == 0).all(), name
 
 
 def test_what_is_known_stays_right_within_its_interval(tmp_path: Path) -> None:
@@ -128,5 +129,5 @@ def test_what_is_known_stays_right_within_its_interval(tmp_path: Path) -> None:
     a, b, c = points[points.sum(axis=1) < 2.6].T
     exact = float(np.mean(1 + a + 2 * b + a * c))
     for kind in ("monte-carlo", "latin-hypercube", "sobol-sequence", "halton", "saltelli"):
-        mean = tree_of(kind, tmp_path)["moments/it"]["y_mean"].values
+        mean = tree_of(kind, tmp_path)["statistics/it/y"]["mean"].values
         assert mean[1] <= exact <= mean[2], kind

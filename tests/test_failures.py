@@ -12,8 +12,8 @@ import pytest
 
 import uqpen
 from uqpen.core.errors import StudyError, TooManyFailedError
-from uqpen.core.labels import Status
 from uqpen.core.model import Results
+from uqpen.core.status import Status
 from uqpen.execution import Evaluator
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.failures import FailureCount

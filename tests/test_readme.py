@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -30,7 +31,32 @@ def test_the_example_of_a_beam_runs_and_is_right(tmp_path: Path) -> None:
     assert mean == pytest.approx(3.35, rel=0.02)
 
 
-def test_continuous_integration_runs_the_line_that_is_printed() -> None:
+def test_the_lines_from_python_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    rods = (ROOT / "tests" / "data" / "rods.toml").read_text(encoding="utf-8")
+    design = '[designs.monte_carlo]\nkind = "monte-carlo"\nruns = 60\n'
+    study = uqpen.parse_study(f"seed = 1\n{rods}\n{design}")
+    uqpen.make_archive(study, tmp_path / "concrete.nc")
+    lines = blocks("python")[1]
+    assert lines.count("archives/concrete.nc") == 1
+    lines = lines.replace("archives/concrete.nc", str(tmp_path / "concrete.nc"))
+    monkeypatch.setattr(uqpen, "load_study", lambda path: study)
+    found: dict[str, Any] = {}
+    exec(lines, found)
+    mean = found["tree"]["statistics/monte_carlo/penetration_depth"]["mean"]
+    assert lines.count('["statistics/monte_carlo/penetration_depth"]["mean"]') == 1
+    assert mean["bound"].values.tolist() == ["estimate", "lower", "upper"]
+
+
+def test_continuous_integration_runs_what_is_printed() -> None:
     line = next(block for block in blocks("sh") if "pytest" in block).strip()
-    assert line in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
-    assert line in (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+    contributing = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    install, _, tests = line.rpartition(" && ")
+    assert script.index(install) < script.index(tests)
+    assert line in contributing
+    checks = re.findall(r"```sh\n(.*?)```", contributing, flags=re.DOTALL)[1].splitlines()
+    assert len(checks) == 4
+    assert all(
+        script.index(install) < script.index(check) < script.index(tests) for check in checks
+    )

@@ -18,6 +18,7 @@ from uqpen.results.digits import estimate_text, percent_text, tolerance_limit_te
 from uqpen.results.failed_runs import failed_runs, has_failed_design
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
+from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import OutputTable
 from uqpen.study.study import Study
 
@@ -137,7 +138,7 @@ def test_all_that_is_told_of_the_inputs_part_is_shown_when_it_is_asked_for(
 def test_figures_are_shown_in_the_units_of_the_study(
     tree: xr.DataTree, tables: dict[str, OutputTable]
 ) -> None:
-    mean = float(tree["moments/few"]["penetration_depth_mean"].sel(bound="estimate"))
+    mean = float(tree["statistics/few/penetration_depth"]["mean"].sel(bound="estimate"))
     shown = cell(tables["penetration_depth [cm]"], "mean", "few")
     assert float(shown.split()[0]) == pytest.approx(100 * mean, abs=1)
 
@@ -254,8 +255,8 @@ def test_json_holds_every_measure_that_lies_along_the_inputs(
     tree = uqpen.run(study_of("np.exp(a + b)", text, a=(0, 1), b=(0, 1)))
     found = archive_json(tree)
     for kind, source in (("designs", "lhs"), ("surrogates", "chaos")):
-        held = tree[f"sensitivity/{source}"].to_dataset()
-        names = {str(name).removeprefix("y_") for name in held.data_vars}
+        held = SourceStatistics(tree).statistics(source, "y")
+        names = {name for name, array in held.items() if "input" in array.dims}
         assert set(found[kind][source]["outputs"]["y"]["sensitivity"]["a"]) == names
     assert {"shapley", "log_shapley"} <= names
 

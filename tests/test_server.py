@@ -23,11 +23,13 @@ import umbridge
 import uqpen
 from uqpen.cli.serve import make_offers
 from uqpen.core.errors import UqpenError
-from uqpen.core.labels import Status
+from uqpen.core.status import Status
 from uqpen.execution import Evaluator
 from uqpen.execution.processes import processes
 from uqpen.models.ishigami import Ishigami
 from uqpen.server import ModelServer, ServedModel
+
+pytestmark = pytest.mark.slow
 
 STUDY = """\
 seed = 1

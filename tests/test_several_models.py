@@ -9,11 +9,13 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
 from uqpen.core.errors import StudyError
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
+from uqpen.results.source_statistics import SourceStatistics
 
 MODELS = """
 import numpy as np
@@ -79,7 +81,7 @@ def test_a_model_takes_what_it_is_given_in_place_of_the_studys(tree: xr.DataTree
 def test_a_difference_that_does_not_depend_on_the_draw_has_no_error(
     tree: xr.DataTree, design: str
 ) -> None:
-    mean = tree[f"differences/shifted/moments/{design}"]["y_mean"]
+    mean = tree[f"differences/shifted/{design}/y"]["mean"]
     # Differences of squares of up to 1 are exact to rounding.
     assert mean.values == pytest.approx([1.5] * 3, abs=1e-12)
 
@@ -88,27 +90,27 @@ def test_a_difference_that_does_not_depend_on_the_draw_has_no_error(
 def test_differences_are_of_the_runs_that_came_back_from_both(
     tree: xr.DataTree, design: str
 ) -> None:
-    moments = tree[f"differences/picky/moments/{design}"]
+    difference = tree[f"differences/picky/{design}/y"]
     lost = int((tree[f"models/first/runs/{design}"]["x"] > 0.9).sum())
-    assert moments.attrs["runs_used"] == 1000 - lost
-    assert moments.attrs["minus"] == "first"
-    estimate, lower, upper = moments["y_mean"].values
+    assert difference["mean"].attrs["runs_used"] == 1000 - lost
+    assert difference.attrs["minus"] == "first"
+    estimate, lower, upper = difference["mean"].values
     assert lower < 0.9 < upper  # the mean of 2 x, given that x is at most 0.9
     assert estimate == pytest.approx(0.9, abs=0.06)
 
 
 def test_an_output_that_only_one_model_has_has_no_difference(tree: xr.DataTree) -> None:
-    assert "z_mean" not in tree["differences/picky/moments/mc"]
-    assert "z_mean" in tree["differences/shifted/moments/mc"]
+    assert "z" not in tree["differences/picky/mc"].children
+    assert "mean" in tree["differences/shifted/mc/z"]
 
 
 def test_a_difference_is_better_known_than_either(tree: xr.DataTree) -> None:
     def width(path: str) -> float:
-        mean = tree[path]["y_mean"].values
+        mean = tree[path]["mean"].values
         return float(mean[2] - mean[1])
 
-    assert width("differences/picky/moments/mc") < 2.2 * width("models/first/moments/mc")
-    assert width("differences/shifted/moments/mc") < 1e-9 * width("models/first/moments/mc")
+    assert width("differences/picky/mc/y") < 2.2 * width("models/first/statistics/mc/y")
+    assert width("differences/shifted/mc/y") < 1e-9 * width("models/first/statistics/mc/y")
 
 
 def test_the_archive_of_several_models_reads_back(tree: xr.DataTree, tmp_path: Path) -> None:
@@ -189,16 +191,17 @@ def test_an_input_that_a_model_does_not_take_has_no_part_in_it(tmp_path: Path) -
     source = "def both(a, b): return {'y': a + b}\ndef one(a): return {'y': a**2}\n"
     (tmp_path / "models.py").write_text(source)
     tree = uqpen.run(uqpen.parse_study(LACKING, folder=tmp_path))
-    exact = tree["models/one/sensitivity/pce"]["y_first_order"].sel(bound="estimate")
+    exact = tree["models/one/statistics/pce/y"]["first_order"].sel(bound="estimate")
     assert exact["input"].values.tolist() == ["a", "b"]
     assert exact.values == pytest.approx([1, 0], abs=1e-12)
-    _, lower, upper = tree["models/one/sensitivity/spread"]["y_first_order"].sel(input="b").values
+    spread = tree["models/one/statistics/spread/y"]
+    _, lower, upper = spread["first_order"].sel(input="b").values
     assert lower < 0 < upper
-    blocks = tree["models/one/sensitivity/blocks"]
-    assert float(blocks["y_first_order"].sel(input="a", bound="estimate")) == pytest.approx(
+    blocks = SourceStatistics(tree["models/one"]).statistics("blocks", "y")
+    assert float(blocks["first_order"].sel(input="a", bound="estimate")) == pytest.approx(
         1, abs=0.1
     )
-    assert float(blocks["y_total_order"].sel(input="b", bound="estimate")) == 0.0
-    assert str(blocks["y_total_order_note"].sel(input="b").values)
+    assert float(blocks["total_order"].sel(input="b", bound="estimate")) == 0.0
+    assert interval_text(blocks["total_order"].sel(input="b"), "note")
     write(tree, tmp_path / "lacking.nc")
     assert list(archive_json(open_archive(tmp_path / "lacking.nc"))["models"]) == ["both", "one"]

@@ -12,7 +12,9 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.archive.estimates import interval_text
 from uqpen.results.output_tables import output_tables
+from uqpen.results.source_statistics import SourceStatistics
 from uqpen.study.study import Study
 
 pytestmark = pytest.mark.processor
@@ -25,8 +27,11 @@ def concrete() -> xr.DataTree:
     return uqpen.run(uqpen.load_study(STUDIES / "concrete.toml"))
 
 
-def figure(tree: xr.DataTree, group: str, design: str, name: str, **at: Any) -> dict[str, float]:
-    array = tree[f"{group}/{design}"][name].sel(at)
+def figure(tree: xr.DataTree, design: str, output: str, name: str, **at: Any) -> dict[str, float]:
+    return bounds(tree[f"statistics/{design}/{output}"][name].sel(at))
+
+
+def bounds(array: xr.DataArray) -> dict[str, float]:
     return {str(bound): float(array.sel(bound=bound)) for bound in ("estimate", "lower", "upper")}
 
 
@@ -50,50 +55,52 @@ class TestConcrete:
     """The report's study against the truth of 25 million points of an independent code."""
 
     def test_the_mean_depth_is_the_reports(self, concrete: xr.DataTree, design: str) -> None:
-        mean = figure(concrete, "moments", design, "penetration_depth_mean")
+        mean = figure(concrete, design, "penetration_depth", "mean")
         assert mean["lower"] < 0.492739 < mean["upper"]
         # The width that 10 000 draws leave: 1.96 standard deviations over the root of 10 000.
         assert mean["upper"] - mean["lower"] < 2 * 0.0035
 
     def test_the_median_depth_is_below_the_mean(self, concrete: xr.DataTree, design: str) -> None:
-        at = {"penetration_depth_probability": 0.5}
-        median = figure(concrete, "quantiles", design, "penetration_depth", **at)
+        at = {"probability": 0.5}
+        median = figure(concrete, design, "penetration_depth", "quantile", **at)
         assert median["lower"] < 0.466088 < median["upper"]
 
     def test_the_mean_residue_is_the_reports(self, concrete: xr.DataTree, design: str) -> None:
-        mean = figure(concrete, "moments", design, "projectile_residue_mean")
+        mean = figure(concrete, design, "projectile_residue", "mean")
         assert mean["lower"] < 0.027075 < mean["upper"]
 
     def test_the_wall_of_60_cm_is_reached_with_the_right_probability(
         self, concrete: xr.DataTree, design: str
     ) -> None:
-        at = {"penetration_depth_threshold": "60 cm"}
-        probability = figure(concrete, "exceedance", design, "penetration_depth", **at)
+        at = {"threshold": "60 cm"}
+        probability = figure(concrete, design, "penetration_depth", "exceedance", **at)
         assert probability["lower"] < 0.137167 < probability["upper"]
 
     def test_a_few_draws_are_inadmissible_and_say_so(
         self, concrete: xr.DataTree, design: str
     ) -> None:
-        probability = figure(concrete, "statuses", design, "inadmissible")
+        probability = bounds(
+            concrete[f"failures/{design}"]["probability"].sel(status="inadmissible")
+        )
         assert probability["lower"] < 4.9e-4 < probability["upper"]
-        attributes = concrete[f"moments/{design}"].attrs
+        attributes = concrete[f"statistics/{design}/penetration_depth"]["mean"].attrs
         assert attributes["runs_used"] + attributes["runs_inadmissible"] == 10_000
         assert attributes["conditional_on"] == "admissible inputs"
 
     def test_a_third_of_the_rods_stop_while_they_erode(
         self, concrete: xr.DataTree, design: str
     ) -> None:
-        at = {"termination_category": "standstill"}
-        share = figure(concrete, "shares", design, "termination", **at)
+        at = {"category": "standstill"}
+        share = figure(concrete, design, "termination", "share", **at)
         assert share["lower"] < 0.319 < share["upper"]
 
     def test_the_heavy_tail_is_owned_up_to(self, concrete: xr.DataTree, design: str) -> None:
-        moments = concrete[f"moments/{design}"]
-        std = moments["penetration_depth_std"]
+        moments = concrete[f"statistics/{design}/penetration_depth"]
+        std = moments["std"]
         assert np.isnan(std.sel(bound="upper"))
         assert "heavy tail" in std.attrs["note"]
-        assert float(moments["penetration_depth_kurtosis"][0]) > 6
-        spread = figure(concrete, "moments", design, "penetration_depth_half_spread")
+        assert float(moments["kurtosis"][0]) > 6
+        spread = figure(concrete, design, "penetration_depth", "half_spread")
         assert spread["lower"] < spread["estimate"] < spread["upper"]
 
     def test_every_lost_run_has_its_reason(self, concrete: xr.DataTree, design: str) -> None:
@@ -107,17 +114,17 @@ class TestConcrete:
     def test_the_bound_that_holds_is_above_the_estimate(
         self, concrete: xr.DataTree, design: str
     ) -> None:
-        at = {"penetration_depth_hold": 0.95}
-        held = figure(concrete, "holds", design, "penetration_depth", **at)
+        at = {"content": 0.95}
+        held = figure(concrete, design, "penetration_depth", "tolerance_limit", **at)
         assert 0.710722 < held["upper"] < 0.73
         assert np.isnan(held["lower"])
 
     def test_the_cdf_holds_the_truth_in_its_band(self, concrete: xr.DataTree, design: str) -> None:
-        cdfs = concrete[f"cdfs/{design}"]
+        cdfs = concrete[f"statistics/{design}/penetration_depth"]
         assert cdfs.sizes["rank"] == 1001
-        values = cdfs["penetration_depth"].values
+        values = cdfs["cdf_value"].values
         assert (np.diff(values) >= 0).all()
-        band = cdfs["penetration_depth_band"].values
+        band = cdfs["cdf_band"].values
         for truth, p in ((0.352828, 0.05), (0.466088, 0.5), (0.710722, 0.95), (0.95292, 0.99)):
             at = np.searchsorted(values, truth)
             assert band[at, 1] <= p <= band[at, 2]
@@ -144,7 +151,7 @@ INDICES = {
 def test_the_plastic_zone_decides_most_of_the_depths_variance(
     concrete: xr.DataTree, order: str
 ) -> None:
-    indices = concrete["sensitivity/sobol_indices"][f"penetration_depth_{order}"]
+    indices = concrete["statistics/sobol_indices/penetration_depth"][order]
     for name, exact in INDICES[order].items():
         _, lower, upper = indices.sel(input=name).values
         assert lower < exact < upper, name
@@ -154,7 +161,8 @@ def test_the_plastic_zone_decides_most_of_the_depths_variance(
 
 
 def test_the_depth_responds_as_the_report_says(concrete: xr.DataTree) -> None:
-    response = concrete["sensitivity/responses"]["penetration_depth_response"].sel(bound="estimate")
+    steps = concrete["statistics/responses/penetration_depth"]
+    response = steps["response"].sel(bound="estimate")
     for name, per_cent in (
         ("target_density", -42.0),
         ("target_yield_limit", -95.9),
@@ -165,10 +173,10 @@ def test_the_depth_responds_as_the_report_says(concrete: xr.DataTree) -> None:
 
 
 def test_the_surrogate_of_the_depth_is_trusted_where_it_is_right(concrete: xr.DataTree) -> None:
-    moments = concrete["moments/polynomial_chaos"]
-    assert moments["penetration_depth_mean"].attrs["interval_label"] == "checked"
-    assert float(moments["penetration_depth_mean"][0]) == pytest.approx(0.492739, rel=0.005)
-    assert moments["penetration_depth_std"].attrs["interval_label"] == "refused"
+    moments = concrete["statistics/polynomial_chaos/penetration_depth"]
+    assert moments["mean"].attrs["interval_label"] == "checked"
+    assert float(moments["mean"][0]) == pytest.approx(0.492739, rel=0.005)
+    assert moments["std"].attrs["interval_label"] == "refused"
 
 
 def test_the_course_at_the_nominal_inputs_is_kept(concrete: xr.DataTree) -> None:
@@ -188,9 +196,9 @@ def test_the_study_stands_in_its_tree_verbatim(concrete: xr.DataTree) -> None:
 @pytest.mark.parametrize("design", DESIGNS)
 def test_the_self_check_holds_the_exact_answers(design: str) -> None:
     tree = uqpen.run(uqpen.load_study(STUDIES / "ishigami.toml"))
-    mean = figure(tree, "moments", design, "y_mean")
+    mean = figure(tree, design, "y", "mean")
     assert mean["lower"] < 3.5 < mean["upper"]
-    std = figure(tree, "moments", design, "y_std")
+    std = figure(tree, design, "y", "std")
     assert std["lower"] < 13.844587940719254**0.5 < std["upper"]
 
 
@@ -217,8 +225,8 @@ def small(extra: str = "", runs: int = 300, constraint: str = "") -> Study:
 def test_adding_a_design_changes_no_others_numbers() -> None:
     more = '[designs.aa]\nkind = "latin-hypercube"\nruns = 100'
     alone, beside = uqpen.run(small()), uqpen.run(small(more))
-    for group in ("runs", "moments", "quantiles", "cdfs"):
-        assert alone[f"{group}/a"].to_dataset().identical(beside[f"{group}/a"].to_dataset())
+    for path in ("runs/a", "statistics/a", "statistics/a/y", "failures/a"):
+        assert alone[path].to_dataset().identical(beside[path].to_dataset())
 
 
 def test_where_batches_are_computed_changes_no_bit() -> None:
@@ -230,15 +238,17 @@ def test_where_batches_are_computed_changes_no_bit() -> None:
 
 def test_every_statistic_survives_the_loss_of_every_run() -> None:
     tree = uqpen.run(small(constraint="'x1 > 4'"))
-    assert np.isnan(tree["moments/a"]["y_mean"].values).all()
-    assert tree["moments/a"]["y_mean"].attrs["note"] == "no run came back"
-    assert float(tree["statuses/a"]["inadmissible"].sel(bound="estimate")) == 1.0
+    assert np.isnan(tree["statistics/a/y"]["mean"].values).all()
+    assert tree["statistics/a/y"]["mean"].attrs["note"] == "no run came back"
+    assert (
+        float(tree["failures/a"]["probability"].sel(status="inadmissible", bound="estimate")) == 1.0
+    )
 
 
 @pytest.mark.parametrize("runs", [1, 2, 3, 10])
 def test_a_handful_of_runs_gives_figures_or_says_why_not(runs: int) -> None:
-    moments = uqpen.run(small(runs=runs))["moments/a"]
-    mean = moments["y_mean"]
+    moments = uqpen.run(small(runs=runs))["statistics/a/y"]
+    mean = moments["mean"]
     assert np.isfinite(mean.sel(bound="estimate"))
     assert np.isfinite(mean.sel(bound="upper")) == (runs > 1)
     assert runs > 1 or "scatter" in mean.attrs["note"]
@@ -272,9 +282,9 @@ def test_an_output_that_does_not_vary_has_an_interval_of_no_width(tmp_path: Path
         )
     )
     for design in ("a", "b"):
-        assert tree[f"moments/{design}"]["y_mean"].values.tolist() == [2.0, 2.0, 2.0]
-        assert tree[f"moments/{design}"]["y_std"].attrs["note"] == "the output does not vary"
-        assert (tree[f"quantiles/{design}"]["y"].values == 2.0).all()
+        assert tree[f"statistics/{design}/y"]["mean"].values.tolist() == [2.0, 2.0, 2.0]
+        assert tree[f"statistics/{design}/y"]["std"].attrs["note"] == "the output does not vary"
+        assert (tree[f"statistics/{design}/y"]["quantile"].values == 2.0).all()
 
 
 PYTHON = """
@@ -313,56 +323,59 @@ def test_missing_runs_widen_a_probability_by_what_they_could_have_been(tmp_path:
     # Of the values above a half, those above 0.9 are lost: what came back says 4/9, the truth 1/2.
     tree = python(tmp_path, "np.where(x > 0.9, np.nan, x)")
     for design in ("mc", "lhs"):
-        probability = tree[f"exceedance/{design}"]["y"][0]
+        probability = SourceStatistics(tree).statistics(design, "y")["exceedance"][0]
         estimate, lower, upper = probability.values
         assert estimate == pytest.approx(4 / 9, abs=0.06)
         assert lower < 0.5 < upper
-        assert "counted both ways" in str(probability["y_threshold_note"].values)
-        assert tree[f"moments/{design}"].attrs["missing"].endswith(" % of the admissible runs")
+        assert "counted both ways" in interval_text(probability, "note")
+        assert probability.attrs["missing"].endswith(" % of the admissible runs")
 
 
 @pytest.mark.parametrize("scale", [1e-300, 1e-100, 1e100, 1e300])
 def test_tiny_and_huge_outputs_have_their_moments(tmp_path: Path, scale: float) -> None:
-    moments = python(tmp_path, f"{scale} * (1 + x)")["moments/mc"]
-    mean, std = moments["y_mean"].values / scale, moments["y_std"].values / scale
+    moments = python(tmp_path, f"{scale} * (1 + x)")["statistics/mc/y"]
+    mean, std = moments["mean"].values / scale, moments["std"].values / scale
     assert mean[1] < 1.5 < mean[2]
     assert std[1] < 12**-0.5 < std[2]
-    assert float(moments["y_kurtosis"][0]) == pytest.approx(1.8, abs=0.1)
+    assert float(moments["kurtosis"][0]) == pytest.approx(1.8, abs=0.1)
 
 
 def test_a_constant_that_is_not_exact_in_binary_does_not_vary(tmp_path: Path) -> None:
-    moments = python(tmp_path, "0.1 + 0 * x", runs=300)["moments/mc"]
-    assert moments["y_mean"].values.tolist() == [0.1, 0.1, 0.1]
-    assert np.isnan(moments["y_skewness"].values[0])
-    assert moments["y_skewness"].attrs["note"] == "the output does not vary"
+    moments = python(tmp_path, "0.1 + 0 * x", runs=300)["statistics/mc/y"]
+    assert moments["mean"].values.tolist() == [0.1, 0.1, 0.1]
+    assert np.isnan(moments["skewness"].values[0])
+    assert moments["skewness"].attrs["note"] == "the output does not vary"
 
 
 def test_two_replicates_fall_back_on_order_statistics(tmp_path: Path) -> None:
     # So jagged that strata do not help.
     tree = python(tmp_path, "(1e6 * x) % 1", runs=200, replicates=2)
-    quantiles = tree["quantiles/lhs"]["y"]
+    quantiles = SourceStatistics(tree).statistics("lhs", "y")["quantile"]
     assert np.isfinite(quantiles.values).all()
-    assert "order statistics (binomial)" in quantiles["y_probability_interval"].values
+    assert "order statistics (binomial)" in quantiles["interval"].values
 
 
 def test_runs_that_are_all_of_one_replicate_tell_no_error(tmp_path: Path) -> None:
     # The first stratum of each hypercube is all that comes back: one run of each replicate.
     tree = python(tmp_path, "np.where(np.arange(len(x)) < 20, x, np.nan)", runs=200)
-    mean = tree["moments/lhs"]["y_mean"]
+    mean = tree["statistics/lhs/y"]["mean"]
     assert np.isnan(mean.values[1])
     assert mean.attrs["note"] == "the runs that came back are all of one replicate"
 
 
 def test_how_a_figure_is_told_does_not_depend_on_what_else_was_asked() -> None:
-    one = uqpen.run(small("[outputs.y]\nexceeds = [5]"))["exceedance/a"]["y"]
-    more = uqpen.run(small("[outputs.y]\nexceeds = [5, 100]"))["exceedance/a"]["y"]
+    def exceedance(limits: str) -> xr.DataArray:
+        tree = uqpen.run(small(f"[outputs.y]\nexceeds = {limits}"))
+        return SourceStatistics(tree).statistics("a", "y")["exceedance"]
+
+    one = exceedance("[5]")
+    more = exceedance("[5, 100]")
     for name in ("interval", "interval_label", "note"):
-        coordinate = f"y_threshold_{name}"
-        assert str(one[coordinate].values[0]) == str(more[coordinate].values[0])
+        assert interval_text(one[0], name) == interval_text(more[0], name)
 
 
 def test_a_mean_that_hangs_on_a_handful_of_runs_says_so(tmp_path: Path) -> None:
-    mean = python(tmp_path, "1 / x**3", runs=20_000)["moments/mc"]["y_mean"]
+    mean = python(tmp_path, "1 / x**3", runs=20_000)["statistics/mc/y"]["mean"]
     assert "may not exist" in mean.attrs["note"]
 
 
@@ -370,7 +383,7 @@ def test_a_mean_that_hangs_on_a_handful_of_runs_says_so(tmp_path: Path) -> None:
 def test_few_replicates_do_not_show_a_tail_that_their_mean_suffers_from(
     tmp_path: Path, runs: int, is_doubted: bool
 ) -> None:
-    mean = python(tmp_path, "x", runs=runs)["moments/lhs"]["y_mean"]
+    mean = python(tmp_path, "x", runs=runs)["statistics/lhs/y"]["mean"]
     assert ("heavier than" in mean.attrs.get("note", "")) == is_doubted
 
 
@@ -386,8 +399,8 @@ def test_points_of_unknown_origin_give_no_interval_and_say_why(tmp_path: Path) -
         kind = "table"
         file = "points.csv"
         """
-    given = uqpen.run(uqpen.parse_study(study, folder=tmp_path))["moments/mine"]["y_mean"]
+    given = uqpen.run(uqpen.parse_study(study, folder=tmp_path))["statistics/mine/y"]["mean"]
     assert np.isnan(given.sel(bound="lower"))
     assert "independent = true" in given.attrs["note"]
     drawn = uqpen.run(uqpen.parse_study(study + "independent = true", folder=tmp_path))
-    assert np.isfinite(drawn["moments/mine"]["y_mean"].sel(bound="lower"))
+    assert np.isfinite(drawn["statistics/mine/y"]["mean"].sel(bound="lower"))

@@ -18,15 +18,15 @@ def main() -> None:
         run()
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")
-        _leave_nobody()
+        _end_children()
         sys.exit(_INTERRUPTED)
     except SystemExit as left:
         if left.code == _INTERRUPTED:
-            _leave_nobody()
+            _end_children()
         raise
 
 
-def _leave_nobody() -> None:
+def _end_children() -> None:
     """Ignore Ctrl-C from now on, and end the processes that it has kept us from ending."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if "multiprocessing" in sys.modules:

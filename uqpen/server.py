@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from uqpen.core.errors import ModelError
-from uqpen.core.labels import Status
 from uqpen.core.model import Input, Model, Output
+from uqpen.core.status import Status
 from uqpen.execution import Evaluator
 from uqpen.models.umbridge_client import PROTOCOL
 
@@ -42,7 +42,7 @@ _REQUESTS = ("ModelInfo", "InputSizes", "OutputSizes", *_RUNS, *_BY_SHARED_MEMOR
 
 
 class _RefusedError(Exception):
-    """A request that gets an error for an answer."""
+    """Error: a request that gets an error as its response."""
 
     def __init__(self, kind: str, message: str, code: HTTPStatus = HTTPStatus.BAD_REQUEST) -> None:
         super().__init__(message)
@@ -52,14 +52,14 @@ class _RefusedError(Exception):
 
 @dataclass(frozen=True)
 class ServedModel:
-    """A model as a server offers it: one vector of inputs in, one of outputs out, in SI units.
+    """A model of a server, with one vector of inputs and one of outputs, in SI units.
 
     Parameters
     ----------
     name : str
-        What clients call it.
+        Its name for the clients.
     evaluator : Evaluator
-        What makes the runs.
+        Makes the runs.
     varied_inputs : tuple of str
         The inputs that make up the vector, in its order.
     fixed_inputs : mapping of str to float
@@ -84,26 +84,26 @@ class ServedModel:
 
     @property
     def model(self) -> Model:
-        """What is run."""
+        """Model that is run."""
         return self.evaluator.model
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """What makes up the vector that goes in."""
+        """Inputs that make up the input vector."""
         return tuple(self.model.input(name) for name in self.varied_inputs)
 
     @property
     def outputs(self) -> tuple[Output, ...]:
-        """What makes up the vector that comes out."""
+        """Outputs that make up the output vector."""
         return self.model.outputs
 
     def run(self, values: Sequence[float]) -> list[float]:
-        """The outputs of one run.
+        """Return the outputs of one run.
 
         Raises
         ------
         _RefusedError
-            If it is lost.
+            If the run fails.
         """
         given = {**self.fixed_inputs, **dict(zip(self.varied_inputs, values, strict=True))}
         results = self.evaluator({name: np.array([value]) for name, value in given.items()})
@@ -120,16 +120,16 @@ class ModelServer(socketserver.ThreadingTCPServer):
     Parameters
     ----------
     offers : sequence of ServedModel
-        What it offers, each under a name of its own.
+        Its models, each with a unique name.
     host : str
-        Where it listens: only who is on this machine can reach ``127.0.0.1``.
+        The address where it listens. Only this machine can reach ``127.0.0.1``.
     port : int
-        0 for any that is free.
+        The port; 0 for any free one.
 
     Raises
     ------
     OSError
-        If it cannot listen there.
+        If it cannot listen at that address.
     """
 
     allow_reuse_address = True
@@ -147,23 +147,23 @@ class ModelServer(socketserver.ThreadingTCPServer):
 
     @property
     def url(self) -> str:
-        """The address that clients are to be told."""
+        """Address for the clients."""
         host, port = self.server_address[:2]
         host = str(host)
         return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Tell a fault of uqpen's own with its traceback; a client that leaves is none."""
+        """Report an error in uqpen with its traceback; ignore a client that disconnects."""
         if not isinstance(sys.exception(), OSError):
             super().handle_error(request, client_address)
 
     def answer(self, what: str, request: dict[str, Any]) -> dict[str, Any]:
-        """The answer to a question.
+        """Return the response to a request.
 
         Raises
         ------
         _RefusedError
-            If it is to be an error.
+            If the response is an error.
         """
         offer = self._find_model(request.get("name"))
         if what == "ModelInfo":
@@ -188,7 +188,7 @@ class ModelServer(socketserver.ThreadingTCPServer):
 
 
 def _only_vector(vectors: object, size: int) -> list[float]:
-    """The only vector of an input, which must be of that size."""
+    """Return the only vector of an input; refuse one of another size."""
     expected = f"expected one vector of {size} numbers"
     if not isinstance(vectors, list) or len(vectors) != 1:
         raise _RefusedError("InvalidInput", expected)
@@ -204,7 +204,7 @@ def _only_vector(vectors: object, size: int) -> list[float]:
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """One client's questions."""
+    """Handler of the requests of one client."""
 
     server: ModelServer
     protocol_version = "HTTP/1.1"
@@ -215,7 +215,7 @@ class _Handler(BaseHTTPRequestHandler):
     disable_nagle_algorithm = True
 
     def do_GET(self) -> None:
-        """Answer a look at what there is."""
+        """Respond to a request for the list of models."""
         if self.path.strip("/") == "Info":
             models = list(self.server.offers)
             self._send(HTTPStatus.OK, {"protocolVersion": PROTOCOL, "models": models})
@@ -223,7 +223,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(HTTPStatus.NOT_FOUND, f"{self.path} is not known")
 
     def do_POST(self) -> None:
-        """Answer a question about a model, or have it run."""
+        """Respond to a request for information on a model, or for a run of it."""
         try:
             content = self._content()
             what = self.path.strip("/")
@@ -235,7 +235,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(refused.code, {"error": error})
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
-        """Answer what is no question of the protocol's, in its form all the same."""
+        """Respond to a request outside the protocol with an error in the form of the protocol."""
         status = HTTPStatus(code)
         self.close_connection = True
         error = {"type": status.phrase.title().replace(" ", ""), "message": message or "refused"}

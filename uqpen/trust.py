@@ -1,8 +1,8 @@
-"""The trust gate: which of a surrogate's figures independent runs bear out.
+"""Surrogate validation: the estimates of a surrogate that independent runs confirm.
 
-A surrogate may fit well as a whole and yet be wrong in the one figure that is asked: a good Q²
-says little of a standard deviation that hangs on the tail. So each figure is judged by itself,
-against the interval that independent runs give the same figure.
+A surrogate may fit well as a whole and yet be wrong in the one estimate that is requested: a good
+Q² says little about a standard deviation that depends on the tail. So each estimate is validated by
+itself, against the interval of the same estimate from independent runs.
 """
 
 from __future__ import annotations
@@ -16,25 +16,17 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.interval_metadata import (
-    interval_metadata,
-    metadata_coordinates,
-    metadata_prefix,
-    select_variable,
-)
+from uqpen.archive.estimates import estimate_array, interval_text
+from uqpen.core.catalogue import CATALOGUE, THRESHOLD
 from uqpen.core.labels import (
     BOUND,
-    CDFS,
     CHECKED,
     INTERVAL,
     INTERVAL_LABEL,
-    INTERVAL_LEVEL,
     MISSING,
     NOTE,
-    QUANTILES,
     RANK,
     REFUSED,
-    SENSITIVITY,
     UNCHECKED,
 )
 from uqpen.statistics.surrogate.surrogate_statistics import TrainingRange
@@ -42,28 +34,28 @@ from uqpen.statistics.surrogate.surrogate_statistics import TrainingRange
 __all__ = ["ValidationRuns", "validate_surrogate"]
 
 FloatArray = npt.NDArray[np.float64]
-Groups = Mapping[str, xr.Dataset]
+Outputs = Mapping[str, Mapping[str, xr.DataArray]]
 
-# A spread that no runs vouch for is extrapolated where more than this share of the variance comes
-# from values beyond all outputs that the surrogate was fitted to.
+# A spread without validation runs is extrapolated where more than this share of the variance comes
+# from values outside the training range.
 _MOST_VARIANCE_BEYOND = 0.05
 
 _SPREADS = ("std", "skewness", "kurtosis")
 
 
 class ValidationRuns(NamedTuple):
-    """Independent runs that a surrogate is held against.
+    """Validation runs: independent runs that a surrogate is compared with.
 
     Attributes
     ----------
     name : str
-        The design's.
-    groups : mapping of str to Dataset
-        What they tell, group by group.
+        The name of the design.
+    outputs : mapping of str to mapping of str to DataArray
+        Its estimate arrays by output and statistic.
     """
 
     name: str
-    groups: Groups
+    outputs: Outputs
 
 
 class _Validation(NamedTuple):
@@ -72,77 +64,84 @@ class _Validation(NamedTuple):
 
 
 def validate_surrogate(
-    groups: Groups,
+    outputs: Outputs,
     validation_runs: Sequence[ValidationRuns],
     training_ranges: Mapping[str, TrainingRange],
-) -> dict[str, xr.Dataset]:
-    """A surrogate's figures, each with what independent runs say of it in place of an interval.
+) -> dict[str, dict[str, xr.DataArray]]:
+    """Label each estimate of a surrogate by comparison with independent runs.
 
     Parameters
     ----------
-    groups : mapping of str to Dataset
-        The surrogate's figures, group by group as designs have them.
+    outputs : mapping of str to mapping of str to DataArray
+        The surrogate's estimate arrays by output and statistic.
     validation_runs : sequence of ValidationRuns
-        The first that has an interval for a figure decides on it.
+        The first that has an interval for an estimate decides on it.
     training_ranges : mapping of str to TrainingRange
         By output.
 
     Returns
     -------
-    dict of str to Dataset
-        The same figures without bounds, labelled ``checked`` (inside the runs' interval),
-        ``refused`` (outside, or extrapolated) or ``unchecked`` (nothing to hold it against).
+    dict of str to dict of str to DataArray
+        The same estimates without bounds, labelled ``checked`` (inside the runs' interval),
+        ``refused`` (outside, or extrapolated) or ``unchecked`` (nothing to compare it with).
     """
-    found = {}
-    for group, dataset in groups.items():
-        validation = _GroupValidation(group, validation_runs, training_ranges)
-        kept = {
-            str(name): validation.validate_array(
-                str(name), select_variable(dataset, str(name)), dataset
-            )
-            for name in dataset.data_vars
-        }
-        found[group] = xr.Dataset(kept, attrs=dataset.attrs)
+    found: dict[str, dict[str, xr.DataArray]] = {}
+    for output, statistics in outputs.items():
+        others = [
+            _OutputRuns(validation.name, validation.outputs.get(output, {}))
+            for validation in validation_runs
+        ]
+        validation = _OutputValidation(statistics, others, training_ranges.get(output))
+        found[output] = {name: validation.validate_array(name) for name in statistics}
     return found
 
 
+class _OutputRuns(NamedTuple):
+    """The estimates of one output from independent runs."""
+
+    name: str
+    statistics: Mapping[str, xr.DataArray]
+
+
 @dataclass(frozen=True)
-class _GroupValidation:
-    """Judges the figures of one group."""
+class _OutputValidation:
+    """Validates the estimates of one output."""
 
-    group: str
-    validation_runs: Sequence[ValidationRuns]
-    training_ranges: Mapping[str, TrainingRange]
+    statistics: Mapping[str, xr.DataArray]
+    validation_runs: Sequence[_OutputRuns]
+    training_range: TrainingRange | None
 
-    def validate_array(self, name: str, array: xr.DataArray, dataset: xr.Dataset) -> xr.DataArray:
-        """An array without its bounds and with the verdicts on its figures."""
+    def validate_array(self, name: str) -> xr.DataArray:
+        """Return an estimate array without its bounds, each estimate marked."""
+        array = self.statistics[name]
         if BOUND not in array.dims:
             return array
-        if self.group == CDFS:
-            return _with_validations(name, array, {(): self._validate_curve(name, dataset)})
-        places = list(np.ndindex(array.shape[:-1]))
-        return _with_validations(
-            name, array, {at: self._validation(name, array[at]) for at in places}
-        )
+        if RANK in array.dims:
+            validation = self._validate_curve()
+            return _with_validations(array, [validation] * array.sizes[RANK])
+        places = np.ndindex(array.shape[:-1])
+        return _with_validations(array, [self._validation(name, array[at]) for at in places])
 
     def _validation(self, name: str, estimate: xr.DataArray) -> _Validation:
-        value, note = float(estimate.values[0]), interval_metadata(estimate, NOTE)
+        value, note = float(estimate.values[0]), interval_text(estimate, NOTE)
         if math.isnan(value):
             return _Validation("none", note)
         verdict = self._validate_estimate(name, estimate, value)
-        if self.group != SENSITIVITY or not note:
-            return verdict  # what is said of moments and quantiles is of their intervals
+        is_of_estimate = name in CATALOGUE and CATALOGUE[name].note_is_of_estimate
+        if not is_of_estimate or not note:
+            return verdict  # other notes are of the interval, which is gone
         return verdict._replace(note=f"{verdict.note}; {note}")
 
     def _validate_estimate(self, name: str, estimate: xr.DataArray, value: float) -> _Validation:
         if self._is_extrapolated(name, estimate, value):
             return _Validation(REFUSED, "beyond all outputs that the surrogate was fitted to")
         for validation in self.validation_runs:
-            same = _same_estimate(validation.groups.get(self.group, xr.Dataset()), name, estimate)
-            if same is None or np.isnan(same[1:]).any():
+            other = validation.statistics.get(name)
+            same = None if other is None else _same_estimate(other, estimate)
+            if other is None or same is None or np.isnan(same[1:]).any():
                 continue
             interval = f"the interval that {validation.name} gives it"
-            if MISSING in validation.groups[self.group].attrs:
+            if MISSING in other.attrs:
                 interval += " of the runs that came back"
             # What sampling the surrogate leaves open is no fault of the surrogate's.
             low, high = np.nan_to_num(estimate.values[1:], nan=value)
@@ -159,20 +158,18 @@ class _GroupValidation:
         return "no independent runs have an interval for it"
 
     def _is_extrapolated(self, name: str, estimate: xr.DataArray, value: float) -> bool:
-        """Whether a figure is of a place that the training runs did not reach."""
-        output, training_range = self._training_range(name)
-        threshold = estimate.coords.get(f"{output}_threshold_value")
-        if training_range is None or (threshold is None and self.group != QUANTILES):
+        """Return True if an estimate is at a value outside the training range."""
+        threshold = estimate.coords.get(f"{THRESHOLD}_value")
+        if self.training_range is None or (threshold is None and name != "quantile"):
             return False
-        return not training_range.contains(value if threshold is None else float(threshold))
+        return not self.training_range.contains(value if threshold is None else float(threshold))
 
     def _unvalidated(self, name: str) -> _Validation:
-        """On a figure that no runs have an interval for."""
-        output, training_range = self._training_range(name)
-        is_spread = name.removeprefix(f"{output}_") in _SPREADS
+        """Return the label and note of an estimate for which no runs have an interval."""
+        training_range = self.training_range
         if (
             training_range is None
-            or not is_spread
+            or name not in _SPREADS
             or training_range.variance_beyond <= _MOST_VARIANCE_BEYOND
         ):
             return _Validation(UNCHECKED, self._unvalidated_reason)
@@ -183,26 +180,17 @@ class _GroupValidation:
             f"{self._unvalidated_reason}",
         )
 
-    def _training_range(self, name: str) -> tuple[str, TrainingRange | None]:
-        """The output that a variable is of: the longest that its name begins with."""
-        known = [
-            each for each in self.training_ranges if name == each or name.startswith(f"{each}_")
-        ]
-        output = max(known, key=len, default="")
-        return output, self.training_ranges.get(output)
-
-    def _validate_curve(self, name: str, dataset: xr.Dataset) -> _Validation:
-        """On a distribution function as a whole: it must stay in the runs' simultaneous band."""
-        output = name.removesuffix("_probability").removesuffix("_band")
-        values, ranks = dataset[output].values, dataset[RANK].values
+    def _validate_curve(self) -> _Validation:
+        """Compare a distribution function as a whole with the runs' simultaneous band."""
+        curve = self.statistics["cdf_value"]
+        values, ranks = curve.values, curve[RANK].values
         for validation in self.validation_runs:
-            curves = validation.groups.get(CDFS, xr.Dataset())
-            if f"{output}_band" not in curves:
+            if "cdf_band" not in validation.statistics:
                 continue
-            _, lower, upper = curves[f"{output}_band"].values.T
+            _, lower, upper = validation.statistics["cdf_band"].values.T
             if np.isnan(lower).any():
                 continue
-            at = curves[output].values
+            at = validation.statistics["cdf_value"].values
             # The band is a step: between two of its values the lower end is that of the left one.
             left = np.searchsorted(at, values, side="right") - 1
             low = np.where(left >= 0, lower[np.maximum(left, 0)], 0.0)
@@ -219,11 +207,8 @@ class _GroupValidation:
         return _Validation(UNCHECKED, self._unvalidated_reason)
 
 
-def _same_estimate(dataset: xr.Dataset, name: str, estimate: xr.DataArray) -> FloatArray | None:
-    """The bounds that another source gives the same figure."""
-    if name not in dataset:
-        return None
-    array = dataset[name]
+def _same_estimate(array: xr.DataArray, estimate: xr.DataArray) -> FloatArray | None:
+    """Return the entry of an estimate array with the coordinates of an estimate; None for none."""
     for dimension in array.dims[:-1]:
         called = array[dimension].values.tolist()
         wanted = estimate.coords[dimension].item()
@@ -234,22 +219,17 @@ def _same_estimate(dataset: xr.Dataset, name: str, estimate: xr.DataArray) -> Fl
     return bounds
 
 
-def _with_validations(
-    name: str, array: xr.DataArray, verdicts: Mapping[tuple[int, ...], _Validation]
-) -> xr.DataArray:
-    """An array without bounds and with a verdict on each of its figures, or one on all."""
-    marked = array.copy()
-    marked[{BOUND: slice(1, None)}] = np.nan
-    shape = {str(key): size for key, size in array.sizes.items() if key != BOUND}
-    prefix = metadata_prefix(name, list(shape), array.coords)
-    if () in verdicts or not prefix:
-        (verdict,) = verdicts.values()
-        marked.attrs.pop(INTERVAL_LEVEL, None)
-        marked.attrs |= {INTERVAL: "none", INTERVAL_LABEL: verdict.label, NOTE: verdict.note}
-        return marked
+def _with_validations(array: xr.DataArray, validations: Sequence[_Validation]) -> xr.DataArray:
+    """Return an estimate array without bounds, with what was said of each of its estimates."""
+    dims = {str(dim): size for dim, size in array.sizes.items() if dim != BOUND}
     texts = {
-        INTERVAL: ["none"] * len(verdicts),
-        INTERVAL_LABEL: [verdict.label for verdict in verdicts.values()],
-        NOTE: [verdict.note for verdict in verdicts.values()],
+        INTERVAL: ["none"] * len(validations),
+        INTERVAL_LABEL: [validation.label for validation in validations],
+        NOTE: [validation.note for validation in validations],
     }
-    return marked.assign_coords(metadata_coordinates(prefix, shape, texts))
+    values = array.values.copy()
+    values[..., 1:] = np.nan
+    own = {key: each.variable for key, each in array.coords.items() if key not in texts}
+    marked = estimate_array(values, dims, texts, units="", long_name="").assign_coords(own)
+    marked.attrs = dict(array.attrs)
+    return marked

@@ -1,26 +1,31 @@
-"""The main path: a study in, a tree of datasets out."""
+"""Workflow: from a study to the tree of datasets of its archive."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from typing import NamedTuple
 
 import xarray as xr
 
+from uqpen.archive.estimates import pack
 from uqpen.archive.files import FILES, files_group
 from uqpen.archive.provenance import CONVENTIONS, SCHEMA, of_python_functions, provenance
 from uqpen.archive.read import SCHEMA_ATTRIBUTE
-from uqpen.comparison import Source, compare_sources
 from uqpen.core.errors import TooManyFailedError, TrajectoryError
 from uqpen.core.labels import (
-    COMPARISON,
+    CITED,
     DIFFERENCES,
+    FAILURES_GROUP,
+    LARGEST_CONTRIBUTION,
     MODELS,
     RUN,
     RUNS,
     RUNS_SPENT,
     SAMPLING,
+    SOURCE_KIND,
+    STATISTICS_GROUP,
     SURROGATES,
     TRAJECTORY,
 )
@@ -29,9 +34,9 @@ from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds, worst_status_runs
 from uqpen.execution.checkpoint import Checkpoint
-from uqpen.statistics.analyze import analyze
+from uqpen.statistics.analyze import OutputStatistics, analyze, analyze_failures
 from uqpen.statistics.model_differences import model_differences
-from uqpen.statistics.published import published_estimates
+from uqpen.statistics.published import Publication, published_estimates
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import Study, Variant
@@ -57,20 +62,20 @@ def run(
     Parameters
     ----------
     study : Study
-        What `load_study` returns.
+        Result of `load_study`.
     map : callable
-        Like the built-in: where batches of runs are made. It cannot change a result.
+        Like the built-in; it makes the batches of runs. It cannot change a result.
     progress : Progress, optional
-        Told how far it is.
+        Receives reports of progress.
     checkpoints : callable
-        From a design's name, a model's and the number of a round to who keeps those runs, and may
-        have kept some of them before.
+        Returns the checkpoint of the runs of a design, a model and a round, given the names of the
+        design and the model and the number of the round. It may contain runs already.
 
     Returns
     -------
     DataTree
-        The archive's content: ``/runs/<design>``, ``/moments/<design>`` and so on; of a study with
-        several models, all that under ``/models/<name>``.
+        The archive's content: ``/runs/<design>``, ``/statistics/<source>/<output>`` and so on. In a
+        study with several models, these groups are below ``/models/<name>``.
     """
     progress = progress or Progress()
     for variant in study.models.values():
@@ -82,14 +87,14 @@ def run(
 
 
 def analyse_runs(study: Study, runs: Mapping[str, Runs]) -> xr.DataTree:
-    """What an archive holds, of runs that have been made.
+    """Analyse runs and return the content of an archive.
 
     Parameters
     ----------
     study : Study
-        Whose runs they are.
+        The study of the runs.
     runs : mapping of str to mapping of str to Dataset
-        By model, those of every design; an archive's do as well as fresh ones.
+        By model, the runs of every design; archived or new ones.
     """
     groups = {"/": xr.Dataset(attrs=root_attributes(study))}
     for name, variant in study.models.items():
@@ -105,7 +110,7 @@ def analyse_runs(study: Study, runs: Mapping[str, Runs]) -> xr.DataTree:
 def _run_designs(
     study: Study, map: Map, progress: Progress, checkpoints: Checkpoints
 ) -> dict[str, Runs]:
-    """The runs of every design, by model, on common points."""
+    """Make the runs of every design, by model, at common points."""
     runs_by_model: dict[str, Runs] = {name: {} for name in study.models}
     for name, design in study.designs.items():
         progress.start_design(name, design.run_count(study.joint) * len(study.models))
@@ -131,26 +136,27 @@ def run_design(
     progress: Progress,
     round_checkpoint: Callable[[str, int], Checkpoint] = lambda model, number: Checkpoint(),
 ) -> Runs:
-    """The runs of one design by model, on common points.
+    """Make the runs of one design by model, at common points.
 
     Parameters
     ----------
     study : Study
-        Whose models and inputs they are.
+        Provides the models and the inputs.
     design : Design
         The study's own, or another in its place.
     stream : Stream
-        Where the design's random numbers come from.
+        Source of the design's random numbers.
     map : callable
-        Like the built-in: where batches of runs are made.
+        Like the built-in; it makes the batches of runs.
     progress : Progress
-        Told how far it is.
+        Receives reports of progress.
     round_checkpoint : callable
-        From a model's name and the number of a round to who keeps its runs.
+        Returns the checkpoint of a model's runs in a round, given the model's name and the number
+        of the round.
     """
 
     def made(points: xr.Dataset, number: int) -> Runs:
-        """The runs of a round, by model."""
+        """Make the runs of a round, by model."""
         return {name: of_model(name, points, number) for name in study.models}
 
     def of_model(name: str, points: xr.Dataset, number: int) -> xr.Dataset:
@@ -177,7 +183,7 @@ def run_design(
 
 
 def _run_rounds(rounds: Rounds, made: Callable[[xr.Dataset, int], Runs]) -> Iterator[Runs]:
-    """The runs of a design by model, round by round; each round may depend on the one before."""
+    """Make the runs of a design by model, round by round; a round may depend on earlier ones."""
     points = next(rounds)
     for number in itertools.count():
         runs = made(points, number)
@@ -188,26 +194,51 @@ def _run_rounds(rounds: Rounds, made: Callable[[xr.Dataset, int], Runs]) -> Iter
             return
 
 
+class _Source(NamedTuple):
+    """A design, a surrogate or a publication with its statistics.
+
+    Attributes
+    ----------
+    attributes : dict
+        Attributes of the source: its kind, the number of its runs, and others of its kind.
+    outputs : mapping of str to mapping of str to DataArray
+        Its estimate arrays by output and statistic.
+    """
+
+    attributes: dict[str, str | int]
+    outputs: Mapping[str, OutputStatistics]
+
+    @property
+    def runs_spent(self) -> int:
+        return int(self.attributes[RUNS_SPENT])
+
+    def groups(self, path: str) -> Groups:
+        """Yield its groups of an archive, below a path."""
+        yield path, xr.Dataset(attrs=self.attributes)
+        for output, statistics in self.outputs.items():
+            if statistics:
+                yield f"{path}/{output}", pack(statistics)
+
+
 def _model_groups(study: Study, variant: Variant, runs: Runs) -> Groups:
-    """All that is told of one model: its runs, what they tell, its course."""
+    """Yield the groups of one model: runs, failures, surrogates, statistics, its trajectory."""
     quantities = study.model_quantities(variant.model)
+    sources: dict[str, _Source] = {}
     for design, design_runs in runs.items():
         yield f"/{RUNS}/{design}", design_runs
-    sources = {
-        design: Source("design", design_runs.sizes[RUN], analyze(design_runs, quantities))
-        for design, design_runs in runs.items()
-    }
+        if failures := analyze_failures(design_runs):
+            yield f"/{FAILURES_GROUP}/{design}", pack(failures)
+        spent = design_runs.sizes[RUN]
+        attributes: dict[str, str | int] = {SOURCE_KIND: "design", RUNS_SPENT: spent}
+        outputs = analyze(design_runs, quantities, outside=study.analyses)
+        sources[design] = _Source(attributes, outputs)
     for name in study.surrogates:
-        fitted, source = _fit_surrogate(study, variant, name, runs, sources)
+        fitted, sources[name] = _fit_surrogate(study, variant, name, runs, sources)
         yield f"/{SURROGATES}/{name}", fitted
-        sources[name] = source
     for name, source in sources.items():
-        for analysis, statistics in source.groups.items():
-            yield f"/{analysis}/{name}", statistics
-    yield f"/{COMPARISON}", compare_sources(sources)
+        yield from source.groups(f"/{STATISTICS_GROUP}/{name}")
     for name, publication in study.published.items():
-        for group, estimates in published_estimates(publication).items():
-            yield f"/{group}/{name}", estimates
+        yield from _publication_groups(publication, f"/{STATISTICS_GROUP}/{name}")
     trajectory = _trajectory(study, variant)
     if trajectory is not None:
         yield f"/{TRAJECTORY}", trajectory
@@ -215,10 +246,20 @@ def _model_groups(study: Study, variant: Variant, runs: Runs) -> Groups:
         yield "/", xr.Dataset(attrs=_model_identity(variant.model))
 
 
+def _publication_groups(publication: Publication, path: str) -> Groups:
+    """Yield the groups of a publication's estimates for a model."""
+    yield path, xr.Dataset(attrs={SOURCE_KIND: "publication", CITED: publication.source})
+    statistics = published_estimates(publication)
+    for estimates in publication.estimates:
+        name, largest = estimates.output.name, estimates.largest_contribution
+        attributes = {LARGEST_CONTRIBUTION: largest} if largest else {}
+        yield f"{path}/{name}", pack(statistics[name]).assign_attrs(attributes)
+
+
 def _fit_surrogate(
-    study: Study, variant: Variant, name: str, runs: Runs, sources: Mapping[str, Source]
-) -> tuple[xr.Dataset, Source]:
-    """A surrogate fitted to its design, and what it tells as far as other designs vouch for it."""
+    study: Study, variant: Variant, name: str, runs: Runs, sources: Mapping[str, _Source]
+) -> tuple[xr.Dataset, _Source]:
+    """Fit a surrogate to its design, and compare its estimates with those of other designs."""
     surrogate = study.surrogates[name]
     stream = Stream(study.seed, "surrogates", name)
     training = runs[surrogate.design]
@@ -227,31 +268,34 @@ def _fit_surrogate(
     checked = fitted.with_check(runs[validation_runs[0]]) if validation_runs else fitted
     draws = SurrogateDraws(checked, study.joint, study.constraints, variant.given, stream)
     statistics = surrogate_statistics(draws, study.model_quantities(variant.model))
-    groups = validate_surrogate(
-        statistics.groups,
-        [ValidationRuns(validation, sources[validation].groups) for validation in validation_runs],
+    outputs = validate_surrogate(
+        statistics.outputs,
+        [ValidationRuns(validation, sources[validation].outputs) for validation in validation_runs],
         statistics.training_ranges,
     )
-    spent = sum(sources[design].runs for design in [surrogate.design, *validation_runs[:1]])
-    attributes = {RUNS_SPENT: spent, "check": validation_runs[0] if validation_runs else "none"}
-    return checked.to_dataset().assign_attrs(attributes), Source("surrogate", spent, groups)
+    spent = sum(sources[design].runs_spent for design in [surrogate.design, *validation_runs[:1]])
+    attributes: dict[str, str | int] = {
+        RUNS_SPENT: spent,
+        "check": validation_runs[0] if validation_runs else "none",
+    }
+    source = _Source({SOURCE_KIND: "surrogate", **attributes}, outputs)
+    return checked.to_dataset().assign_attrs(attributes), source
 
 
 def _difference_groups(study: Study, runs: Mapping[str, Runs]) -> Groups:
-    """What each model's outputs differ by from the first's, on common points."""
+    """Yield the groups of each model's differences from the first, on common points."""
     first, *others = study.models
     for other in others:
         quantities = study.model_quantities(study.models[other].model)
         for design in study.designs:
             pair = runs[first][design], runs[other][design]
-            for analysis, statistics in model_differences(*pair, quantities).items():
-                attributes = {"minus": first}
-                path = f"/{DIFFERENCES}/{other}/{analysis}/{design}"
-                yield path, statistics.assign_attrs(attributes)
+            for output, statistics in model_differences(*pair, quantities).items():
+                path = f"/{DIFFERENCES}/{other}/{design}/{output}"
+                yield path, pack(statistics).assign_attrs({"minus": first})
 
 
 def _trajectory(study: Study, variant: Variant) -> xr.Dataset | None:
-    """The model's course at the nominal inputs, where it has one and all are given."""
+    """Return the model's trajectory at the nominal inputs, if it has one and all are given."""
     known = {variable.name for variable in variant.model.inputs}
     nominal = {
         name: value
@@ -271,7 +315,7 @@ def _trajectory(study: Study, variant: Variant) -> xr.Dataset | None:
 
 
 def _display_units(study: Study) -> dict[str, str]:
-    """The unit to show each input and output in."""
+    """Return the display unit of each input and output."""
     units = {entry.variable.name: entry.display_unit for entry in study.joint.inputs}
     return units | {
         quantity.output.name: quantity.display_unit for quantity in study.quantities_of_interest
@@ -279,7 +323,7 @@ def _display_units(study: Study) -> dict[str, str]:
 
 
 def root_attributes(study: Study) -> dict[str, str | int]:
-    """What decides the numbers, at the root of the archive."""
+    """Return the attributes of an archive's root, which determine its numbers."""
     return {
         "title": study.title,
         "Conventions": CONVENTIONS,
@@ -296,5 +340,5 @@ def root_attributes(study: Study) -> dict[str, str | int]:
 
 
 def _model_identity(model: Model) -> dict[str, str]:
-    """What tells a model from another, as attributes of its group."""
+    """Return the identity of a model as attributes of its group."""
     return {f"model_{key}": value for key, value in model.identity().items()}

@@ -1,8 +1,9 @@
 """Methods head to head: each word of a path, a name or a coordinate says what a value is.
 
-Both schemas are read by the same rule, since the layout of schema 3 is not decided. A figure such
-as ``coverage`` may be a group, a variable or the end of a variable's name. A method or a statistic
-may be a group or an entry along a dimension. Words that a later layout brings go into the tables.
+Both schemas are read by the same rule. In schema 2 a group is a figure, or the end of a variable's
+name is one: ``/errors/<output>`` holds ``mean`` and ``mean_coverage``. In schema 3 a variable is:
+``/benchmark/<output>/mean`` holds ``error`` and ``coverage``. Words that a later layout brings go
+into the tables.
 """
 
 from __future__ import annotations
@@ -44,8 +45,10 @@ _FIGURES = {
     **dict.fromkeys(("slope", "slopes"), "slope"),
 }
 # Words that only hold others together.
-_PLACES = frozenset({"methods", "verdicts", "outputs", "statistics"})
+_PLACES = frozenset({"methods", "verdicts", "benchmark"})
 _DIMENSIONS = {"method": "contestant"}
+# What the group of an output says of it in schema 3, beside its name.
+_OF_OUTPUT = ("units", "display_units")
 _METHOD, _OUTPUT, _STATISTIC, _FIGURE = "contestant", "output", "statistic", "figure"
 
 
@@ -64,6 +67,7 @@ def flat_of_head_to_head(tree: Tree, schema: int) -> Flat:
             put_statistics(flat, key, group, name, outputs)
         else:
             put_output(flat, key._replace(output=name), group)
+    told = {name: tree.take(f"/benchmark/{name}") for name in tree.children("/benchmark")}
     for path in list(tree.groups):
         group = tree.take(path)
         spoken = path.strip("/").split("/")
@@ -71,7 +75,18 @@ def flat_of_head_to_head(tree: Tree, schema: int) -> Flat:
             describe(flat, Key("", "head to head", name=spoken[-1]), group.attributes)
         for name, variable in group.variables.items():
             _put_variable(flat, [*spoken, name], variable, group, words)
+    for name, group in told.items():
+        _check_output(flat, name, group)
     return flat
+
+
+def _check_output(flat: Flat, name: str, group: Group) -> None:
+    """Check that the group of an output repeats what its mean says of it, and nothing else."""
+    mean = Key("", "head to head", "estimate", name, "mean")
+    expected = {what: flat.facts.get(mean._replace(what=what)) for what in _OF_OUTPUT}
+    expected["long_name"] = flat.texts[mean._replace(what="long_name")].removeprefix("mean of ")
+    if group.variables or group.attributes != expected:
+        raise NoPlaceError(f"/benchmark/{name}: {group.attributes}, but its mean says {expected}")
 
 
 def _words(tree: Tree) -> dict[str, str]:

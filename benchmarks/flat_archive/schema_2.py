@@ -25,7 +25,7 @@ from flat_archive.content import (
 )
 from flat_archive.runs import models_of, outputs_of, put_model_apart, put_root, put_runs
 
-__all__ = ["flat_of_schema_2", "put_statistics"]
+__all__ = ["flat_of_schema_2", "put_statistics", "put_surrogate"]
 
 _MOMENTS = ("mean", "std", "half_spread", "skewness", "kurtosis", "effective_runs")
 _SHARES = ("first_order", "total_order", "shapley")
@@ -64,6 +64,9 @@ _DIMENSIONS = {
 }
 # What stands beside the entries of a dimension.
 _BESIDE = ("value", "label", "runs_needed", "first", "second")
+# What schema 3 calls the probabilities of statuses, and what these are along.
+_PROBABILITY_NAME = "probability that a run ends so"
+_STATUS_NAME = "end of a run"
 _NOT_TOLD = ("none", "none", "this source does not tell it")
 
 
@@ -96,7 +99,7 @@ def _put_model(flat: Flat, tree: Tree, model: str, path: str, outputs: Sequence[
     publications = _put_sources(flat, tree, Key(model, "statistics"), path, outputs, blocks)
     _put_failures(flat, tree, model, path)
     for name in tree.children(f"{path}/surrogates"):
-        _put_surrogate(flat, tree.take(f"{path}/surrogates/{name}"), Key(model, "surrogates", name))
+        put_surrogate(flat, tree.take(f"{path}/surrogates/{name}"), Key(model, "surrogates", name))
     put_model_apart(flat, tree, model, path)
     sources = _put_comparison(flat, tree.take(f"{path}/comparison"), model, outputs)
     put(flat.facts, Key(model, "sources", what="order"), (*sources, *publications))
@@ -186,6 +189,8 @@ def put_statistics(
     """
     used = {BOUND}
     found = False
+    # Of the runs that statistics of the sample are of.
+    by_sample = of_sample or group.attributes
     for name, variable in group.variables.items():
         if name == BOUND or variable.dimensions[-1:] != (BOUND,):
             continue
@@ -193,7 +198,7 @@ def put_statistics(
         place = _place(key, name, variable.dimensions[:-1], _STATISTICS[family], outputs)
         _put_variable(flat, place, name, group, used)
         is_of_sample = of_sample is not None and "blocks_used" not in variable.attributes
-        describe(flat, place.key, of_sample if of_sample and is_of_sample else group.attributes)
+        describe(flat, place.key, by_sample if is_of_sample else group.attributes)
     if group.attributes and not found:
         raise NoPlaceError(f"{key}: attributes of no statistic: {group.attributes}")
     if family == "cdfs":
@@ -202,6 +207,7 @@ def put_statistics(
                 used.add(output)
                 place_of_values = key._replace(output=output, name="cdf_value")
                 put_column(flat, place_of_values, group.variables[output])
+                describe(flat, place_of_values, by_sample)
     _refuse_rest(key, group, used)
 
 
@@ -274,12 +280,13 @@ def _put_failures(flat: Flat, tree: Tree, model: str, path: str) -> None:
     for design in tree.children(f"{path}/statuses"):
         group = tree.take(f"{path}/statuses/{design}")
         key = Key(model, "failures", design, name="probability")
-        describe(flat, key, group.attributes)
+        describe(flat, key, {**group.attributes, "long_name": _PROBABILITY_NAME})
+        describe(flat, key._replace(name="status"), {"long_name": _STATUS_NAME})
         statuses = [name for name in group.variables if name != BOUND]
         put(flat.facts, key._replace(what="order along status"), tuple(statuses))
         for status in statuses:
             variable = group.variables[status]
-            # In schema 3 they share a name to be read.
+            # In schema 3 they share a name to be read, `_PROBABILITY_NAME`.
             shared = {k: v for k, v in variable.attributes.items() if k != "long_name"}
             _put_status(flat, key, status, variable._replace(attributes=shared))
     for design in tree.children(f"{path}/losses"):
@@ -291,7 +298,9 @@ def _put_failures(flat: Flat, tree: Tree, model: str, path: str) -> None:
             describe(flat, key, group.attributes)
         for name in ("lowest", "highest"):
             used.add(name)
-            put_column(flat, Key(model, "failures", design, name=name), group.variables[name])
+            key = Key(model, "failures", design, name=name)
+            put_column(flat, key, group.variables[name])
+            describe(flat, key, group.attributes)
         _refuse_rest(Key(model, "failures", design), group, used)
 
 
@@ -308,7 +317,7 @@ def _put_status(flat: Flat, key: Key, status: str, variable: Variable) -> None:
         put(flat.facts, each, fact)
 
 
-def _put_surrogate(flat: Flat, group: Group, key: Key) -> None:
+def put_surrogate(flat: Flat, group: Group, key: Key) -> None:
     """Put a surrogate at its place: what is of one output apart from what is of all."""
     attributes = dict(group.attributes)
     for what in ("check", "runs_spent"):

@@ -23,7 +23,7 @@ from flat_archive.content import (
     put_estimates,
 )
 from flat_archive.runs import models_of, put_model_apart, put_root, put_runs
-from flat_archive.schema_2 import put_fit
+from flat_archive.schema_2 import put_fit, put_surrogate
 
 __all__ = ["entry_texts", "flat_of_schema_3", "put_output"]
 
@@ -155,7 +155,13 @@ def _listed(value: Any) -> tuple[Any, ...]:
 
 
 def _put_surrogate(flat: Flat, tree: Tree, key: Key, path: str) -> None:
-    """Put a surrogate at its place; diagnostics are attributes or variables of no dimension."""
+    """Put a surrogate at its place: as schema 2 had it, or with a group for each output.
+
+    In those groups, diagnostics are attributes or variables of no dimension.
+    """
+    if not tree.children(path):
+        put_surrogate(flat, tree.take(path), key)
+        return
     group = tree.take(path)
     attributes = dict(group.attributes)
     for what in ("check", "runs_spent"):

@@ -178,16 +178,31 @@ class TestDamage:
             (lambda d: d.renameGroup("runs", "walks"), "no runs"),
             (lambda d: d["runs/monte_carlo"].renameVariable("status", "state"), "no status"),
             (lambda d: d["runs/monte_carlo/status"].__setitem__(0, -5), "a status that is none"),
-            (lambda d: d.renameGroup("moments", "means"), "/moments/monte_carlo: no"),
             (
-                lambda d: d["moments/monte_carlo/penetration_depth_mean"].delncattr(
-                    "interval_label"
-                ),
-                "does not say how its interval was made",
+                lambda d: d["statistics/monte_carlo"].delncattr("kind"),
+                "/statistics/monte_carlo: of no kind that is known",
             ),
             (
-                lambda d: d["quantiles/monte_carlo"].renameVariable("penetration_depth", "depth"),
-                "/quantiles/monte_carlo: no penetration_depth",
+                lambda d: d["statistics/monte_carlo"].delncattr("runs_spent"),
+                "/statistics/monte_carlo: no runs_spent",
+            ),
+            (
+                lambda d: d["statistics/monte_carlo/penetration_depth/mean"].delncattr(
+                    "interval_label"
+                ),
+                "mean: does not say how its interval was made",
+            ),
+            (
+                lambda d: d["statistics/monte_carlo/penetration_depth"].renameVariable(
+                    "probability", "share"
+                ),
+                "/statistics/monte_carlo/penetration_depth: no probability to tell its entries",
+            ),
+            (
+                lambda d: d["statistics/monte_carlo/termination"].renameVariable(
+                    "category_label", "label"
+                ),
+                "/statistics/monte_carlo/termination: no category_label for each entry",
             ),
         ],
     )
@@ -239,7 +254,7 @@ class TestForeignFiles:
 
 
 def test_a_group_that_is_not_there_is_empty(tree: xr.DataTree) -> None:
-    assert not read_group(tree, "comparison", "monte_carlo")
+    assert not read_group(tree, "statistics", "elsewhere", "penetration_depth")
     assert group_names(tree, "surrogates") == []
 
 

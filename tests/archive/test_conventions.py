@@ -116,7 +116,7 @@ def trees() -> list[xr.DataTree]:
     """Archives that hold every kind of group."""
     studies = [uqpen.parse_study(text) for text in (DESIGNS, KINDS, MODELS)]
     # Of a model and of inputs that files tell of.
-    studies.append(uqpen.load_study(DATA / "archives" / "schema_2_several.toml"))
+    studies.append(uqpen.load_study(DATA / "archives" / "schema_3_several.toml"))
     terms = BenchmarkSettings(budgets=(16, 32), repeats=10, reference=512)
     return [*map(uqpen.run, studies), compare(uqpen.parse_study(COMPARED), terms)]
 
@@ -156,7 +156,8 @@ def report(
     subprocess.run(command, check=False, capture_output=True)
     found = json.loads(output.read_text())
     assert len(found) == len(files) > 10
-    assert {"3-files.nc", "4-methods.nc"} <= {path.name for path in files}
+    looked_at = {path.name for path in files}
+    assert {"3-files.nc", "4-methods.nc", "0-statistics-blocks-y.nc"} <= looked_at
     return {Path(name).stem: checks["cf:1.11"] for name, checks in found.items()}
 
 

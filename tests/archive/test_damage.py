@@ -13,8 +13,11 @@ import pytest
 
 import uqpen
 from uqpen.archive.checksum import is_broken
+from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import open_archive
 from uqpen.core.errors import ArchiveError
+from uqpen.results.long_table import long_table
+from uqpen.results.source_statistics import SourceStatistics
 
 STUDY = """
 seed = 1
@@ -28,6 +31,7 @@ x1 = { uniform = { lower = -3, upper = 3 } }
 x2 = { uniform = { lower = -3, upper = 3 } }
 x3 = 1
 [outputs.y]
+exceeds = [5]
 hold = [0.95]
 [designs.first]
 kind = "monte-carlo"
@@ -91,39 +95,124 @@ def filled(path: str, at: Any, value: Any) -> Callable[[Any], None]:
     return lambda root: root[path].__setitem__(at, value)
 
 
+def replaced(group: str, name: str, kind: Any, dims: tuple[str, ...]) -> Callable[[Any], None]:
+    """A variable of another type or along other dimensions in the place of one."""
+
+    def change(root: Any) -> None:
+        old = root[group][name]
+        attributes = {key: old.getncattr(key) for key in old.ncattrs()}
+        root[group].renameVariable(name, "formerly")
+        root[group].createVariable(name, kind, dims).setncatts(attributes)
+
+    return change
+
+
 ONE = "models/one"
+FIRST = f"{ONE}/statistics/first/y"
 DAMAGES = {
     "bounds": (
-        drop(f"{ONE}/moments/first", "bound"),
-        "/models/one/moments/first: y_mean: not the bounds of an estimate",
+        drop(FIRST, "bound"),
+        "/models/one/statistics/first/y: mean: not the bounds of an estimate",
     ),
     "names of bounds": (
-        filled(f"{ONE}/moments/first/bound", 1, "least"),
-        "/models/one/moments/first: y_mean: not the bounds of an estimate",
+        filled(f"{FIRST}/bound", 1, "least"),
+        "/models/one/statistics/first/y: mean: not the bounds of an estimate",
     ),
     "inputs": (
-        drop(f"{ONE}/sensitivity/first", "input"),
-        "/models/one/sensitivity/first: no input to tell its entries apart",
+        drop(FIRST, "input"),
+        "/models/one/statistics/first/y: no input to tell its entries apart",
     ),
     "entries": (
-        filled(f"{ONE}/quantiles/second/y_probability", 1, 0.4),
-        "/models/one/quantiles/second: another y_probability than elsewhere",
+        filled(f"{ONE}/statistics/second/y/probability", 1, 0.4),
+        "/models/one/statistics/second/y: another probability than elsewhere",
     ),
     "needed": (
-        drop(f"{ONE}/holds/first", "y_hold_runs_needed"),
-        "/models/one/holds/first: no y_hold_runs_needed for each entry",
+        drop(FIRST, "content_runs_needed"),
+        "/models/one/statistics/first/y: no content_runs_needed for each entry",
+    ),
+    "dimensions of a statistic": (
+        replaced(FIRST, "mean", "f8", ("probability", "bound")),
+        "/models/one/statistics/first/y: mean is not of numbers along bound",
+    ),
+    "order of dimensions": (
+        replaced(FIRST, "exceedance", "f8", ("bound", "threshold")),
+        "/models/one/statistics/first/y: exceedance is not of numbers along threshold, bound",
+    ),
+    "a statistic without bounds": (
+        replaced(FIRST, "mean", "f8", ()),
+        "/models/one/statistics/first/y: mean is not of numbers along bound",
+    ),
+    "texts in place of numbers": (
+        replaced(FIRST, "exceedance", str, ("threshold", "bound")),
+        "/models/one/statistics/first/y: exceedance is not of numbers along threshold, bound",
+    ),
+    "texts along a dimension of numbers": (
+        replaced(FIRST, "probability", str, ("probability",)),
+        "/models/one/statistics/first/y: no probability to tell its entries apart",
+    ),
+    "texts in place of counts": (
+        replaced(FIRST, "content_runs_needed", str, ("content",)),
+        "/models/one/statistics/first/y: no content_runs_needed for each entry",
+    ),
+    "values of thresholds": (
+        drop(FIRST, "threshold_value"),
+        "/models/one/statistics/first/y: no threshold_value for each entry",
+    ),
+    "ranks": (
+        drop(FIRST, "rank"),
+        "/models/one/statistics/first/y: no rank to tell its entries apart",
+    ),
+    "a code that is in no table": (
+        filled(f"{FIRST}/quantile_interval", 0, 100),
+        "/models/one/statistics/first/y: quantile: does not say how its interval was made",
+    ),
+    "a code below zero": (
+        filled(f"{FIRST}/quantile_interval", 0, -1),
+        "/models/one/statistics/first/y: quantile: does not say how its interval was made",
+    ),
+    "codes that are no whole numbers": (
+        replaced(FIRST, "quantile_interval", "f8", ("probability",)),
+        "/models/one/statistics/first/y: quantile: does not say how its interval was made",
+    ),
+    "codes along another dimension": (
+        replaced(FIRST, "quantile_interval", "i1", ("content",)),
+        "/models/one/statistics/first/y: quantile: does not say how its interval was made",
+    ),
+    "a table of another length": (
+        told(f"{FIRST}/quantile_interval", "flag_note", ["one", "two", "three", "four", "five"]),
+        "/models/one/statistics/first/y: quantile: does not say how its interval was made",
+    ),
+    "a table of numbers": (
+        told(f"{FIRST}/quantile_interval", "flag_interval", np.arange(3)),
+        "/models/one/statistics/first/y: quantile: does not say how its interval was made",
+    ),
+    "no table": (
+        lambda root: root[f"{FIRST}/quantile_interval"].delncattr("flag_interval_label"),
+        "/models/one/statistics/first/y: quantile: does not say how its interval was made",
+    ),
+    "ends of runs": (
+        drop(f"{ONE}/failures/first", "status"),
+        "/models/one/failures/first: no status to tell its entries apart",
+    ),
+    "kind of a source": (
+        told(f"{ONE}/statistics/first", "kind", "guess"),
+        "/models/one/statistics/first: of no kind that is known",
+    ),
+    "what a surrogate is checked by": (
+        lambda root: root[f"{ONE}/statistics/chaos"].delncattr("check"),
+        "/models/one/statistics/chaos: no check",
     ),
     "unit": (
         told(f"{ONE}/runs/first/y", "display_units", "m^^"),
         "/models/one/runs/first/y: display_units that are no unit",
     ),
     "note": (
-        told(f"{ONE}/moments/first/y_mean", "note", np.array([1, 2])),
-        "/models/one/moments/first/y_mean: note is no text",
+        told(f"{FIRST}/mean", "note", np.array([1, 2])),
+        "/models/one/statistics/first/y/mean: note is no text",
     ),
     "count": (
-        told(f"{ONE}/sensitivity/first", "runs", "many"),
-        "/models/one/sensitivity/first: runs is no count",
+        told(f"{FIRST}/first_order", "runs", "many"),
+        "/models/one/statistics/first/y/first_order: runs is no count",
     ),
     "seed": (told("", "seed", "9" * 5000), "a seed that is no number"),
     "run numbers": (
@@ -135,8 +224,8 @@ DAMAGES = {
         "/differences/third: of no model",
     ),
     "minus": (
-        lambda root: root["differences/other/moments/first"].delncattr("minus"),
-        "/differences/other/moments/first: does not say of which model",
+        lambda root: root["differences/other/first/y"].delncattr("minus"),
+        "/differences/other/first/y: does not say of which model",
     ),
     "fit": (
         drop(f"{ONE}/surrogates/chaos", "y_coefficient"),
@@ -153,3 +242,50 @@ def test_a_damaged_part_is_named(copy: Path, how: str) -> None:
     with pytest.raises(ArchiveError) as caught:
         open_archive(copy)
     assert str(caught.value) == f"{copy}: is damaged: {message}"
+
+
+class TestWhatUqpenDoesNotKnow:
+    """Archives of others, which lack a statistic or have one of their own."""
+
+    def test_a_statistic_that_is_absent_is_no_damage(self, copy: Path) -> None:
+        tree = open_archive(copy)
+        del tree[FIRST]["skewness"]
+        del tree[f"{ONE}/statistics/second"]["y"]
+        del tree[ONE]["failures"]
+        uqpen.write(tree, copy)
+        found = SourceStatistics(open_archive(copy)[ONE])
+        assert found.get("first", "y", "skewness") is None
+        assert found.get("first", "y", "mean") is not None
+        assert found.statistics("second", "y") == {}
+        assert found.sources_of("y", "mean") == ["first", "chaos"]
+        assert found.failures("first") == {}
+
+    def test_one_that_is_not_in_the_catalogue_is_kept_and_listed(self, copy: Path) -> None:
+        expected = [0.25, 0.125, 0.5]
+        with netCDF4.Dataset(copy, "a") as root:
+            group = root[FIRST]
+            group.createDimension("shape", 2)
+            alone = group.createVariable("trimmed_mean", "f8", ("bound",))
+            alone.setncatts({"units": "1", "interval": "bootstrap", "interval_label": "nominal"})
+            alone[:] = expected
+            along = group.createVariable("wavelet", "f8", ("shape", "bound"))
+            along.setncatts({"units": "1", "interval": "none", "interval_label": "none"})
+            along[:] = np.array([[1, np.nan, np.nan], [2, np.nan, np.nan]])
+        tree = open_archive(copy)
+        uqpen.write(tree, copy)
+        again = open_archive(copy)
+        array = SourceStatistics(again[ONE]).get("first", "y", "trimmed_mean")
+        assert array is not None
+        assert array.values.tolist() == expected
+        assert interval_text(array, "interval") == "bootstrap"
+        listed = long_table(again).query("model == 'one' and source == 'first'")
+        (row,) = listed[listed["statistic"] == "trimmed_mean"].to_dict("records")
+        assert [row["estimate"], row["lower"], row["upper"]] == expected
+        assert (row["unit"], row["interval_label"]) == ("1", "nominal")
+        assert listed[listed["statistic"] == "wavelet"]["estimate"].tolist() == [1, 2]
+
+    def test_one_along_bounds_says_how_they_were_made(self, copy: Path) -> None:
+        with netCDF4.Dataset(copy, "a") as root:
+            root[FIRST].createVariable("trimmed_mean", "f8", ("bound",))[:] = 1
+        with pytest.raises(ArchiveError, match="trimmed_mean: does not say how its interval was"):
+            open_archive(copy)

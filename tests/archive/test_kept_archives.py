@@ -19,9 +19,10 @@ import uqpen
 from uqpen.archive.content import group_hashes, recorded_hashes
 from uqpen.archive.migrations import MIGRATIONS, migrate
 from uqpen.archive.provenance import SCHEMA
-from uqpen.archive.read import open_archive, read_as_written
+from uqpen.archive.read import group_names, model_trees, open_archive, read_as_written
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
+from uqpen.results.source_statistics import SourceStatistics
 from uqpen.verification.check_result import CheckOutcome
 from uqpen.verification.diff import diff_archives
 from uqpen.verification.verify import verify
@@ -32,22 +33,24 @@ FOLDER = Path(__file__).parents[1] / "data" / "archives"
 NAMES = sorted(path.name.removesuffix(".nc.gz") for path in FOLDER.glob("*.nc.gz"))
 
 NAN = np.nan
-# By archive, group and variable: what stands in the file, to the bit.
+# By archive, group and variable of the present schema: what stands in the file, to the bit.
 OF_ISHIGAMI = {
     "runs/monte_carlo/y": {3: 0.2450454206611793},
-    "moments/monte_carlo/y_mean": {...: [3.6915976938972275, 2.247985374392933, 5.135210013401522]},
-    "sensitivity/blocks/y_first_order": {
+    "statistics/monte_carlo/y/mean": {
+        ...: [3.6915976938972275, 2.247985374392933, 5.135210013401522]
+    },
+    "statistics/blocks/y/first_order": {
         (..., 0): [0.8860775861308721, 0.6169951125916516, 0.010820809803753608]
     },
-    "sensitivity/trajectories/y_mu_star": {
+    "statistics/trajectories/y/mu_star": {
         0: [4.69362561011677, 2.4792627373373985, 6.907988482896142]
     },
-    "sensitivity/report/y_response": {0: [0.1, NAN, NAN]},
+    "statistics/report/y/response": {0: [0.1, NAN, NAN]},
 }
 FIGURES = {
     "schema_1": OF_ISHIGAMI,
     "schema_1_several": {
-        "differences/other/moments/monte_carlo/y_mean": {
+        "differences/other/monte_carlo/y/mean": {
             ...: [0.0055917021048407095, -0.03316532730327712, 0.04434873151295854]
         },
         "models/other/runs/given/y": {
@@ -56,7 +59,12 @@ FIGURES = {
     },
     "schema_2": OF_ISHIGAMI,
     "schema_2_several": {
-        "differences/other/moments/monte_carlo/y_mean": {...: [-0.5, -0.5, -0.5]},
+        "differences/other/monte_carlo/y/mean": {...: [-0.5, -0.5, -0.5]},
+        "models/other/runs/given/y": {...: [0.5, -0.5, 0.515625, 1.5]},
+    },
+    "schema_3": OF_ISHIGAMI,
+    "schema_3_several": {
+        "differences/other/monte_carlo/y/mean": {...: [-0.5, -0.5, -0.5]},
         "models/other/runs/given/y": {...: [0.5, -0.5, 0.515625, 1.5]},
     },
 }
@@ -102,6 +110,46 @@ def test_it_opens_with_the_same_figures(kept: Kept) -> None:
             np.testing.assert_array_equal(found, expected, path)
 
 
+def test_up_to_2_what_stood_by_kind_stands_by_source_and_output(kept: Kept) -> None:
+    if kept.written.attrs["uqpen_schema"] > 2:
+        assert {node.path for node in kept.written.subtree} == {n.path for n in kept.tree.subtree}
+        return
+    written, read = model_trees(kept.written), model_trees(kept.tree)
+    assert list(written) == list(read)
+    for name, model in written.items():
+        assert "comparison" in model.children, "it repeated what stands with its source"
+        after = SourceStatistics(read[name])
+        assert not {"moments", "quantiles", "comparison", "statuses"} & set(read[name].children)
+        for source in model.children["moments"].children:
+            moments = model["moments"][source].to_dataset()
+            for statistic in ("mean", "std", "half_spread", "skewness", "kurtosis"):
+                if f"y_{statistic}" in moments:
+                    _agrees(after.get(source, "y", statistic), moments[f"y_{statistic}"])
+        for source in model.children["quantiles"].children:
+            quantiles = model["quantiles"][source].to_dataset()
+            _agrees(after.get(source, "y", "quantile"), quantiles["y"])
+            functions = model["cdfs"][source].to_dataset()
+            _agrees(after.get(source, "y", "cdf"), functions["y_probability"])
+            _agrees(after.get(source, "y", "cdf_band"), functions["y_band"])
+            _agrees(after.get(source, "y", "cdf_value"), functions["y"])
+        for design in group_names(model, "statuses"):
+            ends = model["statuses"][design].to_dataset()
+            found = after.failures(design)["probability"]
+            assert found["status"].values.tolist() == list(ends.data_vars)
+            for end, array in ends.data_vars.items():
+                _agrees(found.sel(status=end), array)
+
+
+def _agrees(found: xr.DataArray | None, written: xr.DataArray) -> None:
+    """Assert that the numbers are those that were written, and so are the texts of intervals."""
+    assert found is not None
+    np.testing.assert_array_equal(found.values, written.values)
+    for name in ("interval", "interval_label", "note"):
+        if name in written.attrs:
+            texts = found.coords[name].values if found.ndim else found.attrs[name]
+            assert set(np.ravel(texts)) == {written.attrs[name]}
+
+
 def test_it_is_shown(kept: Kept) -> None:
     rows = [row for table in output_tables(kept.tree) for row in dict(table.rows)]
     assert "mean" in rows
@@ -141,7 +189,7 @@ def test_from_1_what_measures_of_sensitivity_lie_along_has_a_name(kept: Kept) ->
     assert {named[path] for path in named.keys() - of_surrogates} == {"input"}
     if kept.name == "schema_1":
         assert "long_name" not in kept.written["sensitivity/report"]["input"].attrs
-        assert kept.tree["sensitivity/report"]["input"].values.tolist() == ["x1"]
+        assert kept.tree["statistics/report/y"]["input"].values.tolist() == ["x1"]
 
 
 def test_what_is_read_can_be_written_again(kept: Kept, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import netCDF4
 import pytest
 
-pytestmark = pytest.mark.processor
+pytestmark = [pytest.mark.processor, pytest.mark.slow]
 
 STUDY = """\
 title = "Small [bold]study[/bold]"
@@ -116,12 +116,34 @@ class TestShow:
     @pytest.mark.parametrize(
         ("damage", "complaint"),
         [
-            (lambda d: d["errors"].renameGroup("y", "z"), "/errors/y: no mean"),
+            (lambda d: d["benchmark"].renameGroup("y", "z"), "/reference/z: no mean"),
             (lambda d: d["methods"].renameVariable("runs", "walks"), "/methods: no runs along"),
-            (lambda d: d["verdicts/y"].renameVariable("mean_lead", "led"), "no mean_lead along"),
-            (lambda d: d["errors/y"]["mean"].delncattr("interval_label"), "how its interval"),
-            (lambda d: d.renameGroup("estimates", "guesses"), "no estimates"),
-            (lambda d: d["reference"].renameGroup("moments", "lost"), "/reference: no moments"),
+            (
+                lambda d: d["benchmark/y/mean"].renameVariable("lead", "led"),
+                "/benchmark/y/mean: no lead along",
+            ),
+            (
+                lambda d: d["benchmark/y/mean"]["error"].delncattr("interval_label"),
+                "how its interval",
+            ),
+            (
+                lambda d: d["reference/y"]["std"].delncattr("interval_label"),
+                "/reference/y: std: does not say how its interval",
+            ),
+            (
+                lambda d: d["reference/y"]["quantile"].delncattr("runs_used"),
+                "/reference/y: no runs_used of quantile",
+            ),
+            (
+                lambda d: d["reference/y"].renameVariable("threshold", "level"),
+                "/reference/y: no threshold to tell its entries apart",
+            ),
+            (
+                lambda d: d["benchmark/y"].renameGroup("mean", "mode"),
+                "/benchmark/y/mode: of no statistic",
+            ),
+            (lambda d: d.renameGroup("benchmark", "contest"), "no benchmark"),
+            (lambda d: d["reference"].renameGroup("y", "lost"), "/reference/y: no mean"),
             (lambda d: d.setncattr("uqpen_kind", "other"), 'of kind "other", which this uqpen'),
         ],
     )

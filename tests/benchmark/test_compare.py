@@ -15,6 +15,8 @@ from uqpen.benchmark.settings import BenchmarkSettings
 from uqpen.core.errors import SettingsError
 from uqpen.study.study import Study
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 
 STUDY = """
@@ -53,38 +55,44 @@ def study(function: str, more: str = "") -> Study:
 
 
 @cache
-def verdicts(function: str, budgets: tuple[int, ...], more: str = "") -> xr.Dataset:
+def comparison(function: str, budgets: tuple[int, ...], more: str = "") -> xr.DataTree:
     # Errors fall below those of so large a reference from some thousand runs only.
-    tree = compare(study(function, more), BenchmarkSettings(budgets, repeats=12, reference=32_768))
-    return tree["/verdicts/y"].to_dataset()
+    return compare(study(function, more), BenchmarkSettings(budgets, repeats=12, reference=32_768))
+
+
+def statistic(
+    function: str, budgets: tuple[int, ...], more: str = "", *, name: str = "mean"
+) -> xr.Dataset:
+    return comparison(function, budgets, more)[f"/benchmark/y/{name}"].to_dataset()
 
 
 class TestWinners:
     """As they were measured with other programs before this one was written."""
 
     def test_on_an_additive_function_a_broken_sequence_loses(self) -> None:
-        found = verdicts("additive", (128, 1000, 1024))
-        assert found["mean_level"].values[0, 1] == "latin_hypercube"
-        assert found["mean_lead"].values[0, 1, 1] > 2
+        found = statistic("additive", (128, 1000, 1024))
+        assert found["level"].values[0, 1] == "latin_hypercube"
+        assert found["lead"].values[0, 1, 1] > 2
 
     @pytest.mark.parametrize("position", [0, 2])
     def test_and_at_powers_of_two_nobody_is_sure_to_win(self, position: int) -> None:
-        found = verdicts("additive", (128, 1000, 1024))
+        found = statistic("additive", (128, 1000, 1024))
         # Level, or ahead by errors that few of the scrambles decide.
-        is_level = " " in found["mean_level"].values[0, position]
-        assert is_level or np.isnan(found["mean_lead"].values[0, position, 1])
+        is_level = " " in found["level"].values[0, position]
+        assert is_level or np.isnan(found["lead"].values[0, position, 1])
 
     def test_on_steps_along_the_axes_a_sequence_wins(self) -> None:
-        found = verdicts("step", (256, 1024))
-        assert (found["mean_level"].values[0] == "sobol_sequence").all()
-        assert 2 < found["mean_lead"].values[0, 1, 0] < 20
+        found = statistic("step", (256, 1024))
+        assert (found["level"].values[0] == "sobol_sequence").all()
+        assert 2 < found["lead"].values[0, 1, 0] < 20
 
     def test_polynomial_chaos_is_exact_on_polynomials(self) -> None:
-        found = verdicts("polynomial", (64, 128), PCE)
-        for statistic in ("mean", "std"):
-            assert (found[f"{statistic}_winner"].values[0] == "pce").all()
+        for name in ("mean", "std"):
+            found = statistic("polynomial", (64, 128), PCE, name=name)
+            assert (found["winner"].values[0] == "pce").all()
         # The reference is not: it cannot say by how much.
-        assert "the reference's own" in found["mean_verdict"].values[0, 1]
+        found = statistic("polynomial", (64, 128), PCE)
+        assert "the reference's own" in found["verdict"].values[0, 1]
 
 
 class TestNumbers:
@@ -97,14 +105,13 @@ class TestNumbers:
     def test_another_method_or_budget_or_repeat_changes_no_estimate(self) -> None:
         more = '[designs.halton]\nkind = "halton"\nruns = 64\n'
         many = compare(study("step", more), BenchmarkSettings((32, 64, 100), 11, 1024))
-        few = self.TREE()["/estimates/y"].to_dataset()
-        chosen = (
-            many["/estimates/y"].to_dataset().sel(contestant=few["contestant"], budget=[64, 100])
-        )
-        xr.testing.assert_identical(few["mean"], chosen["mean"].isel(repeat=slice(10)))
+        few = self.TREE()["/benchmark/y/mean"]["estimate"]
+        all_estimates = many["/benchmark/y/mean"]["estimate"]
+        chosen = all_estimates.sel(contestant=few["contestant"], budget=[64, 100])
+        xr.testing.assert_identical(few, chosen.isel(repeat=slice(10)))
 
     def test_repeats_differ(self) -> None:
-        assert (np.ptp(self.TREE()["/estimates/y"]["mean"].values, axis=-1) > 0).all()
+        assert (np.ptp(self.TREE()["/benchmark/y/mean"]["estimate"].values, axis=-1) > 0).all()
 
     def test_runs_and_replicates_are_told(self) -> None:
         methods = self.TREE()["/methods"].to_dataset()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import platform
@@ -28,7 +29,7 @@ from uqpen.execution.batch import BatchResult
 from uqpen.execution.processes import processes
 from uqpen.study.study import Study
 
-pytestmark = pytest.mark.processor
+pytestmark = [pytest.mark.processor, pytest.mark.slow]
 
 ROOT = Path(__file__).parents[2]
 
@@ -72,7 +73,9 @@ VECTORIZED = MODEL.replace(
 @pytest.fixture(autouse=True)
 def _slow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs are sent and kept one by one, as those are that take a second each."""
-    monkeypatch.setattr("uqpen.execution.evaluate.WORTH_SENDING", 0.0)
+    # The package has a function of the same name as the module.
+    module = importlib.import_module("uqpen.execution.evaluate")
+    monkeypatch.setattr(module, "WORTH_SENDING", 0.0)
     monkeypatch.setattr("uqpen.checkpoints.checkpoint_folder._PATIENCE", 0.0)
     # Only a machine that goes down loses what was not brought to the disk.
     monkeypatch.setattr(os, "fsync", lambda file: None)
@@ -498,8 +501,10 @@ def test_two_processes_do_not_make_one_archive(folder: Path) -> None:
 
 
 def test_a_lock_that_was_left_behind_means_nothing(folder: Path) -> None:
-    holder = "from uqpen.checkpoints.lock import locked; import pathlib, time\n"
-    holder += "with locked(pathlib.Path('study.nc').absolute()):\n    print('locked', flush=True)\n"
+    holder = "from uqpen.checkpoints.lock import lock_archive; import pathlib, time\n"
+    holder += (
+        "with lock_archive(pathlib.Path('study.nc').absolute()):\n    print('locked', flush=True)\n"
+    )
     with subprocess.Popen(
         [sys.executable, "-c", f"{holder}    time.sleep(60)"], cwd=folder, stdout=subprocess.PIPE
     ) as process:

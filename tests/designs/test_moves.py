@@ -12,7 +12,8 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.core.errors import StudyError
+from uqpen.archive.estimates import interval_text
+from uqpen.archive.write import write
 from uqpen.core.model import Bounds, Input, Output
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
@@ -23,7 +24,8 @@ from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
-from uqpen.statistics.analyze import analyze
+from uqpen.results.source_statistics import SourceStatistics
+from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sensitivity.elementary_effects import mean_effect
 from uqpen.study.load import parse_study
@@ -78,17 +80,17 @@ def sensitivity(
     function: Callable[..., Any],
     *,
     vectorized: bool = True,
-) -> xr.Dataset:
+) -> OutputStatistics:
     runs = runs_of(design, joint, function, vectorized=vectorized)
-    return analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["sensitivity"]
+    return analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["y"]
 
 
-def figure(found: xr.Dataset, name: str, entry: str) -> float:
-    return float(found[f"y_{name}"].sel(input=entry, bound="estimate"))
+def figure(found: OutputStatistics, name: str, entry: str) -> float:
+    return float(found[name].sel(input=entry, bound="estimate"))
 
 
-def note(found: xr.Dataset, name: str, entry: str) -> str:
-    return str(found[f"y_{name}_note"].sel(input=entry).item())
+def note(found: OutputStatistics, name: str, entry: str) -> str:
+    return interval_text(found[name].sel(input=entry), "note")
 
 
 class TestMorris:
@@ -170,7 +172,7 @@ class TestMorris:
             )
             + '[designs.morris]\nkind = "morris"\ntrajectories = 20\n'
         )
-        found = uqpen.run(study)["sensitivity/morris"].to_dataset()
+        found = SourceStatistics(uqpen.run(study)).statistics("morris", "y")
         # 7 (sin²(π/5) - sin²(3π/5)) over a step of 2/5, up or down.
         exact = 7 * abs(math.sin(math.pi / 5) ** 2 - math.sin(3 * math.pi / 5) ** 2) / 0.4
         assert figure(found, "mu_star", "x2") == pytest.approx(exact, rel=1e-9)
@@ -187,7 +189,7 @@ class TestMorris:
             found = analyze(
                 runs.isel(run=slice(start, start + 40)), [QuantityOfInterest(OUTPUT, "m")]
             )
-            told = found["sensitivity"]["y_mu_star"].sel(input="a")
+            told = found["y"]["mu_star"].sel(input="a")
             held += bool(told.sel(bound="lower") <= truth <= told.sel(bound="upper"))
         # Of ten trajectories each, 93 % to 98 % were measured; four standard errors below.
         assert held > 84
@@ -213,7 +215,7 @@ class TestMorris:
         for run in lost:
             status[run], values[run] = 2, math.nan
         runs = runs.assign(status=("run", status, runs["status"].attrs), y=("run", values))
-        found = analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["sensitivity"]
+        found = analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["y"]
         notes = [note(found, "mu", name) for name in "abc"]
         told = sum(int(text.split("; ")[-1].split(" of ")[0]) for text in notes if " of 20" in text)
         # Run 7 ends its trajectory; run 41 stands inside one.
@@ -228,7 +230,7 @@ class TestMorris:
             lambda a, b, c, f: bad() if min(a, b, c) > 0.5 else 3 * a - 2 * b + c,
             vectorized=False,
         )
-        assert found.attrs["runs"] - found.attrs["runs_used"] > 0
+        assert found["mu"].attrs["runs"] - found["mu"].attrs["runs_used"] > 0
         for name, effect in (("a", 3.0), ("b", -2.0), ("c", 1.0)):
             assert figure(found, "mu", name) == pytest.approx(effect, rel=1e-12)
             assert "of 40 effects touch a lost run" in note(found, "sigma", name)
@@ -236,14 +238,14 @@ class TestMorris:
     def test_inadmissible_runs_are_counted(self) -> None:
         joint = law_of({"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, {"a": Bounds(lower=0.3)})
         found = sensitivity(Morris(40), joint, lambda a, b: a + b)
-        assert found.attrs["runs_inadmissible"] > 0
-        assert found.attrs["conditional_on"] == "admissible inputs"
+        assert found["mu"].attrs["runs_inadmissible"] > 0
+        assert found["mu"].attrs["conditional_on"] == "admissible inputs"
         assert figure(found, "mu", "b") == pytest.approx(1.0, rel=1e-12)
 
     def test_with_no_run_left_there_is_no_figure(self) -> None:
         found = sensitivity(Morris(4), self.LAW, lambda a, b, c, f: a * math.nan)
         for name in ("mu", "mu_star", "sigma"):
-            assert np.isnan(found[f"y_{name}"].values).all()
+            assert np.isnan(found[name].values).all()
             assert note(found, name, "a")
 
 
@@ -275,7 +277,7 @@ class TestOneAtATime:
     def test_fixed_inputs_are_moved_where_that_is_asked(self) -> None:
         design = OneAtATime(fixed=True)
         found = sensitivity(design, self.LAW, lambda a, b, f, zero: a * f**2)
-        assert found["input"].values.tolist() == ["a", "b", "f"]
+        assert found["response"]["input"].values.tolist() == ["a", "b", "f"]
         assert figure(found, "response", "f") == pytest.approx(2.0, rel=1e-9)
         assert math.isnan(figure(found, "contribution", "f"))
         assert note(found, "contribution", "f") == "a fixed input has no uncertainty"
@@ -310,8 +312,8 @@ class TestOneAtATime:
             lambda a, b, f, zero: math.nan if a > 2 else 1 // 0 if b < 3 else a * b,
             vectorized=False,
         )
-        assert found.attrs["runs_not_finite"] == 1
-        assert found.attrs["runs_failed"] == 1
+        assert found["response"].attrs["runs_not_finite"] == 1
+        assert found["response"].attrs["runs_failed"] == 1
         assert figure(found, "response", "a") == pytest.approx(1.0, rel=1e-9)
         assert "of the step down alone" in note(found, "response", "a")
         assert "of the step up alone" in note(found, "response", "b")
@@ -319,7 +321,7 @@ class TestOneAtATime:
     def test_a_step_out_of_the_models_domain_is_inadmissible(self) -> None:
         joint = law_of({"a": Normal(2.0, 0.2), "b": Normal(1.0, 0.1)}, {"a": Bounds(upper=2.01)})
         found = sensitivity(OneAtATime(), joint, lambda a, b: a * b)
-        assert found.attrs["runs_inadmissible"] == 1
+        assert found["response"].attrs["runs_inadmissible"] == 1
         assert "of the step down alone" in note(found, "response", "a")
 
     def test_a_step_that_lost_both_sides_has_no_response(self) -> None:
@@ -343,13 +345,13 @@ class TestOneAtATime:
     ) -> None:
         found = sensitivity(OneAtATime(), self.LAW, function)
         for name in ("response", "contribution"):
-            assert np.isnan(found[f"y_{name}"].values).all()
+            assert np.isnan(found[name].values).all()
             assert reason in note(found, name, "a")
 
     def test_the_responses_of_the_concrete_study_are_the_reports(self) -> None:
         text = (STUDIES / "concrete.toml").read_text(encoding="utf-8").split("[designs.")[0]
         study = parse_study(f'{text}[designs.steps]\nkind = "one-at-a-time"\n')
-        found = uqpen.run(study)["sensitivity/steps"].to_dataset()
+        found = uqpen.run(study)["statistics/steps/penetration_depth"].to_dataset()
         # In per cent; Table 3.3 of the report has 42.3, 97.0, 52.8 and 59.4 by size.
         for name, response, contribution in (
             ("target_density", -42.0, 0.84),
@@ -358,9 +360,9 @@ class TestOneAtATime:
             ("crater_radius", 59.4, 10.5),
         ):
             at = {"input": name, "bound": "estimate"}
-            told = found["penetration_depth_response"].sel(at)
+            told = found["response"].sel(at)
             assert 100 * float(told) == pytest.approx(response, abs=0.1)
-            told = found["penetration_depth_contribution"].sel(at)
+            told = found["contribution"].sel(at)
             assert 100 * float(told) == pytest.approx(contribution, abs=0.1)
 
 
@@ -369,28 +371,35 @@ def test_an_input_that_a_model_does_not_vary_has_no_figure(design: Design) -> No
     joint = law_of({"a": Normal(2.0, 0.2), "b": Normal(3.0, 0.2)})
     runs = runs_of(design, joint, lambda a, b: a * b)
     # What another model makes of the points: a value of its own for one input.
-    found = analyze(runs.assign(b=((), 3.0)), [QuantityOfInterest(OUTPUT, "m")])["sensitivity"]
-    assert found["input"].values.tolist() == ["a"]
-    found = analyze(runs.drop_vars("a"), [QuantityOfInterest(OUTPUT, "m")])["sensitivity"]
-    assert found["input"].values.tolist() == ["b"]
-    assert np.isfinite(found.isel(bound=0)[next(iter(found.data_vars))].item())
+    found = analyze(runs.assign(b=((), 3.0)), [QuantityOfInterest(OUTPUT, "m")])["y"]
+    assert {str(each["input"].item()) for each in found.values()} == {"a"}
+    found = analyze(runs.drop_vars("a"), [QuantityOfInterest(OUTPUT, "m")])["y"]
+    assert {str(each["input"].item()) for each in found.values()} == {"b"}
+    assert np.isfinite(next(iter(found.values())).isel(bound=0).item())
 
 
-@pytest.mark.parametrize("taken", ["y_mu_star", "y_sigma_note", "y_response", "y_contribution"])
-def test_an_output_cannot_have_the_name_of_a_figure(taken: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("named", ["y_mean", "y_sigma_note", "y_response", "y_contribution"])
+def test_an_output_may_have_the_name_of_another_and_of_a_statistic(
+    named: str, tmp_path: Path
+) -> None:
     (tmp_path / "mine.py").write_text(
-        f"def f(x):\n    return {{'y': x, '{taken}': x}}\n", encoding="utf-8"
+        f"def f(x):\n    return {{'y': x, '{named}': 2 * x + x**2}}\n", encoding="utf-8"
     )
     text = f"""
 seed = 1
 [model]
 python = "mine.py:f"
 inputs = {{ x = "1" }}
-outputs = {{ y = "1", {taken} = "1" }}
+outputs = {{ y = "1", {named} = "1" }}
 [inputs]
 x = "1 ± 0.1"
 [designs.steps]
 kind = "one-at-a-time"
 """
-    with pytest.raises(StudyError, match=taken):
-        parse_study(text, folder=tmp_path)
+    tree = uqpen.run(parse_study(text, folder=tmp_path))
+    write(tree, tmp_path / "both.nc")
+    steps = uqpen.open_archive(tmp_path / "both.nc")["statistics/steps"]
+    # The response of x is 1; that of x² + 2 x at x = 1 is 4/3.
+    for output, response in (("y", 1.0), (named, 4 / 3)):
+        found = steps[output]["response"].sel(bound="estimate").values
+        assert found == pytest.approx([response], rel=1e-9)

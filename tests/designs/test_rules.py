@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from uqpen.archive.estimates import interval_text
 from uqpen.core.errors import SettingsError, StudyError
 from uqpen.core.model import Bounds, Input, Output
 from uqpen.core.streams import Stream
@@ -33,7 +34,7 @@ from uqpen.distributions.orthogonal_polynomials import recurrence
 from uqpen.distributions.truncated import Truncated
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
-from uqpen.statistics.analyze import analyze
+from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.load import parse_study
 
@@ -78,7 +79,7 @@ def moments(
     function: Callable[..., Any],
     *,
     vectorized: bool = True,
-) -> xr.Dataset:
+) -> OutputStatistics:
     names = [variable.name for variable in joint.variables]
     model = PythonFunction(
         lambda **inputs: {"y": function(**inputs)},
@@ -90,15 +91,15 @@ def moments(
     )
     runs = evaluate(Evaluator(model), points(design, joint), {})
     runs = runs.assign_attrs(sampling=str(design.sampling))
-    return analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["moments"]
+    return analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["y"]
 
 
-def value(found: xr.Dataset, statistic: str) -> float:
-    return float(found[f"y_{statistic}"].sel(bound="estimate"))
+def value(found: OutputStatistics, statistic: str) -> float:
+    return float(found[statistic].sel(bound="estimate"))
 
 
-def note(found: xr.Dataset, statistic: str) -> str:
-    return str(found[f"y_{statistic}"].attrs["note"])
+def note(found: OutputStatistics, statistic: str) -> str:
+    return interval_text(found[statistic], "note")
 
 
 GRIDS = ["tensor", "sparse"]
@@ -112,7 +113,7 @@ def test_mean_and_std_of_an_input_are_its_laws(distribution: Distribution, grid:
     assert value(found, "mean") == pytest.approx(exact.mean, rel=ROUNDING)
     assert value(found, "std") == pytest.approx(exact.std, rel=ROUNDING)
     assert note(found, "mean") == "an integration rule has no scatter; its error is not told"
-    assert np.isnan(found["y_mean"].values[1:]).all()
+    assert np.isnan(found["mean"].values[1:]).all()
 
 
 def test_skewness_and_kurtosis_are_the_laws() -> None:
@@ -196,15 +197,16 @@ def test_a_full_factorial_takes_every_combination_of_medians() -> None:
 class TestLosses:
     LAW = law_of(Uniform(-1.0, 1.0), Uniform(-1.0, 1.0), bounds=Bounds(lower=-0.75))
 
-    def lossy(self, design: Design, worst: Callable[[float], float]) -> xr.Dataset:
+    def lossy(self, design: Design, worst: Callable[[float], float]) -> OutputStatistics:
         joint = law_of(Uniform(-1.0, 1.0), Uniform(-1.0, 1.0))
         return moments(
             design, joint, lambda x1, x2: worst(x1) if x1 > 0.7 else 5.0 + x2, vectorized=False
         )
 
-    def counted(self, found: xr.Dataset, design: Design, joint: JointDistribution) -> None:
-        lost = found.attrs["runs"] - found.attrs["runs_used"]
-        assert 0 < lost < found.attrs["runs"] == design.run_count(joint)
+    def counted(self, found: OutputStatistics, design: Design, joint: JointDistribution) -> None:
+        counts = found["mean"].attrs
+        lost = counts["runs"] - counts["runs_used"]
+        assert 0 < lost < counts["runs"] == design.run_count(joint)
         for statistic in ("mean", "std", "skewness", "kurtosis"):
             assert f"{lost} of {design.run_count(joint)} nodes" in note(found, statistic)
             assert "biases" in note(found, statistic)
@@ -212,7 +214,8 @@ class TestLosses:
     def test_a_run_that_is_not_finite_is_told(self, design: Design) -> None:
         found = self.lossy(design, lambda x: math.nan)
         self.counted(found, design, self.LAW)
-        assert found.attrs["runs_not_finite"] == found.attrs["runs"] - found.attrs["runs_used"]
+        counts = found["mean"].attrs
+        assert counts["runs_not_finite"] == counts["runs"] - counts["runs_used"]
         assert value(found, "mean") == pytest.approx(5.0, abs=ROUNDING)
 
     def test_an_exception_is_told(self, design: Design) -> None:
@@ -223,7 +226,7 @@ class TestLosses:
     def test_an_inadmissible_node_is_told(self, design: Design) -> None:
         found = moments(design, self.LAW, lambda x1, x2: 5.0 + x1 * x2)
         self.counted(found, design, self.LAW)
-        assert found.attrs["conditional_on"] == "admissible inputs"
+        assert found["mean"].attrs["conditional_on"] == "admissible inputs"
         assert math.isfinite(value(found, "mean"))
 
     def test_with_no_run_left_there_is_no_figure(self, design: Design) -> None:

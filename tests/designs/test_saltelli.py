@@ -13,8 +13,8 @@ import xarray as xr
 from scipy import special
 
 from uqpen.core.errors import SettingsError
-from uqpen.core.labels import Status
 from uqpen.core.model import Input
+from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.pick_freeze import BlockLayout
 from uqpen.designs.saltelli import MOST_ROUNDS, Saltelli

@@ -17,15 +17,15 @@ import uqpen
 from uqpen.archive.write import write
 from uqpen.cli.main import main
 from uqpen.core.errors import ModelError, SettingsError
-from uqpen.core.labels import Status
 from uqpen.core.model import Input, Output
+from uqpen.core.status import Status
 from uqpen.execution import Evaluator, Map, evaluate
 from uqpen.execution.batch import Batch
 from uqpen.execution.evaluator import EvaluatorWork
 from uqpen.execution.processes import processes
 from uqpen.models.python_function import PythonFunction
 
-pytestmark = pytest.mark.processor
+pytestmark = [pytest.mark.processor, pytest.mark.slow]
 
 BUILT_IN = """\
 seed = 1

@@ -22,7 +22,9 @@ from uqpen.core.lookup import resolve
 from uqpen.figures import FIGURES
 from uqpen.figures.figure_file import FORMATS, figure_bytes
 from uqpen.figures.page import available, figure, panels
-from uqpen.figures.texts import plain_text, typeset_unit
+from uqpen.results.texts import plain_text, typeset_unit
+
+pytestmark = pytest.mark.slow
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -77,20 +77,20 @@ def test_every_figure_of_every_archive_has_named_axes_and_plain_texts(archives: 
 
 class TestDistributions:
     def test_the_function_and_its_band_are_those_of_the_archive(self, archives: Archives) -> None:
-        cdfs = archives["beam"]["cdfs/only"]
+        told = archives["beam"]["statistics/only/deflection"]
         (axes,) = drawn(archives["beam"], "cdf")
         shown = line(axes, "only")
         # A point at each end takes the function to where the axis ends.
-        np.testing.assert_allclose(shown.get_xdata()[1:-1], 1e3 * cdfs["deflection"], rtol=1e-12)
-        np.testing.assert_array_equal(shown.get_ydata()[1:-1], cdfs["deflection_band"][:, 0])
+        np.testing.assert_allclose(shown.get_xdata()[1:-1], 1e3 * told["cdf_value"], rtol=1e-12)
+        np.testing.assert_array_equal(shown.get_ydata()[1:-1], told["cdf_band"][:, 0])
         (band,) = axes.collections
         corners = band.get_paths()[0].vertices[:, 1]
-        assert set(cdfs["deflection_band"].values[:, 1:].ravel()) <= set(corners)
+        assert set(told["cdf_band"].values[:, 1:].ravel()) <= set(corners)
         assert axes.get_xlabel() == "deflection [mm]"
 
     def test_beyond_the_last_run_the_band_is_as_wide_as_before(self, archives: Archives) -> None:
         (axes,) = drawn(archives["beam"], "cdf")
-        half = 1 - archives["beam"]["cdfs/only"]["deflection_band"].values[-1, 1]
+        half = 1 - archives["beam"]["statistics/only/deflection"]["cdf_band"].values[-1, 1]
         (band,) = axes.collections
         right = band.get_paths()[0].vertices
         at_end = right[np.isclose(right[:, 0], axes.get_xlim()[1]), 1]
@@ -112,7 +112,7 @@ class TestDistributions:
 
     def test_what_is_asked_for_has_its_interval(self, archives: Archives) -> None:
         (axes,) = drawn(archives["beam"], "exceedance")
-        asked = archives["beam"]["exceedance/only"]["deflection"].values[0]
+        asked = archives["beam"]["statistics/only/deflection"]["exceedance"].values[0]
         (point,) = axes.containers
         low, high = point.lines[2][0].get_segments()[0][:, 1]
         assert (point.lines[0].get_ydata()[0], low, high) == pytest.approx(tuple(asked))
@@ -130,7 +130,7 @@ class TestEstimates:
         tree = archives["schema_2"]
         axes = drawn(tree, "methods")[0]
         rows = [each.get_text() for each in axes.get_yticklabels()]
-        told = [tree["moments"][name]["y_mean"].values for name in rows]
+        told = [tree[f"statistics/{name}/y"]["mean"].values for name in rows]
         np.testing.assert_allclose(dots(axes), filled(told))
 
     def test_a_dot_without_an_interval_is_hollow_and_said_to_be(self, archives: Archives) -> None:
@@ -144,22 +144,23 @@ class TestEstimates:
     def test_indices_are_those_of_the_archive(self, archives: Archives) -> None:
         tree = archives["schema_2"]
         axes = drawn(tree, "sensitivity", source="blocks")[0]
-        told = tree["sensitivity/blocks"]
-        expected = np.concatenate([told["y_first_order"], told["y_total_order"]])
+        told = tree["statistics/blocks/y"]
+        expected = np.concatenate([told["first_order"], told["total_order"]])
         np.testing.assert_allclose(dots(axes), filled(expected))
         assert [each.get_text() for each in axes.get_yticklabels()] == ["x1", "x2", "x3"]
 
     def test_responses_are_magnitudes_in_per_cent(self, archives: Archives) -> None:
         tree = archives["schema_2"]
         axes = drawn(tree, "responses", source="steps")[0]
-        told = 100 * np.abs(tree["sensitivity/steps"]["y_response"].values[:, 0])
+        told = 100 * np.abs(tree["statistics/steps/y"]["response"].values[:, 0])
         assert [dot[0] for dot in dots(axes)] == pytest.approx(told[np.isfinite(told)])
 
     def test_losses_have_their_probabilities(self, archives: Archives) -> None:
         first, inputs = drawn(archives["beam"], "losses")
-        np.testing.assert_allclose(dots(first), [archives["beam"]["statuses/only"]["failed"]])
-        told = archives["beam"]["losses/only"]["larger"].values[:, 0]
-        assert [dot[0] for dot in dots(inputs)][:2] == pytest.approx(told)
+        told = archives["beam"]["failures/only"].to_dataset()
+        np.testing.assert_allclose(dots(first), [told["probability"].sel(status="failed")])
+        told_larger = told["larger"].values[:, 0]
+        assert [dot[0] for dot in dots(inputs)][:2] == pytest.approx(told_larger)
 
 
 class TestRuns:
@@ -178,10 +179,10 @@ class TestRuns:
         (axes,) = drawn(archives["beam"], "histogram")
         counted = axes.patches[0].get_data().values.sum()
         assert counted == (archives["beam"]["runs/only"]["status"].values == 0).sum()
-        moments, quantiles = (archives["beam"][f"{kind}/only"] for kind in ("moments", "quantiles"))
-        mean = 1e3 * moments["deflection_mean"].values[0]
+        told = archives["beam"]["statistics/only/deflection"]
+        mean = 1e3 * told["mean"].values[0]
         assert line(axes, "mean").get_xdata()[0] == pytest.approx(mean)
-        median = 1e3 * quantiles["deflection"].values[1, 0]
+        median = 1e3 * told["quantile"].values[1, 0]
         assert line(axes, "median").get_xdata()[0] == pytest.approx(median)
 
     def test_runs_are_thinned_the_same_each_time(self) -> None:
@@ -207,7 +208,9 @@ class TestSeveralModels:
         (axes,) = drawn(tree, "models", output="penetration_depth")
         assert len(axes.collections) == 3
         for name in ("original", "smoothed", "rigid"):
-            told = 100 * tree[f"models/{name}/cdfs/latin"]["penetration_depth"].values
+            told = (
+                100 * tree[f"models/{name}/statistics/latin/penetration_depth"]["cdf_value"].values
+            )
             np.testing.assert_allclose(line(axes, name).get_xdata()[1 : len(told) + 1], told)
 
     def test_their_courses_stand_together(self, archives: Archives) -> None:

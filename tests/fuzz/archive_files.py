@@ -179,8 +179,22 @@ _TEXTS = (
 )
 _NUMBERS = (0, 1, -1, 2, 99, 2**31 - 1, -(2**31), 2**62, 0.5, math.nan, math.inf, -1e308, 5e-324)
 _NAMES = (
-    *("x", "y", "y_mean", "run", "status", "bound", "input", "mean", "a b", "é", "models", "runs"),
-    *("moments", "a" * 200, "monte_carlo", "lost_run", "lost_reason", "interval_label", "note"),
+    *(
+        "x",
+        "y",
+        "mean",
+        "mean_interval",
+        "run",
+        "status",
+        "bound",
+        "input",
+        "quantile",
+        "a b",
+        "é",
+        "models",
+        "runs",
+    ),
+    *("statistics", "a" * 200, "monte_carlo", "lost_run", "lost_reason", "interval_label", "note"),
 )
 
 
@@ -239,7 +253,9 @@ def _set_attribute(group: Any, random: Random) -> None:
     if owner is group and "study_text" in names and random.random() < 0.5:
         owner.setncattr("study_text", hostile_texts(random))
         return
-    name = random.choice([*names, "_FillValue", "flag_meanings", "interval_label", "role"])
+    name = random.choice(
+        [*names, "_FillValue", "flag_meanings", "flag_note", "interval_label", "role"]
+    )
     value: Any = random.choice((*_TEXTS, *_NUMBERS))
     match random.randrange(5):
         case 0:

@@ -12,6 +12,8 @@ from properties import archive_outcome
 
 from uqpen.archive.provenance import SCHEMA
 
+pytestmark = pytest.mark.slow
+
 BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "fuzz.py"
 
 

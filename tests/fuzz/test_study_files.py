@@ -15,6 +15,8 @@ from properties import study_outcome
 
 import uqpen
 
+pytestmark = pytest.mark.slow
+
 # One folder for all examples of a test: each overwrites the file of the one before.
 bounded = settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 randoms = st.integers(0, 2**32).map(Random)

@@ -20,8 +20,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uqpen.core.errors import ModelError, StudyError
-from uqpen.core.labels import Status
 from uqpen.core.model import Model, Results
+from uqpen.core.status import Status
 from uqpen.execution import Evaluator
 from uqpen.models.command.placeholders import fill
 from uqpen.models.command.placeholders import find_mistakes as mistakes_in
@@ -36,7 +36,10 @@ from uqpen.models.command.reasons import remove_variable_parts
 from uqpen.models.command.written import RunFiles, UnreadableError
 from uqpen.study.load import parse_study
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="programs run on POSIX only")
+pytestmark = [
+    pytest.mark.skipif(sys.platform == "win32", reason="programs run on POSIX only"),
+    pytest.mark.slow,
+]
 
 STUDY = """\
 seed = 5
@@ -407,11 +410,11 @@ def test_what_a_good_run_leaves_running_is_ended(home: Path) -> None:
 JUST_STARTED = """\
 import shutil, subprocess, sys
 from pathlib import Path
-from uqpen.models.command.guard import guard
+from uqpen.models.command.guard import guard_folder
 
 folder = Path(sys.argv[1])
 try:
-    with guard(folder):
+    with guard_folder(folder):
         print(subprocess.Popen(["sleep", "300"], cwd=folder, start_new_session=True).pid)
         raise KeyboardInterrupt
 finally:

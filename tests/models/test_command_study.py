@@ -17,6 +17,8 @@ from uqpen.execution.processes import processes
 from uqpen.results.output_tables import output_tables
 from uqpen.study.load import parse_study
 
+pytestmark = pytest.mark.slow
+
 DOCUMENT = Path(__file__).parents[2] / "docs" / "models.md"
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from uqpen.core.errors import TrajectoryError
-from uqpen.core.labels import Status
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Model, Results
+from uqpen.core.status import Status
 from uqpen.core.units import si_unit
 from uqpen.execution import Evaluator
 from uqpen.models import MODELS, rod_lanes

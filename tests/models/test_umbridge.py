@@ -17,8 +17,10 @@ import pytest
 
 import uqpen
 from uqpen.core.errors import StudyError
-from uqpen.core.labels import Status
+from uqpen.core.status import Status
 from uqpen.execution.processes import processes
+
+pytestmark = pytest.mark.slow
 
 SERVER = Path(__file__).parents[1] / "umbridge_server.py"
 DOCUMENT = Path(__file__).parents[2] / "docs" / "models.md"

@@ -9,11 +9,13 @@ import pytest
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.report.blocks import Block, Heading, Listing, Remarks, Table, Text
 from uqpen.report.sections.archive import archive
 from uqpen.report.sections.archive_notes import archive_notes
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.table import OutputTable
+
+pytestmark = pytest.mark.slow
 
 
 def _tables(blocks: Iterable[Block]) -> dict[str, OutputTable]:
@@ -87,7 +89,7 @@ def test_what_made_it_is_told_whole(archives: Mapping[str, xr.DataTree]) -> None
     assert told["model name"] == "ishigami"
     assert told["model source SHA-256"] == tree.attrs["model_source_sha256"]
     assert told["version of numpy"] == tree.attrs["version_numpy"]
-    assert told["schema of the archive"] == "2"
+    assert told["schema of the archive"] == "3"
     listings = _listings(blocks)
     assert "uqpen verify ARCHIVE\n" in listings["Commands"].text
     hashes = listings["SHA-256 of the content of each of the archive's groups"]

@@ -33,6 +33,8 @@ from uqpen.report.blocks import (
 from uqpen.report.page import report_page
 from uqpen.study.load import parse_study
 
+pytestmark = pytest.mark.slow
+
 STUDY = """\
 title = "Two </script><b>methods</b>"
 seed = 1
@@ -93,9 +95,8 @@ class TestAnswer:
         levels = [
             level
             for output in ("y", "z")
-            for name, array in tree[f"verdicts/{output}"].to_dataset().items()
-            if str(name).endswith("_level")
-            for level in np.ravel(array.values[0, 0])
+            for statistic in tree[f"benchmark/{output}"].children.values()
+            for level in np.ravel(statistic["level"].values[0, 0])
         ]
         assert len(levels) == 11
         tied = sum("monte_carlo" in level.split() for level in levels)
@@ -108,7 +109,7 @@ class TestAnswer:
 
     def test_each_verdict_stands_in_words(self, tree: xr.DataTree) -> None:
         words = next(b for b in blocks_of(tree, "answer", Remarks) if b.head == "In words: y")
-        first, second = tree["verdicts/y/mean_verdict"].values[0]
+        first, second = tree["benchmark/y/mean/verdict"].values[0]
         assert re.match(
             r"at 16 runs latin_hypercube leads monte_carlo by a factor of [\d.]+ \(", first
         )
@@ -146,7 +147,7 @@ class TestAnswer:
 class TestErrors:
     def test_a_line_for_each_method_has_the_archives_errors(self, tree: xr.DataTree) -> None:
         chart = charts_of(tree, "errors")[0]
-        error = tree["errors/y/mean"].values
+        error = tree["benchmark/y/mean/error"].values
         line = traced(chart, "monte_carlo")
         assert line["mode"] == "lines+markers"
         assert line["y"] == pytest.approx(100 * error[0, :, 0], rel=1e-5)
@@ -171,13 +172,13 @@ class TestErrors:
         chart = charts_of(tree, "replicates")[0]
         replicated = traced(chart, "latin_hypercube")
         assert replicated["y"] == pytest.approx(
-            100 * tree["errors/y/mean"].values[2, :, 0], rel=1e-5
+            100 * tree["benchmark/y/mean/error"].values[2, :, 0], rel=1e-5
         )
         assert any(note.startswith("Replicated: ") for note in chart.notes)
 
     def test_an_error_that_few_repeats_decide_is_hollow(self, tree: xr.DataTree) -> None:
         changed = tree.copy(deep=True)
-        changed["errors/y/mean"].values[0, 0, 1:] = np.nan
+        changed["benchmark/y/mean/error"].values[0, 0, 1:] = np.nan
         chart = charts_of(changed, "errors")[0]
         assert traced(chart, "monte_carlo")["marker"]["symbol"] == ["circle-open", "circle"]
         assert "Hollow: no interval, as few of the repeats decide the error." in chart.notes
@@ -185,8 +186,8 @@ class TestErrors:
 
     def test_the_references_own_error_is_shown(self, tree: xr.DataTree) -> None:
         mean = charts_of(tree, "errors")[0]
-        _, lower, upper = tree["reference/moments/y_mean"].values
-        own = 100 * (upper - lower) / 2 / tree["errors/y/mean_scale"].item()
+        _, lower, upper = tree["reference/y/mean"].values
+        own = 100 * (upper - lower) / 2 / tree["benchmark/y/mean/scale"].item()
         shaded = [trace for trace in mean.traces if "fillcolor" in trace]
         if shaded:
             assert shaded[0]["y"][0] == pytest.approx(own, rel=1e-5)
@@ -201,7 +202,7 @@ class TestRates:
         assert replicated.title == "Slopes of y, in replicates"
         assert [shape["x0"] for shape in single.shapes] == [-0.5]
         slope = traced(single, "monte_carlo")
-        assert slope["x"][0] == pytest.approx(tree["slopes/y/mean"].values[0, 0], rel=1e-5)
+        assert slope["x"][0] == pytest.approx(tree["benchmark/y/mean/slope"].values[0, 0], rel=1e-5)
 
     def test_coverage_is_told_with_what_chance_does(self, tree: xr.DataTree) -> None:
         (block,) = blocks_of(tree, "coverage", Charts)
@@ -210,7 +211,7 @@ class TestRates:
             "that cover 95 % may well show by chance. Estimates without an interval do not "
             "count, so a share may be of fewer than 10."
         )
-        shares = tree["errors/y/mean_coverage"].values
+        shares = tree["benchmark/y/mean/coverage"].values
         label, cells = block.charts[0].tables[0].rows[0]
         assert label == "mean, monte_carlo"
         assert cells == [f"{100 * share:.0f}" for share in shares[0]]
@@ -233,7 +234,7 @@ class TestReference:
         assert (label, how) == ("mean", "Student t over replicates")
         assert value == "499.61 ± 0.63 cm ¹"
         assert own.startswith("± ")
-        scale = 100 * tree["errors/y/mean_scale"].item()
+        scale = 100 * tree["benchmark/y/mean/scale"].item()
         assert relative == f"{scale:.4g} cm"
 
     def test_tables_are_those_of_the_screen(self, tree: xr.DataTree) -> None:
@@ -270,7 +271,7 @@ class TestPage:
         terms = BenchmarkSettings(budgets=(16,), repeats=10, reference=512)
         some = compared(tmp_path, "np.where(a < 1, np.nan, b)", "np.exp(4 * b)", terms)
         lines = blocks_of(some, "answer", Remarks)[0].lines
-        used = int(some["reference/moments"].attrs["runs_used"])
+        used = int(some["reference/y/mean"].attrs["runs_used"])
         assert 0 < used < 512
         assert lines[0] == (
             f"The reference lost {512 - used} of its 512 runs; errors are held to what the "
@@ -280,15 +281,12 @@ class TestPage:
         assert report_page(some)
 
     def test_one_method_has_nobody_to_beat(self, tree: xr.DataTree) -> None:
-        alone = tree.isel(contestant=[0], missing_dims="ignore")
+        alone = tree.isel(contestant=[0], missing_dims="ignore").copy(deep=True)
         for output in ("y", "z"):
-            verdicts = alone[f"verdicts/{output}"].to_dataset()
-            for name in verdicts:
-                if str(name).endswith("_lead"):
-                    verdicts[name] = verdicts[name] * np.nan
-                else:
-                    verdicts[name] = xr.full_like(verdicts[name], "", dtype=object)
-            alone[f"verdicts/{output}"] = xr.DataTree(verdicts)
+            for statistic in alone[f"benchmark/{output}"].children.values():
+                statistic["lead"].values[...] = np.nan
+                for name in ("winner", "runner_up", "level", "verdict", "remark"):
+                    statistic[name].values[...] = ""
         assert blocks_of(alone, "answer")[0] == Text("No two methods have figures to compare.")
         assert report_page(alone)
 
@@ -296,13 +294,13 @@ class TestPage:
         ("damage", "complaint"),
         [
             (
-                lambda tree: operator.delitem(tree["errors"], "y"),
-                "/errors/y: no mean along",
+                lambda tree: operator.delitem(tree["benchmark/y/mean"], "error"),
+                "/benchmark/y/mean: no error along",
             ),
             (lambda tree: operator.delitem(tree, "methods"), "no methods"),
             (
-                lambda tree: tree["errors/y/mean"].attrs.update(interval_level="x"),
-                "/errors/y/mean: interval_level is no probability",
+                lambda tree: tree["benchmark/y/mean/error"].attrs.update(interval_level="x"),
+                "/benchmark/y/mean/error: interval_level is no probability",
             ),
         ],
     )

@@ -18,6 +18,8 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from uqpen.report.page import write_report
 
+pytestmark = pytest.mark.slow
+
 FLAGS = [
     "--disable-gpu",
     "--disable-quic",
@@ -129,7 +131,11 @@ class Runs:
 
     def __init__(self, tree: xr.DataTree) -> None:
         self.values = tree["runs/monte_carlo/penetration_depth"].values
-        self.sources = tree["cdfs"].children
+        self.sources = [
+            name
+            for name, source in tree["statistics"].children.items()
+            if "cdf" in source["penetration_depth"]
+        ]
         self.half = float(np.sqrt(np.log(2 / 0.05) / (2 * self.values.size)))
 
     def at_most(self, x: float) -> tuple[float, float, float]:

@@ -12,6 +12,8 @@ import xarray as xr
 
 import uqpen
 
+pytestmark = pytest.mark.slow
+
 Command = Callable[..., Any]
 
 STUDY = """

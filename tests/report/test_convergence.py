@@ -9,9 +9,9 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.report.blocks import Block, Chart, Charts, Heading, Remarks, Text
 from uqpen.report.sections.convergence import convergence
+from uqpen.results.archive_view import ArchiveView
 
 Archives = Mapping[str, xr.DataTree]
 
@@ -72,9 +72,9 @@ def test_the_last_dots_are_the_archives_figures(concrete: xr.DataTree) -> None:
     mean, median, exceeding = depth.charts
     assert mean.traces[0]["x"] == [20, 30, 50, 100, 200, 300, 400]
     expected = [
-        concrete["moments/monte_carlo"]["penetration_depth_mean"],
-        concrete["quantiles/monte_carlo"]["penetration_depth"][1],
-        concrete["exceedance/monte_carlo"]["penetration_depth"][0],
+        concrete["statistics/monte_carlo/penetration_depth"]["mean"],
+        concrete["statistics/monte_carlo/penetration_depth"]["quantile"][1],
+        concrete["statistics/monte_carlo/penetration_depth"]["exceedance"][0],
     ]
     for chart, array in zip((mean, median, exceeding), expected, strict=True):
         assert bounds(chart)[-1] == pytest.approx(array.values, rel=1e-5)
@@ -106,7 +106,7 @@ def test_replicates_are_not_divided(archives: Archives) -> None:
     )
     depth = charts(blocks)[0].charts[0]
     assert depth.traces[0]["x"] == [20, 30, 40, 50, 70, 100]
-    archived = archives["rods"]["models/smoothed/moments/latin"]["penetration_depth_mean"]
+    archived = archives["rods"]["models/smoothed/statistics/latin/penetration_depth"]["mean"]
     assert bounds(depth)[-1] == pytest.approx(archived.values * 100, rel=1e-5)
 
 

@@ -10,10 +10,10 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.report.blocks import Block, Chart, Heading, Table, find_charts
 from uqpen.report.sections.distributions import distributions
 from uqpen.report.sections.model_comparison import model_comparison
+from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.intervals import dkw_half_width
 from uqpen.study.study import Study
 
@@ -131,7 +131,7 @@ def test_quantiles_have_the_intervals_that_the_archive_gives_them(
     (table,) = (block.table for block in beam if isinstance(block, Table))
     rows = dict(table.rows)
     assert rows["median"] == ["3.66 (3.52 … 3.91)"]
-    told = 1000 * archives["beam"]["quantiles/only"]["deflection"].values[1]
+    told = 1000 * archives["beam"]["statistics/only/deflection"]["quantile"].values[1]
     np.testing.assert_allclose(told, [3.66, 3.52, 3.91], atol=0.006)
     assert rows["99 % quantile"] == ["5.87 (5.17 … ?) ²"]
     assert table.notes[1] == "98 runs are too few for an upper bound"

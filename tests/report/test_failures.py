@@ -8,10 +8,11 @@ import numpy as np
 import xarray as xr
 
 import uqpen
+from uqpen.archive.estimates import pack
 from uqpen.archive.read import read_group
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.report.blocks import Chart, Table, Text
 from uqpen.report.sections.failures import failures
+from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.sample import Sample
 from uqpen.study.study import Study
@@ -26,7 +27,8 @@ def test_losses_are_told_by_reason_and_design(archives: Mapping[str, xr.DataTree
     assert chances.summary == "only: failed 18.3 % (11.9 % to 26.4 %)."
     assert chances.y.rows == ("only",)
     assert chances.notes == ("Bars: 95 % intervals.",)
-    told = read_group(archives["beam"], "statuses", "only")["failed"].values
+    group = read_group(archives["beam"], "failures", "only")
+    told = group["probability"].sel(status="failed").values
     (trace,) = chances.traces
     sides = trace["error_x"]
     drawn = [
@@ -101,7 +103,7 @@ def test_only_some_of_many_inputs_are_drawn(wide: xr.DataTree) -> None:
     runs = read_group(wide, "runs", "monte_carlo")
     lost = runs["heat_transfer_in_layer_x"].values > 1.1
     tree = wide.copy()
-    tree["losses/monte_carlo"] = xr.DataTree(_where_lost(runs, lost))
+    tree["failures/monte_carlo"] = xr.DataTree(_where_lost(runs, lost))
     tree["runs/monte_carlo"] = xr.DataTree(runs.assign(status=("run", 2 * lost.astype(np.int8))))
     *_, chart = failures(ArchiveView(tree, ""))
     assert isinstance(chart, Chart)
@@ -113,6 +115,4 @@ def test_only_some_of_many_inputs_are_drawn(wide: xr.DataTree) -> None:
 
 def _where_lost(runs: xr.Dataset, lost: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> xr.Dataset:
     status = runs["status"].copy(data=np.where(lost, 2, 0))
-    return xr.Dataset(
-        dict(failure_analysis(Sample.from_runs(runs.assign(status=status), "status")))
-    )
+    return pack(failure_analysis(Sample.from_runs(runs.assign(status=status), "status")))

@@ -8,10 +8,10 @@ import numpy as np
 import xarray as xr
 
 import uqpen
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.report.blocks import Charts
 from uqpen.report.chart_json import charts_json
 from uqpen.report.sections.scatter import scatter
+from uqpen.results.archive_view import ArchiveView
 
 Archives = dict[str, xr.DataTree]
 
@@ -49,7 +49,7 @@ def test_the_numbers_behind_are_measures_of_association(archives: Archives) -> N
     (table,) = group.tables
     assert table.title == "deflection and its inputs, by only"
     assert table.columns == ["Spearman", "Pearson", "first order"]
-    told = archives["beam"]["sensitivity/only"]["deflection_spearman"][0]
+    told = archives["beam"]["statistics/only/deflection"]["spearman"][0]
     assert table.rows[0] == ("load", [*table.rows[0][1]])
     assert table.rows[0][1][0].startswith(table.cell(told, lambda values: values).split(" ")[0])
 

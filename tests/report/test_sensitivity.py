@@ -8,10 +8,11 @@ import numpy as np
 import xarray as xr
 
 import uqpen
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.report.blocks import Block, Chart, Table, find_charts
 from uqpen.report.sections.sensitivity import sensitivity
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
+from uqpen.results.source_statistics import SourceStatistics
 
 Archives = dict[str, xr.DataTree]
 
@@ -27,7 +28,7 @@ def charts(tree: xr.DataTree, model: str = "") -> list[Chart]:
 def test_estimates_and_bars_are_those_of_the_archive(archives: Archives) -> None:
     (chart,) = charts(archives["beam"])
     (trace,) = chart.traces
-    told = archives["beam"]["sensitivity/only"]["deflection_first_order"].values
+    told = archives["beam"]["statistics/only/deflection"]["first_order"].values
     np.testing.assert_allclose(trace["x"], told[:, 0], rtol=1e-5)
     np.testing.assert_allclose(trace["error_x"]["array"], told[:, 2] - told[:, 0], rtol=1e-5)
     np.testing.assert_allclose(trace["error_x"]["arrayminus"], told[:, 0] - told[:, 1], rtol=1e-5)
@@ -42,7 +43,7 @@ def test_estimates_and_bars_are_those_of_the_archive(archives: Archives) -> None
 
 def test_the_largest_is_named_with_its_interval(archives: Archives) -> None:
     (chart,) = charts(archives["beam"])
-    told = archives["beam"]["sensitivity/only"]["deflection_first_order"].values
+    told = archives["beam"]["statistics/only/deflection"]["first_order"].values
     assert chart.summary == (
         f"By only, load has the largest first order: {estimate_text(*told[0])}; that of span comes "
         f"next: {estimate_text(*told[1])}. Its interval overlaps with no other's. "
@@ -80,8 +81,8 @@ order = 1
     keys = {key.text: key.mark for key in chart.keys}
     assert keys["total order by blocks"] == "square"
     assert keys["total order by flat"] == "square-open"
-    told = tree["sensitivity/flat"]["y_total_order"]
-    labels = told.coords["y_total_order_interval_label"].values.tolist()
+    told = SourceStatistics(tree).statistics("flat", "y")["total_order"]
+    labels = told.coords["interval_label"].values.tolist()
     assert "refused" in labels
     assert keys["refused"] == "x"
     assert "Crossed out: refused, as independent runs contradict it." in chart.notes
@@ -109,7 +110,7 @@ def test_responses_are_magnitudes_in_per_cent(archives: Archives) -> None:
     tree = archives["schema_2"]
     (chart,) = [each for each in charts(tree) if each.title == "Response, near the nominal point"]
     (trace,) = [each for each in chart.traces if each["name"] == "steps"]
-    told = tree["sensitivity/steps"]["y_response"].values[:, 0]
+    told = tree["statistics/steps/y"]["response"].values[:, 0]
     np.testing.assert_allclose(trace["x"], 100 * np.abs(told), rtol=1e-5)
     assert chart.x.title == "|response| [%]"
     assert set(trace["marker"]["symbol"]) == {"triangle-down-open"}

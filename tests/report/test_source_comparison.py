@@ -9,11 +9,11 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.report.axes import logarithmic_axis
 from uqpen.report.blocks import Block, Chart, Charts, Heading, Table, Text
 from uqpen.report.chart_json import charts_json
 from uqpen.report.sections.source_comparison import source_comparison
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 
 Archives = Mapping[str, xr.DataTree]
@@ -57,11 +57,13 @@ def test_each_statistic_has_a_chart_with_a_row_for_each_source(told: list[Block]
 
 def test_dots_are_the_archives_figures(concrete: xr.DataTree, told: list[Block]) -> None:
     side_by_side = groups(told)[0]
-    for title, name in (("mean", "penetration_depth_mean"), ("sd", "penetration_depth_std")):
+    for title, name in (("mean", "mean"), ("sd", "std")):
         traces = chart(side_by_side, title).traces
         assert [trace["name"] for trace in traces][:7] == list(chart(side_by_side, title).y.rows)
         for row, trace in enumerate(traces[:7]):
-            estimate, lower, upper = concrete["moments"][trace["name"]][name].values
+            estimate, lower, upper = concrete["statistics"][trace["name"]]["penetration_depth"][
+                name
+            ].values
             assert trace["x"] == [pytest.approx(estimate, rel=1e-8)]
             assert trace["y"] == [row]
             (right,), (left,) = trace["error_x"]["array"], trace["error_x"]["arrayminus"]
@@ -106,7 +108,7 @@ def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> 
     guide, *dots = widths.charts[0].traces
     assert [trace["name"] for trace in dots] == SOURCES
     for trace in dots:
-        _, lower, upper = concrete["moments"][trace["name"]]["penetration_depth_mean"].values
+        _, lower, upper = concrete["statistics"][trace["name"]]["penetration_depth"]["mean"].values
         assert trace["x"] == [concrete["runs"][trace["name"]].sizes["run"]]
         assert trace["y"] == [pytest.approx((upper - lower) / 2, rel=1e-4)]
     assert guide["x"] == [80, 400]
@@ -129,7 +131,9 @@ def test_a_table_says_how_many_draws_give_as_narrow_an_interval(
     rows = dict(table.rows)
     assert list(rows) == SOURCES
     assert rows["monte_carlo"][0] == rows["monte_carlo"][2] == "400"
-    bounds = [concrete["moments"][name]["penetration_depth_mean"].values for name in SOURCES[:2]]
+    bounds = [
+        concrete["statistics"][name]["penetration_depth"]["mean"].values for name in SOURCES[:2]
+    ]
     plain, other = (upper - lower for _, lower, upper in bounds)
     draws = grouped_number(int(float(f"{400 * (plain / other) ** 2:.2g}")))
     mark = rows["latin_hypercube"][2].split()[-1]

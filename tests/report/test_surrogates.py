@@ -9,9 +9,10 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.report.blocks import Block, Charts, Remarks, Table, Text
 from uqpen.report.sections.surrogates import surrogates
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.source_statistics import SourceStatistics
 
 Archives = dict[str, xr.DataTree]
 
@@ -91,21 +92,11 @@ def test_differences_are_of_all_runs(tree: xr.DataTree) -> None:
 
 def test_verdicts_are_counted_and_refusals_listed(tree: xr.DataTree) -> None:
     labels: list[str] = []
-    for kind in ("moments", "quantiles", "exceedance", "sensitivity"):
-        if kind not in tree.children or "flat" not in tree[kind].children:
-            continue
-        for name, array in tree[kind]["flat"].data_vars.items():
-            if "bound" in array.dims and not str(name).endswith("effective_runs"):
-                told = next(
-                    (
-                        array.coords[f"{stem}_interval_label"].values.ravel().tolist()
-                        for stem in (name, *array.dims)
-                        if f"{stem}_interval_label" in array.coords
-                    ),
-                    [array.attrs.get("interval_label")],
-                )
-                labels += told
-    labels.append(tree["cdfs/flat"]["y_band"].attrs["interval_label"])
+    for name, array in SourceStatistics(tree).statistics("flat", "y").items():
+        # A distribution function has one verdict on the whole.
+        if name != "cdf" and "bound" in array.dims and name != "effective_runs":
+            texts = array.coords["interval_label"].values.ravel().tolist()
+            labels += texts[:1] if name == "cdf_band" else texts
     counts = {label: labels.count(label) for label in ("checked", "refused", "unchecked")}
     assert counts["refused"] > 0
     assert one(tree, Text).text == (

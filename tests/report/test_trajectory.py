@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.report import SECTIONS
 from uqpen.report.blocks import Charts
 from uqpen.report.page import report_page
 from uqpen.report.sections.trajectory import trajectory
+from uqpen.results.archive_view import ArchiveView
 
 Archives = dict[str, xr.DataTree]
 

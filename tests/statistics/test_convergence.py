@@ -7,9 +7,12 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.archive.interval_metadata import INTERVAL_METADATA, interval_metadata
-from uqpen.core.labels import REPLICATE, Sampling, Status
+from uqpen.archive.estimates import INTERVAL_TEXTS, interval_text
+from uqpen.core.labels import REPLICATE
 from uqpen.core.model import Category, Output
+from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
+from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.convergence import convergence, reason_without_parts
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
@@ -62,7 +65,7 @@ def runs_of(sampling: Sampling, count: int, replicate: np.ndarray | None = None)
 
 def sizes(runs: xr.Dataset) -> list[int]:
     told = convergence(runs, [Y])
-    return [int(size) for size in told["moments"]["runs_so_far"].values] if told else []
+    return [int(size) for size in told["y"]["mean"]["runs_so_far"].values] if told else []
 
 
 def assert_same(last: xr.DataArray, whole: xr.DataArray) -> None:
@@ -70,8 +73,8 @@ def assert_same(last: xr.DataArray, whole: xr.DataArray) -> None:
     assert last.values.tobytes() == whole.values.tobytes()
     entries = [(last, whole)] if whole.ndim == 1 else list(zip(last, whole, strict=True))
     for one, other in entries:
-        assert [interval_metadata(one, what) for what in INTERVAL_METADATA] == [
-            interval_metadata(other, what) for what in INTERVAL_METADATA
+        assert [interval_text(one, what) for what in INTERVAL_TEXTS] == [
+            interval_text(other, what) for what in INTERVAL_TEXTS
         ]
 
 
@@ -80,41 +83,37 @@ def test_the_last_part_is_what_the_archive_tells() -> None:
     tree = uqpen.run(study)
     for design in ("independent", "replicated", "blocks"):
         answers = convergence(tree["runs"][design].to_dataset(), study.quantities_of_interest)
-        assert set(answers) == {"moments", "quantiles", "exceedance"}
-        for group, parts in answers.items():
-            archived = tree[group][design].to_dataset()
-            names = [name for name in archived.data_vars if f"{name}" in parts]
-            assert len(names) == len(parts.data_vars)
-            for name in names:
-                assert_same(parts[name][-1], archived[name])
-                assert parts[name].attrs["units"] == archived[name].attrs["units"]
+        assert set(answers) == {"y"}
+        assert {"mean", "quantile", "exceedance"} < set(answers["y"])
+        archived = SourceStatistics(tree).statistics(design, "y")
+        assert set(answers["y"]) <= set(archived)
+        for name, parts in answers["y"].items():
+            assert_same(parts[-1], archived[name])
+            assert parts.attrs["units"] == archived[name].attrs["units"]
 
 
 def test_the_first_draws_are_a_smaller_sample() -> None:
     runs = runs_of(Sampling.INDEPENDENT, 130)
     runs["status"][3] = Status.FAILED
     answers = convergence(runs, [Y, KIND])
-    assert answers["shares"]["runs_so_far"].values.tolist() == [20, 30, 50, 100, 130]
+    assert answers["kind"]["share"]["runs_so_far"].values.tolist() == [20, 30, 50, 100, 130]
     alone = analyze(runs.isel(run=slice(50)), [Y, KIND])
-    for group, parts in answers.items():
-        for name, array in parts.items():
-            assert_same(array[2], alone[group][name])
-    note = interval_metadata(answers["exceedance"]["y"][0, 1], "note")
+    for output, statistics in answers.items():
+        for name, parts in statistics.items():
+            assert_same(parts[2], alone[output][name])
+    note = interval_text(answers["y"]["exceedance"][0, 1], "note")
     assert note == "the 1 missing runs are counted both ways"
-    assert answers["exceedance"]["y_threshold"].values.tolist() == ["1 m", "2 m"]
+    assert answers["y"]["exceedance"]["threshold"].values.tolist() == ["1 m", "2 m"]
 
 
 def test_replicates_are_taken_whole_wherever_their_runs_stand() -> None:
     mixed = np.random.default_rng(2).permutation(np.repeat(np.arange(4), 60))
     runs = runs_of(Sampling.STRATIFIED, 240, mixed)
     answers = convergence(runs, [Y])
-    assert answers["moments"]["runs_so_far"].values.tolist() == [120, 180, 240]
-    alone = analyze(runs.isel(run=mixed < 3), [Y])["moments"]
-    assert_same(answers["moments"]["y_mean"][1], alone["y_mean"])
-    assert (
-        interval_metadata(answers["moments"]["y_mean"][0], "interval")
-        == "Student t over replicates"
-    )
+    assert answers["y"]["mean"]["runs_so_far"].values.tolist() == [120, 180, 240]
+    alone = analyze(runs.isel(run=mixed < 3), [Y])["y"]
+    assert_same(answers["y"]["mean"][1], alone["mean"])
+    assert interval_text(answers["y"]["mean"][0], "interval") == "Student t over replicates"
 
 
 @pytest.mark.parametrize(
@@ -176,7 +175,7 @@ def test_what_cannot_be_divided_says_why(
 def test_runs_that_were_all_lost_have_no_figures() -> None:
     runs = runs_of(Sampling.INDEPENDENT, 60)
     runs["status"][:30] = Status.CRASHED
-    means = convergence(runs, [Y])["moments"]["y_mean"]
+    means = convergence(runs, [Y])["y"]["mean"]
     assert np.isnan(means.values[:2]).all()
-    assert interval_metadata(means[0], "note") == "no run came back"
+    assert interval_text(means[0], "note") == "no run came back"
     assert np.isfinite(means.values[-1]).all()

@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from uqpen.core.labels import Sampling
 from uqpen.core.model import Category, Output
+from uqpen.core.sampling import Sampling
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.correlations import correlations
@@ -57,8 +57,8 @@ def sample(seed: int, plan: str = "independent", runs: int = RUNS) -> Sample:
     )
 
 
-def told(array: xr.DataArray, name: str, what: str) -> list[Any]:
-    return list(array.coords[f"{name}_{what}"].values.tolist())
+def told(array: xr.DataArray, what: str) -> list[Any]:
+    return list(array.coords[what].values.tolist())
 
 
 def exact() -> dict[str, FloatArray]:
@@ -84,7 +84,7 @@ def test_intervals_cover(plan: str) -> None:
     for seed in range(SEEDS):
         answers = dict(correlations(sample(seed, plan), QUESTION))
         for name, value in exact().items():
-            _, lower, upper = answers[f"y_{name}"].values.T
+            _, lower, upper = answers[name].values.T
             covering[name] += (lower <= value) & (value <= upper)
     assert {name for name, count in covering.items() if count.min() < FEWEST_COVERING} == set()
 
@@ -97,8 +97,8 @@ def test_estimates_are_those_of_scipy() -> None:
         pair = tied.points[:, i], tied.values
         # Other algorithms round otherwise.
         pearson, spearman = stats.pearsonr(*pair)[0], stats.spearmanr(*pair)[0]
-        assert answers["y_pearson"].values[i, 0] == pytest.approx(pearson, abs=1e-12)
-        assert answers["y_spearman"].values[i, 0] == pytest.approx(spearman, abs=1e-12)
+        assert answers["pearson"].values[i, 0] == pytest.approx(pearson, abs=1e-12)
+        assert answers["spearman"].values[i, 0] == pytest.approx(spearman, abs=1e-12)
 
 
 @given(seed=st.integers(0, 1000), power=st.sampled_from([1, 3, 5]))
@@ -107,7 +107,7 @@ def test_rank_correlations_keep_under_monotone_transforms(seed: int, power: int)
     drawn = sample(seed, runs=60)
     other = replace(drawn, values=np.exp(drawn.values / 3), points=drawn.points**power)
     one, two = dict(correlations(drawn, QUESTION)), dict(correlations(other, QUESTION))
-    for name in ("y_spearman", "y_partial_rank"):
+    for name in ("spearman", "partial_rank"):
         assert np.array_equal(one[name].values, two[name].values)
 
 
@@ -132,33 +132,33 @@ def test_order_of_runs_and_origin_of_the_output_do_not_matter(seed: int, shift: 
     ],
 )
 def test_what_has_no_correlation_says_why(change: dict[str, Any], reason: str) -> None:
-    for name, array in correlations(replace(sample(0), **change), QUESTION):
+    for _, array in correlations(replace(sample(0), **change), QUESTION):
         assert np.isnan(array.values).all()
-        assert told(array, name, "note") == [reason] * 3
+        assert told(array, "note") == [reason] * 3
 
 
 def test_an_output_that_is_an_input_has_no_interval() -> None:
     drawn = sample(0)
     answers = dict(correlations(replace(drawn, values=2 * drawn.points[:, 0]), QUESTION))
-    assert answers["y_pearson"].values[0, 0] == pytest.approx(1.0)
-    assert np.isnan(answers["y_pearson"].values[0, 1:]).all()
-    assert np.isnan(answers["y_partial"].values).all()
+    assert answers["pearson"].values[0, 0] == pytest.approx(1.0)
+    assert np.isnan(answers["pearson"].values[0, 1:]).all()
+    assert np.isnan(answers["partial"].values).all()
 
 
 def test_one_input_has_partial_correlations_equal_to_simple_ones() -> None:
     drawn = sample(0)
     alone = replace(drawn, points=drawn.points[:, :1], inputs=("x1",))
     answers = dict(correlations(alone, QUESTION))
-    assert np.array_equal(answers["y_partial"].values, answers["y_pearson"].values)
+    assert np.array_equal(answers["partial"].values, answers["pearson"].values)
 
 
 def test_on_heavy_tails_and_few_runs_only_ranks_have_intervals() -> None:
     heavy = replace(sample(0), values=np.exp(3 * sample(0).values))
     for drawn in (heavy, sample(0, runs=100)):
         answers = dict(correlations(drawn, QUESTION))
-        assert np.isnan(answers["y_pearson"].values[:, 1:]).all()
-        assert "ranks" in told(answers["y_pearson"], "y_pearson", "note")[0]
-        assert not np.isnan(answers["y_spearman"].values).any()
+        assert np.isnan(answers["pearson"].values[:, 1:]).all()
+        assert "ranks" in told(answers["pearson"], "note")[0]
+        assert not np.isnan(answers["spearman"].values).any()
 
 
 def test_kinds_have_no_correlations() -> None:

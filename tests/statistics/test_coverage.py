@@ -18,9 +18,10 @@ import pytest
 import xarray as xr
 from scipy import stats
 
-from uqpen.archive.interval_metadata import interval_metadata
-from uqpen.core.labels import SAMPLING, Sampling
+from uqpen.archive.estimates import interval_text
+from uqpen.core.labels import SAMPLING
 from uqpen.core.model import Input, Output
+from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
@@ -39,6 +40,8 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.given_data import first_order
 from uqpen.statistics.sensitivity.sobol_indices import sobol_indices
+
+pytestmark = pytest.mark.slow
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -196,33 +199,33 @@ def seen(answer: xr.DataArray, truth: float) -> Seen:
     # A one-sided bound has no lower one.
     covers = truth <= upper and not lower > truth
     half = upper - estimate if math.isnan(lower) else (upper - lower) / 2
-    return Seen(interval_metadata(answer, "interval_label"), covers, half, estimate - truth)
+    return Seen(interval_text(answer, "interval_label"), covers, half, estimate - truth)
 
 
 def intervals(problem: Problem, drawn: Sample) -> Iterator[tuple[str, Seen]]:
     """Every interval of one seed's runs against the truth."""
     of = dict(sample_moments(drawn, QUESTION))
-    yield "mean", seen(of["y_mean"], problem.mean)
+    yield "mean", seen(of["mean"], problem.mean)
     # There is none where few runs come back.
-    if of["y_std"].attrs["interval_label"] != "none":
-        yield "std", seen(of["y_std"], problem.std)
+    if interval_text(of["std"], "interval_label") != "none":
+        yield "std", seen(of["std"], problem.std)
     half_spread = (problem.quantile(0.84) - problem.quantile(0.16)) / 2
-    yield "half spread", seen(of["y_half_spread"], half_spread)
+    yield "half spread", seen(of["half_spread"], half_spread)
     answers = dict(quantile_estimates(drawn, QuantityOfInterest(OUTPUT, "1", quantiles=QUANTILES)))[
-        "y"
+        "quantile"
     ]
     for p, answer in zip(QUANTILES, answers, strict=True):
         yield f"quantile {p}", seen(answer, problem.quantile(p))
     answer = dict(
         tolerance_limits(drawn, QuantityOfInterest(OUTPUT, "1", tolerance_contents=(0.95,)))
-    )["y"][0]
+    )["tolerance_limit"][0]
     yield "hold 0.95", seen(answer, problem.quantile(0.95))
     # What is rare is asked for by itself, as the label is that of all that are asked together.
     for exceeded in (problem.exceeded, (RARE,)):
         thresholds = tuple(Threshold("", problem.quantile(1 - p)) for p in exceeded)
         answers = dict(
             exceedance_probabilities(drawn, QuantityOfInterest(OUTPUT, "1", thresholds=thresholds))
-        )["y"]
+        )["exceedance"]
         for p, answer in zip(exceeded, answers, strict=True):
             yield f"exceedance {p}", seen(answer, p)
     yield from distribution_function(problem, drawn)
@@ -234,14 +237,16 @@ def intervals(problem: Problem, drawn: Sample) -> Iterator[tuple[str, Seen]]:
 
 def distribution_function(problem: Problem, drawn: Sample) -> Iterator[tuple[str, Seen]]:
     answers = dict(cdf(drawn, QUESTION))
-    values, band, pointwise = (answers[f"y{part}"] for part in ("", "_band", "_probability"))
+    values, band, pointwise = (answers[name] for name in ("cdf_value", "cdf_band", "cdf"))
     exact = problem.cdf(values.values)
     estimate, lower, upper = band.values.T
     covers = bool(((lower <= exact) & (exact <= upper)).all())
     error = float(np.abs(estimate - exact).max())
     yield (
         "band",
-        Seen(band.attrs["interval_label"], covers, float((upper - lower).max() / 2), error),
+        Seen(
+            str(band["interval_label"].values[0]), covers, float((upper - lower).max() / 2), error
+        ),
     )
     # At a value fixed beforehand, between two of those that the function is kept at.
     fixed = problem.quantile(0.5)
@@ -283,7 +288,7 @@ def test_nominal_intervals_are_no_wider_than_the_error_asks_for(problem: str, de
 
 def test_sobol_indices_from_blocks_cover_as_often_as_they_say() -> None:
     step = PROBLEMS["step"]
-    exact = {"y_first_order": step.first_order, "y_total_order": step.total_order}
+    exact = {"first_order": step.first_order, "total_order": step.total_order}
     covering = {name: np.zeros(len(step.inputs)) for name in exact}
     for seed in range(SEEDS_OF_BLOCKS):
         answers = dict(sobol_indices(step.runs(BLOCKS, seed), QUESTION))
@@ -320,10 +325,10 @@ def test_quantiles_of_lumps_of_probability_are_covered(
             sampling=sampling,
         )
         if asked == 0.84:
-            covered += seen(dict(sample_moments(sample, QUESTION))["y_half_spread"], 0.0).covers
+            covered += seen(dict(sample_moments(sample, QUESTION))["half_spread"], 0.0).covers
         else:
             quantity = QuantityOfInterest(OUTPUT, "1", quantiles=(asked,))
-            covered += seen(dict(quantile_estimates(sample, quantity))["y"][0], 0.0).covers
+            covered += seen(dict(quantile_estimates(sample, quantity))["quantile"][0], 0.0).covers
     assert covered >= FEWEST_COVERING
 
 
@@ -334,7 +339,7 @@ def test_strata_that_leave_no_scatter_tell_no_error() -> None:
     silent = 0
     for seed in range(20):
         drawn = problem.sample(LatinHypercube(1000), seed)
-        mean = dict(sample_moments(drawn, QUESTION))["y_mean"]
+        mean = dict(sample_moments(drawn, QUESTION))["mean"]
         lower, upper = mean.values[1:]
         assert np.isnan(lower) or lower < upper
         silent += bool(np.isnan(lower))

@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from uqpen.core.labels import Sampling
 from uqpen.core.model import Output
+from uqpen.core.sampling import Sampling
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.delta import delta
@@ -42,7 +42,7 @@ def sample(seed: int, runs: int) -> Sample:
 
 
 def of(drawn: Sample) -> xr.DataArray:
-    return dict(delta(drawn, QUESTION))["y_delta"]
+    return dict(delta(drawn, QUESTION))["delta"]
 
 
 def exact(weight: float) -> float:
@@ -108,4 +108,4 @@ def test_levels_of_an_input_are_classes() -> None:
 def test_what_it_cannot_tell_it_says_why(change: dict[str, Any], reason: str) -> None:
     array = of(replace(sample(0, 100), **change))
     assert np.isnan(array.values[:, 1:]).all()
-    assert list(array.coords["y_delta_note"].values) == [reason] * 3
+    assert list(array.coords["note"].values) == [reason] * 3

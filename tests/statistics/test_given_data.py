@@ -16,8 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from uqpen.core.labels import Sampling
 from uqpen.core.model import Category, Input, Output
+from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
@@ -101,11 +101,11 @@ def of(function: Callable[[FloatArray], FloatArray], sample: Sample) -> Sample:
 def indices(
     sample: Sample, quantity: QuantityOfInterest = QUESTION, kind: str = ""
 ) -> xr.DataArray:
-    return dict(first_order(sample, quantity))[f"y_{kind}first_order"]
+    return dict(first_order(sample, quantity))[f"{kind}first_order"]
 
 
 def told(array: xr.DataArray, what: str) -> list[Any]:
-    return list(array.coords[f"{array.name or 'y_first_order'}_{what}"].values.tolist())
+    return list(array.coords[what].values.tolist())
 
 
 @pytest.mark.parametrize("design", DESIGNS)
@@ -243,7 +243,7 @@ def test_few_runs_and_heavy_tails_are_warned_of() -> None:
 @pytest.mark.parametrize(("runs", "is_doubted"), [(1000, True), (5000, False)])
 def test_a_logarithm_hides_a_tail_where_it_hangs_on_few_runs(runs: int, is_doubted: bool) -> None:
     sample = of(lambda x: np.asarray(np.exp(additive(x))), drawn(MonteCarlo(runs=runs), 0))
-    notes = indices(sample, kind="log_").coords["y_log_first_order_note"].values
+    notes = indices(sample, kind="log_").coords["note"].values
     assert all(("heavier than" in note) == is_doubted for note in notes)
 
 
@@ -253,11 +253,11 @@ def test_logarithms_and_events_have_indices_of_their_own() -> None:
         OUTPUT, "m", thresholds=(Threshold("1 m", 1.0), Threshold("1 Mm", 1e6))
     )
     answers = dict(first_order(sample, quantity))
-    logarithm = answers["y_log_first_order"]
+    logarithm = answers["log_first_order"]
     exact = np.array(PROBLEMS["additive"][1])
     assert ((logarithm.values[:, 1] <= exact) & (exact <= logarithm.values[:, 2])).all()
-    events = answers["y_exceedance_first_order"]
-    assert events.dims == ("y_threshold", "input", "bound")
+    events = answers["exceedance_first_order"]
+    assert events.dims == ("threshold", "input", "bound")
     # Half of the runs exceed 1 m: the sign of a sum, by the arcsine law of normal orthants.
     sign = 2 / math.pi * np.arcsin(exact)
     assert ((events.values[0, :, 1] <= sign) & (sign <= events.values[0, :, 2])).all()
@@ -268,7 +268,7 @@ def test_kinds_have_indices() -> None:
     kinds = Output("y", "1", categories=(Category("low", "low"), Category("high", "high")))
     sample = of(lambda x: np.where(x[:, 0] > 0.5, 1.0, 0.0), drawn(DESIGNS["monte-carlo"], 0))
     array = indices(sample, QuantityOfInterest(kinds, "1"), "category_")
-    assert array.dims == ("y_category", "input", "bound")
+    assert array.dims == ("category", "input", "bound")
     assert array.values[:, 0, 0] == pytest.approx(1.0, abs=0.02)
 
 

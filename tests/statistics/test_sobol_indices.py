@@ -16,8 +16,9 @@ from SALib.analyze import sobol
 from scipy import stats
 
 import uqpen
-from uqpen.core.labels import SUFFIXES, Status
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.model import Input, Output
+from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.saltelli import Saltelli
 from uqpen.distributions.constraints import parse_constraint
@@ -26,7 +27,8 @@ from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.execution import Evaluator, evaluate, join_rounds
 from uqpen.models.python_function import PythonFunction
-from uqpen.statistics.analyze import analyze
+from uqpen.results.source_statistics import SourceStatistics
+from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.intervals import ratio_error, ratio_jackknife_error
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sensitivity import salib_estimators
@@ -72,9 +74,9 @@ def runs_of(
             return join_rounds(collected).assign_attrs(sampling=str(design.sampling))
 
 
-def indices(runs: xr.Dataset, *exceeds: float) -> xr.Dataset:
+def indices(runs: xr.Dataset, *exceeds: float) -> OutputStatistics:
     thresholds = tuple(Threshold(str(value), value) for value in exceeds)
-    return analyze(runs, [QuantityOfInterest(OUTPUT, "1", thresholds=thresholds)])["sensitivity"]
+    return analyze(runs, [QuantityOfInterest(OUTPUT, "1", thresholds=thresholds)])["y"]
 
 
 def inside(array: xr.DataArray, exact: Sequence[float]) -> bool:
@@ -117,7 +119,7 @@ EXACT = {
 
 
 @cache
-def of_known(name: str) -> xr.Dataset:
+def of_known(name: str) -> OutputStatistics:
     function, distributions, *_ = EXACT[name]
     return indices(runs_of(function, distributions, Saltelli(16 * 512, second_order=True)))
 
@@ -126,20 +128,20 @@ def of_known(name: str) -> xr.Dataset:
 def test_intervals_hold_the_exact_indices(name: str) -> None:
     _, _, first, total = EXACT[name]
     found = of_known(name)
-    assert inside(found["y_first_order"], first)
-    assert inside(found["y_total_order"], total)
-    assert set(found["y_first_order_interval_label"].values) == {"nominal"}
+    assert inside(found["first_order"], first)
+    assert inside(found["total_order"], total)
+    assert set(found["first_order"]["interval_label"].values) == {"nominal"}
     # What takes part in a twentieth of the variance is told from what takes part in none.
-    _, lower, upper = found["y_total_order"].values.T
+    _, lower, upper = found["total_order"].values.T
     assert (upper - lower < 2 * 0.05).all()
 
 
 def test_pairs_have_the_indices_of_their_interaction() -> None:
     between_1_and_3 = 0.24368366406214773
-    found = of_known("ishigami")["y_second_order"]
+    found = of_known("ishigami")["second_order"]
     assert found["pair"].values.tolist() == ["x1, x2", "x1, x3", "x2, x3"]
     assert inside(found, (0, between_1_and_3, 0))
-    assert inside(of_known("product and sum")["y_second_order"], (1 / 19, 0, 0))
+    assert inside(of_known("product and sum")["second_order"], (1 / 19, 0, 0))
 
 
 def test_figures_are_those_of_salib_itself() -> None:
@@ -151,7 +153,7 @@ def test_figures_are_those_of_salib_itself() -> None:
     rows = by_matrix[:, [0, 2, 3, 4, 5, 6, 7, 1]].ravel()
     theirs = sobol.analyze({"num_vars": 3, "names": ["x1", "x2", "x3"]}, rows, seed=1)
     ours = {
-        name: found[f"y_{name}"].sel(bound="estimate").values
+        name: found[name].sel(bound="estimate").values
         for name in ("first_order", "total_order", "second_order")
     }
     np.testing.assert_allclose(ours["total_order"], theirs["ST"], atol=1e-12)
@@ -170,7 +172,7 @@ def test_figures_are_those_of_scipy() -> None:
         func={"f_A": A, "f_B": B, "f_AB": np.stack(mixed)}, n=256, method="saltelli_2010"
     )
     for order in ("first_order", "total_order"):
-        ours = found[f"y_{order}"].sel(bound="estimate").values
+        ours = found[order].sel(bound="estimate").values
         np.testing.assert_allclose(ours, getattr(theirs, order), atol=1e-12)
 
 
@@ -181,24 +183,31 @@ def test_neither_unit_nor_offset_nor_order_of_the_rows_matters() -> None:
     tiny = indices(runs.assign(y=runs["y"] * 1e-12))
     shuffled = indices(runs.isel(run=np.random.default_rng(1).permutation(runs.sizes["run"])))
     far = indices(runs.assign(y=runs["y"] + 1e6))
-    for order in ("y_first_order", "y_total_order"):
+    for order in ("first_order", "total_order"):
         np.testing.assert_allclose(tiny[order], plain[order], atol=1e-9)
         np.testing.assert_allclose(shuffled[order], plain[order], atol=1e-9)
         np.testing.assert_allclose(far[order], plain[order], atol=1e-7)
 
 
 @pytest.fixture(scope="module")
-def concrete() -> xr.Dataset:
+def concrete() -> SourceStatistics:
     study = (STUDIES / "concrete.toml").read_text(encoding="utf-8")
     before, _, _ = study.partition("[designs.")
     text = f'{before}\n[designs.indices]\nkind = "saltelli"\nbase = {16 * 512}\n'
     text = text.replace("seed  = 17", "seed = 2")
     tree = uqpen.run(uqpen.parse_study(text, folder=STUDIES))
-    return tree["sensitivity/indices"].to_dataset()
+    return SourceStatistics(tree)
 
 
-def test_the_concrete_study_has_the_indices_of_admissible_draws(concrete: xr.Dataset) -> None:
-    first, total = (concrete[f"penetration_depth_{order}_order"] for order in ("first", "total"))
+def indices_of(statistics: SourceStatistics, output: str, name: str) -> xr.DataArray:
+    array = statistics.get("indices", output, name)
+    assert array is not None
+    return array
+
+
+def test_the_concrete_study_has_the_indices_of_admissible_draws(concrete: SourceStatistics) -> None:
+    first = indices_of(concrete, "penetration_depth", "first_order")
+    total = indices_of(concrete, "penetration_depth", "total_order")
     assert first["input"].values.tolist() == [
         "target_density",
         "target_yield_limit",
@@ -210,41 +219,41 @@ def test_the_concrete_study_has_the_indices_of_admissible_draws(concrete: xr.Dat
     assert first.attrs["estimand"] == "indices of the input law given admissible draws"
     assert first.attrs["blocks_used"] == 16 * 512
     assert first.attrs["blocks_dropped"] == 0
-    assert set(first["penetration_depth_first_order_interval_label"].values) == {"conservative"}
-    assert "heavy tail" in str(first["penetration_depth_first_order_note"].values[0])
+    assert set(first["interval_label"].values) == {"conservative"}
+    assert "heavy tail" in str(first["note"].values[0])
 
 
-def test_the_residues_indices_are_narrow_as_its_tail_is_light(concrete: xr.Dataset) -> None:
+def test_the_residues_indices_are_narrow_as_its_tail_is_light(concrete: SourceStatistics) -> None:
     # From 512 times as many blocks, whose errors are below 0.0006.
-    assert inside(concrete["projectile_residue_first_order"], (0.00094, 0.1596, 0.5782, 0.2252))
-    assert inside(concrete["projectile_residue_total_order"], (0.00162, 0.1715, 0.6107, 0.2544))
-    labels = concrete["projectile_residue_total_order_interval_label"]
-    assert set(labels.values) == {"nominal"}
+    first = indices_of(concrete, "projectile_residue", "first_order")
+    total = indices_of(concrete, "projectile_residue", "total_order")
+    assert inside(first, (0.00094, 0.1596, 0.5782, 0.2252))
+    assert inside(total, (0.00162, 0.1715, 0.6107, 0.2544))
+    assert set(total["interval_label"].values) == {"nominal"}
 
 
-def test_the_logarithm_and_the_limit_have_indices_of_their_own(concrete: xr.Dataset) -> None:
-    log = concrete["penetration_depth_log_first_order"]
+def test_the_logarithm_and_the_limit_have_indices_of_their_own(concrete: SourceStatistics) -> None:
+    log = indices_of(concrete, "penetration_depth", "log_first_order")
     assert inside(log, (0.00174, 0.18319, 0.5671, 0.2376))
-    exceedance = concrete["penetration_depth_exceedance_total_order"]
-    assert exceedance.dims == ("penetration_depth_threshold", "input", "bound")
-    assert exceedance["penetration_depth_threshold"].values.tolist() == ["60 cm"]
+    exceedance = indices_of(concrete, "penetration_depth", "exceedance_total_order")
+    assert exceedance.dims == ("threshold", "input", "bound")
+    assert exceedance["threshold"].values.tolist() == ["60 cm"]
     assert inside(exceedance[0], (0.0482, 0.3993, 0.8124, 0.458))
-    kinds = concrete["termination_category_first_order"]
-    assert kinds.dims == ("termination_category", "input", "bound")
+    kinds = indices_of(concrete, "termination", "category_first_order")
+    assert kinds.dims == ("category", "input", "bound")
 
 
-def test_every_name_is_kept_from_the_outputs_of_a_user() -> None:
+def test_every_index_is_in_the_catalogue() -> None:
     found = indices(runs_of(sobol_g, [UNIT] * 8, Saltelli(64, 4, second_order=True)), 1.0)
-    named = {str(name).removeprefix("y_") for name in found.variables if str(name)[:2] == "y_"}
-    assert "exceedance_first_order_note" in named
-    assert named <= SUFFIXES
+    assert "exceedance_first_order" in found
+    assert set(found) <= set(CATALOGUE)
 
 
 TRIANGLE = Saltelli(16 * 512, second_order=True)
 
 
 @cache
-def triangle(function: Callable[..., Any]) -> xr.Dataset:
+def triangle(function: Callable[..., Any]) -> OutputStatistics:
     """Indices under the law of three uniform inputs, given that the first exceeds the second."""
     return indices(runs_of(function, [UNIT] * 3, TRIANGLE, keep="x1 > x2"))
 
@@ -261,22 +270,22 @@ def test_redraws_give_the_indices_of_the_conditional_law() -> None:
     # Given x1, x2 is uniform below it: E[x1 + x2 | x1] = 3/2 x1 with a variance of 9/4 · 1/18, out
     # of 1/6 + 1/12; given x2, x1 varies by E[(1 - x2)²] / 12 = 1/24.
     found = triangle(of_sum)
-    assert inside(found["y_first_order"], (1 / 2, 1 / 2, 1 / 3))
-    assert inside(found["y_total_order"], (1 / 6, 1 / 6, 1 / 3))
+    assert inside(found["first_order"], (1 / 2, 1 / 2, 1 / 3))
+    assert inside(found["total_order"], (1 / 6, 1 / 6, 1 / 3))
     # x1 and x2 together explain 2/3, which is less than the sum of what each does.
-    assert inside(found["y_second_order"], (-1 / 3, 0, 0))
-    assert "given admissible draws" in found["y_first_order"].attrs["estimand"]
+    assert inside(found["second_order"], (-1 / 3, 0, 0))
+    assert "given admissible draws" in found["first_order"].attrs["estimand"]
 
 
 def test_what_an_output_does_not_depend_on_may_still_tell_of_it() -> None:
     found = triangle(of_first)
     # E[x1 | x2] = (1 + x2) / 2; the variances are 1/4 · 1/18 out of 1/18. Of x1 itself, x2 leaves
     # 1/24. Of x1, nothing is left once it is known.
-    first, total = found["y_first_order"], found["y_total_order"]
+    first, total = found["first_order"], found["total_order"]
     assert inside(first[:2], (1, 1 / 4))
     assert inside(total[:1], (3 / 4,))
     assert total.values[1, 0] == 0
-    assert "fewer than ten blocks" in str(found["y_total_order_note"].values[1])
+    assert "fewer than ten blocks" in str(found["total_order"]["note"].values[1])
     assert np.isnan(total.values[1, 1:]).all()
 
 
@@ -298,22 +307,22 @@ def test_one_run_of_each_fate_is_counted_and_spoils_nothing() -> None:
         vectorized=False,
     )
     found = indices(runs)
-    array = found["y_first_order"]
+    array = found["first_order"]
     assert np.isfinite(array).all()
     assert array.attrs["blocks_dropped"] == 2
     assert array.attrs["blocks_used"] == 254
     assert array.attrs["estimand"] == (
         "indices of the input law given admissible draws; blocks holding a lost run are dropped"
     )
-    assert found.attrs["runs_failed"] >= 1
-    assert found.attrs["runs_not_finite"] >= 1
-    assert found.attrs["runs_inadmissible"] >= 1
-    np.testing.assert_allclose(array, indices(clean)["y_first_order"], atol=0.05)
+    assert array.attrs["runs_failed"] >= 1
+    assert array.attrs["runs_not_finite"] >= 1
+    assert array.attrs["runs_inadmissible"] >= 1
+    np.testing.assert_allclose(array, indices(clean)["first_order"], atol=0.05)
 
 
 def test_a_block_that_no_draw_completes_is_dropped_and_said_so() -> None:
     found = indices(runs_of(of_sum, [UNIT] * 3, Saltelli(64, 4), keep="x1 > x2 + 0.97"))
-    attributes = found["y_first_order"].attrs
+    attributes = found["first_order"].attrs
     assert attributes["blocks_dropped"] > 0
     assert "blocks that lack an admissible draw are dropped" in attributes["estimand"]
 
@@ -329,9 +338,9 @@ def test_a_block_that_no_draw_completes_is_dropped_and_said_so() -> None:
 def test_what_has_no_indices_says_why(function: Callable[..., Any], keep: str, reason: str) -> None:
     found = indices(runs_of(function, [UNIT] * 2, Saltelli(64, 4), keep=keep), 0.5)
     for order in ("first_order", "total_order"):
-        assert np.isnan(found[f"y_{order}"]).all()
-        assert set(found[f"y_{order}_note"].values) == {reason}
-    assert set(found["y_exceedance_first_order_interval_label"].values.ravel()) == {"none"}
+        assert np.isnan(found[order]).all()
+        assert set(found[order]["note"].values) == {reason}
+    assert set(found["exceedance_first_order"]["interval_label"].values.ravel()) == {"none"}
 
 
 def test_one_replicate_alone_tells_no_error() -> None:
@@ -339,22 +348,22 @@ def test_one_replicate_alone_tells_no_error() -> None:
     lost = runs["replicate"].values == 1
     runs["status"].values[lost] = Status.FAILED
     runs["y"].values[lost] = np.nan
-    found = indices(runs)["y_first_order"]
+    found = indices(runs)["first_order"]
     assert np.isfinite(found.sel(bound="estimate")).all()
     assert np.isnan(found.sel(bound="lower")).all()
-    assert "one replicate" in str(found["y_first_order_note"].values[0])
+    assert "one replicate" in str(found["note"].values[0])
 
 
 def test_few_blocks_say_that_they_cover_less() -> None:
     found = indices(runs_of(of_sum, [UNIT] * 3, Saltelli(16, 8)))
-    assert "only 16 blocks" in str(found["y_total_order_note"].values[0])
-    assert set(found["y_total_order_interval_label"].values) == {"conservative"}
+    assert "only 16 blocks" in str(found["total_order"]["note"].values[0])
+    assert set(found["total_order"]["interval_label"].values) == {"conservative"}
 
 
 def test_an_event_that_few_runs_met_has_no_interval() -> None:
     found = indices(runs_of(of_sum, [UNIT] * 3, Saltelli(256, 4)), 2.6, 1.5, 4.0)
-    rare, often, never = found["y_exceedance_total_order"].values
-    notes = found["y_exceedance_total_order_note"].values[:, 0]
+    rare, often, never = found["exceedance_total_order"].values
+    notes = found["exceedance_total_order"]["note"].values[:, 0]
     assert np.isnan(rare[:, 1]).all()
     assert np.isfinite(often).all()
     assert np.isnan(never).all()
@@ -363,16 +372,16 @@ def test_an_event_that_few_runs_met_has_no_interval() -> None:
 
 
 def test_a_value_below_zero_has_no_logarithm() -> None:
-    assert "y_log_first_order" not in of_known("ishigami")
-    assert "y_log_first_order" in of_known("product and sum")
+    assert "log_first_order" not in of_known("ishigami")
+    assert "log_first_order" in of_known("product and sum")
 
 
 def test_strata_that_leave_no_scatter_tell_no_error() -> None:
     runs = runs_of(lambda x1, x2: 1.0 * (np.asarray(x1) > 0.5), [UNIT] * 2, Saltelli(256, 4))
     found = indices(runs)
-    assert found["y_first_order"].values[0, 0] == pytest.approx(1)
-    assert np.isnan(found["y_first_order"].values[0, 1:]).all()
-    assert "no scatter" in str(found["y_first_order_note"].values[0])
+    assert found["first_order"].values[0, 0] == pytest.approx(1)
+    assert np.isnan(found["first_order"].values[0, 1:]).all()
+    assert "no scatter" in str(found["first_order"]["note"].values[0])
 
 
 class TestGuard:

@@ -12,7 +12,8 @@ import pytest
 from uqpen import designs
 from uqpen.cli.main import main
 from uqpen.core.errors import StudyError
-from uqpen.core.labels import DEPENDENCE, RUNS, Sampling
+from uqpen.core.labels import DEPENDENCE, RUNS
+from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds

@@ -530,9 +530,6 @@ class TestPythonModel:
             ('depth = "cm"', "", "at least one"),
             ('[model.outputs]\ndepth = "cm"\n', "", "what the model gives"),
             ('speed = "m/s"', "speed = 3", 'a unit such as "cm"'),
-            ('depth = "cm"', 'depth = "cm"\ndepth_band = "m"', 'what "depth" brings along'),
-            ('depth = "cm"', 'depth = "cm"\ndepth_hold_note = "m"', 'what "depth" brings along'),
-            ('depth = "cm"', 'depth = "cm"\ndepth_log = "m"', 'what "depth" brings along'),
             ('python = "mine', 'use = "ishigami"\npython = "mine', "use and python"),
         ],
     )

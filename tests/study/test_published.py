@@ -35,14 +35,14 @@ def study(study_of: MakeStudy, published: str = PUBLISHED) -> Study:
     return study_of("a + b", DESIGNS + published, a=(0, 1), b=(0, 1))
 
 
-def test_they_stand_in_the_groups_of_our_own(study_of: MakeStudy) -> None:
+def test_they_stand_beside_our_own(study_of: MakeStudy) -> None:
     tree = uqpen.run(study(study_of))
-    mean = tree["moments/report"]["y_mean"]
+    mean = tree["statistics/report/y"]["mean"]
     assert mean.values[0] == 1.5
     assert np.isnan(mean.values[1:]).all()
     assert mean.attrs["note"] == "published in a report"
-    assert tree["sensitivity/report"]["y_response"].sel(input="a").values[0] == 0.4
-    assert tree["sensitivity/report"].attrs["y_largest_contribution"] == "b"
+    assert tree["statistics/report/y"]["response"].sel(input="a").values[0] == 0.4
+    assert tree["statistics/report/y"].attrs["largest_contribution"] == "b"
 
 
 def test_they_are_shown_beside_them(study_of: MakeStudy) -> None:

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.core.labels import STATUS, Status
+from uqpen.core.labels import STATUS
 from uqpen.core.model import Arrays, BoolArray, Category, Input, Model, Output, Results
+from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube

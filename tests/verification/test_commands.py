@@ -17,7 +17,7 @@ from uqpen.archive.netcdf import write_tree
 from uqpen.execution.processes import ProcessPool
 from uqpen.verification.repetition import Runs, draw_runs
 
-pytestmark = pytest.mark.processor
+pytestmark = [pytest.mark.processor, pytest.mark.slow]
 
 INPUTS = """
 [inputs]
@@ -125,7 +125,7 @@ def damage(how: str) -> None:
     shutil.copy("plain.nc", "damaged.nc")
     if how == "group":
         tree = package.open_archive("plain.nc")
-        del tree.children["holds"]["monte_carlo"]
+        del tree["statistics/monte_carlo"]["y"]
         write_tree(tree, Path("damaged.nc"))
         return
     with netCDF4.Dataset("damaged.nc", "a") as dataset:
@@ -159,9 +159,9 @@ DAMAGES = {
     ),
     "text": ("/ is changed", "its text is changed", "+x1 = { uniform = { lower = -3, upper = 4"),
     "group": (
-        "/holds/monte_carlo is missing",
-        "/holds/monte_carlo is missing",
-        "/holds/monte_carlo is in the first only",
+        "/statistics/monte_carlo/y is missing",
+        "/statistics/monte_carlo/y is missing",
+        "/statistics/monte_carlo/y is in the first only",
     ),
 }
 
@@ -251,8 +251,8 @@ class TestVerify:
 
     def test_what_an_earlier_version_did_not_tell_is_no_difference(self, uqpen: Command) -> None:
         tree = package.open_archive("plain.nc")
-        del tree["holds"]
-        del tree["moments/monte_carlo"]["y_mean"].attrs["note"]
+        del tree["failures"]["monte_carlo"]
+        del tree["statistics/monte_carlo/y"]["mean"].attrs["note"]
         package.write(tree, Path("plain.nc"))
         assert uqpen("verify", "plain.nc").code == 4
         tree.attrs["version_uqpen"] = "0.0.1"
@@ -260,8 +260,8 @@ class TestVerify:
         done = uqpen("verify", "plain.nc")
         assert done.code == 0, done.out
         assert "made with uqpen 0.0.1 (here " in done.said
-        assert "/holds/monte_carlo is missing" in done.out
-        assert "/moments/monte_carlo: attribute note is missing of y_mean" in done.said
+        assert "/failures/monte_carlo is missing" in done.out
+        assert "/statistics/monte_carlo/y: attribute note is missing of mean" in done.said
 
     def test_an_archive_without_hashes_is_opened_and_checked(self, uqpen: Command) -> None:
         with netCDF4.Dataset("plain.nc", "a") as dataset:
@@ -364,11 +364,11 @@ class TestDiff:
 
     def test_figures_outside_each_others_intervals_are_counted(self, uqpen: Command) -> None:
         with netCDF4.Dataset("other.nc", "a") as dataset:
-            mean = dataset["moments/monte_carlo/y_mean"]
+            mean = dataset["statistics/monte_carlo/y/mean"]
             mean[:] = np.asarray(mean[:]) + 100
         done = uqpen("diff", "plain.nc", "other.nc")
         assert "outside each other's intervals" in done.out
-        assert "/moments/monte_carlo: y_mean: " in done.out
+        assert "/statistics/monte_carlo/y: mean: " in done.out
 
     def test_other_studies_are_explained(self, uqpen: Command) -> None:
         done = uqpen("diff", "plain.nc", "own.nc")

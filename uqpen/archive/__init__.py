@@ -1,4 +1,4 @@
-"""The archive: one NetCDF file with everything a study used and found.
+"""Archive: one NetCDF file with the input and the results of a study.
 
-Only this package writes NetCDF. A file appears under its name when it is whole, or not at all.
+Only this package writes NetCDF. A file appears under its name when it is complete, or not at all.
 """

@@ -1,4 +1,4 @@
-"""What an archive of methods head to head must hold to be read as one."""
+"""Structure that an archive of a benchmark of methods must have to be read as one."""
 
 from __future__ import annotations
 
@@ -8,91 +8,65 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.layout import find_reference_faults, has_kind
+from uqpen.archive.benchmark_layout import (
+    BENCHMARK_COORDINATES,
+    BENCHMARK_GROUP,
+    BENCHMARK_VARIABLES,
+    METHOD_VARIABLES,
+    ArchiveVariable,
+)
+from uqpen.archive.estimates import INTERVAL_TEXTS, interval_codes, statistic_names
+from uqpen.archive.layout import has_kind
+from uqpen.core.catalogue import CATALOGUE, DIMENSIONS
 from uqpen.core.labels import (
     BOUND,
+    BOUNDS,
     BUDGET,
-    ENTRIES,
-    ERRORS,
-    ESTIMATES,
-    EXCEEDANCE,
+    INTERVAL_LABEL,
     METHOD_DIMENSION,
     METHODS,
-    MOMENTS,
-    QUANTILES,
     REFERENCE,
     REPEAT,
     REPLICATED,
     SINGLE,
-    SLOPES,
     VARIANT,
-    VERDICTS,
 )
 
 __all__ = ["find_benchmark_faults"]
 
-# The variables of a method, and what those of a statistic are along in each group, before its own
-# entries and a bound, with what they are. What ends a name there tells its variables apart.
-_METHOD_VARIABLES = {
-    "runs": ((METHOD_DIMENSION, BUDGET), "count"),
-    "replicates": ((METHOD_DIMENSION, BUDGET), "count"),
-    "source": ((METHOD_DIMENSION,), "text"),
-    "contests": ((METHOD_DIMENSION,), "text"),
-    BUDGET: ((BUDGET,), "count"),
-    METHOD_DIMENSION: ((METHOD_DIMENSION,), "text"),
-}
-_STATISTIC_VARIABLES: dict[str, dict[str, tuple[tuple[str, ...], str]]] = {
-    ESTIMATES: {"": ((METHOD_DIMENSION, BUDGET, REPEAT), "number")},
-    ERRORS: {
-        "": ((METHOD_DIMENSION, BUDGET), "number"),
-        "_coverage": ((METHOD_DIMENSION, BUDGET), "number"),
-        "_scale": ((), "number"),
-    },
-    SLOPES: {"": ((METHOD_DIMENSION,), "number")},
-    VERDICTS: {
-        "_lead": ((VARIANT, BUDGET), "number"),
-        **{
-            f"_{what}": ((VARIANT, BUDGET), "text")
-            for what in ("winner", "runner_up", "level", "verdict", "note")
-        },
-    },
-}
-_BOUNDED = {(ERRORS, ""), (SLOPES, ""), (VERDICTS, "_lead")}
-# Where the reference has a statistic that has entries; all others are among the moments.
-_IN_REFERENCE = {"quantile": QUANTILES, EXCEEDANCE: EXCEEDANCE}
-
 
 def find_benchmark_faults(tree: xr.DataTree) -> Iterator[str]:
-    """What is wrong with such an archive, for one line each."""
+    """Yield a line for each fault of such an archive."""
     yield from _method_faults(tree)
-    yield from _reference_faults(tree)
-    outputs = tree.children[ESTIMATES].children if ESTIMATES in tree.children else {}
+    outputs = tree.children[BENCHMARK_GROUP].children if BENCHMARK_GROUP in tree.children else {}
     if not outputs:
-        yield f"no {ESTIMATES}"
-    # What lies along each dimension, which is the same in all groups.
-    entries = {
+        yield f"no {BENCHMARK_GROUP}"
+    # The coordinates of each dimension, which are the same in all groups.
+    known = {
         name: tree.children[METHODS].dataset.coords[name].values.tolist()
         for name in (METHOD_DIMENSION, BUDGET)
         if METHODS in tree.children and name in tree.children[METHODS].dataset.coords
     } | {VARIANT: [SINGLE, REPLICATED]}
-    for output, estimates in outputs.items():
-        if not estimates.data_vars:
-            yield f"/{ESTIMATES}/{output}: no statistic"
-        for statistic, array in estimates.data_vars.items():
-            if not {"units", "display_units"} <= set(array.attrs):
-                yield f"/{ESTIMATES}/{output}: no units of {statistic}"
-            yield from _statistic_faults(tree, str(output), str(statistic), entries)
-            yield from _truth_faults(tree, str(output), str(statistic))
+    for output, node in outputs.items():
+        entries = dict(known)
+        if not node.children:
+            yield f"/{BENCHMARK_GROUP}/{output}: no statistic"
+        reference = _reference(tree, str(output))
+        yield from (f"/{REFERENCE}/{output}: {fault}" for fault in _reference_faults(reference))
+        for statistic, group in node.children.items():
+            place = f"/{BENCHMARK_GROUP}/{output}/{statistic}"
+            if statistic not in CATALOGUE:
+                yield f"{place}: of no statistic that this uqpen knows"
+                continue
+            faults = _statistic_faults(group.to_dataset(inherit=False), str(statistic), entries)
+            yield from (f"{place}: {fault}" for fault in faults)
+            for fault in _truth_faults(reference, str(statistic), entries):
+                yield f"/{REFERENCE}/{output}: {fault}"
 
 
-def _reference_faults(tree: xr.DataTree) -> Iterator[str]:
-    reference = tree.children.get(REFERENCE, xr.DataTree())
-    for group in (MOMENTS, QUANTILES):
-        if group not in reference.children:
-            yield f"/{REFERENCE}: no {group}"
-        elif "runs_used" not in reference.children[group].attrs:
-            yield f"/{REFERENCE}/{group}: no runs_used"
-    yield from (f"/{REFERENCE}{fault}" for fault in find_reference_faults(reference))
+def _reference(tree: xr.DataTree, output: str) -> xr.Dataset:
+    outputs = tree.children[REFERENCE].children if REFERENCE in tree.children else {}
+    return outputs[output].to_dataset(inherit=False) if output in outputs else xr.Dataset()
 
 
 def _method_faults(tree: xr.DataTree) -> Iterator[str]:
@@ -103,12 +77,14 @@ def _method_faults(tree: xr.DataTree) -> Iterator[str]:
     for name in ("repeats", "reference_runs"):
         if not isinstance(methods.attrs.get(name), int | np.integer):
             yield f"/{METHODS}: no number of {name.replace('_', ' ')}"
-    noted = False
-    for name, (dimensions, kind) in _METHOD_VARIABLES.items():
-        if not _has_variable(methods, name, dimensions, kind):
-            yield f"/{METHODS}: no {name} along {', '.join(dimensions)}"
-            noted = True
-    if noted:
+    needed = [
+        *METHOD_VARIABLES.values(),
+        *(BENCHMARK_COORDINATES[name] for name in (BUDGET, METHOD_DIMENSION)),
+    ]
+    missing = [each for each in needed if not _has_variable(methods, each, each.dims)]
+    for variable in missing:
+        yield f"/{METHODS}: no {variable.name} along {', '.join(variable.dims)}"
+    if missing:
         return
     if ((methods["runs"] > 0) & (methods["replicates"] < 1)).any():
         yield f"/{METHODS}: runs without replicates"
@@ -119,43 +95,79 @@ def _method_faults(tree: xr.DataTree) -> Iterator[str]:
         yield f"/{METHODS}: numbers of runs that do not ascend from 1"
 
 
-def _has_variable(dataset: xr.Dataset, name: str, dimensions: tuple[str, ...], kind: str) -> bool:
-    """Whether a dataset has a variable along these dimensions, of that kind."""
-    variable = dataset.variables.get(name)
-    return variable is not None and variable.dims == dimensions and has_kind(variable, kind)
+def _has_variable(dataset: xr.Dataset, variable: ArchiveVariable, dims: tuple[str, ...]) -> bool:
+    """Return whether a dataset has a variable along these dimensions, of its kind."""
+    found = dataset.variables.get(variable.name)
+    return found is not None and found.dims == dims and has_kind(found, variable.kind)
 
 
 def _statistic_faults(
-    tree: xr.DataTree, output: str, statistic: str, known: dict[str, list[Any]]
+    dataset: xr.Dataset, statistic: str, known: dict[str, list[Any]]
 ) -> Iterator[str]:
-    entries = (ENTRIES[statistic],) if statistic in ENTRIES else ()
-    for group, variables in _STATISTIC_VARIABLES.items():
-        outputs = tree.children[group].children if group in tree.children else {}
-        dataset = outputs[output].dataset if output in outputs else xr.Dataset()
-        for suffix, (dimensions, kind) in variables.items():
-            bound = (BOUND,) if (group, suffix) in _BOUNDED else ()
-            along = (*dimensions, *entries, *bound)
-            name = f"{statistic}{suffix}"
-            if not _has_variable(dataset, name, along, kind):
-                yield f"/{group}/{output}: no {name} along {', '.join(along) or 'nothing'}"
-            elif not set(along) <= set(dataset.coords):
-                yield f"/{group}/{output}: no coordinates of {name}"
-            for dimension in (
-                {*along} & {*dataset.coords} & {METHOD_DIMENSION, BUDGET, VARIANT, *entries}
-            ):
-                found = dataset.coords[dimension].values.tolist()
-                if known.setdefault(dimension, found) != found:
-                    yield f"/{group}/{output}: another {dimension} than elsewhere"
+    """Yield the faults of the group of a statistic; `known` are the coordinates of others."""
+    for name, variable in BENCHMARK_VARIABLES.items():
+        dims = variable.dims_of(statistic)
+        if not _has_variable(dataset, variable, dims):
+            yield f"no {name} along {', '.join(dims) or 'nothing'}"
+        elif not set(dims) <= set(dataset.coords):
+            yield f"no coordinates of {name}"
+        elif name == "estimate" and not {"units", "display_units"} <= set(dataset[name].attrs):
+            yield "no units of its estimates"
+    for dimension in {*dataset.dims} & {*dataset.coords} - {BOUND, REPEAT}:
+        found = dataset.coords[dimension].values.tolist()
+        if known.setdefault(str(dimension), found) != found:
+            yield f"another {dimension} than elsewhere"
 
 
-def _truth_faults(tree: xr.DataTree, output: str, statistic: str) -> Iterator[str]:
-    """Whether the reference has what the errors of a statistic are those of."""
-    group, dimension = _IN_REFERENCE.get(statistic, MOMENTS), ENTRIES.get(statistic)
-    name = output if dimension else f"{output}_{statistic}"
-    reference = tree.children.get(REFERENCE, xr.DataTree()).children
-    dataset = reference[group].dataset if group in reference else xr.Dataset()
-    estimates = tree.children[ESTIMATES].children[output].dataset
-    if name not in dataset:
-        yield f"/{REFERENCE}/{group}: no {name}"
-    elif dimension and dataset.sizes.get(f"{output}_{dimension}") != estimates.sizes.get(dimension):
-        yield f"/{REFERENCE}/{group}: other entries of {name} than are estimated"
+def _reference_faults(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield the faults of the statistics of an output that the reference has."""
+    for name in statistic_names(dataset):
+        variable = dataset[name]
+        if name not in CATALOGUE or not CATALOGUE[name].has_bounds:
+            continue
+        dims = (*CATALOGUE[name].dims, BOUND)
+        if variable.dims != dims or not has_kind(variable, "number"):
+            yield f"no {name} along {', '.join(dims)}"
+        elif BOUND not in dataset.coords or dataset[BOUND].values.tolist() != list(BOUNDS):
+            yield f"{name}: not the bounds of an estimate"
+        else:
+            yield from _text_faults(dataset, name)
+            yield from _coordinate_faults(dataset, dims[:-1])
+
+
+def _text_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:
+    """Yield a fault where an estimate does not say how its intervals were made."""
+    codes = interval_codes(dataset, name)
+    if codes is None:
+        if not dataset[name].attrs.get(INTERVAL_LABEL):
+            yield f"{name}: does not say how its interval was made"
+        return
+    counts = {np.size(codes.attrs.get(f"flag_{text}", ())) for text in INTERVAL_TEXTS}
+    is_known = codes.dims == dataset[name].dims[:-1] and has_kind(codes, "count")
+    if not is_known or len(counts) > 1 or (codes.size and codes.values.max() >= min(counts)):
+        yield f"{name}: does not say how its intervals were made"
+
+
+def _coordinate_faults(dataset: xr.Dataset, dims: tuple[str, ...]) -> Iterator[str]:
+    for dimension in dims:
+        described = DIMENSIONS[dimension]
+        for name, kind in {dimension: described.kind, **described.companions}.items():
+            found = dataset.coords.get(name)
+            if found is None or found.dims != (dimension,) or not has_kind(found, kind):
+                yield f"no {name} to tell its entries apart"
+
+
+def _truth_faults(
+    reference: xr.Dataset, statistic: str, known: dict[str, list[Any]]
+) -> Iterator[str]:
+    """Yield a fault where the reference does not have what errors are those of."""
+    if statistic not in reference:
+        yield f"no {statistic}"
+        return
+    if not has_kind(reference[statistic].attrs.get("runs_used", ""), "count"):
+        yield f"no runs_used of {statistic}"
+    for dimension in CATALOGUE[statistic].dims:
+        if dimension in reference.coords and dimension in known:
+            entries = reference[dimension].values.tolist()
+            if entries != known[dimension]:
+                yield f"other entries of {statistic} than are estimated"

@@ -1,8 +1,8 @@
-"""A checksum of a whole file behind its last byte, which tells damage before a library meets it.
+"""Checksum of a whole file, appended to it, which shows damage before a library opens the file.
 
-The HDF5 library trusts what a file says of itself: of a few hundred archives with a damaged byte,
-one kept it busy for good. It ignores what stands behind the end that a file tells of, and cuts that
-off when it changes a file; so an archive that others have edited has no checksum, and is opened.
+The HDF5 library trusts the metadata of a file: of a few hundred archives with a damaged byte, one
+kept it busy forever. It ignores bytes behind the end that the metadata state, and removes them when
+it changes a file. So an archive that other software has edited has no checksum, and is opened.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def append_checksum(path: Path) -> None:
 
 
 def is_broken(path: Path) -> bool:
-    """Whether a file ends with a checksum that is not that of its bytes."""
+    """Return True if a file ends with a checksum that does not match its bytes."""
     try:
         with path.open("rb") as stream:
             length = os.fstat(stream.fileno()).st_size - _LENGTH
@@ -42,7 +42,7 @@ def is_broken(path: Path) -> bool:
 
 
 def _checksum(stream: BinaryIO, length: int) -> bytes:
-    """What stands behind so many bytes, which are read."""
+    """Read `length` bytes and return the trailer that must follow them."""
     digest = hashlib.sha256()
     while length > 0 and (chunk := stream.read(min(_CHUNK, length))):
         digest.update(chunk)

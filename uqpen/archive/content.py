@@ -1,6 +1,6 @@
-"""Hashes of an archive's groups, which tell whether one has changed since it was written.
+"""Hashes of an archive's groups, which show whether a group has changed since it was written.
 
-They show integrity, not authorship: whoever changes a group on purpose can write its hash anew.
+They show integrity, not authorship: a person who changes a group on purpose can update its hash.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["group_hashes", "recorded_hashes", "with_hashes"]
 
 
 def group_hashes(tree: xr.DataTree) -> dict[str, str]:
-    """The SHA-256 of every group, by its path.
+    """Return the SHA-256 of every group, by its path.
 
     A group's own variables and attributes are hashed in a canonical form, so that its hash is the
     same in memory as in the file, and on every platform. The root's leaves out only the record of
@@ -28,7 +28,7 @@ def group_hashes(tree: xr.DataTree) -> dict[str, str]:
 
 
 def with_hashes(tree: xr.DataTree) -> xr.DataTree:
-    """The tree with its groups' hashes in an attribute of its root, in the form of sha256sum."""
+    """Return the tree with its groups' hashes, in the form of sha256sum, as a root attribute."""
     record = "\n".join(f"{digest}  {path}" for path, digest in group_hashes(tree).items())
     copy = tree.copy()
     copy.attrs = {**tree.attrs, CONTENT: record}
@@ -36,7 +36,7 @@ def with_hashes(tree: xr.DataTree) -> xr.DataTree:
 
 
 def recorded_hashes(tree: xr.DataTree) -> dict[str, str] | None:
-    """The hashes that an archive was written with; None of one that has none."""
+    """Return the hashes that an archive was written with; None for an archive without any."""
     record = tree.attrs.get(CONTENT)
     if not isinstance(record, str):
         return None
@@ -54,7 +54,7 @@ def _group_hash(dataset: xr.Dataset) -> str:
 
 
 def _canonical_bytes(dataset: xr.Dataset) -> Iterator[bytes]:
-    """A group in pieces: its attributes, its dimensions, then each variable, in order of names."""
+    """Yield a group as bytes: attributes, dimensions, then each variable, in order of names."""
     attributes = {key: value for key, value in dataset.attrs.items() if key != CONTENT}
     yield from _attribute_bytes(attributes)
     for dimension, size in sorted(dataset.sizes.items(), key=lambda pair: str(pair[0])):
@@ -74,12 +74,12 @@ def _attribute_bytes(attributes: dict[Any, Any]) -> Iterator[bytes]:
     yield _text_bytes(len(attributes))
     for name, value in sorted(attributes.items(), key=lambda pair: str(pair[0])):
         yield _text_bytes(name)
-        # NetCDF does not tell a single value from a list of one.
+        # NetCDF does not distinguish a single value from a list of one.
         yield from _value_bytes(np.ravel(np.asarray(value)))
 
 
 def _value_bytes(values: Any) -> Iterator[bytes]:
-    """An array's type, shape and content: texts as UTF-8, numbers with the low byte first."""
+    """Yield an array's type, shape and content: texts as UTF-8, numbers as little-endian."""
     if values.dtype.kind in "OUS":
         yield from (_text_bytes("text"), _text_bytes(values.shape))
         yield from (_text_bytes(value) for value in values.ravel().tolist())

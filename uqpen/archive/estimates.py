@@ -1,8 +1,9 @@
-"""Estimates in datasets of an archive: how they are packed, and taken out with their texts.
+"""Estimates in datasets of an archive: packing and unpacking, with the texts of their intervals.
 
-An *estimate array* is what analyses yield and readers get: a DataArray named like its statistic,
-with the statistic's dimensions and ``bound`` (estimate, lower, upper), and with three text
-coordinates, ``interval``, ``interval_label`` and ``note``, along all dimensions but ``bound``.
+Analyses yield *estimate arrays*, and readers get them. An estimate array is a DataArray with the
+name of its statistic. It has the statistic's dimensions and ``bound`` (estimate, lower, upper), and
+three text coordinates, ``interval``, ``interval_label`` and ``note``, along all dimensions except
+``bound``.
 
 In a dataset these texts are attributes of the variable where all entries agree. Otherwise a
 variable ``<statistic>_interval`` of small integers stands beside it. Its attributes
@@ -18,9 +19,20 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import BOUND, BOUNDS, INTERVAL, INTERVAL_LABEL, NOTE
+from uqpen.core.labels import BOUND, BOUNDS, INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE
 
-__all__ = ["INTERVAL_TEXTS", "estimate_array", "interval_text", "pack", "statistic_names", "unpack"]
+__all__ = [
+    "INTERVAL_TEXTS",
+    "estimate_array",
+    "has_interval_texts",
+    "interval_codes",
+    "interval_codes_name",
+    "interval_text",
+    "pack",
+    "statistic_names",
+    "unpack",
+    "unpack_all",
+]
 
 INTERVAL_TEXTS = (INTERVAL, INTERVAL_LABEL, NOTE)
 
@@ -69,7 +81,7 @@ def estimate_array(
 
 
 def interval_text(array: xr.DataArray, name: str) -> str:
-    """Return what one estimate says of its interval; empty for nothing.
+    """Return a text on the interval of one estimate; empty where there is none.
 
     Parameters
     ----------
@@ -88,14 +100,18 @@ def pack(arrays: Mapping[str, xr.DataArray] | Iterable[tuple[str, xr.DataArray]]
     for name, array in dict(arrays).items():
         attributes = dict(array.attrs)
         coordinates |= {
-            key: each.variable for key, each in array.coords.items() if key not in INTERVAL_TEXTS
+            str(key): each.variable
+            for key, each in array.coords.items()
+            if key not in INTERVAL_TEXTS
         }
         if BOUND in array.dims:
+            if not np.isfinite(array.values[..., 1:]).any():
+                attributes.pop(INTERVAL_LEVEL, None)
             texts = [array.coords[text].values for text in INTERVAL_TEXTS]
             entries = list(zip(*(np.ravel(text).tolist() for text in texts), strict=True))
             known = {entry: code for code, entry in enumerate(dict.fromkeys(entries))}
             if len(known) > 1:
-                variables[f"{name}{_CODES}"] = _codes(array, entries, known)
+                variables[f"{name}{_CODES}"] = _codes(name, array, entries, known)
             else:
                 entry = entries[0] if entries else ("none", "none", "")
                 attributes |= {
@@ -106,26 +122,29 @@ def pack(arrays: Mapping[str, xr.DataArray] | Iterable[tuple[str, xr.DataArray]]
 
 
 def _codes(
-    array: xr.DataArray, entries: list[tuple[str, ...]], known: Mapping[tuple[str, ...], int]
+    name: str,
+    array: xr.DataArray,
+    entries: list[tuple[str, ...]],
+    known: Mapping[tuple[str, ...], int],
 ) -> tuple[Any, ...]:
     """Return the variable that says which of the known texts each entry has."""
     dims = [dim for dim in array.dims if dim != BOUND]
     kind = np.int8 if len(known) <= np.iinfo(np.int8).max else np.int16
     codes = np.array([known[entry] for entry in entries], dtype=kind)
     attributes = {
-        "long_name": f"how the intervals of {array.name or 'the estimates'} were made",
+        "long_name": f"how the intervals of {name} were made",
         "flag_values": np.arange(len(known), dtype=kind),
         "flag_meanings": " ".join(f"k{code}" for code in known.values()),
         **{
-            f"{_FLAG}{name}": [entry[position] for entry in known]
-            for position, name in enumerate(INTERVAL_TEXTS)
+            f"{_FLAG}{key}": [entry[position] for entry in known]
+            for position, key in enumerate(INTERVAL_TEXTS)
         },
     }
     return dims, codes.reshape([array.sizes[dim] for dim in dims]), attributes
 
 
 def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
-    """Take a statistic out of a dataset, with the texts of its intervals beside it.
+    """Return a statistic from a dataset, with the texts of its intervals as coordinates.
 
     Parameters
     ----------
@@ -146,7 +165,7 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
         return array
     dims = array.dims[:-1]
     shape = array.shape[:-1]
-    codes = dataset.variables.get(f"{name}{_CODES}")
+    codes = interval_codes(dataset, name)
     texts = {}
     for key in INTERVAL_TEXTS:
         if codes is None:
@@ -158,6 +177,46 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
     taken = array.assign_coords(texts)
     taken.attrs = {key: value for key, value in array.attrs.items() if key not in INTERVAL_TEXTS}
     return taken
+
+
+def has_interval_texts(dataset: xr.Dataset, name: str) -> bool:
+    """Return True if a statistic has the method of the interval of each entry.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        A group of an archive, of whatever origin.
+    name : str
+        The statistic's.
+    """
+    variable = dataset.variables[name]
+    codes = dataset.variables.get(f"{name}{_CODES}")
+    if codes is None:
+        return bool(str(variable.attrs.get(INTERVAL_LABEL, "")))
+    if codes.dims != variable.dims[:-1] or codes.dtype.kind not in "iu":
+        return False
+    tables = [np.atleast_1d(codes.attrs.get(f"{_FLAG}{key}", [])) for key in INTERVAL_TEXTS]
+    sizes = {len(table) for table in tables}
+    if len(sizes) != 1 or any(table.dtype.kind not in "OUS" for table in tables):
+        return False
+    values = codes.values
+    return values.size == 0 or (int(values.min()) >= 0 and int(values.max()) < sizes.pop())
+
+
+def unpack_all(dataset: xr.Dataset) -> dict[str, xr.DataArray]:
+    """Take all statistics out of a dataset, by their names."""
+    found = {name: unpack(dataset, name) for name in statistic_names(dataset)}
+    return {name: array for name, array in found.items() if array is not None}
+
+
+def interval_codes_name(statistic: str) -> str:
+    """Return the name of the variable with the codes of a statistic's texts."""
+    return f"{statistic}{_CODES}"
+
+
+def interval_codes(dataset: xr.Dataset, name: str) -> xr.Variable | None:
+    """Return the codes of a statistic's texts; None where all of its entries agree."""
+    return dataset.variables.get(interval_codes_name(name))
 
 
 def statistic_names(dataset: xr.Dataset) -> list[str]:

@@ -1,4 +1,4 @@
-"""The files that a study names, kept in its archive: group ``/files``."""
+"""Files that a study names, in its archive: group ``/files``."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _LONG_NAMES = {
 
 @dataclass(frozen=True)
 class ArchivedFile:
-    """A file as an archive keeps it.
+    """A file in an archive.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class ArchivedFile:
     size : int
         Of its bytes, as recorded.
     content : str
-        Its bytes as `encoding` says.
+        Its bytes, encoded by `encoding`.
     encoding : str
         ``"utf-8"``, ``"base64"`` or ``"none"``.
     """
@@ -68,16 +68,16 @@ class ArchivedFile:
 
     @property
     def is_whole(self) -> bool:
-        """Whether the archive has its content."""
+        """True if the archive has its content."""
         return self.encoding != _NONE
 
     def read(self) -> bytes:
-        """Its bytes.
+        """Return the content of the file.
 
         Raises
         ------
         ArchiveError
-            If they are not those whose hash and size stand beside them.
+            If the content does not match the archived hash and size.
         """
         try:
             content = {
@@ -96,14 +96,14 @@ class ArchivedFile:
 
 
 def files_group(files: Iterable[FileSnapshot], folder: Path) -> xr.Dataset:
-    """The group of a study's files, in the order of their names; empty where it names none.
+    """Return the group of a study's files, in the order of their names; empty without files.
 
     Parameters
     ----------
     files : iterable of FileSnapshot
-        In an order that is always the same; any of them may come several times.
+        In a reproducible order; duplicates are permitted.
     folder : Path
-        Where the study lies.
+        Folder of the study.
     """
     named = sorted(files_by_name(files, folder).items())
     if not named:
@@ -126,10 +126,11 @@ def files_group(files: Iterable[FileSnapshot], folder: Path) -> xr.Dataset:
 
 
 def files_by_name(files: Iterable[FileSnapshot], folder: Path) -> dict[str, FileSnapshot]:
-    """Files by their names, which tell no path of the machine.
+    """Return files by their names in an archive, which reveal no path of the machine.
 
-    A file is known by its path from the study's folder. One that the study names by an absolute
-    path elsewhere is known by its last part, with a number where that is another's name already.
+    The name of a file is its path relative to the study's folder. A file in another place, which
+    the study names by an absolute path, has its file name alone, with a number where another file
+    has that name already.
     """
     named: dict[str, FileSnapshot] = {}
     known: set[Path] = set()
@@ -148,7 +149,7 @@ def files_by_name(files: Iterable[FileSnapshot], folder: Path) -> dict[str, File
 
 
 def archived_files(group: xr.Dataset) -> list[ArchivedFile]:
-    """The files of a group that has no faults; none of a group that is empty."""
+    """Return the files of a group without faults; none for an empty group."""
     if not group.variables:
         return []
     columns = (group[name].values.tolist() for name in (_NAME, _SHA256, _SIZE, _CONTENT, _ENCODING))
@@ -156,7 +157,7 @@ def archived_files(group: xr.Dataset) -> list[ArchivedFile]:
 
 
 def find_file_faults(groups: Mapping[str, xr.DataTree]) -> Iterator[str]:
-    """What keeps a tree's group of files from being read, for one line each.
+    """Yield the faults of a tree's group of files, a line each.
 
     Parameters
     ----------
@@ -176,7 +177,7 @@ def find_file_faults(groups: Mapping[str, xr.DataTree]) -> Iterator[str]:
 
 
 def _encode(file: FileSnapshot) -> tuple[str, str]:
-    """A file's content as a text, and how it became one."""
+    """Return a file's content as a text, and its encoding."""
     if file.content is None:
         return "", _NONE
     try:

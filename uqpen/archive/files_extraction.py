@@ -1,4 +1,4 @@
-"""The files of an archive in a folder of their own, and nothing anywhere else."""
+"""Extraction of the files of an archive to a temporary folder, and to no other place."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _FIRST_PRINTABLE = 0x20
 
 
 class ExtractedFiles(NamedTuple):
-    """Where files of an archive are for the moment.
+    """Files of an archive in a temporary folder.
 
     Attributes
     ----------
     folder : Path
-        In place of the study's.
+        Replaces the folder of the study.
     missing : list of str
-        Of each file that could not be had, why, in a line.
+        For each file that is not available, the reason, in a line.
     """
 
     folder: Path
@@ -43,20 +43,20 @@ class ExtractedFiles(NamedTuple):
 
 @contextlib.contextmanager
 def extract_files(files: Sequence[ArchivedFile], other_folder: Path) -> Iterator[ExtractedFiles]:
-    """While this lasts, an archive's files lie in a fresh folder.
+    """Provide an archive's files in a temporary folder.
 
     Parameters
     ----------
     files : sequence of ArchivedFile
-        Whatever their names are, nothing is written outside that folder.
+        Nothing is written outside the temporary folder, whatever their names are.
     other_folder : Path
-        Where to look for those of which the archive has the hash alone.
+        Folder with the files that the archive has only as hashes.
 
     Raises
     ------
     ArchiveError
-        If a name is not one of a file in the study's folder or beside it, a file is not what its
-        hash says, or two cannot be in one folder.
+        If a name is not that of a file in the study's folder or next to it, a file does not match
+        its hash, or two files cannot be in one folder.
     """
     paths = {file: _path_parts(file.name) for file in files}
     # As far down as files are further up, so that these are in the folder as well.
@@ -76,7 +76,7 @@ def extract_files(files: Sequence[ArchivedFile], other_folder: Path) -> Iterator
 
 @contextlib.contextmanager
 def _fresh_folder() -> Iterator[Path]:
-    """A folder that only this user can look into, removed in the end with all that it holds."""
+    """Provide a folder that only this user can read; it is removed in the end with its content."""
     try:
         folder = tempfile.TemporaryDirectory(prefix="uqpen_", ignore_cleanup_errors=True)
     except OSError as error:
@@ -87,7 +87,7 @@ def _fresh_folder() -> Iterator[Path]:
 
 
 def _path_parts(name: str) -> tuple[str, ...]:
-    """The folders of a name and its last part, refused where it is no name of a file."""
+    """Return the folders and the last part of a name; refuse one that is no name of a file."""
     parts = tuple(part for part in name.split("/") if part not in ("", "."))
     is_upward = parts.count(_UP) > _MOST_UPWARD
     is_none = not parts or parts[-1] == _UP or name.startswith("/") or name.endswith("/")
@@ -97,7 +97,7 @@ def _path_parts(name: str) -> tuple[str, ...]:
 
 
 def _is_refused(part: str) -> bool:
-    """Whether a part of a name has another meaning to the system than a file's."""
+    """Return True if a part of a path is no plain file name to the operating system."""
     try:
         encoded = part.encode("utf-8")
     except UnicodeEncodeError:
@@ -112,7 +112,7 @@ def _is_refused(part: str) -> bool:
 
 
 def _make_folders(root: Path, study: Path, parts: tuple[str, ...]) -> Path:
-    """The place for a file below the root, with the folders on the way there."""
+    """Make the folders of a file below the root and return the path of the file."""
     place = study
     try:
         for part in parts[:-1]:
@@ -141,7 +141,7 @@ def _write_new(content: bytes, path: Path, name: str) -> None:
 
 
 def _content_of_hash(file: ArchivedFile, parts: tuple[str, ...], folder: Path) -> bytes | str:
-    """The content of a file that the archive knows by its hash; in its place, why there is none."""
+    """Return the content of a file that is archived as a hash, or the reason why it is missing."""
     path = folder.joinpath(*parts)
     kept = f'"{file.name}": the archive has its hash alone, and '
     try:

@@ -1,12 +1,7 @@
-"""What the figures of an archive lie along, and of what type all is that is told of them.
-
-Declared by names, and the same wherever a group of statistics stands: of a study's only model, of
-one of several, of their differences, of a reference.
-"""
+"""Faults of statistics in an archive: dimensions, data types and texts, by the catalogue."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -14,49 +9,37 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.interval_metadata import interval_metadata
+from uqpen.archive.estimates import has_interval_texts, statistic_names
+from uqpen.core.catalogue import (
+    CATALOGUE,
+    CATEGORY,
+    CONTENT_LEVEL,
+    DIMENSIONS,
+    PROBABILITY,
+    THRESHOLD,
+    Statistic,
+)
 from uqpen.core.errors import QuantityError
 from uqpen.core.labels import (
     BOUND,
     BOUNDS,
+    CITED,
     CONDITIONAL,
-    EXCEEDANCE,
-    INPUT,
     INTERVAL,
     INTERVAL_LABEL,
     LARGEST_CONTRIBUTION,
     MISSING,
-    MOMENTS,
     NOTE,
-    PAIR,
-    QUANTILES,
     ROLE,
     RUNS_SPENT,
-    SENSITIVITY,
-    SHARES,
-    STATUSES,
-    TOLERANCE_LIMITS,
+    SOURCE_KIND,
 )
 from uqpen.core.units import scale
 
-__all__ = ["find_attribute_faults", "find_estimate_faults", "find_reference_faults", "has_kind"]
+__all__ = ["find_attribute_faults", "find_dataset_faults", "find_statistics_faults", "has_kind"]
 
-# What the figures of a group lie along before their bounds: how the dimension's name goes on after
-# that of the variable.
-_ENTRIES = {
-    MOMENTS: "",
-    STATUSES: "",
-    QUANTILES: "probability",
-    TOLERANCE_LIMITS: "hold",
-    EXCEEDANCE: "threshold",
-    SHARES: "category",
-    SENSITIVITY: "",
-}
-# What else stands along it.
-_COMPANIONS = {"hold": ("runs_needed", "count"), "category": ("label", "text")}
-# Of an event's measures of sensitivity: what the event is one of.
-_EVENT_INDICES = re.compile(r"(.+)_(?:exceedance|(category))_(?:first_order|total_order|shapley)\Z")
-_SECOND_ORDER = re.compile(r".+_second_order\Z")
+# Of one output, tables show the entries of all sources side by side.
+_SHARED = (PROBABILITY, CONTENT_LEVEL, THRESHOLD, CATEGORY)
 
 # What an attribute of some name is, wherever it stands.
 _ATTRIBUTES = {
@@ -65,21 +48,22 @@ _ATTRIBUTES = {
         "text",
     ),
     **dict.fromkeys(("source", "minus", "outputs", "check", "flag_meanings"), "text"),
+    **dict.fromkeys((SOURCE_KIND, CITED), "text"),
     **dict.fromkeys((RUNS_SPENT, "runs", "runs_used", "repeats", "reference_runs"), "count"),
     **dict.fromkeys(("order", "terms", "q2", "check_q2_of_output"), "number"),
 }
-_TEXT_SUFFIXES = (f"_{LARGEST_CONTRIBUTION}", "_not_fitted")
+_TEXT_SUFFIXES = (LARGEST_CONTRIBUTION, "_not_fitted")
 
 _KINDS = {"text": "OUS", "count": "iu", "number": "iuf"}
 
 
 def has_kind(values: npt.ArrayLike, kind: str) -> bool:
-    """Whether values are texts, counts or numbers."""
+    """Return True if values are of a kind: texts, counts or numbers."""
     return np.asarray(values).dtype.kind in _KINDS[kind]
 
 
 def find_attribute_faults(tree: xr.DataTree) -> Iterator[str]:
-    """Attributes that are not of the type that their name tells of."""
+    """Yield the faults of attributes whose type is not the one that their name implies."""
     for node in tree.subtree:
         dataset = node.to_dataset(inherit=False)
         owners: dict[str, Mapping[Any, Any]] = {node.path: dataset.attrs}
@@ -102,75 +86,80 @@ def _is_unit(text: object) -> bool:
     return True
 
 
-def find_estimate_faults(tree: xr.DataTree) -> Iterator[str]:
-    """What is wrong with the figures of a model, or of a pair of models.
+def find_statistics_faults(node: xr.DataTree) -> Iterator[str]:
+    """Yield the faults of the statistics of a model, or of a pair of models.
 
     Parameters
     ----------
-    tree : DataTree
-        With groups of statistics, in each of which there is a group for each source.
+    node : DataTree
+        Its children are the sources, and their children are the outputs.
+
+    Yields
+    ------
+    str
+        The path of a group below the node, and a fault.
     """
-    entries: dict[str, list[Any]] = {}
-    for kind in _ENTRIES:
-        sources = tree.children[kind].children if kind in tree.children else {}
-        for source, node in sources.items():
-            dataset = node.to_dataset(inherit=False)
-            for fault in _group_faults(kind, dataset, entries):
-                yield f"/{kind}/{source}: {fault}"
+    entries: dict[tuple[str, str], list[Any]] = {}
+    for source, outputs in node.children.items():
+        for output, child in outputs.children.items():
+            dataset = child.to_dataset(inherit=False)
+            for fault in find_dataset_faults(dataset, CATALOGUE):
+                yield f"/{source}/{output}: {fault}"
+            for dimension in dataset.dims:
+                if dimension in dataset.coords and dimension in _SHARED:
+                    found = dataset[dimension].values.tolist()
+                    if entries.setdefault((str(output), str(dimension)), found) != found:
+                        yield f"/{source}/{output}: another {dimension} than elsewhere"
 
 
-def find_reference_faults(tree: xr.DataTree) -> Iterator[str]:
-    """What is wrong with the figures of a reference, of which there is only one source."""
-    entries: dict[str, list[Any]] = {}
-    for kind in _ENTRIES:
-        if kind in tree.children:
-            dataset = tree.children[kind].to_dataset(inherit=False)
-            for fault in _group_faults(kind, dataset, entries):
-                yield f"/{kind}: {fault}"
+def find_dataset_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic]) -> Iterator[str]:
+    """Yield the faults of the statistics of one group.
+
+    A statistic that is not in the catalogue may have any dimensions. A statistic that the group
+    lacks is no fault.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        The group.
+    catalogue : mapping of str to Statistic
+        Describes its statistics.
+    """
+    for name in statistic_names(dataset):
+        variable = dataset.variables[name]
+        entry = catalogue.get(name)
+        dims = tuple(str(dim) for dim in variable.dims)
+        if entry is not None:
+            expected = (*entry.dims, *((BOUND,) if entry.has_bounds else ()))
+            if dims != expected or not has_kind(variable, "number"):
+                yield f"{name} is not of numbers along {', '.join(expected)}"
+                continue
+        if BOUND in dims:
+            yield from _interval_faults(dataset, name)
+        for dimension in dims:
+            yield from _coordinate_faults(dataset, dimension)
 
 
-def _group_faults(kind: str, dataset: xr.Dataset, entries: dict[str, list[Any]]) -> Iterator[str]:
-    """What is wrong with the figures of one source, whose `entries` are those of all others."""
-    for key, variable in dataset.data_vars.items():
-        name = str(key)
-        along = _expected_dimensions(kind, name)
-        if variable.dims != (*along, BOUND) or not has_kind(variable, "number"):
-            yield f"{name} is not of figures along {', '.join((*along, BOUND))}"
-        elif not _is_bounded(variable):
-            yield f"{name}: not the bounds of an estimate"
-        elif not interval_metadata(variable, INTERVAL_LABEL):
-            yield f"{name}: does not say how its interval was made"
-        else:
-            for dimension in along:
-                yield from _coordinate_faults(dataset, dimension, entries)
+def _interval_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:
+    """Find what is wrong with the bounds of a statistic, and with the texts on them."""
+    variable = dataset.variables[name]
+    if BOUND not in dataset.coords or dataset[BOUND].values.tolist() != list(BOUNDS):
+        yield f"{name}: not the bounds of an estimate"
+    elif not has_interval_texts(dataset, name):
+        yield f"{name}: does not say how its interval was made"
+    elif variable.dims[-1] != BOUND or not has_kind(variable, "number"):
+        yield f"{name}: not the bounds of an estimate"
 
 
-def _expected_dimensions(kind: str, name: str) -> tuple[str, ...]:
-    """What a figure lies along before its bounds."""
-    if kind != SENSITIVITY:
-        return (f"{name}_{_ENTRIES[kind]}",) if _ENTRIES[kind] else ()
-    if event := _EVENT_INDICES.match(name):
-        return (f"{event[1]}_{event[2] or 'threshold'}", INPUT)
-    return (PAIR,) if _SECOND_ORDER.match(name) else (INPUT,)
-
-
-def _is_bounded(variable: xr.DataArray) -> bool:
-    return BOUND in variable.coords and variable[BOUND].values.tolist() == list(BOUNDS)
-
-
-def _coordinate_faults(
-    dataset: xr.Dataset, dimension: str, entries: dict[str, list[Any]]
-) -> Iterator[str]:
-    what = dimension.rpartition("_")[2]
-    kind = "number" if what in ("probability", "hold") else "text"
-    if dimension not in dataset.coords or not has_kind(dataset[dimension], kind):
+def _coordinate_faults(dataset: xr.Dataset, dimension: str) -> Iterator[str]:
+    """Find what is wrong with the coordinates along a dimension of the catalogue."""
+    described = DIMENSIONS.get(dimension)
+    if described is None:
+        return
+    if dimension not in dataset.coords or not has_kind(dataset[dimension], described.kind):
         yield f"no {dimension} to tell its entries apart"
         return
-    found = dataset[dimension].values.tolist()
-    if dimension not in (INPUT, PAIR) and entries.setdefault(dimension, found) != found:
-        yield f"another {dimension} than elsewhere"
-    if what in _COMPANIONS:
-        suffix, kind = _COMPANIONS[what]
-        beside = dataset.variables.get(f"{dimension}_{suffix}")
+    for name, kind in described.companions.items():
+        beside = dataset.variables.get(name)
         if beside is None or beside.dims != (dimension,) or not has_kind(beside, kind):
-            yield f"no {dimension}_{suffix} for each entry"
+            yield f"no {name} for each entry"

@@ -7,21 +7,23 @@ from types import MappingProxyType
 
 import xarray as xr
 
+from uqpen.archive.benchmark_schema_2 import migrate_benchmark
 from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE
-from uqpen.core.labels import COMPARISON, INPUT, SENSITIVITY
+from uqpen.archive.schema_2 import migrate_from_2
+from uqpen.core.labels import BENCHMARK, COMPARISON, INPUT, KIND, SENSITIVITY
 
 __all__ = ["MIGRATIONS", "migrate"]
 
 
 def migrate(tree: xr.DataTree) -> xr.DataTree:
-    """A tree of any schema up to this uqpen's, in this uqpen's.
+    """Migrate a tree of any schema up to this uqpen's to this uqpen's schema.
 
-    Its hashes stay those of what was written: whoever checks them needs the tree as it was.
+    The hashes remain those of the original tree, so they can be checked with that tree only.
 
     Parameters
     ----------
     tree : DataTree
-        It is not touched.
+        It is not modified.
     """
     for schema in range(int(tree.attrs[SCHEMA_ATTRIBUTE]), SCHEMA):
         tree = MIGRATIONS[schema](tree)
@@ -30,9 +32,9 @@ def migrate(tree: xr.DataTree) -> xr.DataTree:
 
 
 def _migrate_from_1(tree: xr.DataTree) -> xr.DataTree:
-    """One name for what measures of sensitivity lie along, which some of them left without.
+    """Set one long name of the dimension of sensitivity measures, which some of them lack.
 
-    The files that the study names are not there, and nobody can add them.
+    The archive has no files that the study names, and they cannot be added.
     """
     tree = tree.copy()
     for node in tree.subtree:
@@ -44,7 +46,14 @@ def _migrate_from_1(tree: xr.DataTree) -> xr.DataTree:
     return tree
 
 
+def _migrate_from_2(tree: xr.DataTree) -> xr.DataTree:
+    """Statistics by source, output and name, which were parts of variables' names before."""
+    if tree.attrs.get(KIND) == BENCHMARK:
+        return migrate_benchmark(tree)
+    return migrate_from_2(tree)
+
+
 # From a schema to the next, for every schema there has been.
 MIGRATIONS: MappingProxyType[int, Callable[[xr.DataTree], xr.DataTree]] = MappingProxyType(
-    {1: _migrate_from_1}
+    {1: _migrate_from_1, 2: _migrate_from_2}
 )

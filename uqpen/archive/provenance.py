@@ -28,7 +28,7 @@ __all__ = [
 CONVENTIONS = "CF-1.11"
 
 # The layout of the groups; raised whenever a reader has to know, with a migration from the last.
-SCHEMA = 2
+SCHEMA = 3
 
 SCHEMA_ATTRIBUTE = "uqpen_schema"
 
@@ -87,12 +87,12 @@ def provenance_differences(
     Parameters
     ----------
     first, second : mapping
-        Attributes of an archive's root, or what `provenance` returns.
+        Attributes of an archive's root, or the result of `provenance`.
 
     Yields
     ------
     name, first, second : str
-        What differs and both values; of processor features only those that one of them lacks.
+        Name of a difference and both values; only processor features that one of them lacks.
     """
     for name in [*provenance(), *of_python_functions()]:
         values = [str(each.get(name, _UNKNOWN)) for each in (first, second)]

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import operator
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import xarray as xr
 
 from uqpen.archive.checksum import is_broken
 from uqpen.archive.migrations import migrate
+from uqpen.archive.netcdf import read_groups
 from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE
 from uqpen.archive.structure import find_faults
+from uqpen.archive.tree import group_names, model_trees, read_group
 from uqpen.core.errors import ArchiveError
-from uqpen.core.labels import MODELS
+
+if TYPE_CHECKING:
+    import netCDF4
 
 __all__ = [
     "SCHEMA_ATTRIBUTE",
@@ -25,9 +32,12 @@ __all__ = [
     "read_tree",
 ]
 
+# What the library raises for a file that it cannot read.
+_LIBRARY_ERRORS = (OSError, RuntimeError, ValueError, TypeError, AttributeError)
+
 
 def open_archive(path: str | Path) -> xr.DataTree:
-    """An archive as a tree of datasets, read into memory.
+    """Read an archive into memory as a tree of datasets.
 
     Parameters
     ----------
@@ -46,87 +56,83 @@ def open_archive(path: str | Path) -> xr.DataTree:
 
 
 def read_tree(path: Path) -> xr.DataTree:
-    """What `open_archive` opens, whole or not: for those who ask what is wrong with it.
+    """Read an archive as `open_archive` does, but without the check of its structure.
 
-    One of an earlier schema is as this uqpen would have written it.
-
-    Raises
-    ------
-    ArchiveError
-        If it cannot be read, is no archive, or was written by a later uqpen.
-    """
-    return migrate(read_as_written(path))
-
-
-def read_as_written(path: Path) -> xr.DataTree:
-    """The very tree that stands in an archive, of which its hashes are.
+    An archive of an earlier schema is migrated to the present one.
 
     Raises
     ------
     ArchiveError
         If it cannot be read, is no archive, or was written by a later uqpen.
     """
-    schema = _schema(path)
-    if schema > SCHEMA:
-        raise ArchiveError(
-            f"{path}: has schema {schema}; this uqpen reads up to {SCHEMA}, so take a later one"
-        )
-    if schema < 1:
-        raise ArchiveError(f"{path}: has schema {schema}, which there has never been")
+    written = read_as_written(path)
     try:
-        # Units such as "s" stay numbers, and flags stay whole numbers.
-        with xr.open_datatree(
-            path, engine="netcdf4", decode_times=False, decode_timedelta=False, mask_and_scale=False
-        ) as tree:
-            return tree.load()
-    except (OSError, RuntimeError, ValueError, AttributeError) as error:
-        # The last is of attributes that xarray takes for texts, and are none.
+        return migrate(written)
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        # A migration goes by what its schema had, and a damaged archive may lack it.
         raise ArchiveError(f"{path}: is damaged: {error}") from error
 
 
-def model_trees(tree: xr.DataTree) -> dict[str, xr.DataTree]:
-    """What is told of each model, by its name; the archive itself, unnamed, of a single model."""
-    if MODELS not in tree.children:
-        return {"": tree}
-    return {str(name): model for name, model in tree.children[MODELS].children.items()}
+def read_as_written(path: Path) -> xr.DataTree:
+    """Read the tree of an archive without migration, as its hashes refer to it.
 
-
-def group_names(tree: xr.DataTree, name: str) -> list[str]:
-    """The groups inside a group of the root: the designs that have runs, say."""
-    return list(tree.children[name].children) if name in tree.children else []
-
-
-def read_group(tree: xr.DataTree, *path: str) -> xr.Dataset:
-    """The dataset of a group; an empty one where the archive has none."""
-    for name in path:
-        if name not in tree.children:
-            return xr.Dataset()
-        tree = tree.children[name]
-    return tree.to_dataset(inherit=False)
+    Raises
+    ------
+    ArchiveError
+        If it cannot be read, is no archive, or was written by a later uqpen.
+    """
+    with _opened(path) as root:
+        schema = _schema(root, path)
+        if schema > SCHEMA:
+            raise ArchiveError(
+                f"{path}: has schema {schema}; this uqpen reads up to {SCHEMA}, so take a later one"
+            )
+        if schema < 1:
+            raise ArchiveError(f"{path}: has schema {schema}, which there has never been")
+        try:
+            return read_groups(root)
+        except (*_LIBRARY_ERRORS, LookupError, MemoryError) as error:
+            raise ArchiveError(f"{path}: is damaged: {error}") from error
 
 
 def is_archive(path: Path) -> bool:
-    """Whether a file is an archive of uqpen's, of any schema."""
+    """Return True if a file is a uqpen archive, of any schema."""
     try:
-        _schema(path)
+        with _opened(path) as root:
+            _schema(root, path)
     except ArchiveError:
         return False
     return True
 
 
-def _schema(path: Path) -> int:
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[netCDF4.Dataset]:
+    """Open a file whose bytes are those that were written."""
     import netCDF4
 
     if is_broken(path):
         raise ArchiveError(f"{path}: is damaged: its bytes are not those that were written")
     try:
-        with netCDF4.Dataset(path) as dataset:
-            if SCHEMA_ATTRIBUTE not in dataset.ncattrs():
-                raise ArchiveError(f"{path}: is a NetCDF file, but not an archive of uqpen's")
-            return operator.index(dataset.getncattr(SCHEMA_ATTRIBUTE))
-    except ArchiveError:
-        raise
-    except (OSError, RuntimeError, ValueError, TypeError, AttributeError) as error:
-        missing = isinstance(error, FileNotFoundError)
-        reason = "there is no such file" if missing else "is not an archive of uqpen's"
-        raise ArchiveError(f"{path}: {reason}") from None
+        root = netCDF4.Dataset(path)
+    except FileNotFoundError:
+        raise ArchiveError(f"{path}: there is no such file") from None
+    except _LIBRARY_ERRORS:
+        raise _no_archive(path) from None
+    try:
+        yield root
+    finally:
+        with contextlib.suppress(*_LIBRARY_ERRORS):  # nothing was changed that could be lost
+            root.close()
+
+
+def _schema(root: netCDF4.Dataset, path: Path) -> int:
+    try:
+        if SCHEMA_ATTRIBUTE in root.ncattrs():
+            return operator.index(root.getncattr(SCHEMA_ATTRIBUTE))
+    except _LIBRARY_ERRORS:
+        raise _no_archive(path) from None
+    raise ArchiveError(f"{path}: is a NetCDF file, but not an archive of uqpen's")
+
+
+def _no_archive(path: Path) -> ArchiveError:
+    return ArchiveError(f"{path}: is not an archive of uqpen's")

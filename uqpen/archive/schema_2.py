@@ -1,4 +1,4 @@
-"""Statistics as archives of schema 2 have them: in groups by kind, named after their output."""
+"""Archives of schema 2, whose statistics stood in groups by kind and were named after outputs."""
 
 from __future__ import annotations
 
@@ -8,13 +8,33 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
+from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array, pack
+from uqpen.archive.tree import group_names, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE, CATEGORY, CONTENT_LEVEL, PROBABILITY, THRESHOLD
-from uqpen.core.labels import BOUND, INPUT, INTERVAL_LABEL, INTERVAL_LEVEL, STATUS
+from uqpen.core.labels import (
+    BOUND,
+    CITED,
+    DIFFERENCES,
+    FAILURES_GROUP,
+    INPUT,
+    INTERVAL_LABEL,
+    INTERVAL_LEVEL,
+    LARGEST_CONTRIBUTION,
+    MODELS,
+    ROLE,
+    RUN,
+    RUNS,
+    RUNS_SPENT,
+    SOURCE_KIND,
+    STATISTICS_GROUP,
+    STATUS,
+    SURROGATES,
+    TRAJECTORY,
+)
 
-__all__ = ["GROUPS", "SENSITIVITY_GROUP", "read_failures", "read_statistic"]
+__all__ = ["migrate_from_2", "read_statistic"]
 
-SENSITIVITY_GROUP = "sensitivity"
+_SENSITIVITY = "sensitivity"
 
 # The group of each statistic, and what followed the output in its variable's name.
 _PLACES = {
@@ -39,7 +59,100 @@ _DIMENSIONS = {
     CATEGORY: "category",
 }
 
-GROUPS = ("moments", "quantiles", "holds", "exceedance", "cdfs", "shares", SENSITIVITY_GROUP)
+_GROUPS = ("moments", "quantiles", "holds", "exceedance", "cdfs", "shares", _SENSITIVITY)
+
+
+def migrate_from_2(tree: xr.DataTree) -> xr.DataTree:
+    """Return an archive of schema 2 with its statistics by source, output and name.
+
+    The group ``/comparison`` is left out: it was a copy of other groups.
+
+    Parameters
+    ----------
+    tree : DataTree
+        It is not touched.
+    """
+    groups = {"/": xr.Dataset(attrs=tree.attrs)}
+    for name, model in model_trees(tree).items():
+        root = f"/{MODELS}/{name}" if name else ""
+        if name:
+            groups[root] = xr.Dataset(attrs=model.attrs)
+        for path, dataset in _model_groups(model):
+            groups[f"{root}{path}"] = dataset
+    for other in group_names(tree, DIFFERENCES):
+        pair = tree.children[DIFFERENCES].children[other]
+        for source in group_names(pair, "moments"):
+            minus = {"minus": read_group(pair, "moments", source).attrs["minus"]}
+            for output, dataset in _statistics(pair, source, left_out=("minus",)):
+                path = f"/{DIFFERENCES}/{other}/{source}/{output}"
+                groups[path] = dataset.assign_attrs(minus)
+    if "files" in tree.children:
+        groups["/files"] = read_group(tree, "files")
+    return xr.DataTree.from_dict(groups)
+
+
+def _model_groups(model: xr.DataTree) -> Iterator[tuple[str, xr.Dataset]]:
+    """Yield the groups of one model."""
+    yield from _unchanged(model, RUNS)
+    designs, surrogates = group_names(model, RUNS), group_names(model, SURROGATES)
+    for design in designs:
+        if failures := _read_failures(model, design):
+            yield f"/{FAILURES_GROUP}/{design}", pack(failures)
+    yield from _unchanged(model, SURROGATES)
+    named = (name for kind in _GROUPS for name in group_names(model, kind))
+    for source in dict.fromkeys([*designs, *surrogates, *named]):
+        path = f"/{STATISTICS_GROUP}/{source}"
+        yield path, xr.Dataset(attrs=_source_attributes(model, source))
+        for output, dataset in _statistics(model, source):
+            yield f"{path}/{output}", dataset
+    yield from _unchanged(model, TRAJECTORY)
+
+
+def _unchanged(model: xr.DataTree, kind: str) -> Iterator[tuple[str, xr.Dataset]]:
+    """Yield groups that have the same layout in schema 3."""
+    if kind in model.children:
+        for node in model.children[kind].subtree:
+            below = node.path.removeprefix(model.children[kind].path)
+            yield f"/{kind}{below}", node.to_dataset(inherit=False)
+
+
+def _source_attributes(model: xr.DataTree, source: str) -> dict[str, Any]:
+    """Return what a source is."""
+    if runs := read_group(model, RUNS, source):
+        return {SOURCE_KIND: "design", RUNS_SPENT: runs.sizes[RUN]}
+    if source in group_names(model, SURROGATES):
+        made = read_group(model, SURROGATES, source).attrs
+        return {SOURCE_KIND: "surrogate", **{key: made[key] for key in (RUNS_SPENT, "check")}}
+    found = (read_group(model, kind, source).attrs for kind in _GROUPS)
+    cited = next((str(each["source"]) for each in found if "source" in each), "")
+    return {SOURCE_KIND: "publication", CITED: cited}
+
+
+def _statistics(
+    tree: xr.DataTree, source: str, *, left_out: tuple[str, ...] = ()
+) -> Iterator[tuple[str, xr.Dataset]]:
+    """Yield each output of a source with its statistics, packed."""
+    claims = read_group(tree, _SENSITIVITY, source).attrs
+    for output in _outputs(tree, source):
+        found = {}
+        for name in CATALOGUE:
+            array = read_statistic(tree, source, output, name)
+            if array is not None:
+                array.attrs = {k: v for k, v in array.attrs.items() if k not in left_out}
+                found[name] = array
+        largest = claims.get(f"{output}_{LARGEST_CONTRIBUTION}")
+        if found or largest is not None:
+            attributes = {} if largest is None else {LARGEST_CONTRIBUTION: largest}
+            yield output, pack(found).assign_attrs(attributes)
+
+
+def _outputs(tree: xr.DataTree, source: str) -> list[str]:
+    """Return the outputs of a model, or of a pair of models, in the order of the runs."""
+    root = tree
+    if RUNS not in root.children:
+        root = tree.root.children[MODELS].children[tree.name or ""]
+    runs = read_group(root, RUNS, group_names(root, RUNS)[0])
+    return [str(name) for name, each in runs.data_vars.items() if each.attrs.get(ROLE) == "output"]
 
 
 def read_statistic(
@@ -50,11 +163,11 @@ def read_statistic(
     Parameters
     ----------
     tree : DataTree
-        Whose children are the groups.
+        Its children are the groups.
     source, output, statistic : str
         The names of a design, surrogate or publication; of an output; of an entry of the catalogue.
     """
-    group, suffix = _PLACES.get(statistic, (SENSITIVITY_GROUP, f"_{statistic}"))
+    group, suffix = _PLACES.get(statistic, (_SENSITIVITY, f"_{statistic}"))
     if group not in tree.children or source not in tree.children[group].children:
         return None
     dataset = tree.children[group].children[source].to_dataset(inherit=False)
@@ -69,26 +182,34 @@ def read_statistic(
     own = dict(variable.attrs)
     texts = dict(_texts(dataset, name, own))
     coordinates = dict(_coordinates(dataset, variable, output, renamed))
-    attributes = {**own, **{key: v for key, v in dataset.attrs.items() if _is_of_runs(str(key))}}
+    of_group = dataset.attrs
+    sample = read_group(tree, "statuses", source).attrs
+    if group == _SENSITIVITY and sample and "blocks_used" not in own:
+        # There the attributes were those of the blocks, also of what was of a sample among them.
+        of_group = {**of_group, **sample}
+        of_group = {key: v for key, v in of_group.items() if key in sample or key == "estimand"}
+    attributes = {**own, **{key: v for key, v in of_group.items() if _is_of_runs(str(key))}}
     return xr.DataArray(variable.values, {**coordinates, **texts}, dims, name, attributes)
 
 
-def read_failures(tree: xr.DataTree, design: str) -> dict[str, xr.DataArray]:
+def _read_failures(tree: xr.DataTree, design: str) -> dict[str, xr.DataArray]:
     """Return what a model's archive says of a design's runs that did not complete."""
     found = {}
     ends = _child(tree, "statuses", design)
     if ends.data_vars:
         names = [str(name) for name in ends.data_vars]
         arrays = [ends[name] for name in names]
-        texts = {key: [str(array.attrs.get(key, "")) for array in arrays] for key in INTERVAL_TEXTS}
+        ended = {key: [str(array.attrs.get(key, "")) for array in arrays] for key in INTERVAL_TEXTS}
         found["probability"] = estimate_array(
             np.stack([array.values for array in arrays]),
             {STATUS: len(names)},
-            texts,
+            ended,
             units="1",
             long_name="probability that a run ends so",
             attributes={INTERVAL_LEVEL: 0.95, **ends.attrs},
-        ).assign_coords({STATUS: (STATUS, np.array(names, dtype=object), {"long_name": "end"})})
+        ).assign_coords(
+            {STATUS: (STATUS, np.array(names, dtype=object), {"long_name": "end of a run"})}
+        )
     associations = _child(tree, "losses", design)
     for name, array in associations.data_vars.items():
         own = dict(array.attrs)
@@ -149,8 +270,8 @@ def _coordinates(
     dataset: xr.Dataset, variable: xr.Variable, output: str, renamed: Mapping[str, str]
 ) -> Iterator[tuple[str, tuple[Any, ...]]]:
     """Yield the coordinates along a variable's dimensions by their present names."""
-    for key, coordinate in dataset.coords.items():
-        name = str(key)
+    for key in dataset.coords:
+        name, coordinate = str(key), dataset.variables[key]
         if name.endswith(tuple(f"_{text}" for text in INTERVAL_TEXTS)):
             continue
         if not coordinate.dims or not set(coordinate.dims) <= set(variable.dims):

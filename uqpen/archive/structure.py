@@ -1,47 +1,45 @@
-"""What an archive must hold to be read as one, whoever has written or damaged it."""
+"""Structure that an archive must have to be read as one, even if it is damaged or edited."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 import xarray as xr
 
 from uqpen.archive.benchmark_structure import find_benchmark_faults
+from uqpen.archive.estimates import has_interval_texts
 from uqpen.archive.files import find_file_faults
-from uqpen.archive.interval_metadata import interval_metadata
-from uqpen.archive.layout import find_attribute_faults, find_estimate_faults, has_kind
+from uqpen.archive.layout import (
+    find_attribute_faults,
+    find_dataset_faults,
+    find_statistics_faults,
+    has_kind,
+)
+from uqpen.core.catalogue import FAILURE_STATISTICS
 from uqpen.core.labels import (
     BENCHMARK,
     BOUND,
-    BOUNDS,
-    CDFS,
     DIFFERENCES,
     FAILED_RUN,
     FAILURE_REASON,
-    INTERVAL_LABEL,
+    FAILURES_GROUP,
     KIND,
     MODELS,
-    MOMENTS,
-    QUANTILES,
-    ROLE,
     RUN,
     RUNS,
     RUNS_SPENT,
     SAMPLING,
-    SHARES,
-    STATISTICS,
+    SOURCE_KIND,
+    STATISTICS_GROUP,
     STATUS,
-    STATUSES,
     SURROGATES,
-    Sampling,
-    Status,
 )
+from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
 
 __all__ = ["find_faults"]
-
-_SAMPLES = [str(sampling) for sampling in Sampling if sampling.is_sample]
 
 _ROOT = ("title", "study_text", "study_sha256", "seed")
 # Python reads no number of more digits from a text.
@@ -49,10 +47,10 @@ _SEED = re.compile(r"[0-9]{1,4300}\Z")
 
 
 def find_faults(tree: xr.DataTree) -> Iterator[str]:
-    """What is wrong with an archive, for one line each.
+    """Yield the faults of an archive, a line each.
 
-    Only what everything that reads archives goes by; that the figures are those of the study is
-    another matter.
+    The check covers the structure on which all readers depend. It does not check that the
+    estimates are those of the study.
     """
     for name in _ROOT:
         if not isinstance(tree.attrs.get(name), str):
@@ -87,11 +85,23 @@ def _study_faults(tree: xr.DataTree) -> Iterator[str]:
 
 
 def _pair_faults(tree: xr.DataTree) -> Iterator[str]:
-    yield from find_estimate_faults(tree)
-    designs = tree.children[MOMENTS].children if MOMENTS in tree.children else {}
-    for name, moments in designs.items():
-        if "minus" not in moments.attrs:
-            yield f"/{MOMENTS}/{name}: does not say of which model"
+    yield from find_statistics_faults(tree)
+    for source, outputs in tree.children.items():
+        for output, child in outputs.children.items():
+            if "minus" not in child.attrs:
+                yield f"/{source}/{output}: does not say of which model"
+
+
+def _source_faults(node: xr.DataTree) -> Iterator[str]:
+    for name, source in node.children.items():
+        kind = source.attrs.get(SOURCE_KIND)
+        needed = {"design": (RUNS_SPENT,), "surrogate": (RUNS_SPENT, "check"), "publication": ()}
+        if kind not in needed:
+            yield f"/{STATISTICS_GROUP}/{name}: of no kind that is known"
+        else:
+            for key in needed[str(kind)]:
+                if key not in source.attrs:
+                    yield f"/{STATISTICS_GROUP}/{name}: no {key}"
 
 
 def _model_faults(tree: xr.DataTree) -> Iterator[str]:
@@ -102,9 +112,14 @@ def _model_faults(tree: xr.DataTree) -> Iterator[str]:
         yield "no runs"
     for name, runs in designs.items():
         yield from (f"/{RUNS}/{name}: {fault}" for fault in _run_faults(runs.dataset))
-        if str(runs.attrs.get(SAMPLING)) in _SAMPLES:
-            yield from _missing_statistics(tree, str(name), runs.dataset)
-    yield from find_estimate_faults(tree)
+    if STATISTICS_GROUP in tree.children:
+        node = tree.children[STATISTICS_GROUP]
+        yield from (f"/{STATISTICS_GROUP}{fault}" for fault in find_statistics_faults(node))
+        yield from _source_faults(node)
+    failures = tree.children[FAILURES_GROUP].children if FAILURES_GROUP in tree.children else {}
+    for name, child in failures.items():
+        for fault in find_dataset_faults(child.to_dataset(inherit=False), FAILURE_STATISTICS):
+            yield f"/{FAILURES_GROUP}/{name}: {fault}"
     surrogates = tree.children[SURROGATES].children if SURROGATES in tree.children else {}
     for name, surrogate in surrogates.items():
         yield from (f"/{SURROGATES}/{name}: {fault}" for fault in _surrogate_faults(surrogate))
@@ -122,13 +137,12 @@ def _surrogate_faults(made: xr.DataTree) -> Iterator[str]:
 
 
 def _estimate_faults(tree: xr.DataTree) -> Iterator[str]:
+    """Yield a fault for each estimate that does not say how its interval was made."""
     for node in tree.subtree:
-        for variable in node.data_vars.values():
-            is_estimate = BOUND in variable.dims
-            if is_estimate and variable.sizes[BOUND] != len(BOUNDS):
-                yield f"{node.path}/{variable.name}: not the bounds of an estimate"
-            if is_estimate and not interval_metadata(variable, INTERVAL_LABEL):
-                yield f"{node.path}/{variable.name}: does not say how its interval was made"
+        dataset = node.to_dataset(inherit=False)
+        for name, variable in dataset.data_vars.items():
+            if BOUND in variable.dims and not has_interval_texts(dataset, str(name)):
+                yield f"{node.path}/{name}: does not say how its interval was made"
 
 
 def _run_faults(runs: xr.Dataset) -> Iterator[str]:
@@ -147,35 +161,7 @@ def _run_faults(runs: xr.Dataset) -> Iterator[str]:
 
 
 def _has_failed_run_reasons(runs: xr.Dataset) -> bool:
-    """Whether every reason is of a run."""
+    """Return True if every failure reason belongs to a run."""
     if FAILED_RUN not in runs or runs[FAILURE_REASON].dims != (FAILED_RUN,):
         return False
     return bool(runs[FAILED_RUN].isin(runs[RUN]).all())
-
-
-def _missing_statistics(tree: xr.DataTree, design: str, runs: xr.Dataset) -> Iterator[str]:
-    """Groups and variables that there is one of for each design, or each output of it."""
-    failed = [status.meaning for status in Status if status is not Status.OK]
-    yield from _missing_names(tree, STATUSES, design, failed)
-    for name, variable in runs.data_vars.items():
-        if variable.attrs.get(ROLE) != "output":
-            continue
-        needed = (
-            {SHARES: [f"{name}"]}
-            if "flag_meanings" in variable.attrs
-            else {
-                MOMENTS: [f"{name}_{moment}" for moment in STATISTICS],
-                QUANTILES: [f"{name}", f"{name}_probability"],
-                CDFS: [f"{name}"],
-            }
-        )
-        for group, names in needed.items():
-            yield from _missing_names(tree, group, design, names)
-
-
-def _missing_names(
-    tree: xr.DataTree, group: str, design: str, names: Sequence[str]
-) -> Iterator[str]:
-    designs = tree.children[group].children if group in tree.children else {}
-    present = designs[design].variables if design in designs else {}
-    yield from (f"/{group}/{design}: no {name}" for name in names if name not in present)

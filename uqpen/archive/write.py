@@ -46,13 +46,13 @@ def prepare_destination(path: Path) -> None:
 def write(tree: xr.DataTree, path: Path) -> None:
     """Write a study's tree as one NetCDF file, with the hashes of its groups.
 
-    The file is written under a temporary name beside `path`, brought to the disk, and then takes
-    its place in one step; until then whatever stood there stays.
+    The file is written under a temporary name next to `path`, flushed to the disk and then renamed
+    in one step. Until then an existing file remains.
 
     Raises
     ------
     ArchiveError
-        If it cannot be written: a full disk, a folder that went away. Nothing is left behind.
+        If it cannot be written, for example to a full disk. No temporary file remains.
     """
     temporary = _temporary_path(path)
     try:
@@ -70,7 +70,7 @@ def write(tree: xr.DataTree, path: Path) -> None:
 
 
 def _temporary_path(path: Path) -> Path:
-    """Where the archive is written first: beside what a link leads to, which it then replaces."""
+    """Return the temporary path of an archive, next to the file that it replaces."""
     place = Path(os.path.realpath(path))
     return place.with_name(f".{place.name}.{os.getpid()}.part")
 

@@ -1,1 +1,1 @@
-"""Methods head to head: at equal budgets, which is nearest to the truth, and by how much."""
+"""Benchmark of methods: accuracy of their estimates at equal budgets, against a reference."""

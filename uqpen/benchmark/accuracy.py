@@ -1,8 +1,8 @@
-"""How far off estimates are, how fast that falls, and who is nearer: formulas over repeats.
+"""Accuracy of estimates, its convergence rate and its comparison: formulas over repeats.
 
-Everything here is of logarithms of root mean squares of errors, because methods differ by factors.
-The errors of estimates are far from normal as a rule, so that their squares do not follow a
-chi-square law; the scatter of a logarithm is told by the jackknife over repeats.
+All formulas use logarithms of root mean square errors, because methods differ by factors. The
+errors of estimates are usually far from normal, so their squares do not follow a chi-square
+distribution. The standard error of a logarithm is estimated by the jackknife over repeats.
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ BoolArray = npt.NDArray[np.bool_]
 
 JACKKNIFE = "Student t on the logarithm, jackknife over repeats"
 
-# With a kurtosis of the errors above this, so few repeats decide their mean square that no interval
-# of it covers; for errors of a normal law it is 3.
+# With a kurtosis of the errors above this, too few repeats dominate their mean square for a
+# reliable interval; for normally distributed errors the kurtosis is 3.
 _HEAVY_KURTOSIS = 6.0
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Root mean squares of errors.
+    """Root mean square errors.
 
     Parameters
     ----------
     logarithm : ndarray
-        Natural logarithm of each; minus infinity where no repeat is off, NaN where some repeat has
-        no estimate.
+        Natural logarithm of each; minus infinity where no repeat has an error, NaN where some
+        repeat has no estimate.
     error : ndarray
-        Standard error of each logarithm; NaN where nothing tells it.
+        Standard error of each logarithm; NaN where it cannot be estimated.
     is_heavy : ndarray of bool
-        Whether a few of the repeats decide it, so that rarer ones may make it larger.
+        True where a few of the repeats dominate it, so that rarer ones may make it larger.
     repeats : int
-        Of how many repeats.
+        Number of repeats.
     """
 
     logarithm: FloatArray
@@ -72,12 +72,12 @@ class Accuracy:
 
 @dataclass(frozen=True)
 class ErrorRatio:
-    """By what factor one method's error is below another's.
+    """Factor by which one method's error is below another's.
 
     Parameters
     ----------
     factor, lower, upper : float
-        With its interval.
+        The factor and its interval.
     """
 
     factor: float
@@ -86,7 +86,7 @@ class ErrorRatio:
 
     @property
     def is_significant(self) -> bool:
-        """Whether it is larger than the noise."""
+        """True if the interval lies above 1."""
         return self.lower > 1
 
 
@@ -124,17 +124,17 @@ def convergence_slope(
 ) -> FloatArray:
     """Slope of the straight line through logarithms of errors over those of runs.
 
-    The line is fitted by least squares, and its interval is that of the errors' noise: it is of the
-    line through these budgets, whether or not the errors lie on it.
+    The line is fitted by least squares. The interval covers the noise of the errors only: it is the
+    interval of the line through these budgets, even if the errors do not lie on a line.
 
     Parameters
     ----------
     logarithm, error : ndarray, shape (budget, ...)
         Of `Accuracy`.
     runs : ndarray, shape (budget,)
-        How many runs were made.
+        Number of runs.
     repeats : int
-        Of how many repeats each error is.
+        Number of repeats of each error.
 
     Returns
     -------
@@ -156,7 +156,7 @@ def convergence_slope(
 def error_ratio(
     ahead: tuple[float, float], behind: tuple[float, float], repeats: int
 ) -> ErrorRatio:
-    """The factor between two errors, whose repeats are independent of each other.
+    """Estimate the factor between two errors whose repeats are independent of each other.
 
     Parameters
     ----------

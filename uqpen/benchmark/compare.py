@@ -1,4 +1,4 @@
-"""The main path of a comparison: a study and terms in, a tree of datasets out."""
+"""Benchmark of methods: from a study and settings to a tree of datasets."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _SCALED_KINDS = ("monte-carlo", "latin-hypercube", "sobol-sequence", "halton")
 
 
 class BenchmarkProgress(execution.Progress):
-    """Who wants to know how far a comparison is; this one does not."""
+    """Receiver of reports on the progress of a benchmark; this one ignores them."""
 
     def start_benchmark(self, *, runs: int, reference: int, repeats: int, seconds: float) -> None:
-        """All is known: so many runs, so many for the reference, about so long for the model."""
+        """Report the total number of runs, those of the reference, and the expected duration."""
 
     def finish_repeat(self, done: int) -> None:
-        """So many repeats are done; the first comes after the reference, told as 0."""
+        """Report the number of completed repeats; 0 once the reference is complete."""
 
 
 def compare(
@@ -40,25 +40,24 @@ def compare(
     map: Map = map,
     progress: BenchmarkProgress | None = None,
 ) -> xr.DataTree:
-    """Try the methods of a study at equal budgets, and hold each estimate to a reference.
+    """Run the methods of a study at equal budgets and compare their estimates with a reference.
 
     Parameters
     ----------
     study : Study
-        What `load_study` returns; its designs are the methods.
+        Result of `load_study`; its designs and surrogates are the methods.
     settings : BenchmarkSettings, optional
         Budgets, repeats and the size of the reference.
     map : callable
-        Like the built-in: where batches of runs are made. It cannot change a result.
+        Like the built-in; it makes the batches of runs. It cannot change a result.
     progress : BenchmarkProgress, optional
-        Told how far it is.
+        Receives reports of progress.
 
     Returns
     -------
     DataTree
-        ``/methods``, the reference's answers in ``/reference/<group>``, and for each output
-        ``/estimates/<output>``, ``/errors/<output>``, ``/slopes/<output>`` and
-        ``/verdicts/<output>``.
+        ``/methods``, the reference's statistics in ``/reference/<output>``, and estimates, errors,
+        slopes and verdicts in ``/benchmark/<output>/<statistic>``.
 
     Raises
     ------
@@ -86,7 +85,7 @@ def compare(
         truth,
         reference_runs=runs,
     )
-    # Repeat by repeat: each takes as long as the one before, which tells the end.
+    # Repeat by repeat: each takes as long as the one before, so the end can be predicted.
     for repeat in range(settings.repeats):
         _run_repeat(runner, record, repeat)
         progress.finish_repeat(repeat + 1)
@@ -99,8 +98,7 @@ def _run_repeat(runner: BenchmarkRunner, record: EstimateRecord, repeat: int) ->
         for number, budget in enumerate(record.settings.budgets):
             if method.cost(budget).runs:
                 stream = Stream(runner.study.seed, "head_to_head", method.name, budget, repeat)
-                answers = method.estimates(runner, budget, stream)
-                record.add(position, number, repeat, answers)
+                record.add(position, number, repeat, method.estimates(runner, budget, stream))
 
 
 def check_study(study: Study, settings: BenchmarkSettings) -> None:

@@ -1,4 +1,4 @@
-"""The methods of a study that can meet: its designs, scaled to each budget."""
+"""Methods of a benchmark: the designs and surrogates of a study, scaled to each budget."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import xarray as xr
-
 from uqpen.benchmark.runner import BenchmarkRunner
+from uqpen.benchmark.statistics import Estimates
 from uqpen.core.labels import REPLICATED, SINGLE
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
@@ -28,14 +27,14 @@ _DEFAULT_CHECK = 0.2
 
 
 class MethodCost(NamedTuple):
-    """What a method does with a budget.
+    """Cost of a method at a budget.
 
     Attributes
     ----------
     runs : int
-        How many it makes: no more than the budget; 0 where it cannot do with so few.
+        Number of runs, at most the budget; 0 where the budget is too small.
     replicates : int
-        In how many replicates; 1 where there are none.
+        Number of replicates; 1 for a method without replicates.
     """
 
     runs: int
@@ -44,14 +43,14 @@ class MethodCost(NamedTuple):
 
 @dataclass(frozen=True)
 class BenchmarkMethod(ABC):
-    """What makes estimates out of a budget of runs.
+    """Method that makes estimates from a budget of runs.
 
     Parameters
     ----------
     source : str
-        The study's name of what it is.
+        The name of its design or surrogate in the study.
     variants : tuple of str
-        The contests it is in: `SINGLE`, `REPLICATED` or both.
+        The comparisons that it takes part in: `SINGLE`, `REPLICATED` or both.
     """
 
     source: str
@@ -59,31 +58,29 @@ class BenchmarkMethod(ABC):
 
     @abstractmethod
     def cost(self, budget: int) -> MethodCost:
-        """What it does with a budget."""
+        """Return its numbers of runs and replicates at a budget."""
 
     @abstractmethod
-    def estimates(
-        self, runner: BenchmarkRunner, budget: int, stream: Stream
-    ) -> dict[str, xr.Dataset]:
-        """Its estimates from one budget of new runs, as groups of an archive have them.
+    def estimates(self, runner: BenchmarkRunner, budget: int, stream: Stream) -> Estimates:
+        """Return its estimates from one budget of new runs, by output and statistic.
 
         Parameters
         ----------
         runner : BenchmarkRunner
             Makes and analyses the runs.
         budget : int
-            Of which `cost` says that it suffices.
+            Number of runs; sufficient according to `cost`.
         stream : Stream
-            Where its random numbers come from.
+            Source of its random numbers.
         """
 
     def is_equivalent(self, other: BenchmarkMethod, budgets: Sequence[int]) -> bool:
-        """Whether it would make the same runs as another, but for their random numbers."""
+        """Return True if it would make the same runs as another, except for random numbers."""
         return False
 
     @property
     def name(self) -> str:
-        """What it is called; a space keeps it apart from every name that a study can give."""
+        """Name of the method; it contains a space if it is not a name in the study."""
         return self.source if SINGLE in self.variants else f"{self.source} {REPLICATED}"
 
 
@@ -105,22 +102,20 @@ class DesignMethod(BenchmarkMethod):
     joint: JointDistribution
 
     def cost(self, budget: int) -> MethodCost:
-        """The scaled design's runs and replicates."""
+        """Return the numbers of runs and replicates of the scaled design."""
         scaled = self._scaled(budget)
         if scaled is None:
             return MethodCost(0, 0)
-        return MethodCost(scaled.run_count(self.joint), getattr(scaled, "replicates", 1))
+        return MethodCost(scaled.run_count(self.joint), scaled.replicate_count)
 
-    def estimates(
-        self, runner: BenchmarkRunner, budget: int, stream: Stream
-    ) -> dict[str, xr.Dataset]:
-        """What the runs of the scaled design tell."""
+    def estimates(self, runner: BenchmarkRunner, budget: int, stream: Stream) -> Estimates:
+        """Return the estimates from the runs of the scaled design."""
         scaled = self._scaled(budget)
         assert scaled is not None
         return runner.estimates(runner.run_design(scaled, stream))
 
     def is_equivalent(self, other: BenchmarkMethod, budgets: Sequence[int]) -> bool:
-        """Whether both are the same once they are scaled."""
+        """Return True if both designs are equal once they are scaled."""
         if not isinstance(other, DesignMethod):
             return False
         return all(self._scaled(budget) == other._scaled(budget) for budget in budgets)
@@ -131,9 +126,10 @@ class DesignMethod(BenchmarkMethod):
 
 @dataclass(frozen=True)
 class SurrogateMethod(BenchmarkMethod):
-    """A surrogate of the study, its training and its check scaled in proportion.
+    """A surrogate of the study, with its training and validation runs scaled in proportion.
 
-    The check is charged and not made: it tells whether to trust the estimates, and changes none.
+    The validation runs count as cost but are not made: they show whether to trust the estimates,
+    and change none.
 
     Parameters
     ----------
@@ -142,9 +138,9 @@ class SurrogateMethod(BenchmarkMethod):
     surrogate : Surrogate
         As the study has it.
     training : Design
-        What it is fitted to.
+        The design that it is fitted to.
     share : float
-        The part of a budget that the training takes.
+        The share of a budget for the training.
     joint : JointDistribution
         The study's inputs.
     """
@@ -161,10 +157,8 @@ class SurrogateMethod(BenchmarkMethod):
             return MethodCost(0, 0)
         return MethodCost(scaled.run_count(self.joint) + budget - self._training_budget(budget), 1)
 
-    def estimates(
-        self, runner: BenchmarkRunner, budget: int, stream: Stream
-    ) -> dict[str, xr.Dataset]:
-        """What the surrogate tells that is fitted to the scaled training."""
+    def estimates(self, runner: BenchmarkRunner, budget: int, stream: Stream) -> Estimates:
+        """Return the estimates of the surrogate, fitted to the scaled training."""
         scaled = self._scaled(budget)
         assert scaled is not None
         runs = runner.run_design(scaled, stream.child("training"))
@@ -181,17 +175,17 @@ class SurrogateMethod(BenchmarkMethod):
 
 
 def study_methods(study: Study, budgets: Sequence[int]) -> tuple[BenchmarkMethod, ...]:
-    """The methods of a study that can do with at least one of the budgets.
+    """Return the methods of a study that can use at least one of the budgets.
 
-    What has no replicates is in both contests: a design of independent points, say. Of designs that
-    are the same once they are scaled, the first stands for all.
+    A method without replicates, such as a design of independent points, is in both comparisons. If
+    several designs are equal once they are scaled, the first represents all.
 
     Parameters
     ----------
     study : Study
-        Whose designs and surrogates they are.
+        The study with the designs and surrogates.
     budgets : sequence of int
-        What they may spend.
+        Numbers of runs.
     """
     found: list[BenchmarkMethod] = []
     for method in (*_design_methods(study, budgets), *_surrogate_methods(study)):

@@ -1,4 +1,4 @@
-"""What a comparison has seen: every estimate of every repeat, and the reference."""
+"""Record of a benchmark: every estimate of every repeat, and the reference."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
 from uqpen.benchmark.accuracy import Accuracy, convergence_slope, root_mean_square_errors
 from uqpen.benchmark.methods import BenchmarkMethod
 from uqpen.benchmark.settings import BenchmarkSettings
-from uqpen.benchmark.statistics import BenchmarkStatistic
+from uqpen.benchmark.statistics import BenchmarkStatistic, Estimates
 from uqpen.benchmark.verdicts import Verdict, find_verdict
-from uqpen.core.labels import BOUNDS, MOMENTS
+from uqpen.core.labels import BOUNDS
 
 __all__ = ["EstimateRecord"]
 
@@ -36,9 +35,9 @@ class EstimateRecord:
     reference : dict of BenchmarkStatistic to ndarray
         The reference's, of shape (entry, bound).
     scales : dict of BenchmarkStatistic to ndarray
-        What errors are relative to, of shape (entry,).
+        Scales of the relative errors, of shape (entry,).
     reference_runs : int
-        How many runs the reference made.
+        Number of runs of the reference.
     """
 
     methods: tuple[BenchmarkMethod, ...]
@@ -54,26 +53,24 @@ class EstimateRecord:
         methods: tuple[BenchmarkMethod, ...],
         settings: BenchmarkSettings,
         statistics: tuple[BenchmarkStatistic, ...],
-        answers: Mapping[str, xr.Dataset],
+        reference: Estimates,
         *,
         reference_runs: int,
     ) -> EstimateRecord:
-        """A record of nothing but the reference.
+        """Return a record of nothing but the reference.
 
         Parameters
         ----------
-        methods, terms, reference_runs
+        methods, settings, reference_runs
             As of the class.
         statistics : tuple of BenchmarkStatistic
-            What is judged.
-        answers : mapping of str to Dataset
-            What the reference's analyses answered, by group.
+            The statistics that are judged.
+        reference : mapping
+            The reference's estimate arrays by output and statistic.
         """
         shape = (len(methods), len(settings.budgets), settings.repeats)
-        truth = {each: each.estimates(answers) for each in statistics}
-        spreads = {
-            each: float(answers[MOMENTS][f"{each.output}_std"].values[0]) for each in statistics
-        }
+        truth = {each: each.estimates(reference) for each in statistics}
+        spreads = {each: float(reference[each.output]["std"].values[0]) for each in statistics}
         return cls(
             methods,
             settings,
@@ -83,10 +80,10 @@ class EstimateRecord:
             reference_runs,
         )
 
-    def add(self, method: int, budget: int, repeat: int, answers: Mapping[str, xr.Dataset]) -> None:
-        """Take a method's answers, given by the positions of what they are of."""
-        for statistic, estimates in self.estimates.items():
-            estimates[method, budget, repeat] = statistic.estimates(answers)
+    def add(self, method: int, budget: int, repeat: int, estimates: Estimates) -> None:
+        """Take the estimates of a method from one repeat, all given by their positions."""
+        for statistic, found in self.estimates.items():
+            found[method, budget, repeat] = statistic.estimates(estimates)
 
     def accuracy(self, statistic: BenchmarkStatistic) -> Accuracy:
         """Relative errors of shape (method, budget, entry)."""
@@ -95,7 +92,7 @@ class EstimateRecord:
         return root_mean_square_errors((values - truth) / self.scales[statistic][:, np.newaxis])
 
     def coverage(self, statistic: BenchmarkStatistic) -> FloatArray:
-        """In what share of the repeats the interval held the reference.
+        """Share of the repeats whose interval contains the reference.
 
         Returns
         -------
@@ -111,12 +108,12 @@ class EstimateRecord:
         return share
 
     def reference_error(self, statistic: BenchmarkStatistic, entry: int) -> float:
-        """How far the reference may be off, relative as errors are; NaN where nothing tells."""
+        """Half-width of the reference's interval, relative as errors are; NaN without bounds."""
         _, lower, upper = self.reference[statistic][entry]
         return float((upper - lower) / 2 / self.scales[statistic][entry])
 
     def slopes(self, statistic: BenchmarkStatistic) -> FloatArray:
-        """Of shape (method, entry, bound), over the budgets that each method can do with."""
+        """Convergence rates over the usable budgets, of shape (method, entry, bound)."""
         errors = self.accuracy(statistic)
         found = np.full((*errors.logarithm[:, 0].shape, len(BOUNDS)), np.nan)
         for position, method in enumerate(self.methods):
@@ -133,7 +130,7 @@ class EstimateRecord:
     def verdict(
         self, statistic: BenchmarkStatistic, variant: str, budget: int, entry: int
     ) -> Verdict | None:
-        """Who wins a contest; budget and entry by their positions."""
+        """Return the verdict of one comparison; budget and entry by their positions."""
         inside = [i for i, method in enumerate(self.methods) if variant in method.variants]
         errors = self.accuracy(statistic)
         return find_verdict(

@@ -1,4 +1,4 @@
-"""Where methods are tried: the study's model on the study's inputs, as a study itself runs it."""
+"""Runs for the methods of a benchmark: the study's model at its inputs, as in the study itself."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import xarray as xr
 
-from uqpen.benchmark.statistics import GROUPS
+from uqpen.benchmark.statistics import COMPARED_ANALYSES, Estimates
 from uqpen.core.labels import BOUND, BOUNDS
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
@@ -22,7 +22,7 @@ from uqpen.workflow import run_design
 
 __all__ = ["BenchmarkRunner"]
 
-# Runs that tell how long one takes: of a model that takes many at a time, and of one that does not.
+# Numbers of runs to measure the duration of one: for a vectorized model, and for another.
 _TIMED_VECTORIZED, _TIMED = 4096, 1
 
 
@@ -35,9 +35,9 @@ class BenchmarkRunner:
     study : Study
         With a single model.
     map : callable
-        Where batches of runs are made.
+        Makes the batches of runs.
     progress : Progress
-        Told how far it is.
+        Receives reports of progress.
     """
 
     study: Study
@@ -45,30 +45,32 @@ class BenchmarkRunner:
     progress: Progress
 
     def run_design(self, design: Design, stream: Stream) -> xr.Dataset:
-        """The runs of a design, all rounds of them."""
+        """Make the runs of a design, in all its rounds."""
         runs = run_design(self.study, design, stream, map=self.map, progress=self.progress)
         return runs[ONLY_MODEL]
 
-    def estimates(self, runs: xr.Dataset) -> dict[str, xr.Dataset]:
-        """What runs tell of the statistics that are compared, by group."""
-        return analyze(runs, self.study.quantities_of_interest, only=GROUPS)
+    def estimates(self, runs: xr.Dataset) -> Estimates:
+        """Return the estimates from runs, by output and statistic."""
+        quantities = self.study.quantities_of_interest
+        return analyze(runs, quantities, only=COMPARED_ANALYSES)
 
-    def surrogate_estimates(self, fitted: FittedSurrogate, stream: Stream) -> dict[str, xr.Dataset]:
-        """What a fitted surrogate tells of them, without bounds.
+    def surrogate_estimates(self, fitted: FittedSurrogate, stream: Stream) -> Estimates:
+        """Return the estimates of a fitted surrogate, without bounds.
 
-        Those that it has by itself are of sampling it, not of the fit.
+        Its own bounds are of sampling it, not of the fit.
         """
         study = self.study
         given = study.models[ONLY_MODEL].given
         draws = SurrogateDraws(fitted, study.joint, study.constraints, given, stream)
-        statistics = surrogate_statistics(draws, study.quantities_of_interest, only=GROUPS).groups
+        quantities = study.quantities_of_interest
+        found = surrogate_statistics(draws, quantities, only=COMPARED_ANALYSES).outputs
         return {
-            group: answers.where(answers[BOUND] == BOUNDS[0])
-            for group, answers in statistics.items()
+            output: {name: each.where(each[BOUND] == BOUNDS[0]) for name, each in arrays.items()}
+            for output, arrays in found.items()
         }
 
     def seconds_per_run(self) -> float:
-        """How long a run takes, measured; no number depends on it."""
+        """Measure the duration of a run; no estimate depends on it."""
         count = _TIMED_VECTORIZED if self.study.model.vectorized else _TIMED
         evaluator = Evaluator(self.study.model, self.study.constraints)
         stream = Stream(self.study.seed, "head_to_head", "timing")

@@ -1,4 +1,4 @@
-"""The terms on which methods meet: budgets, repeats, the size of the reference."""
+"""Settings of a benchmark: budgets, repeats, the size of the reference."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ FEWEST_REPEATS = 10
 
 _FEWEST_RUNS, _MOST_RUNS = 8, 10_000_000
 
-# The reference: so many replicates, each of a power of two of points.
+# Number of replicates of the reference, each with a power of two of points.
 _REPLICATES = 16
 _EACH_VECTORIZED = 65_536
 
 
 @dataclass(frozen=True)
 class BenchmarkSettings:
-    """What every method is given.
+    """Settings of a benchmark, common to all methods.
 
     Parameters
     ----------
     budgets : tuple of int
-        Numbers of runs; ascending, each once, whatever order they are given in.
+        Numbers of runs. They are sorted, and duplicates are removed.
     repeats : int
-        How often each method is tried at each budget.
+        Number of repeats of each method at each budget.
     reference : int or None
-        Runs of the reference at least; None for as many as the model's speed suggests.
+        Least number of runs of the reference; None for a number that depends on the model's speed.
     """
 
     budgets: tuple[int, ...] = BUDGETS
@@ -70,7 +70,7 @@ class BenchmarkSettings:
         Parameters
         ----------
         vectorized : bool
-            Whether the model takes many points at a time, so that runs are cheap.
+            True if the model takes many points at a time, so that runs are cheap.
         """
         wanted = self.reference
         if wanted is None:

@@ -1,4 +1,4 @@
-"""The statistics that methods are judged by, and where the analyses put them."""
+"""Statistics that a benchmark compares, and their estimates."""
 
 from __future__ import annotations
 
@@ -9,16 +9,26 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import BOUNDS, ENTRIES, EXCEEDANCE, MOMENTS, QUANTILES
+from uqpen.archive.benchmark_layout import COMPARED_STATISTICS
+from uqpen.core.catalogue import CATALOGUE, PROBABILITY, THRESHOLD, Statistic, UnitRule
+from uqpen.core.labels import BOUNDS, EXCEEDANCE, MOMENTS, QUANTILES
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
-__all__ = ["GROUPS", "BenchmarkStatistic", "benchmark_statistics"]
+__all__ = [
+    "COMPARED_ANALYSES",
+    "BenchmarkStatistic",
+    "Estimates",
+    "benchmark_statistics",
+]
 
 FloatArray = npt.NDArray[np.float64]
 
-# The analyses whose answers are compared.
-GROUPS = (MOMENTS, QUANTILES, EXCEEDANCE)
+# Estimate arrays by output and statistic.
+Estimates = Mapping[str, Mapping[str, xr.DataArray]]
+
+# The analyses that yield the statistics that are compared.
+COMPARED_ANALYSES = (MOMENTS, QUANTILES, EXCEEDANCE)
 
 # Where a value's own size says little, because zero is a place as any other, errors are relative
 # to the standard deviation.
@@ -27,27 +37,20 @@ _SMALL = 0.01
 
 @dataclass(frozen=True)
 class BenchmarkStatistic:
-    """What is asked of an output, of which there may be several entries.
+    """A statistic of an output, with one entry or several.
 
     Parameters
     ----------
     quantity : QuantityOfInterest
-        Of which output.
+        The quantity of interest of its output.
     name : str
-        ``"mean"``, ``"std"``, ``"quantile"`` or ``"exceedance"``.
-    group, variable : str
-        Where the analyses answer it.
-    dimension : str
-        What several entries lie along; empty for a single one.
+        Its name in the catalogue.
     entries : tuple of float or str
-        What they are called.
+        The coordinates of its entries; ``("",)`` for a single entry.
     """
 
     quantity: QuantityOfInterest
     name: str
-    group: str
-    variable: str
-    dimension: str = ""
     entries: tuple[float | str, ...] = ("",)
 
     @property
@@ -56,47 +59,59 @@ class BenchmarkStatistic:
         return self.quantity.output.name
 
     @property
+    def dimension(self) -> str:
+        """The dimension of its entries; empty for a single one."""
+        return next(iter(self._described.dims), "")
+
+    @property
     def units(self) -> str:
-        """Of its values."""
-        return DIMENSIONLESS if self.name == EXCEEDANCE else self.quantity.output.unit
+        """The unit of its values."""
+        return self.quantity.output.unit if self._has_unit else DIMENSIONLESS
 
     @property
     def display_units(self) -> str:
         """The unit to show its values in."""
-        return DIMENSIONLESS if self.name == EXCEEDANCE else self.quantity.display_unit
+        return self.quantity.display_unit if self._has_unit else DIMENSIONLESS
 
     @property
     def long_name(self) -> str:
-        """What it is, in words."""
-        words = {"std": "standard deviation", EXCEEDANCE: "probability of exceeding a value"}
-        return f"{words.get(self.name, self.name)} of {self.quantity.output.title}"
+        """The statistic in words."""
+        return f"{self._described.title} of {self.quantity.output.title}"
 
     @property
     def is_location(self) -> bool:
-        """Whether it says where values lie, and so may be zero without being small."""
-        return self.name in ("mean", "quantile")
+        """True for a location statistic, whose value may be zero without being small."""
+        return self._described.unit is UnitRule.VALUE
 
-    def estimates(self, groups: Mapping[str, xr.Dataset]) -> FloatArray:
-        """Its estimates with their bounds.
+    @property
+    def _described(self) -> Statistic:
+        return CATALOGUE[self.name]
+
+    @property
+    def _has_unit(self) -> bool:
+        return self._described.unit is not UnitRule.NONE
+
+    def estimates(self, estimates: Estimates) -> FloatArray:
+        """Return its estimates with their bounds.
 
         Parameters
         ----------
-        groups : mapping of str to Dataset
-            What analyses answered, by group.
+        estimates : mapping
+            Estimate arrays by output and statistic.
 
         Returns
         -------
         ndarray, shape (entry, bound)
-            NaN where nothing was answered.
+            NaN where there is none.
         """
         shape = (len(self.entries), len(BOUNDS))
-        answers = groups.get(self.group)
-        if answers is None or self.variable not in answers:
+        array = estimates.get(self.output, {}).get(self.name)
+        if array is None:
             return np.full(shape, np.nan)
-        return np.asarray(answers[self.variable].values, dtype=np.float64).reshape(shape)
+        return np.asarray(array.values, dtype=np.float64).reshape(shape)
 
     def error_scale(self, truth: FloatArray, spread: float) -> FloatArray:
-        """What errors are relative to.
+        """Return the size that errors are relative to.
 
         Parameters
         ----------
@@ -113,18 +128,15 @@ class BenchmarkStatistic:
 
 
 def benchmark_statistics(quantities: Sequence[QuantityOfInterest]) -> Iterator[BenchmarkStatistic]:
-    """The statistics of every output that is a number, output by output."""
+    """Yield the statistics of every output that is a number, output by output."""
     for quantity in quantities:
-        name = quantity.output.name
         if quantity.output.categories:
             continue
-        yield BenchmarkStatistic(quantity, "mean", MOMENTS, f"{name}_mean")
-        yield BenchmarkStatistic(quantity, "std", MOMENTS, f"{name}_std")
-        yield BenchmarkStatistic(
-            quantity, "quantile", QUANTILES, name, ENTRIES["quantile"], tuple(quantity.quantiles)
-        )
-        if quantity.thresholds:
-            texts = tuple(threshold.text for threshold in quantity.thresholds)
-            yield BenchmarkStatistic(
-                quantity, EXCEEDANCE, EXCEEDANCE, name, ENTRIES[EXCEEDANCE], texts
-            )
+        entries: Mapping[str, tuple[float | str, ...]] = {
+            PROBABILITY: tuple(quantity.quantiles),
+            THRESHOLD: tuple(threshold.text for threshold in quantity.thresholds),
+        }
+        for name in COMPARED_STATISTICS:
+            along = [entries[dimension] for dimension in CATALOGUE[name].dims]
+            if all(along):
+                yield BenchmarkStatistic(quantity, name, *along)

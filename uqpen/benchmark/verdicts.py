@@ -1,4 +1,4 @@
-"""Who wins: at each budget, for each statistic, and whether by more than the noise."""
+"""Verdicts: the best method at each budget, for each statistic, and its significance."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ __all__ = ["NO_VERDICT", "Verdict", "find_verdict", "reference_remark", "verdict
 
 FloatArray = npt.NDArray[np.float64]
 
-# The reference's own 95 % interval may be half of an error before it is told: the error is then
-# wrong by a few per cent at most.
+# Largest half-width of the reference's own 95 % interval, relative to an error, without a remark:
+# the error is then wrong by a few per cent at most.
 _COARSE = 0.5
 
 _FEW_DECIDE = "few of the repeats decide that"
@@ -28,20 +28,20 @@ NO_VERDICT = "no two methods have figures to compare"
 
 @dataclass(frozen=True)
 class Verdict:
-    """What came of one contest.
+    """Verdict of one comparison of methods.
 
     Parameters
     ----------
     winner, runner_up : str
         The methods with the smallest errors.
     lead : ErrorRatio
-        Of the one over the other.
+        The lead of the winner over the runner-up.
     level : tuple of str
-        The methods, the winner first, whose errors differ from its own by no more than the noise.
+        The methods, the winner first, whose errors do not differ significantly from its own.
     doubt : str
-        Why the lead may not be there, if so. The mean square of scrambled points on a smooth
-        function is made up by few bad scrambles: where few of the repeats decide, or all errors
-        are as small as the reference's own, rarer repeats may take the lead.
+        Reason why the lead may not be real; empty for none. A few bad scrambles dominate the mean
+        square error of scrambled points on a smooth function. So where a few repeats dominate, or
+        all errors are as small as the reference's own, rarer repeats may change the order.
     """
 
     winner: str
@@ -52,14 +52,14 @@ class Verdict:
 
     @property
     def is_decided(self) -> bool:
-        """Whether one method leads all others by more than the noise."""
+        """True if one method leads all others significantly."""
         return len(self.level) == 1 and not self.doubt
 
 
 def find_verdict(
     names: Sequence[str], accuracies: Accuracy, resolution: float = 0.0
 ) -> Verdict | None:
-    """The verdict of one contest; None where there are not two methods with figures.
+    """Return the verdict of one comparison; None with fewer than two methods with estimates.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def find_verdict(
     accuracies : Accuracy
         Of shape (method,).
     resolution : float
-        How far the reference itself may be off; NaN where that is not known.
+        Error of the reference itself; NaN where it is not known.
     """
     logarithm, error = accuracies.logarithm, accuracies.error
     order = [i for i in np.argsort(logarithm, kind="stable") if not math.isnan(logarithm[i])]
@@ -83,7 +83,7 @@ def find_verdict(
         )
         for i in order[1:]
     }
-    # Whose error few repeats decide is not level: it is behind, or ahead, in doubt.
+    # A method whose error a few repeats dominate is not level: it is behind, or ahead in doubt.
     is_heavy = accuracies.is_heavy
     level = [best, *(i for i, over in leads.items() if not (over.is_significant or is_heavy[i]))]
     ahead = leads[order[1]]
@@ -101,10 +101,10 @@ def find_verdict(
 
 
 def verdict_sentence(verdict: Verdict | None, budget: int) -> str:
-    """A verdict in words.
+    """Return a verdict in words.
 
-    >>> close = Lead(1.1, 0.8, 1.5)
-    >>> sentence(Verdict("sobol", "halton", close, ("sobol", "halton")), 128)
+    >>> close = ErrorRatio(1.1, 0.8, 1.5)
+    >>> verdict_sentence(Verdict("sobol", "halton", close, ("sobol", "halton")), 128)
     'at 128 runs sobol and halton are level'
     """
     where = f"at {grouped_number(budget)} runs"
@@ -126,12 +126,12 @@ def verdict_sentence(verdict: Verdict | None, budget: int) -> str:
 
 
 def reference_remark(error: float, half_width: float) -> str:
-    """What the reference's own error means for an error measured against it.
+    """Remark on the reference's own error, compared with an error measured against it.
 
     Parameters
     ----------
     error : float
-        The smallest of a contest.
+        The smallest error of a comparison.
     half_width : float
         Of the reference's interval; NaN where it has none.
     """
@@ -147,7 +147,7 @@ def reference_remark(error: float, half_width: float) -> str:
 
 
 def _factor_text(value: float) -> str:
-    """A factor in two or three digits."""
+    """Return a factor in two or three digits."""
     if value < 10:
         return f"{value:.2g}" if value < 1 else f"{value:.1f}"
     return f"{value:.0f}" if value < 1e5 else f"{value:.1g}"

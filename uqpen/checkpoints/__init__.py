@@ -1,1 +1,1 @@
-"""A study made into an archive, from wherever an earlier start has come to."""
+"""Making of an archive with checkpoints: a new start resumes an earlier one."""

@@ -1,4 +1,4 @@
-"""Runs that are kept beside an archive until it is there."""
+"""Checkpoint of finished runs beside an archive until it is complete."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ from uqpen.checkpoints.runs_file import (
     write_runs,
 )
 from uqpen.core.errors import ArchiveError, CheckpointError
-from uqpen.core.labels import MODELS, RUNS, Status
+from uqpen.core.labels import MODELS, RUNS
+from uqpen.core.status import Status
 from uqpen.execution import Progress
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.checkpoint import Checkpoint
@@ -34,16 +35,16 @@ from uqpen.execution.checkpoint import Checkpoint
 __all__ = ["CheckpointFolder"]
 
 Columns = Mapping[str, npt.NDArray[np.float64]]
-# What decides the runs of each design, by model and design.
+# Run fingerprint of each design, by model and design.
 Fingerprints = Mapping[tuple[str, str], Mapping[str, str]]
 
 _NUMBER = "[0-9]" * 6
 
-# So many times as long as keeping took is waited before the next time, that it takes a sixth of
-# all at most. It takes about a millisecond: so a run of more than 5 ms is kept at once.
+# Spend at most 1/6 of the time on checkpoints: wait five times as long as the last one took. It
+# takes about a millisecond, so a run of more than 5 ms is saved at once.
 _PATIENCE = 5
 
-# A part grows, written anew each time, until it has been written so often or holds so many runs.
+# A part grows and is written again each time, up to this number of times or of runs.
 _MOST_WRITTEN, _MOST_RUNS = 64, 8192
 
 _FAILED = tuple(status for status in Status if status > Status.INADMISSIBLE)
@@ -52,16 +53,16 @@ _MOST_LISTED = 6
 
 
 class CheckpointFolder:
-    """The folder of the runs that are done, while an archive is made.
+    """Folder of the finished runs while an archive is made.
 
     Parameters
     ----------
     folder : Path
         Beside the archive.
     fingerprints : mapping
-        What decides the runs of each design of the study, by model and design.
+        The run fingerprint of each design of the study, by model and design.
     progress : Progress
-        Told of parts that are damaged.
+        Receives reports of damaged parts.
     """
 
     def __init__(self, folder: Path, fingerprints: Fingerprints, progress: Progress) -> None:
@@ -74,7 +75,7 @@ class CheckpointFolder:
         self._cost = 0.0
 
     def check_compatibility(self) -> None:
-        """Refuse runs of the study's designs that it would not make any more.
+        """Check that the study would still make the stored runs of its designs.
 
         Runs that were ended for their time are made again where the limit has changed.
 
@@ -86,12 +87,12 @@ class CheckpointFolder:
         for (model, design), fingerprint in self._fingerprints.items():
             folder = self._runs_folder(model, design)
             if not any(folder.glob("*.npz")):
-                # What an earlier start was about to keep, of another study perhaps.
+                # Unfinished files of an earlier start, perhaps of another study.
                 _remove(folder)
                 continue
             before = read_fingerprint(folder / FILE_NAME)
             if before is None:
-                # Without it nobody can tell what its runs are of.
+                # Without it nobody knows the study and settings of its runs.
                 record = folder / FILE_NAME
                 self._progress.warn(f"{record}: is damaged; the runs of {design} are made again")
                 _remove(folder)
@@ -106,7 +107,7 @@ class CheckpointFolder:
                 self._write_fingerprint(folder, fingerprint)
 
     def remove_temporary_files(self) -> None:
-        """Remove what an earlier start was about to write when it was ended.
+        """Remove unfinished files of an earlier start.
 
         Raises
         ------
@@ -120,12 +121,12 @@ class CheckpointFolder:
                 _remove(file)
 
     def remove_all(self) -> None:
-        """Remove all runs: they are wanted no more."""
+        """Remove all runs."""
         for folder in (RUNS, MODELS):
             _remove(self.folder / folder)
 
     def remove_archived(self) -> None:
-        """Remove what is in the archive now; runs that this study does not have stay there."""
+        """Remove the runs that are now in the archive; keep those of other studies."""
         self._open.clear()
         for model, design in self._fingerprints:
             _remove(self._runs_folder(model, design))
@@ -138,7 +139,7 @@ class CheckpointFolder:
         _remove_empty(self.folder)
 
     def checkpoint(self, design: str, model: str, number: int) -> Checkpoint:
-        """Who keeps the runs of a round of a design by a model."""
+        """Return the checkpoint of the runs of a model in a round of a design."""
         kept = _RoundCheckpoint(
             self, self._runs_folder(model, design), self._fingerprints[model, design]
         )
@@ -147,7 +148,7 @@ class CheckpointFolder:
         return kept
 
     def read_runs(self, file: Path, columns: Columns) -> FinishedRuns | None:
-        """The runs of a part; none of one that is damaged.
+        """Read the runs of a part; None for a damaged part.
 
         Raises
         ------
@@ -167,12 +168,12 @@ class CheckpointFolder:
         return result
 
     def save_if_due(self) -> None:
-        """Write what is done, if it was not done too short a time ago."""
+        """Write the finished runs if enough time has passed since the last time."""
         if time.monotonic() - self._last >= _PATIENCE * self._cost:
             self.save()
 
     def save(self) -> None:
-        """Write all that is done.
+        """Write all finished runs.
 
         Raises
         ------
@@ -189,15 +190,15 @@ class CheckpointFolder:
         self._cost = self._last - began
 
     def discard_failed(self) -> None:
-        """Have the runs made again that were kept as lost; inadmissible points are no such."""
+        """Discard the missing runs, so that they are made again; keep the inadmissible ones."""
         for model, design in self._fingerprints:
             self._discard(self._runs_folder(model, design), _FAILED)
 
     def _discard(self, folder: Path, statuses: Collection[Status]) -> None:
-        """Keep the runs of a design but for those that ended so."""
+        """Discard the runs of a design with some statuses."""
         try:
             for file in sorted(folder.glob("*.npz")):
-                with contextlib.suppress(DamagedRunsError):  # told when it is looked into
+                with contextlib.suppress(DamagedRunsError):  # reported when it is read
                     result = read_runs(file).without_statuses(statuses)
                     if result is None:
                         file.unlink()
@@ -207,7 +208,7 @@ class CheckpointFolder:
             raise _write_error(self.folder, error) from None
 
     def _write_fingerprint(self, folder: Path, fingerprint: Mapping[str, str]) -> None:
-        """Have the record beside runs say what decides them now."""
+        """Write the current fingerprint of runs to the record beside them."""
         try:
             write_file(folder / FILE_NAME, encode_fingerprint(fingerprint))
         except OSError as error:
@@ -219,7 +220,7 @@ class CheckpointFolder:
 
 
 class _RoundCheckpoint(Checkpoint):
-    """The runs that are kept of one model in one round of a design."""
+    """Checkpoint of the runs of one model in one round of a design."""
 
     round = 0
 
@@ -249,7 +250,7 @@ class _RoundCheckpoint(Checkpoint):
         self._checkpoint_folder.save_if_due()
 
     def write(self) -> int:
-        """Write what is not written yet; how many runs that is."""
+        """Write the runs that are not written yet; return their number."""
         if not self._unwritten:
             return 0
         self._folder.mkdir(parents=True, exist_ok=True)
@@ -285,7 +286,7 @@ def _write_error(folder: Path, error: OSError) -> ArchiveError:
 
 
 def _remove(path: Path) -> None:
-    """Remove a file, or a folder with all that it holds, if it is there.
+    """Remove a file, or a folder with its content, if it exists.
 
     Raises
     ------
@@ -302,7 +303,7 @@ def _remove(path: Path) -> None:
 
 
 def _remove_empty(root: Path) -> None:
-    """Remove a folder and those within it, as far as nothing is in them."""
+    """Remove a folder and its subfolders, as far as they are empty."""
     for folder in sorted([root, *root.rglob("*/")], reverse=True):
         with contextlib.suppress(OSError):  # it is not empty, or not there
             folder.rmdir()

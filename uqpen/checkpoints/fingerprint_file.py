@@ -1,4 +1,4 @@
-"""What has decided runs that are kept, in a record beside them, and what of it has changed."""
+"""Fingerprint of the checkpointed runs, and a readable diff of two fingerprints."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ __all__ = ["FILE_NAME", "Change", "encode_fingerprint", "fingerprint_changes", "
 
 FILE_NAME = "made_of.json"
 
-# Of a text that has changed: how much is told, and how much of it before where it differs.
+# Excerpt of a text that has changed: its length, and its length before the first difference.
 _LONGEST, _BEFORE = 60, 20
 
 
 def read_fingerprint(record: Path) -> dict[str, str] | None:
-    """What decided the runs beside a record; None of one that is damaged."""
+    """Read the fingerprint of the runs beside a record; None for a damaged one."""
     try:
         content: Any = json.loads(record.read_bytes())
     except (OSError, ValueError, RecursionError):
@@ -26,24 +26,24 @@ def read_fingerprint(record: Path) -> dict[str, str] | None:
 
 
 def encode_fingerprint(fingerprint: Mapping[str, str]) -> bytes:
-    """The content of a record."""
+    """Encode a fingerprint as the content of a record."""
     return json.dumps(fingerprint, indent=1).encode()
 
 
 class Change(NamedTuple):
-    """Something that decides runs and is not what it was: its key, and what a person reads."""
+    """Changed entry of a fingerprint: its key, and a text for display."""
 
     key: str
     text: str
 
     @property
     def is_limit(self) -> bool:
-        """Whether it is how long a run may take."""
+        """True if the changed value is the time limit of a run."""
         return self.key.startswith("model") and self.key.endswith(".time_limit")
 
 
 def fingerprint_changes(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[Change]:
-    """What is not as it was."""
+    """Yield the differences between two fingerprints."""
     for key in {**before, **now}:
         was, is_now = (str(each.get(key, "not there")) for each in (before, now))
         if was == is_now:
@@ -57,7 +57,7 @@ def fingerprint_changes(before: Mapping[str, str], now: Mapping[str, str]) -> It
 
 
 def _excerpts(before: str, now: str) -> list[str]:
-    """Two texts as far as they fit on a line: both are cut shortly before they differ.
+    """Shorten two texts to fit on a line; cut both shortly before their first difference.
 
     >>> _excerpts("1" * 100 + "2", "1" * 100 + "3")
     ['…111111111111111111112', '…111111111111111111113']

@@ -1,4 +1,4 @@
-"""What happened while an archive was made, in a text beside it."""
+"""Log of the making of an archive, in a text file beside it."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from uqpen.study.study import Study
 
 __all__ = ["Journal"]
 
-# Different warnings that are told; a model may give others at each run.
+# Most different warnings that are logged; a model may issue another one at each run.
 _MOST_WARNINGS = 100
 
 
 class Journal(Progress):
-    """Progress as lines with the time of day; what must not be in an archive stands here.
+    """Progress as lines with the time of day, which must not be in the archive itself.
 
     Parameters
     ----------
     path : Path
-        The text; what an earlier start has written stays.
+        The text file; lines of earlier starts are kept.
     study : Study
-        What is made.
+        The study that is run.
     progress : Progress
-        Who else is told.
+        Receives the same reports.
     """
 
     def __init__(self, path: Path, study: Study, progress: Progress) -> None:
@@ -58,7 +58,7 @@ class Journal(Progress):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        # What has ended it is told, even if the disk has no room for that.
+        # The error that ended it is raised, even if the disk has no room for its line.
         with contextlib.suppress(*([] if kind is None else [ArchiveError])):
             self._finish()
             for warning, count in self._warnings.items():
@@ -109,7 +109,7 @@ class Journal(Progress):
         self._progress.warn(text)
 
     def _finish(self) -> None:
-        """Tell what came of the last design."""
+        """Write the summary line of the last design."""
         if self._name:
             took = time.monotonic() - self._began
             self.write_line(

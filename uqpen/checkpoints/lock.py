@@ -1,4 +1,4 @@
-"""One process at a time makes an archive."""
+"""Lock that lets one process at a time make an archive."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ __all__ = ["lock_archive"]
 
 @contextmanager
 def lock_archive(path: Path) -> Iterator[None]:
-    """While this lasts, no other process makes the archive at `path`.
+    """Lock the archive at `path` against other processes within this context.
 
-    The operating system holds the lock, and lets go of it when this process ends in whatever way;
+    The operating system holds the lock, and releases it when this process ends in any way;
     the file that it is on may stay behind, and means nothing.
 
     Raises

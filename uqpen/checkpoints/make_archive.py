@@ -1,4 +1,4 @@
-"""From a study to its archive on the disk, whatever has interrupted it before."""
+"""Make the archive of a study on disk; resume after an interruption."""
 
 from __future__ import annotations
 
@@ -30,36 +30,36 @@ def make_archive(
 ) -> xr.DataTree:
     """Make the runs of a study, analyse them, and write the archive.
 
-    Runs that are done are kept in ``<path>.parts`` until the archive is there. However this ends
-    before, the next call makes only those that are missing, and the same archive. What depends on
-    time and place is told in ``<path>.log``.
+    Finished runs are kept in ``<path>.parts`` until the archive is complete. After an interruption
+    of any kind, the next call makes only the remaining runs, and the same archive. Information that
+    depends on time and place is in ``<path>.log``.
 
     Parameters
     ----------
     study : Study
-        What `load_study` returns.
+        Study of `load_study`.
     path : str or Path
         The archive; one that is there is replaced when this one is complete.
     map : callable
-        Like the built-in: where batches of runs are made. It cannot change a result.
+        Like the built-in; it makes batches of runs. It cannot change a result.
     fresh : bool
-        Whether runs that were kept are removed, and made again.
+        Whether all checkpointed runs are removed, and made again.
     lost_again : bool
-        Whether only those of them are that were lost.
+        Whether only the missing ones among them are.
     progress : Progress, optional
-        Told how far it is.
+        Receives progress reports.
 
     Returns
     -------
     DataTree
-        What `run` returns.
+        Archive, as `run` returns it.
 
     Raises
     ------
     ArchiveError
-        If the archive, or what is kept, cannot be written, or another process is at it.
+        If the archive or its checkpoint cannot be written, or another process is making it.
     CheckpointError
-        If runs were kept that this study would not make; says what has changed.
+        If there are checkpointed runs that this study would not make; it states the changes.
     """
     path = Path(path).absolute()
     prepare_destination(path)
@@ -91,7 +91,7 @@ def make_archive(
 
 
 def _run_study(study: Study, map: Map, journal: Journal, kept: CheckpointFolder) -> xr.DataTree:
-    """What a study tells; the runs that are done are kept if it comes to no end."""
+    """Run a study; keep its finished runs if it is stopped."""
     try:
         return run(study, map=map, progress=journal, checkpoints=kept.checkpoint)
     except TooManyFailedError as error:
@@ -111,7 +111,7 @@ def _run_study(study: Study, map: Map, journal: Journal, kept: CheckpointFolder)
 
 
 def _write(tree: xr.DataTree, path: Path, kept: CheckpointFolder) -> None:
-    """Write the archive; if that cannot be done, its runs are kept."""
+    """Write the archive; if that fails, keep its runs."""
     try:
         write(tree, path)
     except ArchiveError as error:

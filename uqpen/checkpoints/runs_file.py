@@ -1,4 +1,4 @@
-"""Finished runs in a file of their own, which holds all of them or is known to be damaged."""
+"""File of finished runs, with a hash that detects damage."""
 
 from __future__ import annotations
 
@@ -15,36 +15,37 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.core.labels import FAILURE_REASON, RUN, STATUS, Status
+from uqpen.core.labels import FAILURE_REASON, RUN, STATUS
 from uqpen.core.model import Results
+from uqpen.core.status import Status
 from uqpen.execution.batch import BatchResult, join_results
 
 __all__ = ["TEMPORARY", "DamagedRunsError", "FinishedRuns", "read_runs", "write_file", "write_runs"]
 
 Columns = Mapping[str, npt.NDArray[np.float64]]
 
-# How names end of files that are not yet whole.
+# Suffix of the names of unfinished files.
 TEMPORARY = ".tmp"
 
 _INPUT, _OUTPUT, _FAILED, _FILES, _DIGEST = "input_", "output_", "lost", "files", "sha256"
 
 
 class DamagedRunsError(Exception):
-    """A file that is no part, or no longer whole."""
+    """File that is no part of a checkpoint, or is damaged."""
 
 
 @dataclass(frozen=True)
 class FinishedRuns:
-    """Finished runs, their numbers ascending.
+    """Finished runs in ascending order of their numbers.
 
     Parameters
     ----------
     runs : ndarray of int, shape (run,)
         Their numbers.
     inputs : mapping of str to ndarray, shape (run,)
-        Where they were made, in SI units.
+        Their inputs, in SI units.
     results : Results
-        What came of them.
+        Their results.
     """
 
     runs: npt.NDArray[np.int64]
@@ -55,7 +56,7 @@ class FinishedRuns:
     def from_batch_results(
         cls, columns: Columns, batch_results: Sequence[BatchResult]
     ) -> FinishedRuns:
-        """The runs of some pieces, at least one, out of those at all points."""
+        """Combine one or more batch results with their inputs, taken from all points."""
         batch_results = sorted(batch_results, key=lambda batch_result: batch_result.start)
         runs = np.concatenate(
             [np.arange(each.start, each.start + len(each)) for each in batch_results]
@@ -66,7 +67,7 @@ class FinishedRuns:
         )
 
     def match_inputs(self, columns: Columns) -> bool:
-        """Whether its runs were made at these points, to the bit."""
+        """Check that its runs were made at exactly these points, bit for bit."""
         if self.inputs.keys() != columns.keys():
             return False
         total = len(next(iter(columns.values())))
@@ -76,7 +77,7 @@ class FinishedRuns:
         )
 
     def without_statuses(self, statuses: Collection[Status]) -> FinishedRuns | None:
-        """Its runs but for those that ended so; None where no other is left."""
+        """Return its runs without those of some statuses; None if no other is left."""
         at = np.flatnonzero(~np.isin(self.results.status, list(statuses)))
         inputs = {name: values[at] for name, values in self.inputs.items()}
         return (
@@ -86,14 +87,14 @@ class FinishedRuns:
         )
 
     def batch_results(self) -> Iterator[BatchResult]:
-        """Its runs as pieces: a piece has no gaps."""
+        """Yield its runs as batch results; the runs of each are consecutive."""
         gaps = np.flatnonzero(np.diff(self.runs) > 1) + 1
         for at in np.split(np.arange(len(self.runs)), gaps):
             yield BatchResult(int(self.runs[at[0]]), _select_results(self.results, at))
 
 
 def _select_results(results: Results, at: npt.NDArray[np.int64]) -> Results:
-    """The results of some runs, by their positions."""
+    """Select the results of some runs, by their positions."""
     position = {run: new for new, run in enumerate(at.tolist())}
     return Results(
         {name: values[at] for name, values in results.outputs.items()},
@@ -104,7 +105,7 @@ def _select_results(results: Results, at: npt.NDArray[np.int64]) -> Results:
 
 
 def write_runs(path: Path, result: FinishedRuns) -> None:
-    """Put a part where it belongs: as a whole, on the disk, or not at all.
+    """Write a part to the disk atomically.
 
     Raises
     ------
@@ -129,7 +130,7 @@ def write_runs(path: Path, result: FinishedRuns) -> None:
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Write a file so that it is there as a whole, or as it was before.
+    """Write a file atomically: it has either its new or its old content.
 
     Raises
     ------
@@ -150,7 +151,7 @@ def write_file(path: Path, content: bytes) -> None:
 
 
 def read_runs(path: Path) -> FinishedRuns:
-    """The runs of a part.
+    """Read the runs of a part.
 
     Raises
     ------
@@ -185,7 +186,7 @@ def _arrays_with_prefix(
 
 
 def _digest(arrays: Mapping[str, npt.NDArray[Any]]) -> str:
-    """A hash of all that a part holds."""
+    """Return a hash of the content of a part."""
     digest = hashlib.sha256()
     for name, values in sorted(arrays.items()):
         digest.update(f"{name} {values.dtype.str} {values.shape} ".encode())

@@ -77,7 +77,7 @@ class _Announced(BenchmarkProgress):
 
 
 class _Bar(_Announced):
-    """A bar over the repeats, each of which takes as long as the others."""
+    """A bar over the repeats; each repeat takes as long as the others."""
 
     def __init__(self, bar: Bar) -> None:
         super().__init__(bar.console)

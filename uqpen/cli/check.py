@@ -66,7 +66,7 @@ def _inputs(study: Study) -> list[tuple[str, str]]:
 
 
 def _input_remarks(study: Study) -> Iterator[str]:
-    """What there is to know of the random inputs beside each one's law."""
+    """Yield remarks on the random inputs that their distributions do not state."""
     if study.joint.dependence is not None:
         yield str(study.joint.dependence)
     for entry in study.joint.random:
@@ -75,7 +75,7 @@ def _input_remarks(study: Study) -> Iterator[str]:
 
 
 def _run_settings(study: Study) -> Iterator[str]:
-    """What a run may use, and what is done about those that are lost."""
+    """Yield the limits of a run, and what is done about failed runs."""
     for name, variant in study.models.items():
         allowed = variant.model.run_limits
         seconds = "" if allowed.seconds is None else f"{allowed.seconds:g} s"
@@ -122,7 +122,7 @@ def _designs(study: Study) -> list[tuple[str, str, str]]:
 
 
 def _surrogates(study: Study) -> list[tuple[str, str, str]]:
-    """Each surrogate with its design, and the design that vouches for it first."""
+    """Return each surrogate with its design and its first validation design."""
     return [
         (name, surrogate.design, next(iter(study.validation_designs(surrogate)), "nothing"))
         for name, surrogate in study.surrogates.items()

@@ -44,7 +44,7 @@ def compare(
     archive: Path | None,
     executor: ExecutorOptions,
 ) -> ExitCode:
-    """Run the designs of the study FILE head to head, scaled to equal budgets.
+    """Benchmark the designs of the study FILE, scaled to equal budgets.
 
     For each statistic: how far each method is off, how fast that falls, which one wins at each
     budget, and whether it leads by more than the noise.

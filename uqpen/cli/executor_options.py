@@ -28,7 +28,7 @@ _SCHEDULER = click.option(
 
 
 def executor_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """A command that is told where to make runs, as its argument `where`."""
+    """Give a command the options of where to make runs, as its argument `executor`."""
 
     @_WORKERS
     @_SCHEDULER
@@ -59,7 +59,7 @@ class ResumeOptions(NamedTuple):
     fresh : bool
         All are made again.
     retry_failed : bool
-        Those are that were lost.
+        Failed runs are made again.
     """
 
     fresh: bool
@@ -67,7 +67,7 @@ class ResumeOptions(NamedTuple):
 
 
 def resume_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """A command that is told what becomes of runs that are kept, as its argument `start`."""
+    """Give a command the options for runs that were kept, as its argument `resume`."""
 
     @_FRESH
     @_RETRY_FAILED
@@ -84,7 +84,7 @@ class ExecutorOptions(NamedTuple):
     Attributes
     ----------
     workers : int
-        On so many processes; in this one, for one.
+        The number of processes; 1 makes them in this process.
     scheduler : str or None
         On the Dask cluster with this scheduler instead.
     """
@@ -101,5 +101,7 @@ class ExecutorOptions(NamedTuple):
         if self.workers == 1:
             return nullcontext(map)
         from uqpen.execution.processes import processes
+        from uqpen.execution.worker import preload_in_workers
 
+        preload_in_workers("uqpen.cli.main")
         return processes(self.workers)

@@ -28,7 +28,7 @@ def make_and_show(
     executor: ExecutorOptions,
     show: Callable[[xr.DataTree], None] = lambda tree: None,
 ) -> ExitCode:
-    """Make the archive of a study, and tell what came of it.
+    """Make the archive of a study, and report the outcome.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def make_and_show(
     executor : ExecutorOptions
         Where its runs are made.
     show : callable
-        Shows what the archive tells.
+        Shows what the archive reports.
     """
     from uqpen.checkpoints.make_archive import make_archive
     from uqpen.cli.progress import show_progress

@@ -66,7 +66,7 @@ class _Announced(Progress):
         self._warnings.add(text)
 
     def show_warnings(self) -> None:
-        """Tell what was worth a warning; where there are many, the log has them."""
+        """Report the warnings; where there are many, the log has the rest."""
         for text in sorted(self._warnings)[:_MOST_WARNINGS]:
             self._print(f"warning: {text}")
         if len(self._warnings) > _MOST_WARNINGS:
@@ -115,7 +115,7 @@ class _Bar(_Announced):
 def _shorten(name: str) -> str:
     """A name, cut where it would take the line for itself.
 
-    >>> _short("a_latin_hypercube_of_the_rod")
+    >>> _shorten("a_latin_hypercube_of_the_rod")
     'a_latin_hypercube_of_th…'
     """
     return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"

@@ -18,7 +18,7 @@ __all__ = ["announce_report", "report", "write_and_announce"]
     help="The page to write.  [default: ARCHIVE with the ending .html]",
 )
 def report(archive: Path, file: Path | None) -> None:
-    """Write one HTML page of all that ARCHIVE tells, to send to a colleague; nothing is run.
+    """Write one HTML page of all that ARCHIVE reports, to send to a colleague; nothing is run.
 
     It opens in any browser, without a network.
     """

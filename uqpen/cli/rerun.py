@@ -27,7 +27,7 @@ __all__ = ["rerun"]
     type=click.Path(path_type=Path),
     help="The archive to write.  [default: <archive>_rerun.nc beside ARCHIVE]",
 )
-@click.option("--trust", is_flag=True, help="Execute models that ARCHIVE names and that are code.")
+@click.option("--trust", is_flag=True, help="Execute code that ARCHIVE names: models, analyses.")
 @click.option(
     "--folder",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
@@ -54,7 +54,7 @@ def rerun(
     from uqpen.archive.read import open_archive
     from uqpen.cli.make_archive import make_and_show
     from uqpen.cli.screen import standard_output
-    from uqpen.verification.archived_study import refuse_external_models
+    from uqpen.verification.archived_study import refuse_external_names
     from uqpen.verification.restored_study import restored_study, with_kept_folders
 
     # Where the user stands now: a model may go elsewhere once it is loaded.
@@ -63,7 +63,7 @@ def rerun(
     tree = open_archive(archive)
     if copy.exists() and copy.samefile(archive):
         raise click.UsageError(f"{copy}: is the archive to repeat, which is not overwritten")
-    refuse_external_models(tree, archive, trust=trust)
+    refuse_external_names(tree, archive, trust=trust)
     folder = folder and folder.absolute()
     with restored_study(tree, folder, trust=trust) as restored:
         for line in restored.different_files:

@@ -72,7 +72,7 @@ def _output_rows(trial: _TrialRun, given: tuple[str, ...]) -> list[tuple[str, st
     import numpy as np
 
     from uqpen.core.errors import ModelError
-    from uqpen.core.labels import STATUS_TEXT, Status
+    from uqpen.core.status import STATUS_TEXT, Status
     from uqpen.execution import Evaluator
 
     model, inputs, constraints, own = trial

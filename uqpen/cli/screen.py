@@ -15,7 +15,8 @@ from rich.text import Text
 from uqpen.archive.read import group_names, model_trees
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import printable
-from uqpen.core.labels import RUNS, STATUS_TEXT
+from uqpen.core.labels import RUNS
+from uqpen.core.status import STATUS_TEXT
 from uqpen.results.failed_runs import failed_runs
 from uqpen.results.output_tables import output_tables
 from uqpen.results.table import OutputTable
@@ -42,7 +43,7 @@ def standard_output() -> Console:
 
 
 def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
-    """A title, a table for each output, and what was lost to which reason."""
+    """Show a title, a table for each output, and the failed runs by reason."""
     console = standard_output()
     console.print(Text(printable(str(tree.attrs["title"])), style="bold"))
     for table in output_tables(tree, everything=everything):

@@ -208,6 +208,6 @@ def _fixed_inputs(offer: ServedModel) -> list[tuple[str, str, str]]:
 
 
 def _describe_values(output: Output) -> str:
-    """What an output can be; a kind is told by its number."""
+    """Return the possible values of an output; a kind is given by its number."""
     kinds = [f"{number}: {kind.label}" for number, kind in enumerate(output.categories)]
     return ", ".join(kinds) or "a number"

@@ -24,9 +24,8 @@ def show(archive: Path, as_text: bool, everything: bool) -> None:
     if as_text:
         import json
 
-        as_json = resolve(
-            f"uqpen.results.{'head_to_head_json' if is_comparison else 'json'}:as_json"
-        )
+        function = "benchmark_json:benchmark_json" if is_comparison else "json:archive_json"
+        as_json = resolve(f"uqpen.results.{function}")
         click.echo(json.dumps(as_json(tree), indent=2, ensure_ascii=False, allow_nan=False))
         return
     if is_comparison:

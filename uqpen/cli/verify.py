@@ -1,4 +1,4 @@
-"""``uqpen verify``: an archive held against its hashes and against fresh runs."""
+"""``uqpen verify``: an archive compared with its hashes and with fresh runs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["verify"]
     help="How many runs to repeat, drawn at random.  [default: 100]",
 )
 @click.option("--all", "all_runs", is_flag=True, help="Repeat all runs.")
-@click.option("--trust", is_flag=True, help="Execute models that ARCHIVE names and that are code.")
+@click.option("--trust", is_flag=True, help="Execute code that ARCHIVE names: models, analyses.")
 @click.option(
     "--folder",
     type=click.Path(exists=True, file_okay=False, path_type=Path),

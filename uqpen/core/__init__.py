@@ -1,1 +1,1 @@
-"""Core: errors, units, quantities, settings, variables, labels, files; what a model is."""
+"""Core: errors, units, quantities, settings, variables, labels, files, model interface."""

@@ -1,4 +1,4 @@
-"""Numbers that come from outside: from a user's function or a file."""
+"""Conversion of numbers from a user's function or a file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NO_NUMBERS = {
 
 
 def floats(value: object) -> npt.NDArray[np.float64]:
-    """An array of floats out of anything.
+    """Convert a value to an array of floats.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def floats(value: object) -> npt.NDArray[np.float64]:
 
 
 def _from_objects(array: npt.NDArray[np.object_]) -> npt.NDArray[np.float64]:
-    """Floats out of Python's own numbers, of which some are too large for one."""
+    """Convert Python numbers to floats; a number too large for a float becomes infinite."""
     found = np.full(array.shape, np.nan)
     for index, entry in np.ndenumerate(array):
         if entry is np.ma.masked:

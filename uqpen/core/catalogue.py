@@ -1,4 +1,4 @@
-"""The catalogue of statistics: what each number of an archive is.
+"""Catalogue of statistics: the meaning of each number of an archive.
 
 An entry says along which dimensions a statistic lies, in what unit it is, and what a person calls
 it. Whatever writes, checks or shows a statistic reads its entry here; nobody parses a name. A
@@ -35,7 +35,7 @@ CATEGORY = "category"
 
 
 class UnitRule(Enum):
-    """The unit of a statistic, as far as it follows from its output's."""
+    """Relation of a statistic's unit to the unit of its output."""
 
     VALUE = "a value of the output"
     """Converted with the offset of the unit: 0 degC is 273.15 K."""
@@ -46,12 +46,12 @@ class UnitRule(Enum):
 
 @dataclass(frozen=True)
 class Dimension:
-    """What the entries of a statistic lie along.
+    """Dimension of a statistic.
 
     Parameters
     ----------
     kind : str
-        ``"number"`` or ``"text"``: what tells the entries apart.
+        ``"number"`` or ``"text"``: the type of the labels of its entries.
     companions : mapping of str to str
         Further coordinates along it, each with its kind: ``"number"``, ``"count"`` or ``"text"``.
     """
@@ -76,14 +76,14 @@ DIMENSIONS: Mapping[str, Dimension] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Statistic:
-    """One kind of number.
+    """Description of a statistic.
 
     Parameters
     ----------
     name : str
-        Of its variable in an archive.
+        Name of its variable in an archive.
     title : str
-        What a person calls it.
+        Name for display.
     dims : tuple of str
         Its dimensions, keys of `DIMENSIONS`; an estimate has ``bound`` behind them.
     unit : UnitRule
@@ -103,7 +103,7 @@ class Statistic:
 
     @property
     def is_function(self) -> bool:
-        """Whether it is a distribution function, which is judged and shown as a whole."""
+        """True for a distribution function, which is checked and shown as a whole."""
         return RANK in self.dims
 
 
@@ -115,7 +115,7 @@ _INDICES = {
 
 
 def _indices(prefix: str, of: str, *along: str) -> list[Statistic]:
-    """The three shares of a variance, of the output or of something made of it."""
+    """Return the three shares of a variance, of the output or of a function of it."""
     return [
         Statistic(f"{prefix}{name}", f"{title}{of}", (*along, INPUT), note_is_of_estimate=True)
         for name, title in _INDICES.items()
@@ -142,25 +142,25 @@ _STATISTICS = [
     *_indices("exceedance_", " of exceeding a value", THRESHOLD),
     *_indices("category_", " of a category", CATEGORY),
     *(
-        Statistic(name, title, (INPUT,), note_is_of_estimate=True)
-        for name, title in (
-            ("pearson", "Pearson correlation"),
-            ("spearman", "Spearman rank correlation"),
-            ("partial", "partial correlation"),
-            ("partial_rank", "partial rank correlation"),
-            ("delta", "moment-independent delta"),
-            ("mu", "mean elementary effect"),
-            ("mu_star", "mean absolute elementary effect"),
-            ("sigma", "standard deviation of the elementary effects"),
-            ("response", "relative response"),
-            ("contribution", "contribution to the relative uncertainty"),
+        Statistic(name, title, (INPUT,), unit, note_is_of_estimate=True)
+        for name, title, unit in (
+            ("pearson", "Pearson correlation", UnitRule.NONE),
+            ("spearman", "Spearman rank correlation", UnitRule.NONE),
+            ("partial", "partial correlation", UnitRule.NONE),
+            ("partial_rank", "partial rank correlation", UnitRule.NONE),
+            ("delta", "moment-independent delta", UnitRule.NONE),
+            ("mu", "mean elementary effect", UnitRule.DIFFERENCE),
+            ("mu_star", "mean absolute elementary effect", UnitRule.DIFFERENCE),
+            ("sigma", "standard deviation of the elementary effects", UnitRule.DIFFERENCE),
+            ("response", "relative response", UnitRule.NONE),
+            ("contribution", "contribution to the relative uncertainty", UnitRule.NONE),
         )
     ),
 ]
 
 CATALOGUE: Mapping[str, Statistic] = MappingProxyType({each.name: each for each in _STATISTICS})
 
-# What an archive says of a design's runs as a whole, of no output in particular.
+# Statistics of a design's runs as a whole, of no output in particular.
 FAILURE_STATISTICS: Mapping[str, Statistic] = MappingProxyType(
     {
         each.name: each

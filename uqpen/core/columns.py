@@ -30,14 +30,14 @@ _HEADER = re.compile(r"\s*([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?\s*\Z")
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a file as it stood there when the file was read.
+    """Column of a file, with its content at the time the file was read.
 
     Parameters
     ----------
     name : str
-        What it is headed, without its unit.
+        Its heading, without the unit.
     unit : str
-        As the file says it.
+        Its unit, as written in the file.
     load : callable
         Its entries as numbers in that unit; called where they are wanted, so that a column that
         nobody wants may hold anything. Raises TableError, with the line, for one that is none.
@@ -53,7 +53,7 @@ class Column:
         return self.name if self.unit == DIMENSIONLESS else f"{self.name} [{self.unit}]"
 
     def values(self, like: str) -> FloatArray:
-        """The numbers in SI units.
+        """Return the numbers in SI units.
 
         Parameters
         ----------
@@ -83,7 +83,7 @@ class ColumnFile:
     Parameters
     ----------
     file : FileSnapshot
-        The file, of which the columns are what was read of it at once.
+        The file, read once; the columns hold its content at that time.
     columns : tuple of Column
         In its order.
     """
@@ -93,7 +93,7 @@ class ColumnFile:
 
 
 def read_columns(path: Path) -> ColumnFile:
-    """The columns of a file.
+    """Read the columns of a file.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def _netcdf(path: Path, content: bytes) -> tuple[Column, ...]:
 
 
 def _values(name: str, entries: Any, path: Path) -> FloatArray:
-    """The values of a NetCDF variable, none of which may be missing."""
+    """Return the values of a NetCDF variable; a missing value is an error."""
     where = f'"{path.name}", variable "{name}"'
     if np.ndim(entries) != 1:
         raise TableError(f"{where} has {np.ndim(entries)} dimensions, expected one")

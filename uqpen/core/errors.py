@@ -1,4 +1,4 @@
-"""The errors uqpen raises on purpose, each with a message meant for its user.
+"""Errors that uqpen raises on purpose, each with a message for its user.
 
 ::
 
@@ -8,15 +8,15 @@
     ├── QuantityError (ValueError)       text that is not a number with a unit
     │   └── ConstraintError              a constraint that cannot be read or has mixed units
     ├── UnknownNameError (LookupError)   a name that is not among the known ones
-    ├── ModelError (ValueError)          a model that cannot be built or called as asked
+    ├── ModelError (ValueError)          a model that cannot be built or called as requested
     ├── TableError (ValueError)          a table of points that cannot be read
-    ├── TrajectoryError (ArithmeticError)  the one run whose course was asked for has failed
+    ├── TrajectoryError (ArithmeticError)  a requested trajectory of a run that has failed
     ├── WorkerError (RuntimeError)       processes that cannot be started
     ├── ClusterError (RuntimeError)      a cluster that cannot be reached, or is no more
-    ├── TooManyFailedError (RuntimeError)  more runs were lost than a study allows
+    ├── TooManyFailedError (RuntimeError)  more runs failed than a study allows
     ├── FigureError (ValueError)         a figure that cannot be drawn or written
     ├── ReportError (ValueError)         a report that cannot be written
-    ├── CheckpointError (ValueError)     runs kept from before that a study would not make
+    ├── CheckpointError (ValueError)     checkpointed runs that a study would not make
     └── ArchiveError (OSError)           a file that cannot be written, or is not an archive
 
 Anything else that escapes is a fault of uqpen itself and keeps its traceback.
@@ -53,16 +53,16 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong: where, what was found, what would be right.
+    """A mistake: its place, the text found there, and the text expected.
 
     Parameters
     ----------
     path : tuple of str or int
         Keys that lead to it, outermost first; empty for a whole file.
     found : str
-        What stands there, as its author wrote it where that is possible.
+        The text there, as its author wrote it where that is possible.
     expected : str
-        What uqpen would accept in its place.
+        The text that uqpen would accept in its place.
     """
 
     path: tuple[str | int, ...]
@@ -78,7 +78,7 @@ class Problem:
         return text.removeprefix(".")
 
     def within(self, *prefix: str | int) -> Problem:
-        """The same problem, seen from a table further out."""
+        """Return the problem with its path extended by that of an enclosing table."""
         return Problem((*prefix, *self.path), self.found, self.expected)
 
     def __str__(self) -> str:
@@ -91,14 +91,14 @@ class UqpenError(Exception):
 
 
 class StudyError(UqpenError, ValueError):
-    """A study that cannot be run; `check_measurements` lists every mistake in it.
+    """A study that cannot be run; `problems` lists every mistake in it.
 
     Parameters
     ----------
     message : str
         The whole report, as a user reads it.
     problems : iterable of Problem
-        The same, one by one.
+        The problems, one by one.
     """
 
     def __init__(self, message: str, problems: Iterable[Problem] = ()) -> None:
@@ -124,7 +124,7 @@ class QuantityError(UqpenError, ValueError):
 
 
 class ConstraintError(QuantityError):
-    """A constraint that cannot be read, or compares what has no common unit."""
+    """A constraint that cannot be read, or that compares quantities without a common unit."""
 
 
 class UnknownNameError(UqpenError, LookupError):
@@ -132,11 +132,11 @@ class UnknownNameError(UqpenError, LookupError):
 
 
 class ModelError(UqpenError, ValueError):
-    """A model that cannot be built or called as asked."""
+    """A model that cannot be built or called as requested."""
 
 
 class TrajectoryError(UqpenError, ArithmeticError):
-    """The one run whose course was asked for has failed."""
+    """A requested trajectory of a run that has failed."""
 
 
 class TableError(UqpenError, ValueError):
@@ -148,15 +148,15 @@ class WorkerError(UqpenError, RuntimeError):
 
 
 class ClusterError(UqpenError, RuntimeError):
-    """A cluster that cannot be reached, or is no more."""
+    """A cluster that cannot be reached, or has been shut down."""
 
 
 class TooManyFailedError(UqpenError, RuntimeError):
-    """More runs were lost than a study allows."""
+    """Too many failed runs: more than a study allows."""
 
 
 class FigureError(UqpenError, ValueError):
-    """A figure that cannot be drawn of an archive, or not be written."""
+    """A figure that cannot be drawn from an archive, or cannot be written."""
 
 
 class ReportError(UqpenError, ValueError):
@@ -164,7 +164,7 @@ class ReportError(UqpenError, ValueError):
 
 
 class CheckpointError(UqpenError, ValueError):
-    """Runs that were kept from before, and that a study would not make."""
+    """Checkpointed runs that a study would not make."""
 
 
 class ArchiveError(UqpenError, OSError):
@@ -172,7 +172,7 @@ class ArchiveError(UqpenError, OSError):
 
 
 def toml_text(value: object) -> str:
-    """A TOML value as its author wrote it, near enough."""
+    """Return a TOML value approximately as its author wrote it."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):

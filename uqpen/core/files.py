@@ -1,4 +1,4 @@
-"""Files as they stood when they were read, and files that are written whole or not at all."""
+"""Snapshots of files that were read, and atomic writing of files."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from pathlib import Path
 __all__ = ["LARGEST", "FileSnapshot", "replace_file"]
 
 # An archive keeps what is larger by its hash alone: sources and measurements are far smaller, and
-# whoever has more than that in a table has it elsewhere as well.
+# a user with a larger table has it elsewhere as well.
 LARGEST = 2**20
 
 
 @dataclass(frozen=True)
 class FileSnapshot:
-    """A file as it stood when it was read, whatever has become of it since.
+    """Snapshot of a file at the time it was read; later changes have no effect.
 
     Parameters
     ----------
     path : Path
-        Where it was read.
+        Its path.
     sha256 : str
-        Of its content.
+        SHA-256 of its content.
     size : int
         In bytes.
     content : bytes or None
@@ -39,13 +39,13 @@ class FileSnapshot:
 
     @classmethod
     def from_content(cls, path: Path, content: bytes) -> FileSnapshot:
-        """A file with what was read from it."""
+        """Make the snapshot of a file from its content."""
         kept = content if len(content) <= LARGEST else None
         return cls(path, hashlib.sha256(content).hexdigest(), len(content), kept)
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Put a file in the place of whatever stood there, in one step; folders are made.
+    """Replace a file in one step; make its folders where they are missing.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What one run may use."""
+"""Resource limits of one run."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ __all__ = ["Limits"]
 
 @dataclass(frozen=True)
 class Limits:
-    """What one run may use.
+    """Resource limits of one run.
 
     Parameters
     ----------
     seconds : float, optional
-        Until it is ended.
+        Time after which it is ended.
     bytes : int, optional
-        Of memory (of address space, which is what the system can limit).
+        Memory (address space, as that is what the system can limit).
     """
 
     seconds: float | None = None
@@ -27,9 +27,9 @@ class Limits:
 
     @property
     def timeout_reason(self) -> str:
-        """Why a run was lost that was ended in time.
+        """Reason of a run that failed because its time was over.
 
-        >>> Limits(seconds=90).lateness
+        >>> Limits(seconds=90).timeout_reason
         'took longer than 90 s'
         """
         return f"took longer than {self.seconds:g} s"

@@ -1,4 +1,4 @@
-"""From a name to the object behind it, importing nothing before it is needed.
+"""Look up objects by name; import each only when it is needed.
 
 Each family of interchangeable things (designs, distributions, models, analyses) is a plain
 dict from a name to a ``"module:attribute"`` reference; adding a member is one file and one line.
@@ -17,13 +17,13 @@ __all__ = ["choices", "nearest", "resolve", "resolve_name"]
 
 
 def resolve(reference: str) -> Any:
-    """Object behind a ``"module:attribute"`` reference."""
+    """Import the object of a ``"module:attribute"`` reference."""
     module, _, attribute = reference.partition(":")
     return getattr(importlib.import_module(module), attribute)
 
 
 def resolve_name(family: Mapping[str, str], name: str, what: str) -> Any:
-    """Object that `name` stands for in `family`.
+    """Import the object that `name` stands for in `family`.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def resolve_name(family: Mapping[str, str], name: str, what: str) -> Any:
     name : str
         The name to look up.
     what : str
-        What the family holds, in the singular, for the message of a miss.
+        Noun for a member of the family, in the singular, for the message of a miss.
 
     Raises
     ------
@@ -47,16 +47,16 @@ def resolve_name(family: Mapping[str, str], name: str, what: str) -> Any:
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name most like `name`, or None where nothing is much like it."""
+    """Return the known name most like `name`, or None where no name is similar."""
     matches = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
     return matches[0] if matches else None
 
 
 def choices(name: str, known: Iterable[str]) -> str:
-    """What to use in place of an unknown name: the nearest, then all.
+    """Suggest names in place of an unknown one: the nearest, then all.
 
     >>> choices("cmm", ["cm", "mm"])
-    'did you mean "cm"? known: cm, mm'
+    'did you mean "mm"? known: cm, mm'
     """
     names = list(known)
     close = nearest(name, names)

@@ -1,20 +1,21 @@
-"""What a model is: named inputs and outputs with units, and one vectorised call."""
+"""Interface of a model: named inputs and outputs with units, and one vectorised call."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.errors import UnknownNameError
 from uqpen.core.files import FileSnapshot
-from uqpen.core.labels import Status
 from uqpen.core.limits import Limits
 from uqpen.core.lookup import choices
+from uqpen.core.status import Status
 from uqpen.core.variables import POSITIVE, Bounds, Category, Input, Output, Variable
 
 if TYPE_CHECKING:
@@ -29,16 +30,16 @@ Arrays = Mapping[str, FloatArray]
 
 @dataclass(frozen=True)
 class Results:
-    """What came of a batch of runs.
+    """Results of a batch of runs.
 
     Parameters
     ----------
     outputs : mapping of str to ndarray, shape (run,)
-        SI values; NaN where a run was lost (any value, for an output with categories).
+        SI values; NaN where a run failed (any value, for an output with categories).
     status : ndarray of int8, shape (run,)
         See `uqpen.core.labels.Status`.
     reasons : mapping of int to str
-        Why each lost run was lost, by its position in the batch.
+        The reason why each failed run failed, by its position in the batch.
     files : set of str
         The files that the model has been found to consist of, as lines of sha256sum: each one's
         SHA-256 and its path from the study's folder; see `Model.record_files`.
@@ -51,13 +52,13 @@ class Results:
 
     @classmethod
     def all_ok(cls, outputs: Arrays) -> Results:
-        """Results of a batch in which no run was lost."""
+        """Return the results of a batch in which no run failed."""
         runs = len(next(iter(outputs.values())))
         return cls(outputs, np.full(runs, Status.OK, dtype=np.int8))
 
 
 class Model(ABC):
-    """A black box: inputs in, outputs out, a status for every run.
+    """Black-box model: it takes inputs, and returns outputs and a status for every run.
 
     A subclass says its name, its inputs and its outputs, and implements `evaluate`. It is final:
     frozen settings, no state that a call changes.
@@ -65,23 +66,23 @@ class Model(ABC):
     Attributes
     ----------
     name : str
-        As a study file's ``use`` knows it, or what a person would call it.
+        Name in a study file's ``use``, or a name for display.
     inputs, outputs : tuple
         In the order in which they are shown.
     alternatives : tuple of tuple of str
-        Groups of inputs of which one at least must be given, and one is enough.
+        Groups of inputs. At least one input of each group must be given, and one is enough.
     vectorized : bool
         Whether a batch costs far less than its runs one by one.
     is_untrusted : bool
         Whether a call can hang, or end the process that makes it.
     enforced_limits : Limits
-        What one run may use, where whoever runs it has to see to that.
+        Limits of one run that its caller has to enforce.
     """
 
     name: str
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
-    alternatives: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    alternatives: tuple[tuple[str, ...], ...] = ()
     vectorized: bool = True
     is_untrusted: bool = False
     enforced_limits: Limits = Limits()
@@ -103,26 +104,26 @@ class Model(ABC):
 
     @property
     def run_limits(self) -> Limits:
-        """What one run may use, whoever sees to that."""
+        """Limits of one run, enforced by its caller or by the model itself."""
         return self.enforced_limits
 
     def prepare(self) -> None:  # noqa: B027 - most models have nothing to prepare
-        """Do what is done once before the first run: compile, connect."""
+        """Prepare the model once before the first run: compile, connect."""
 
     def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
-        """What inputs must satisfy together, beyond the bounds of each.
+        """Yield the conditions that several inputs must satisfy, beyond the bounds of each.
 
         Yields
         ------
         holds : ndarray of bool, shape (run,)
-            Where the condition holds.
+            Mask of the runs that satisfy the condition.
         text : str
             The condition, as the reason of a run that is inadmissible.
         """
         yield from ()
 
     def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset | None:
-        """The course of one run, or None where the model has none.
+        """Return the trajectory of one run, or None where the model has none.
 
         Raises
         ------
@@ -131,8 +132,18 @@ class Model(ABC):
         """
         return None
 
+    def with_folder(self, folder: Path) -> Model:
+        """Return a model that keeps the files of its runs in another folder, if it keeps any.
+
+        Parameters
+        ----------
+        folder : Path
+            It is made when there is something to keep.
+        """
+        return self
+
     def record_files(self, files: frozenset[str]) -> None:  # noqa: B027 - most models have none
-        """Note files of the user's own that runs, here or in another process, were made with.
+        """Record files of the user's own with which runs were made, here or in another process.
 
         Parameters
         ----------
@@ -146,23 +157,23 @@ class Model(ABC):
         """
 
     def files(self) -> tuple[FileSnapshot, ...]:
-        """The files of the user's own that it has been found to consist of, as it was run."""
+        """Return the files of the user's own that it consisted of when it was run."""
         return ()
 
     def identity(self) -> dict[str, str]:
-        """What tells this model from another that would give other results."""
+        """Return the properties that determine its results, to distinguish it from other models."""
         return {"name": self.name}
 
     def input(self, name: str) -> Input:
-        """The input called `name`."""
+        """Return the input named `name`."""
         return find_variable(self.inputs, name, "input", self.name)
 
     def output(self, name: str) -> Output:
-        """The output called `name`."""
+        """Return the output named `name`."""
         return find_variable(self.outputs, name, "output", self.name)
 
     def missing_inputs(self, given: Collection[str]) -> Iterator[str]:
-        """Inputs that still have to be given; of alternatives, the first."""
+        """Yield the inputs that still have to be given; of alternatives, the first."""
         optional = {name for group in self.alternatives for name in group}
         for variable in self.inputs:
             is_needed = variable.default is None and variable.name not in optional
@@ -174,12 +185,12 @@ class Model(ABC):
 
 
 def violated_conditions(model: Model, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
-    """Every condition on a batch's inputs, with where it is violated.
+    """Yield every condition on a batch's inputs, with a mask of the runs that violate it.
 
     Yields
     ------
     violated : ndarray of bool, shape (run,)
-        Where the condition does not hold.
+        Mask of the runs that violate the condition.
     text : str
         The condition.
     """

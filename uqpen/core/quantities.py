@@ -11,7 +11,16 @@ import re
 from dataclasses import dataclass
 
 from uqpen.core.errors import QuantityError, toml_text
-from uqpen.core.units import DIMENSIONLESS, NUMBER, Scale, are_convertible, describe, scale, si_unit
+from uqpen.core.units import (
+    ANY_DIMENSION,
+    DIMENSIONLESS,
+    NUMBER,
+    Scale,
+    are_convertible,
+    describe,
+    scale,
+    si_unit,
+)
 
 __all__ = ["Quantity", "Spread", "parse_any_dimension", "parse_quantity", "parse_spread"]
 
@@ -52,7 +61,7 @@ def parse_quantity(text: str | float, like: str, *, difference: bool = False) ->
     Parameters
     ----------
     text : str or float
-        What a person wrote; a plain number where the dimension has no unit.
+        Text of the user; a plain number where the dimension has no unit.
     like : str
         A unit of the dimension that is expected.
     difference : bool
@@ -81,7 +90,7 @@ def parse_quantity(text: str | float, like: str, *, difference: bool = False) ->
 
 
 def parse_any_dimension(text: str) -> Quantity:
-    """Read a quantity of whatever dimension its unit has.
+    """Read a quantity of any dimension.
 
     Raises
     ------
@@ -122,12 +131,13 @@ def parse_spread(text: str, like: str) -> Spread | None:
 
 
 def _example(like: str) -> str:
-    """A spread in the dimension of `like`, to be shown in a message."""
+    """Return an example of a spread in the dimension of `like`, for a message."""
+    like = "cm" if like is ANY_DIMENSION else like
     return "2.5 ± 0.5" if si_unit(like) == DIMENSIONLESS else f"(2.5 ± 0.5) {like}"
 
 
 def _split(text: str, like: str) -> tuple[float, str]:
-    """Number and unit of a quantity's text."""
+    """Split the text of a quantity into number and unit."""
     _refuse_comma(text)
     match = _QUANTITY.match(text)
     if match is None:
@@ -149,7 +159,7 @@ def _refuse_comma(text: str) -> None:
 
 
 def _checked_scale(text: str, unit: str, like: str) -> Scale:
-    """The scale of `unit`, which must be of the dimension of `like`."""
+    """Return the scale of `unit`; check that it has the dimension of `like`."""
     unit = unit or DIMENSIONLESS
     if not are_convertible(unit, like):
         missing = ", a number without a unit" if unit == DIMENSIONLESS else ""

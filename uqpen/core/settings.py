@@ -28,6 +28,7 @@ __all__ = [
     "name",
     "number",
     "quantity",
+    "share",
     "validate",
 ]
 
@@ -39,7 +40,7 @@ _MOST = 100_000_000
 
 @dataclasses.dataclass(frozen=True)
 class Setting:
-    """What a field accepts.
+    """Accepted values of a field.
 
     Parameters
     ----------
@@ -47,7 +48,7 @@ class Setting:
         ``"count"``, ``"number"``, ``"quantity"``, ``"difference"``, ``"choice"``, ``"choices"``,
         ``"flag"``, ``"file"`` or ``"name"``.
     expected : str
-        The same in words, for a message.
+        The accepted values in words, for a message.
     accepts : callable
         Whether a value, of the right type already, is in range.
     """
@@ -57,14 +58,20 @@ class Setting:
     accepts: Callable[[Any], bool]
 
 
-def count(*, minimum: int = 1, maximum: int = _MOST, default: Any = dataclasses.MISSING) -> Any:
-    """A whole number, at least `minimum` and at most `maximum`."""
+def count(
+    *,
+    minimum: int = 1,
+    maximum: int = _MOST,
+    default: Any = dataclasses.MISSING,
+    expected: str = "",
+) -> Any:
+    """Declare an integer, at least `minimum` and at most `maximum`; `expected` is for messages."""
 
     def accepts(value: Any) -> bool:
         is_whole = isinstance(value, int) and not isinstance(value, bool)
         return is_whole and minimum <= value <= maximum
 
-    expected = f"a whole number, at least {minimum} and at most {maximum:_}"
+    expected = expected or f"a whole number, at least {minimum} and at most {maximum:_}"
     return _field(Setting("count", expected, accepts), default)
 
 
@@ -75,7 +82,7 @@ def number(
     at_most: float = math.inf,
     default: Any = dataclasses.MISSING,
 ) -> Any:
-    """A plain number strictly between two others, and at most a third."""
+    """Declare a plain number strictly between two others, and at most a third."""
     is_within = _is_within(above, below)
     limit = f" and at most {at_most:g}" if at_most < math.inf else ""
     accepts = lambda value: is_within(value) and value <= at_most  # noqa: E731 - as in `file`
@@ -83,25 +90,32 @@ def number(
 
 
 def quantity(*, above: float = -math.inf, default: Any = dataclasses.MISSING) -> Any:
-    """A value in the dimension of its context, in SI units here, with unit in a study file."""
+    """Declare a value in the dimension of its context: SI here, with a unit in a study file."""
     expected = range_text(above, math.inf, "a quantity")
     return _field(Setting("quantity", expected, _is_within(above, math.inf)), default)
 
 
+def share(*, expected: str, default: Any = dataclasses.MISSING) -> Any:
+    """Declare a part of a whole, from 0 to 1, which a study file may give in per cent."""
+    is_number = _is_within(-math.inf, math.inf)
+    accepts = lambda value: is_number(value) and 0 <= value <= 1  # noqa: E731 - as in `file`
+    return _field(Setting("quantity", expected, accepts), default)
+
+
 def difference(*, above: float = -math.inf, default: Any = dataclasses.MISSING) -> Any:
-    """Like `quantity`, for a difference of two values: a standard deviation, say."""
+    """Declare a difference of two values, such as a standard deviation; see `quantity`."""
     expected = range_text(above, math.inf, "a quantity")
     return _field(Setting("difference", expected, _is_within(above, math.inf)), default)
 
 
 def choice(*names: str, default: Any = dataclasses.MISSING) -> Any:
-    """One of `names`."""
+    """Declare a setting that is one of `names`."""
     listing = ", ".join(f'"{name}"' for name in names)
     return _field(Setting("choice", f"one of {listing}", names.__contains__), default)
 
 
 def choices(*names: str) -> Any:
-    """By name, one of `names`; none where nothing is given."""
+    """Declare a table that gives some names one of `names` each; empty by default."""
     listing = ", ".join(f'"{name}"' for name in names)
 
     def accepts(value: Any) -> bool:
@@ -114,24 +128,24 @@ def choices(*names: str) -> Any:
 
 
 def flag(*, default: Any = dataclasses.MISSING) -> Any:
-    """True or false."""
+    """Declare a boolean."""
     return _field(Setting("flag", "true or false", lambda value: isinstance(value, bool)), default)
 
 
 def file(*, default: Any = dataclasses.MISSING) -> Any:
-    """A path; relative to the study file's folder, where a study file gives it."""
+    """Declare a path; in a study file, it is relative to the folder of that file."""
     accepts = lambda value: isinstance(value, Path)  # noqa: E731 - a predicate among its like
     return _field(Setting("file", "the path of a file", accepts), default)
 
 
 def name(*, default: Any = dataclasses.MISSING) -> Any:
-    """The name that a study gives to something else of its own."""
+    """Declare the name of another part of the study."""
     accepts = lambda value: isinstance(value, str) and bool(NAME.match(value))  # noqa: E731
     return _field(Setting("name", "a name in quotes", accepts), default)
 
 
 def declared_settings(owner: Any) -> Iterator[tuple[dataclasses.Field[Any], Setting]]:
-    """The fields of a dataclass that are settings, each with what it accepts.
+    """Yield the fields of a dataclass that are settings, each with its `Setting`.
 
     A class that is no dataclass has none.
     """
@@ -141,14 +155,14 @@ def declared_settings(owner: Any) -> Iterator[tuple[dataclasses.Field[Any], Sett
 
 
 def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
-    """Refuse an instance whose settings are out of range.
+    """Check the settings of an instance; raise an error if one is out of range.
 
     Parameters
     ----------
     owner : dataclass instance
         Usually ``self``, in ``__post_init__``.
     further : iterable of Problem
-        What is wrong between settings; looked at only where each is right by itself.
+        Problems between settings; used only where each setting is valid by itself.
 
     Raises
     ------
@@ -166,7 +180,7 @@ def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
 
 
 def _field(setting: Setting, default: Any) -> Any:
-    """A field with its setting; one whose default is None may be None."""
+    """Make a field with its setting; a field with the default None may be None."""
     if default is None:
         accepts = setting.accepts
         setting = dataclasses.replace(

@@ -1,4 +1,4 @@
-"""Random generators keyed by what they are for.
+"""Random generators, each with a key for its purpose.
 
 A generator's stream follows from the study's seed and from names (a design, a purpose, a
 replicate, a block), never from the order in which generators are made. So adding a design to a
@@ -14,8 +14,8 @@ import numpy as np
 
 __all__ = ["BLOCK", "Stream"]
 
-# Points are drawn from a generator of its own for each so many, whatever the machine: more runs
-# then keep those there were.
+# Each block of this number of points has its own generator, on every machine. A larger design
+# then keeps the points of a smaller one.
 BLOCK = 65_536
 
 
@@ -27,7 +27,7 @@ class Stream:
     seed : int
         Non-negative, of any size.
     *path : str or int
-        What the stream is for, from the general to the particular.
+        The purpose of the stream, from the general to the particular.
 
     Examples
     --------
@@ -42,11 +42,11 @@ class Stream:
         self.path = path
 
     def child(self, *path: str | int) -> Stream:
-        """The stream at `path` below this one, for whoever makes generators of his own there."""
+        """Return the stream at `path` below this one, for a caller with generators of its own."""
         return Stream(self.seed, *self.path, *path)
 
     def generator(self, *path: str | int) -> np.random.Generator:
-        """A generator for the stream at `path`, always the same one for the same names."""
+        """Make a generator for the stream at `path`, always the same one for the same names."""
         # JSON keeps ("a", 1) apart from ("a1",); SHA-256 spreads alike names over the seeds.
         key = json.dumps([*self.path, *path], ensure_ascii=True).encode("ascii")
         digest = np.frombuffer(hashlib.sha256(key).digest(), dtype="<u4")

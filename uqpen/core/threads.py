@@ -15,7 +15,7 @@ _controllers: dict[bool, Any] = {}
 
 @contextlib.contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Let BLAS use one thread for as long as this lasts.
+    """Limit BLAS to one thread within this context.
 
     A sum's last bits depend on how many threads share it. On a busy machine threads also wait for
     each other far longer than they work.

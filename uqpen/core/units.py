@@ -1,4 +1,4 @@
-"""Units: UDUNITS strings, what they measure, and their coherent SI units.
+"""Units: UDUNITS strings, their dimensions, and their coherent SI units.
 
 Inside uqpen every value is in coherent SI units; the unit that a person wrote is kept for showing
 it back.
@@ -16,6 +16,7 @@ from typing import Any
 from uqpen.core.errors import QuantityError, toml_text
 
 __all__ = [
+    "ANY_DIMENSION",
     "DIMENSIONLESS",
     "NUMBER",
     "Scale",
@@ -29,12 +30,22 @@ __all__ = [
 
 DIMENSIONLESS = "1"
 
+
+class _AnyDimension(str):
+    """A type of its own: whatever text a user writes, it is not this object."""
+
+    __slots__ = ()
+
+
+# In place of a unit that is not known; it is recognised by its identity.
+ANY_DIMENSION = _AnyDimension("any dimension")
+
 # A decimal number, as a regular expression.
 NUMBER = r"[+-]?(?:[0-9]+(?:_[0-9]+)*\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
-# Typeset powers, of which the library reads a few only.
+# Typeset powers; the library reads only a few of them.
 _TYPESET = str.maketrans("⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+-0123456789")
 
-# What units are written of, for `_is_product_of_names`.
+# Tokens of a unit, for `_is_product_of_names`.
 _POWER = r"(?:(?:\^|\*\*)?[+-]?[0-9]+)"
 _OPERAND = re.compile(rf"\(|(?!(?:nmi|mph)\b)[A-Za-z_%°µμΩΩÅ℃℉′″'\"]+{_POWER}?|1(?![0-9])")
 _OPERATOR = re.compile(rf"\){_POWER}?|\s*[*/·.]\s*|\s+")
@@ -74,34 +85,34 @@ _KNOWN = {
 
 @dataclass(frozen=True)
 class Scale:
-    """From a unit to its coherent SI unit: ``SI value = factor * value + offset``."""
+    """Conversion of a unit to its coherent SI unit: ``SI value = factor * value + offset``."""
 
     factor: float
     offset: float
     _exact: tuple[Decimal, Decimal] | None = None
 
     def to_si(self, value: float) -> float:
-        """A value in SI units; correctly rounded where the scale is a short decimal."""
+        """Convert a value to SI units; correctly rounded where the scale is a short decimal."""
         if self._exact is not None and math.isfinite(value):
             factor, offset = self._exact
             return float(Decimal(repr(float(value))) * factor + offset)
         return value * self.factor + self.offset
 
     def difference_to_si(self, value: float) -> float:
-        """A difference of two values in SI units: 5 degC is 5 K, not 278.15 K."""
+        """Convert a difference of two values to SI units: 5 degC is 5 K, not 278.15 K."""
         return Scale(self.factor, 0.0, self._exact and (self._exact[0], Decimal(0))).to_si(value)
 
     def from_si(self, value: Any) -> Any:
-        """A value, or an array of them, back from SI units."""
+        """Convert a value, or an array of values, from SI units."""
         return (value - self.offset) / self.factor
 
     def difference_from_si(self, value: Any) -> Any:
-        """A difference, or an array of them, back from SI units."""
+        """Convert a difference, or an array of differences, from SI units."""
         return value / self.factor
 
 
 def _unit(text: str) -> Any:
-    """The units library's own object; imported here, since not every command needs it."""
+    """Make the object of the units library; it is imported here, as not every command needs it."""
     import cf_units
 
     plain = text.translate(_TYPESET) or DIMENSIONLESS
@@ -115,7 +126,7 @@ def _unit(text: str) -> Any:
 
 
 def _is_product_of_names(text: str) -> bool:
-    """Whether a text is names with whole powers, multiplied and divided.
+    """Check that a text consists of names with whole powers, multiplied and divided.
 
     The library takes far more, and some of it not as it was meant: the ``.5`` of ``m^0.5`` for a
     factor of 5, what follows a bracket too many for nothing, a ``nmi`` for a thousand millionth of
@@ -137,7 +148,7 @@ def _is_product_of_names(text: str) -> bool:
 
 @functools.cache
 def _base(text: str) -> tuple[str, Decimal, Decimal]:
-    """Base units of `text`, with the factor and offset that its definition prints."""
+    """Return the base units of `text`, with the factor and offset that its definition prints."""
     definition = str(_unit(text).definition).strip()
     definition, _, offset = definition.partition(" @ ")
     definition = definition.strip("() ")
@@ -148,9 +159,8 @@ def _base(text: str) -> tuple[str, Decimal, Decimal]:
     return base, factor, Decimal(offset.strip() or 0) * factor
 
 
-@functools.cache
 def si_unit(text: str) -> str:
-    """The coherent SI unit of the same dimension.
+    """Return the coherent SI unit of the same dimension.
 
     Parameters
     ----------
@@ -167,13 +177,18 @@ def si_unit(text: str) -> str:
     QuantityError
         If `text` is not a unit.
     """
+    return text if text is ANY_DIMENSION else _si_unit(text)
+
+
+@functools.cache
+def _si_unit(text: str) -> str:
     base = _base(text)[0]
     return next((known for known in _KNOWN if _base(known)[0] == base), base)
 
 
 @functools.cache
 def scale(text: str) -> Scale:
-    """The conversion between a unit and its coherent SI unit."""
+    """Return the conversion between a unit and its coherent SI unit."""
     base, factor, offset = _base(text)
     unit, si = _unit(text), _unit(base)
     zero = float(unit.convert(0.0, si)) if offset else 0.0
@@ -187,26 +202,35 @@ def scale(text: str) -> Scale:
 
 
 def are_convertible(one: str, other: str) -> bool:
-    """Whether two units measure the same thing, so that one converts into the other."""
-    return bool(_unit(one).is_convertible(_unit(other)))
+    """Check that two units have the same dimension, so that one converts into the other."""
+    first, *others = [_unit(unit) for unit in (one, other) if unit is not ANY_DIMENSION] or [None]
+    return all(first.is_convertible(unit) for unit in others)
 
 
 def product(one: str, other: str) -> str:
-    """Coherent SI unit of a product of quantities in two units."""
-    return si_unit(f"({si_unit(one)}).({si_unit(other)})")
+    """Return the coherent SI unit of a product of quantities in two units."""
+    return _combined(one, other, ".")
 
 
 def ratio(one: str, other: str) -> str:
-    """Coherent SI unit of a quotient of quantities in two units."""
-    return si_unit(f"({si_unit(one)})/({si_unit(other)})")
+    """Return the coherent SI unit of a quotient of quantities in two units."""
+    return _combined(one, other, "/")
+
+
+def _combined(one: str, other: str, sign: str) -> str:
+    if one is ANY_DIMENSION or other is ANY_DIMENSION:
+        return ANY_DIMENSION
+    return si_unit(f"({si_unit(one)}){sign}({si_unit(other)})")
 
 
 def describe(unit: str) -> str:
-    """What a unit measures and how such a quantity is written, for messages.
+    """Describe the quantity of a unit, with an example of its notation, for messages.
 
     >>> describe("kg m-3")
     'a density, such as "17.5 g/cm^3"'
     """
+    if unit is ANY_DIMENSION:
+        return 'a number with its unit, such as "16 cm"'
     si = si_unit(unit)
     if si in _KNOWN:
         what, example = _KNOWN[si]

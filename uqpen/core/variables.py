@@ -1,4 +1,4 @@
-"""What goes into a model and comes out of it: names, units, what a value can be."""
+"""Inputs and outputs of a model: names, units, possible values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Bounds:
-    """The values that an input can have at all, in its SI unit.
+    """Range of possible values of an input, in its SI unit.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Bounds:
     upper_included: bool = False
 
     def contain(self, values: FloatArray) -> BoolArray:
-        """Which of the values lie inside; NaN never does."""
+        """Return a mask of the values inside the bounds; NaN is never inside."""
         above = values >= self.lower if self.lower_included else values > self.lower
         below = values <= self.upper if self.upper_included else values < self.upper
         inside: BoolArray = above & below & np.isfinite(values)
@@ -52,16 +52,16 @@ POSITIVE = Bounds(lower=0.0)
 
 @dataclass(frozen=True)
 class Variable:
-    """A quantity that goes into a model or comes out of it.
+    """Quantity that a model takes or returns.
 
     Parameters
     ----------
     name : str
-        What a study file, an archive and a script call it.
+        Name in a study file, an archive and a script.
     unit : str
         Its coherent SI unit, in which the program keeps it.
     long_name : str
-        What a person reads; the name itself where it is empty.
+        Name for display; the name itself where it is empty.
     display_unit : str
         The unit to show it in where a study names none; `unit` where it is empty.
     """
@@ -73,25 +73,25 @@ class Variable:
 
     @property
     def title(self) -> str:
-        """What a person reads."""
+        """Name for display."""
         return self.long_name or self.name.replace("_", " ")
 
     @property
     def preferred_unit(self) -> str:
-        """The unit to show it in."""
+        """Unit for display."""
         return self.display_unit or self.unit
 
 
 @dataclass(frozen=True)
 class Input(Variable):
-    """A variable that goes in.
+    """Input variable of a model.
 
     Parameters
     ----------
     default : float, optional
         Its value in SI units where a study does not give it.
     bounds : Bounds
-        What it can be at all; a run outside is inadmissible.
+        Its possible values; a run outside is inadmissible.
     """
 
     default: float | None = None
@@ -100,14 +100,14 @@ class Input(Variable):
 
 @dataclass(frozen=True)
 class Category:
-    """One value of an output that has kinds, not numbers.
+    """Category of a categorical output.
 
     Parameters
     ----------
     flag : str
         One word, as CF asks of ``flag_meanings``.
     label : str
-        What a person reads.
+        Text for display.
     """
 
     flag: str
@@ -116,12 +116,12 @@ class Category:
 
 @dataclass(frozen=True)
 class Output(Variable):
-    """A variable that comes out.
+    """Output variable of a model.
 
     Parameters
     ----------
     categories : sequence of Category
-        Not empty for an output with kinds; its values are then positions in this sequence.
+        Not empty for a categorical output; its values are then positions in this sequence.
     """
 
     categories: tuple[Category, ...] = ()

@@ -1,4 +1,4 @@
-"""Designs: which runs to make. Each yields rounds of points; none knows of a model."""
+"""Designs of experiments. Each yields rounds of points; none depends on a model."""
 
 from __future__ import annotations
 

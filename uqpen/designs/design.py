@@ -1,4 +1,4 @@
-"""What a design is."""
+"""Interface of a design of experiments."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqpen.core.errors import Problem
 from uqpen.core.files import FileSnapshot
-from uqpen.core.labels import Sampling
+from uqpen.core.sampling import Sampling
 from uqpen.core.settings import validate
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -21,7 +21,7 @@ Rounds = Generator[xr.Dataset, xr.Dataset, None]
 
 
 class Design(ABC):
-    """Frozen settings that say which runs to make."""
+    """Design of experiments: frozen settings that determine the points to run."""
 
     assumes_independence: ClassVar[bool] = False
     """Whether what it is made for has a meaning only where the inputs are independent."""
@@ -34,18 +34,18 @@ class Design(ABC):
     @property
     @abstractmethod
     def sampling(self) -> Sampling:
-        """How its points relate to each other, which decides the error bars of estimates."""
+        """Relation between its points; it determines the error bars of estimates."""
 
     def __post_init__(self) -> None:
         validate(self, self.check_settings())
 
     def check_settings(self) -> Iterator[Problem]:
-        """What is wrong between settings that are right by themselves."""
+        """Yield the problems between settings that are valid by themselves."""
         yield from ()
 
     @abstractmethod
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        """Points to run, round by round.
+        """Generate the points to run, round by round.
 
         A plain design yields once. One that adapts is sent each round's runs and yields the next.
 
@@ -54,46 +54,51 @@ class Design(ABC):
         joint : JointDistribution
             The inputs of the study.
         stream : Stream
-            Where the design's random numbers come from.
+            Source of the design's random numbers.
 
         Yields
         ------
         Dataset
             A variable for each input (SI values; along ``run``, or a scalar), and as coordinates
-            whatever an analysis needs to know of a run.
+            the information on a run that an analysis needs.
         """
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
-        """What is wrong between its settings and the inputs of a study."""
+        """Yield the problems between its settings and the inputs of a study."""
         yield from ()
 
     def samples_inputs(self, joint: JointDistribution) -> bool:
-        """Whether its points, or some of them, are a sample of the very law of a study."""
+        """Check that its points, or some of them, are a sample of a joint distribution."""
         return self.sampling.is_sample
+
+    @property
+    def replicate_count(self) -> int:
+        """Number of independent replicates."""
+        return 1
 
     @abstractmethod
     def run_count(self, joint: JointDistribution) -> int:
-        """How many runs it makes, or will at most."""
+        """Return the number of its runs, or the largest possible number."""
 
     def files(self) -> tuple[FileSnapshot, ...]:
-        """The files that its points come from, as they stood when they were read."""
+        """Return snapshots of the files that contain its points."""
         return ()
 
     def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> Design | None:
-        """The same design with another number of runs, for a comparison at equal budgets.
+        """Return this design with another number of runs, for a comparison at equal budgets.
 
         Parameters
         ----------
         joint : JointDistribution
             The inputs of the study.
         runs : int
-            How many it may make; it makes as many of them as it can.
+            Largest number of runs; it makes as many of them as it can.
         replicated : bool
             In about as many replicates as this one has; otherwise as one set of points.
 
         Returns
         -------
         Design or None
-            None where it has no scale, cannot do with so few runs, or has no replicates.
+            None where it has no scale, needs more runs, or has no replicates.
         """
         return None

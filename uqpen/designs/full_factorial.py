@@ -1,4 +1,4 @@
-"""Every combination of a few levels of each input."""
+"""Full factorial design: every combination of a few levels of each input."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uqpen.core.errors import Problem
-from uqpen.core.labels import QUADRATURE_WEIGHT, Sampling
+from uqpen.core.labels import QUADRATURE_WEIGHT
+from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
@@ -21,7 +22,7 @@ __all__ = ["FullFactorial"]
 
 @dataclass(frozen=True)
 class FullFactorial(Design):
-    """The medians of equally likely strata of each input, all with all.
+    """Full factorial design over the medians of equally likely strata of each input.
 
     Every point has the same weight: as an integration rule, it is the midpoint rule over the unit
     cube of probabilities.
@@ -29,7 +30,7 @@ class FullFactorial(Design):
     Parameters
     ----------
     levels : int
-        How many values of each random input.
+        Number of values of each random input.
     """
 
     levels: int = count(minimum=2)

@@ -19,23 +19,23 @@ _MOST_NODES = 10_000_000
 
 
 def tensor_grid(columns: Sequence[npt.NDArray[Number]]) -> list[npt.NDArray[Number]]:
-    """Every combination of the entries of some columns, the last column running fastest."""
+    """Return every combination of the entries of some columns; the last column varies fastest."""
     return [axis.ravel() for axis in np.meshgrid(*columns, indexing="ij")]
 
 
 def too_many_nodes(setting: str, value: int, nodes: int, inputs: int) -> Iterator[Problem]:
-    """The problem of a grid with more nodes than anyone can run.
+    """Yield a problem if a grid has too many nodes.
 
     Parameters
     ----------
     setting : str
-        What makes it grow.
+        Setting that makes it grow.
     value : int
-        What was asked.
+        Value of the setting.
     nodes : int
-        How many nodes it would have.
+        Number of its nodes.
     inputs : int
-        Over how many inputs.
+        Number of inputs.
     """
     if nodes > _MOST_NODES:
         found = f"{value}, which over {inputs} random inputs takes {nodes:.3g} runs"

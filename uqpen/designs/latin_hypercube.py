@@ -1,4 +1,4 @@
-"""Latin hypercube sampling, replicated so that its error can be told."""
+"""Latin hypercube sampling, replicated so that its error can be estimated."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.errors import Problem
-from uqpen.core.labels import OPTIMIZED_BY, Sampling
+from uqpen.core.labels import OPTIMIZED_BY
+from uqpen.core.sampling import Sampling
 from uqpen.core.settings import choice, count
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
@@ -21,7 +22,7 @@ __all__ = ["LatinHypercube"]
 
 @dataclass(frozen=True)
 class LatinHypercube(Design):
-    """Latin hypercubes: in each, every input has one point in each of its equally likely strata.
+    """Replicated Latin hypercubes: one point in each of the equally likely strata of every input.
 
     The points of one hypercube depend on each other, so nothing but independent replicates shows
     the error of what is estimated from them.
@@ -29,9 +30,9 @@ class LatinHypercube(Design):
     Parameters
     ----------
     runs : int
-        How many points in all, a multiple of `replicates`.
+        Number of points in all, a multiple of `replicates`.
     replicates : int
-        How many hypercubes; with one, error bars are wider than they need to be and say so.
+        Number of hypercubes; with one, error bars are wider than necessary, and a note says so.
     optimization : str
         ``"random-cd"`` exchanges coordinates for a lower centred discrepancy, which spreads the
         points over pairs of inputs too; it takes about a second for a hypercube of 1 000 points.
@@ -59,6 +60,10 @@ class LatinHypercube(Design):
         )
         is_optimized = self.optimization != "none"
         yield points.assign_attrs({OPTIMIZED_BY: self.optimization}) if is_optimized else points
+
+    @property
+    def replicate_count(self) -> int:
+        return self.replicates
 
     def run_count(self, joint: JointDistribution) -> int:
         return self.runs

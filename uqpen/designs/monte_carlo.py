@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.core.labels import Sampling
+from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.design import Design, Rounds
@@ -18,12 +18,12 @@ __all__ = ["MonteCarlo"]
 
 @dataclass(frozen=True)
 class MonteCarlo(Design):
-    """Plain Monte Carlo: each point is drawn from the input law by itself.
+    """Plain Monte Carlo: independent draws from the joint distribution of the inputs.
 
     Parameters
     ----------
     runs : int
-        How many points. With more, those there were stay the same.
+        Number of points. A larger number keeps the points of a smaller one.
     """
 
     runs: int = count()

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.errors import Problem
-from uqpen.core.labels import BLOCK_NUMBER, POSITION, Sampling
+from uqpen.core.labels import BLOCK_NUMBER, POSITION
+from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
@@ -26,17 +27,17 @@ IntArray = npt.NDArray[np.int64]
 class Morris(Design):
     """Trajectories through a grid of levels, for elementary effects.
 
-    The levels are equally spaced in probability and inside the law: 1/5, 2/5, 3/5 and 4/5 where
-    there are four. Morris's own are not, as their lowest and highest are the ends of the law, where
-    it may be infinite. Each step moves one input by half of the levels, up or down.
+    The levels are equally spaced in probability and inside the support: 1/5, 2/5, 3/5 and 4/5
+    where there are four. The lowest and highest of Morris's own levels are the ends of the support,
+    which may be infinite. Each step moves one input by half of the levels, up or down.
 
     Parameters
     ----------
     trajectories : int
-        How many; each takes a run more than there are random inputs. With more, those there were
-        stay the same.
+        Number of trajectories; each takes one run more than there are random inputs. A larger
+        number keeps the trajectories of a smaller one.
     levels : int
-        How many levels each input has, an even number.
+        Number of levels of each input, an even number.
 
     References
     ----------
@@ -61,8 +62,8 @@ class Morris(Design):
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         inputs = len(joint.random)
-        # Not the medians of equally likely strata: steps by half of the law's probability would not
-        # see an effect of that period, as Ishigami's second input has.
+        # Not the medians of equally likely strata: steps by half of the probability would miss an
+        # effect of that period, as Ishigami's second input has.
         places, moved, steps = zip(
             *(
                 _trajectory(stream.generator("points", number), inputs, self.levels)

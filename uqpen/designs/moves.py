@@ -1,4 +1,4 @@
-"""What a design that moves inputs says of its runs, and how that is read again."""
+"""Labels of the runs of a design that moves inputs: writing and reading them."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ def add_move_coordinates(
     *,
     measure: str,
 ) -> xr.Dataset:
-    """Points with the coordinates that say what was moved.
+    """Add the coordinates of the moves to points.
 
     Parameters
     ----------
     points : Dataset
         Along ``run``.
     inputs : sequence of str
-        What can be moved.
+        The inputs that can be moved.
     moved_inputs : ndarray of int, shape (run,)
         Position in `inputs` of the one that is moved; -1 where none is.
     by : ndarray, shape (run,)
         How far, with its sign.
     measure : str
-        What that is in.
+        Scale of the steps in words, for their ``long_name``.
     """
     flags = {
         "long_name": "input that is moved in the run",
@@ -54,14 +54,14 @@ def add_move_coordinates(
 
 
 def moved_input_numbers(runs: xr.Dataset) -> dict[str, int]:
-    """The inputs that vary over some runs, each with its number among those that were moved.
+    """Return the inputs that vary over some runs, with their numbers among the moved ones.
 
     Of several models, one may not take an input, or have a value of its own for it.
 
     Parameters
     ----------
     runs : Dataset
-        Of a design that says what it moved.
+        Runs of a design with coordinates of its moves.
     """
     _, *names = str(runs[MOVED_INPUT].attrs["flag_meanings"]).split()
     return {

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqpen.core.labels import MOVED_BY, MOVED_UNCERTAINTY, RELATIVE_TO_SPREAD, Sampling
+from uqpen.core.labels import MOVED_BY, MOVED_UNCERTAINTY, RELATIVE_TO_SPREAD
+from uqpen.core.sampling import Sampling
 from uqpen.core.settings import flag, number
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
@@ -24,7 +25,7 @@ _LOW, _HIGH = 0.16, 0.84
 
 @dataclass(frozen=True)
 class OneAtATime(Design):
-    """Central differences at the nominal point, relative ones.
+    """One-at-a-time design: relative central differences at the nominal point.
 
     The nominal point, and for each random input two more, at its nominal value times 1 - `step`
     and 1 + `step`. Where that value is 0, the step is relative to half the input's 16 % to 84 %
@@ -91,7 +92,7 @@ class OneAtATime(Design):
 
 @dataclass(frozen=True)
 class _Move:
-    """An input that is moved: what its step is relative to, and its standard deviation."""
+    """Input that is moved: the reference of its relative step, and its standard deviation."""
 
     name: str
     reference: float

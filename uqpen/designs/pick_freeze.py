@@ -1,11 +1,11 @@
-"""What a block of a pick-freeze design consists of, and how its rows are marked.
+"""Blocks of a pick-freeze design: their parts, and the labels of their rows.
 
 A block of the first round has a row of each of the matrices A and B, whose points are drawn, and of
 those that mix their columns: AB_i is A with input i of B, BA_i is B with input i of A. Sobol'
-indices compare points that share some inputs and are independent in the others; of a law that is
-conditional on admissible draws, that takes points whose others are drawn given those that they
-share. So a block is read as *parts*, each of which says what it shares with which other part. Where
-no draw was inadmissible, the rows of the first round serve as all of them.
+indices compare points that share some inputs and are independent in the others. For a distribution
+conditional on admissible draws, the others must be drawn given the inputs that they share. So a
+block is read as *parts*; each names the other part and the inputs that it shares with it. Where no
+draw was inadmissible, the rows of the first round serve as all of them.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ _AB_PREFIX, _BA_PREFIX = "AB_", "BA_"
 
 @dataclass(frozen=True)
 class BlockPart:
-    """One of the points that a block is read as.
+    """Part of a block: one of its points.
 
     Parameters
     ----------
     matrix : int
-        What rows of later rounds are marked by that were drawn for it.
+        Label of the rows of later rounds that were drawn for it.
     first : int
         The matrix whose row of the first round serves, where none had to be drawn again.
     anchor : int or None
@@ -74,24 +74,24 @@ class BlockLayout:
 
     @classmethod
     def from_runs(cls, runs: xr.Dataset) -> BlockLayout:
-        """The layout of a design, from its runs."""
+        """Read the layout of a design from its runs."""
         meanings = str(runs[MATRIX].attrs["flag_meanings"]).split()
         inputs = [text.removeprefix(_AB_PREFIX) for text in meanings if text.startswith(_AB_PREFIX)]
         return cls(tuple(inputs), any(text.startswith(_BA_PREFIX) for text in meanings))
 
     @property
     def dimension(self) -> int:
-        """How many random inputs there are."""
+        """Number of random inputs."""
         return len(self.inputs)
 
     @property
     def rows_per_block(self) -> int:
-        """How many rows a block of the first round has."""
+        """Number of rows of a block of the first round."""
         return 2 + (2 if self.second_order else 1) * self.dimension
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """The pairs of inputs that have indices of their own."""
+        """Pairs of inputs with second-order indices."""
         return tuple(combinations(range(self.dimension), 2)) if self.second_order else ()
 
     @cached_property
@@ -108,27 +108,27 @@ class BlockLayout:
         return {part.matrix: part for part in [*drawn, *sharing]}
 
     def part_sharing_one(self, i: int) -> BlockPart:
-        """The part that shares input `i` alone with B."""
+        """Return the part that shares input `i` alone with B."""
         return BlockPart(2 + 2 * self.dimension + i, 2 + i, MATRIX_B, (i,), MATRIX_A)
 
     def part_sharing_others(self, i: int) -> BlockPart:
-        """The part that shares all inputs but `i` with A."""
+        """Return the part that shares all inputs but `i` with A."""
         others = tuple(j for j in range(self.dimension) if j != i)
         return BlockPart(2 + 3 * self.dimension + i, 2 + i, MATRIX_A, others, MATRIX_B)
 
     def part_sharing_pair(self, number: int) -> BlockPart:
-        """The part that shares a pair of inputs with BA_i, where i is the first of them."""
+        """Return the part that shares a pair of inputs with BA_i, where i is the first of them."""
         i, j = self.pairs[number]
         anchor = 2 + self.dimension + i
         return BlockPart(2 + 4 * self.dimension + number, 2 + j, anchor, (i, j), MATRIX_A)
 
     def matrices(self, A: FloatArray, B: FloatArray) -> FloatArray:
-        """The points of the first round.
+        """Return the points of the first round.
 
         Parameters
         ----------
         A, B : ndarray, shape (block, input)
-            What is drawn.
+            The points drawn.
 
         Returns
         -------
@@ -141,7 +141,7 @@ class BlockLayout:
         return np.stack(matrices, axis=1)
 
     def flag_attributes(self) -> dict[str, Any]:
-        """The attributes that say what a row's matrix means, as the CF conventions have it."""
+        """Return the CF flag attributes for the matrix of a row."""
         meanings = ["A", "B", *(f"{_AB_PREFIX}{name}" for name in self.inputs)]
         numbers = list(range(2 + self.dimension))
         if self.second_order:
@@ -158,7 +158,7 @@ class BlockLayout:
         }
 
     def run_numbers(self, runs: xr.Dataset) -> dict[int, IntArray]:
-        """The run that stands for each part of each block: the last that was made for it.
+        """Return the run of each part of each block: the last that was made for it.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ class BlockLayout:
 
 
 def _exchange_column(points: FloatArray, others: FloatArray, i: int) -> FloatArray:
-    """Points with one of their columns from others."""
+    """Return points with one column replaced by that of others."""
     mixed = points.copy()
     mixed[:, i] = others[:, i]
     return mixed

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.errors import Problem
-from uqpen.core.labels import QUADRATURE_WEIGHT, Sampling
+from uqpen.core.labels import QUADRATURE_WEIGHT
+from uqpen.core.sampling import Sampling
 from uqpen.core.settings import choice, count
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
@@ -31,13 +32,13 @@ WEIGHT_ATTRIBUTES = {"units": "1", "long_name": "weight of the run in an integra
 _HIGHEST_ORDER = 100
 
 # Nodes of two rules that lie closer than this, relative to the spread of the nodes, are the same:
-# the middle of a symmetric law.
+# the middle of a symmetric distribution.
 _SAME_NODE = 1e-10
 
 
 @dataclass(frozen=True)
 class Quadrature(Design):
-    """Gauss's rules, each input's by its own law, combined over independent inputs.
+    """Gauss quadrature: the rules of the inputs' distributions, combined over independent inputs.
 
     Parameters
     ----------
@@ -46,8 +47,8 @@ class Quadrature(Design):
         tensor grid, in all of them together on a sparse one.
     grid : str
         ``"tensor"`` takes every combination of `order` + 1 nodes of each input; ``"sparse"`` far
-        fewer of them where there are many inputs (Smolyak's construction), some of which have a
-        negative weight.
+        fewer of them where there are many inputs (Smolyak's construction); some nodes then have
+        a negative weight.
 
     References
     ----------
@@ -95,13 +96,13 @@ class Quadrature(Design):
         return len(self._rule(joint)[1])
 
     def _most_nodes(self, inputs: int) -> int:
-        """Nodes of all the grids that a sparse one is combined from; some coincide."""
+        """Count the nodes of all the grids that a sparse one combines; some coincide."""
         # Grids of total level k together have as many nodes as (1 - x)^(-2 inputs) says at x^k.
         levels = range(max(self.order - inputs + 1, 0), self.order + 1)
         return sum(math.comb(level + 2 * inputs - 1, level) for level in levels)
 
     def _rule(self, joint: JointDistribution) -> tuple[list[FloatArray], FloatArray]:
-        """The nodes' values, input by input, and their weights."""
+        """Return the nodes' values, input by input, and their weights."""
         recurrences = [recurrence(entry.distribution, self.order) for entry in joint.random]
         if self.grid == "sparse":
             return _smolyak(recurrences, self.order)
@@ -111,7 +112,7 @@ class Quadrature(Design):
 
 
 def _smolyak(recurrences: list[Recurrence], order: int) -> tuple[list[FloatArray], FloatArray]:
-    """Smolyak's combination of small tensor grids.
+    """Combine small tensor grids by Smolyak's construction.
 
     Wasilkowski, G. W. & Woźniakowski, H. (1995). J. Complexity 11, 1-56.
     """
@@ -135,7 +136,7 @@ def _smolyak(recurrences: list[Recurrence], order: int) -> tuple[list[FloatArray
 
 
 def _levels(found: Recurrence, order: int) -> tuple[FloatArray, list[IntArray], list[FloatArray]]:
-    """One input's rules of 1, 2, … nodes: the nodes of all, which each rule has, and weights."""
+    """Compute one input's rules of 1, 2, … nodes: all nodes, those of each rule, and weights."""
     rules = [found.gauss(level + 1) for level in range(order + 1)]
     values = np.concatenate([values for values, _ in rules])
     ascending = np.argsort(values, kind="stable")

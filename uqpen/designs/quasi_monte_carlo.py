@@ -1,4 +1,4 @@
-"""Scrambled low-discrepancy points, replicated so that their error can be told."""
+"""Scrambled low-discrepancy points, replicated so that their error can be estimated."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.errors import Problem
-from uqpen.core.labels import Sampling
+from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
@@ -18,8 +18,8 @@ from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Halton", "SobolSequence", "sobol_points"]
 
-# All bits of a double: with fewer, a scrambled point falls on 0 now and then, where a law may be
-# infinite.
+# All bits of a double: with fewer, a scrambled point falls on 0 now and then, where a quantile may
+# be infinite.
 _BITS = 53
 
 
@@ -30,10 +30,10 @@ class SobolSequence(Design):
     Parameters
     ----------
     runs : int
-        How many points in all: `replicates` times a power of two, as any other number of points
+        Number of points in all: `replicates` times a power of two, as any other number of points
         breaks the balance.
     replicates : int
-        How many sets, each scrambled by itself; their scatter shows the error.
+        Number of sets, each scrambled by itself; their scatter shows the error.
 
     References
     ----------
@@ -56,6 +56,10 @@ class SobolSequence(Design):
             joint, stream, sobol_points, runs=self.runs, replicates=self.replicates
         )
 
+    @property
+    def replicate_count(self) -> int:
+        return self.replicates
+
     def run_count(self, joint: JointDistribution) -> int:
         return self.runs
 
@@ -65,14 +69,14 @@ class SobolSequence(Design):
 
 @dataclass(frozen=True)
 class Halton(Design):
-    """Scrambled Halton points; any number of them will do.
+    """Scrambled Halton points, of any number.
 
     Parameters
     ----------
     runs : int
-        How many points in all, a multiple of `replicates`.
+        Number of points in all, a multiple of `replicates`.
     replicates : int
-        How many sets, each scrambled by itself; their scatter shows the error.
+        Number of sets, each scrambled by itself; their scatter shows the error.
 
     References
     ----------
@@ -93,6 +97,10 @@ class Halton(Design):
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         yield replicated_points(joint, stream, _halton, runs=self.runs, replicates=self.replicates)
 
+    @property
+    def replicate_count(self) -> int:
+        return self.replicates
+
     def run_count(self, joint: JointDistribution) -> int:
         return self.runs
 
@@ -102,17 +110,17 @@ class Halton(Design):
 
 @dataclass(frozen=True)
 class _SequencePoints(Design):
-    """As many points of a sequence as a comparison asks for, in balance or not.
+    """Any number of points of a sequence, balanced or not, for a comparison of methods.
 
-    No study can ask for them: nothing tells the error of a single set, and a Sobol' sequence loses
-    its balance where its points are no power of two. Both are what a comparison shows.
+    No study can use them: the error of a single set cannot be estimated, and a Sobol' sequence is
+    balanced only where the number of its points is a power of two. A comparison shows both effects.
 
     Parameters
     ----------
     draw : callable
         Draws the points of one set.
     runs, replicates : int
-        How many points there are in all, and in how many sets.
+        Number of points in all, and number of sets.
     """
 
     draw: Draw
@@ -123,7 +131,7 @@ class _SequencePoints(Design):
     def scaled_to(
         cls, draw: Draw, runs: int, replicates: int, *, replicated: bool
     ) -> _SequencePoints | None:
-        """As `Design.scaled` has it."""
+        """Return the points for a number of runs; see `Design.scaled`."""
         shape = split_replicates(runs, replicates, replicated=replicated)
         return cls(draw, *shape) if shape else None
 
@@ -136,12 +144,16 @@ class _SequencePoints(Design):
             joint, stream, self.draw, runs=self.runs, replicates=self.replicates
         )
 
+    @property
+    def replicate_count(self) -> int:
+        return self.replicates
+
     def run_count(self, joint: JointDistribution) -> int:
         return self.runs
 
 
 def sobol_points(rng: np.random.Generator, points: int, dimension: int) -> npt.NDArray[np.float64]:
-    """The first scrambled Sobol' points of the unit cube; a power of two of them are balanced."""
+    """Draw scrambled Sobol' points of the unit cube; a power of two of them are balanced."""
     # Imported where it is used: this part of SciPy takes longer to load than the rest.
     from scipy.stats import qmc
 

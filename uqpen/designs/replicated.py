@@ -22,18 +22,18 @@ Draw = Callable[[np.random.Generator, int, int], npt.NDArray[np.float64]]
 def replicated_points(
     joint: JointDistribution, stream: Stream, draw: Draw, *, runs: int, replicates: int
 ) -> xr.Dataset:
-    """Points of all replicates, each drawn from a generator of its own.
+    """Draw the points of all replicates, each from a generator of its own.
 
     Parameters
     ----------
     joint : JointDistribution
-        What the points are mapped to.
+        Joint distribution that the points are mapped to.
     stream : Stream
-        Where the random numbers come from.
+        Source of the random numbers.
     draw : callable
         Draws the points of one replicate.
     runs, replicates : int
-        How many points there are in all, and in how many replicates.
+        Number of points in all, and number of replicates.
     """
     each, dimension = runs // replicates, len(joint.random)
     sets = [
@@ -46,16 +46,16 @@ def replicated_points(
 def uneven_replicates(
     runs: int, replicates: int, *, powers_of_two: bool = False, setting: str = "runs"
 ) -> Iterator[Problem]:
-    """The problem of runs that cannot be split into replicates, naming the nearest that can.
+    """Yield a problem if runs cannot be split into replicates, with the nearest number that can.
 
     Parameters
     ----------
     runs, replicates : int
-        What was asked.
+        Values of the settings.
     powers_of_two : bool
         Whether each replicate must have a power of two of points.
     setting : str
-        What the number of points is called in the design's settings.
+        Name of the number of points in the design's settings.
     """
     each, left = divmod(runs, replicates)
     is_power = each & (each - 1) == 0
@@ -73,22 +73,22 @@ def uneven_replicates(
 
 
 def split_replicates(runs: int, replicates: int, *, replicated: bool) -> tuple[int, int] | None:
-    """How runs are split into about so many replicates of at least two points each.
+    """Split runs into about a given number of replicates of at least two points each.
 
     Parameters
     ----------
     runs : int
-        How many there may be.
+        Largest number of runs.
     replicates : int
-        How many replicates are wanted; of those from half to twice as many that divide the runs,
-        the nearest is taken. Where none does, some of the runs are left out.
+        Number of replicates wanted. The nearest number that divides the runs is taken, from half
+        to twice as many. Where none does, some of the runs are left out.
     replicated : bool
-        Whether there are to be replicates at all.
+        Whether to use replicates at all.
 
     Returns
     -------
     runs, replicates : int
-        None where there are too few runs, or no replicates were wanted in the first place.
+        None where there are too few runs, or the design has no replicates.
     """
     if not replicated:
         return (runs, 1) if runs >= 2 else None

@@ -11,8 +11,10 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.errors import Problem
-from uqpen.core.labels import BLOCK_NUMBER, MATRIX, REPLICATE, STATUS, Sampling, Status
+from uqpen.core.labels import BLOCK_NUMBER, MATRIX, REPLICATE, STATUS
+from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count, flag
+from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.pick_freeze import BlockLayout, BlockPart
@@ -26,7 +28,7 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
-# After so many rounds of redrawing, what is still inadmissible stays so.
+# Most rounds of redrawing; a point that is still inadmissible then stays so.
 MOST_ROUNDS = 100
 
 
@@ -35,17 +37,17 @@ class Saltelli(Design):
     """Pick-freeze blocks over scrambled Sobol' points, for Sobol' indices.
 
     Each block has a point of a matrix A, one of a matrix B, and for each input one of A with that
-    input from B. Points that turn out to be inadmissible are drawn again, in further rounds, given
-    what they share with other points; so the indices are those of the input law given that a draw
-    is admissible. Points whose runs were lost to anything else are not drawn again.
+    input from B. Inadmissible points are drawn again, in further rounds, given the inputs that they
+    share with other points; so the indices are those of the joint distribution conditional on
+    admissible draws. Points of missing runs, which failed otherwise, are not drawn again.
 
     Parameters
     ----------
     base : int
-        How many blocks in all: `replicates` times a power of two. Each takes as many runs as there
-        are random inputs, and two.
+        Number of blocks in all: `replicates` times a power of two. Each block takes two runs more
+        than there are random inputs.
     replicates : int
-        How many sets, each scrambled by itself; their scatter shows the error.
+        Number of sets, each scrambled by itself; their scatter shows the error.
     second_order : bool
         Whether there are also points of B with one input from A, for indices of pairs of inputs; a
         block then takes twice as many runs as there are random inputs, and two.
@@ -86,6 +88,10 @@ class Saltelli(Design):
             runs = yield self._points(joint, points, block, matrix)
             redraws.record(points, block, matrix, runs[STATUS].values)
 
+    @property
+    def replicate_count(self) -> int:
+        return self.replicates
+
     def run_count(self, joint: JointDistribution) -> int:
         return self.base * self._layout(joint).rows_per_block
 
@@ -104,7 +110,7 @@ class Saltelli(Design):
     def _base_matrices(
         self, joint: JointDistribution, stream: Stream
     ) -> tuple[FloatArray, FloatArray]:
-        """The matrices A and B: the two halves of points of twice the dimension."""
+        """Draw the matrices A and B: the two halves of points of twice the dimension."""
         each, dimension = self.base // self.replicates, len(joint.random)
         unit = np.concatenate(
             [
@@ -131,24 +137,24 @@ class Saltelli(Design):
 
 
 def _input_points(joint: JointDistribution, unit: FloatArray) -> FloatArray:
-    """Points of the input space, a column for each random input."""
+    """Return points of the input space, a column for each random input."""
     return np.column_stack([*joint.ppf(unit).values()])
 
 
 class _Redraws:
-    """Which parts of which blocks are still to be drawn, given what came of those before.
+    """Parts of blocks that are still to be drawn, given the results of the rounds before.
 
-    A part's rows are proposed until one is admissible, each an unconditional draw but for the
-    inputs that it shares; that is what makes the admissible one a draw of the conditional law.
+    Rows of a part are proposed until one is admissible. Each is an unconditional draw but for the
+    inputs that it shares; so the admissible one is a draw of the conditional distribution.
 
     Parameters
     ----------
     layout : BlockLayout
-        What a block consists of.
+        The parts of a block.
     A, B : ndarray, shape (block, input)
         The points of the first round.
     status : ndarray, shape (block, matrix)
-        What became of the first round.
+        The statuses of the first round.
     """
 
     def __init__(
@@ -176,7 +182,7 @@ class _Redraws:
     def proposals(
         self, joint: JointDistribution, stream: Stream
     ) -> list[tuple[FloatArray, IntArray, IntArray]]:
-        """The next points: with the block of each, and its matrix; empty where all is settled."""
+        """Return the next points, with the block and matrix of each; empty if all are drawn."""
         found = []
         for number, part in self._layout.parts.items():
             is_open = self._may_be_proposed(part) & ~self._settled[number] & ~self._dropped
@@ -188,7 +194,7 @@ class _Redraws:
         return found
 
     def _shared_points(self, part: BlockPart, blocks: IntArray, fresh: FloatArray) -> FloatArray:
-        """Fresh points, with what a part shares and, the first time, the rest from A or B."""
+        """Return new points with a part's shared inputs; the first rest is from A or B."""
         if part.anchor is None:
             return fresh
         proposed = self._proposed[part.matrix]
@@ -201,7 +207,7 @@ class _Redraws:
     def record(
         self, points: FloatArray, block: IntArray, matrix: IntArray, status: npt.NDArray[np.int8]
     ) -> None:
-        """Take what became of the proposals."""
+        """Record the results of the proposals."""
         for number in np.unique(matrix).tolist():
             taken = (matrix == number) & (status != Status.INADMISSIBLE)
             self._settled[number][block[taken]] = True

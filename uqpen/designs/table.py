@@ -12,8 +12,8 @@ import numpy.typing as npt
 from uqpen.core.columns import ColumnFile, read_columns
 from uqpen.core.errors import TableError
 from uqpen.core.files import FileSnapshot
-from uqpen.core.labels import Sampling
 from uqpen.core.lookup import choices
+from uqpen.core.sampling import Sampling
 from uqpen.core.settings import file, flag
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
@@ -34,8 +34,8 @@ class TableDesign(Design):
     file : Path
         Ends in ``.nc`` for NetCDF; anything else is read as CSV.
     independent : bool
-        Whether the points are independent draws from the law of interest, which gives statistics
-        an interval; of other points no error can be told.
+        Whether the points are independent draws from the joint distribution of interest, so that
+        statistics have an interval; for other points no error can be estimated.
     """
 
     file: Path = file()
@@ -57,7 +57,7 @@ class TableDesign(Design):
         return len(next(iter(self.columns(joint).values())))
 
     def columns(self, joint: JointDistribution) -> dict[str, npt.NDArray[np.float64]]:
-        """The table's columns in SI units.
+        """Columns of the table in SI units.
 
         Raises
         ------
@@ -87,5 +87,5 @@ class TableDesign(Design):
 
     @cached_property
     def _file(self) -> ColumnFile:
-        """The table as it stands in the file; read once, so that it cannot change in mid-study."""
+        """Table in the file; read once, so that it cannot change during a study."""
         return read_columns(self.file)

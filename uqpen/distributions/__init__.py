@@ -1,1 +1,1 @@
-"""Random inputs: distributions with units, the law that joins them, and where it ends."""
+"""Random inputs: distributions with units, their joint distribution, and constraints on it."""

@@ -1,4 +1,4 @@
-"""Constraints: where an input law ends, as comparisons that a study file writes down.
+"""Constraints on the inputs, written as comparisons in a study file.
 
 ``"plasticity_radius > crater_radius"`` or ``"impact_velocity * 2 < '3 km/s'"``: names of inputs,
 numbers, quoted quantities, ``+ - * /``, whole powers and comparisons. The text is parsed into a
@@ -49,12 +49,12 @@ _PRODUCTS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
 
 @dataclass(frozen=True)
 class Constraint:
-    """A comparison that a point must satisfy to belong to the input law.
+    """Comparison that the inputs of an admissible run must satisfy.
 
     Parameters
     ----------
     text : str
-        As its author wrote it.
+        Text of its author.
     names : frozenset of str
         The inputs that it compares.
     """
@@ -63,7 +63,7 @@ class Constraint:
     names: frozenset[str]
 
     def is_satisfied(self, inputs: Mapping[str, npt.NDArray[np.float64]]) -> npt.NDArray[np.bool_]:
-        """Where the constraint holds; false where a value in it is not finite.
+        """Return a mask of the points that satisfy it; false where a value in it is not finite.
 
         Parameters
         ----------
@@ -128,7 +128,7 @@ def _is_satisfied(tree: ast.Compare, inputs: Mapping[str, Any]) -> Any:
 
 
 def _evaluate(node: ast.expr, inputs: Mapping[str, Any]) -> Any:
-    """Value of a side in SI units; the tree has been checked by `_check_unit`."""
+    """Evaluate a side in SI units; `_check_unit` has checked the tree."""
     match node:
         case ast.Name(id=name):
             return inputs[name]
@@ -146,7 +146,7 @@ def _evaluate(node: ast.expr, inputs: Mapping[str, Any]) -> Any:
 
 
 def _check_unit(node: ast.expr, units: Mapping[str, str]) -> str:
-    """SI unit of a side; refuses whatever is not arithmetic of inputs."""
+    """Return the SI unit of a side; anything but arithmetic of inputs is an error."""
     match node:
         case ast.Name(id=name):
             if name not in units:
@@ -186,7 +186,7 @@ def _check_same_unit(found: list[str], text: str) -> None:
 
 
 def _quantity(value: object) -> Quantity:
-    """A number, or a quoted quantity of any dimension."""
+    """Read a number, or a quoted quantity of any dimension."""
     if isinstance(value, str):
         try:
             return parse_any_dimension(value)

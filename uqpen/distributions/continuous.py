@@ -1,6 +1,7 @@
-"""The laws that an input can follow, each a few formulas over `scipy.special`.
+"""Continuous distributions of an input, each a few formulas over `scipy.special`.
 
-Parameters are those of the variable itself: a lognormal's ``mean`` is its own, not its logarithm's.
+Parameters are those of the variable itself: the ``mean`` of a lognormal distribution is the mean
+of the variable, not of its logarithm.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ DISTRIBUTIONS = {
 
 @dataclass(frozen=True)
 class Normal(Distribution):
-    """The normal law."""
+    """Normal distribution."""
 
     mean: float = quantity()
     std: float = difference(above=0)
@@ -67,7 +68,7 @@ class Normal(Distribution):
 
 @dataclass(frozen=True)
 class Lognormal(Distribution):
-    """The law of a variable whose logarithm is normal; mean and std are the variable's."""
+    """Lognormal distribution; mean and std are those of the variable, not of its logarithm."""
 
     mean: float = quantity(above=0)
     std: float = difference(above=0)
@@ -91,7 +92,7 @@ class Lognormal(Distribution):
 
 @dataclass(frozen=True)
 class Uniform(Distribution):
-    """The uniform law between two values."""
+    """Uniform distribution between two values."""
 
     lower: float = quantity()
     upper: float = quantity()
@@ -114,7 +115,7 @@ class Uniform(Distribution):
 
 @dataclass(frozen=True)
 class LogUniform(Distribution):
-    """The law of a variable whose logarithm is uniform."""
+    """Log-uniform distribution: the logarithm of the variable is uniform."""
 
     lower: float = quantity(above=0)
     upper: float = quantity(above=0)
@@ -141,7 +142,7 @@ class LogUniform(Distribution):
 
 @dataclass(frozen=True)
 class Triangular(Distribution):
-    """The triangular law: densest at the mode, nothing outside lower and upper."""
+    """Triangular distribution: the density is largest at the mode, zero outside lower and upper."""
 
     lower: float = quantity()
     mode: float = quantity()
@@ -178,7 +179,7 @@ class Triangular(Distribution):
 
 @dataclass(frozen=True)
 class Beta(Distribution):
-    """The beta law, stretched from lower to upper."""
+    """Beta distribution, scaled to the range from lower to upper."""
 
     alpha: float = number(above=0)
     beta: float = number(above=0)
@@ -207,7 +208,7 @@ class Beta(Distribution):
 
 @dataclass(frozen=True)
 class Gamma(Distribution):
-    """The gamma law, by its mean and standard deviation."""
+    """Gamma distribution, given by its mean and standard deviation."""
 
     mean: float = quantity(above=0)
     std: float = difference(above=0)
@@ -235,7 +236,7 @@ class Gamma(Distribution):
 
 @dataclass(frozen=True)
 class Weibull(Distribution):
-    """The Weibull law of two parameters; `scale` is its 63.2 % quantile."""
+    """Two-parameter Weibull distribution; `scale` is its 63.2 % quantile."""
 
     shape: float = number(above=0)
     scale: float = quantity(above=0)
@@ -255,7 +256,7 @@ class Weibull(Distribution):
 
 @dataclass(frozen=True)
 class Gumbel(Distribution):
-    """The Gumbel law of largest values, by its mean and standard deviation."""
+    """Gumbel distribution of largest values, given by its mean and standard deviation."""
 
     mean: float = quantity()
     std: float = difference(above=0)
@@ -282,6 +283,6 @@ class Gumbel(Distribution):
 
 
 def _log(value: FloatArray) -> FloatArray:
-    """Logarithm with log(0) = -inf and no warning, for the ends of a law."""
+    """Return the logarithm with log(0) = -inf and no warning, for the ends of a distribution."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.log(np.maximum(value, 0.0))

@@ -1,8 +1,9 @@
-"""The copulas that a study can name, and those with one parameter.
+"""Copulas that a study can name; the copulas with one parameter.
 
 A copula of Archimedes' kind is ``psi(phi(u1) + phi(u2) + …)`` with ``phi`` the inverse of ``psi``;
-the law of one coordinate given others follows from derivatives of ``psi``. Each is inverted in
-closed form here, or by Newton's method from a start from which it converges monotonically.
+the conditional distribution of one coordinate given others follows from derivatives of ``psi``.
+Each is inverted in closed form here, or by Newton's method from a starting value from which it
+converges monotonically.
 
 Nelsen, R. B. (2006). An Introduction to Copulas. Springer, chapter 4.
 """
@@ -43,7 +44,7 @@ _STEPS = 25
 
 
 class _OneParameter(Dependence):
-    """A copula with a parameter `theta`, the same for every pair of its inputs."""
+    """Copula with a parameter `theta`, the same for every pair of its inputs."""
 
     theta: float
 
@@ -62,7 +63,7 @@ class _OneParameter(Dependence):
 
 
 class _Bivariate(_OneParameter):
-    """A copula whose conditional law is inverted for two inputs only."""
+    """Copula whose conditional distribution is inverted for two inputs only."""
 
     def check_settings(self) -> Iterator[Problem]:
         if len(self.inputs) > 2:
@@ -72,7 +73,7 @@ class _Bivariate(_OneParameter):
 
 @dataclass(frozen=True)
 class ClaytonCopula(_OneParameter):
-    """Dependence in the lower tail: small values come together."""
+    """Clayton copula, with dependence in the lower tail: small values occur together."""
 
     inputs: tuple[str, ...]
     theta: float = number(above=0, below=_STRONGEST)
@@ -96,7 +97,7 @@ class ClaytonCopula(_OneParameter):
 
 @dataclass(frozen=True)
 class GumbelCopula(_Bivariate):
-    """Dependence in the upper tail: large values come together."""
+    """Gumbel copula, with dependence in the upper tail: large values occur together."""
 
     inputs: tuple[str, ...]
     theta: float = number(above=1, below=_STRONGEST)
@@ -129,7 +130,7 @@ class GumbelCopula(_Bivariate):
 
 @dataclass(frozen=True)
 class FrankCopula(_Bivariate):
-    """Dependence without weight in the tails; a negative `theta` makes it negative."""
+    """Frank copula, without tail dependence; a negative `theta` gives negative dependence."""
 
     inputs: tuple[str, ...]
     theta: float = number(above=-100, below=100)
@@ -170,7 +171,7 @@ class FrankCopula(_Bivariate):
 
 @dataclass(frozen=True)
 class JoeCopula(_Bivariate):
-    """Dependence in the upper tail, stronger there than Gumbel's and weaker elsewhere."""
+    """Joe copula: stronger dependence in the upper tail than Gumbel's, weaker elsewhere."""
 
     inputs: tuple[str, ...]
     theta: float = number(above=1, below=_STRONGEST)

@@ -1,8 +1,9 @@
-"""How random inputs depend on each other: copulas, as maps of the unit cube onto itself.
+"""Dependence between random inputs: copulas, as maps of the unit cube onto itself.
 
-A copula is the joint law of the inputs' probabilities, apart from the law of each. Points of the
-unit cube whose coordinates are independent become points that follow the copula by the inverse of
-Rosenblatt's transformation: each coordinate in turn is the quantile of its law given those before.
+A copula is the joint distribution of the inputs' probabilities, apart from the distribution of
+each. The inverse of Rosenblatt's transformation turns points of the unit cube whose coordinates
+are independent into points that follow the copula: each coordinate in turn is the quantile of its
+conditional distribution given those before.
 
 Rosenblatt, M. (1952). Ann. Math. Stat. 23, 470-472.
 """
@@ -27,12 +28,12 @@ FloatArray = npt.NDArray[np.float64]
 
 
 class Dependence(ABC):
-    """A copula over some of the random inputs.
+    """Copula over some of the random inputs.
 
-    A subclass is a frozen dataclass of its parameters, the first of which is ``inputs``, the names
-    of those that it joins. It works on *scores*, whatever function of the probabilities its
-    formulas are simplest in. Every formula is of one run by itself, in a fixed number of steps, so
-    that a run's point does not depend on which others are computed beside it.
+    A subclass is a frozen dataclass of its parameters. The first one is ``inputs``, the names of
+    the inputs that it joins. It works on *scores*: the function of the probabilities in which its
+    formulas are simplest. Every formula treats each run by itself, in a fixed number of steps, so
+    that the point of a run does not depend on the other runs computed with it.
     """
 
     inputs: tuple[str, ...]
@@ -44,7 +45,7 @@ class Dependence(ABC):
         validate(self, self.check_settings())
 
     def check_settings(self) -> Iterator[Problem]:
-        """What is wrong between parameters that are right by themselves."""
+        """Yield the problems between parameters that are valid by themselves."""
         yield from ()
 
     def __str__(self) -> str:
@@ -53,26 +54,26 @@ class Dependence(ABC):
     @property
     @abstractmethod
     def title(self) -> str:
-        """What it is called."""
+        """Name for display."""
 
     @property
     @abstractmethod
     def description(self) -> str:
-        """Its parameters, in one line."""
+        """Parameters in one line."""
 
     @abstractmethod
     def score(self, probability: FloatArray) -> FloatArray:
-        """The score of a probability, element by element."""
+        """Convert probabilities to scores, element by element."""
 
     @abstractmethod
     def probability(self, score: FloatArray) -> FloatArray:
-        """The probability of a score."""
+        """Convert scores to probabilities."""
 
     @abstractmethod
     def conditional_score(
         self, position: int, probability: FloatArray, known: Mapping[int, FloatArray]
     ) -> FloatArray:
-        """The score below which one input lies with a probability, given those of others.
+        """Return the conditional quantile of one input's score, given the scores of others.
 
         Parameters
         ----------
@@ -85,7 +86,7 @@ class Dependence(ABC):
         """
 
     def inverse_rosenblatt(self, unit: FloatArray) -> FloatArray:
-        """Points that follow the copula, from points whose coordinates are independent.
+        """Map points with independent coordinates to points that follow the copula.
 
         Parameters
         ----------
@@ -100,7 +101,7 @@ class Dependence(ABC):
         return self.conditional_points(unit, {})
 
     def conditional_points(self, unit: FloatArray, given: Mapping[int, FloatArray]) -> FloatArray:
-        """Points that follow the copula given the probabilities of some of the inputs.
+        """Map points to the copula conditional on the probabilities of some of the inputs.
 
         Parameters
         ----------
@@ -137,7 +138,7 @@ class Dependence(ABC):
 
 
 def sum_columns(columns: Mapping[int, FloatArray]) -> FloatArray:
-    """Sum of columns in the order of their positions, run by run.
+    """Sum columns in the order of their positions, run by run.
 
     A sum over an axis of an array may go in another order where the array has another shape.
     """

@@ -1,6 +1,6 @@
-"""What a distribution of an input is.
+"""Interface of the distribution of one input.
 
-Both tails have a function each, so that a law truncated far out keeps its accuracy.
+Both tails have a function each, so that a distribution truncated far out keeps its accuracy.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ __all__ = ["OPEN_INTERVAL", "Distribution", "order_problem"]
 
 FloatArray = npt.NDArray[np.float64]
 
-# Generators give 0 now and then, and rounding 1, where the quantile of a law may be infinite: so
-# draws are taken from half a step of the generator inside.
+# Generators give 0 now and then, and rounding 1, where a quantile may be infinite: so draws are
+# kept half a step of the generator inside.
 OPEN_INTERVAL = (2.0**-54, 1 - 2.0**-53)
 
 
 class Distribution(ABC):
-    """A continuous law of one variable; probabilities go in and out as arrays of any shape.
+    """Continuous distribution of one variable; probabilities are arrays of any shape.
 
     A subclass is a frozen dataclass of its parameters, in SI units.
     """
 
     def __init_subclass__(cls) -> None:
-        # Far out, the formulas overflow on their way to 0, to 1 or to an end of the law.
+        # Far out, the formulas overflow on their way to 0, to 1 or to an end of the support.
         for name in ("ppf", "isf", "cdf", "sf"):
             if name in vars(cls):
                 setattr(cls, name, np.errstate(all="ignore")(vars(cls)[name]))
@@ -39,28 +39,28 @@ class Distribution(ABC):
         validate(self, self.check_settings())
 
     def check_settings(self) -> Iterator[Problem]:
-        """What is wrong between parameters that are right by themselves."""
+        """Yield the problems between parameters that are valid by themselves."""
         yield from ()
 
     @abstractmethod
     def ppf(self, probability: FloatArray) -> FloatArray:
-        """The value below which the law lies with the given probability."""
+        """Percent-point function: the value below which the given probability lies."""
 
     @abstractmethod
     def isf(self, probability: FloatArray) -> FloatArray:
-        """The value above which the law lies with the given probability."""
+        """Inverse survival function: the value above which the given probability lies."""
 
     @abstractmethod
     def cdf(self, value: FloatArray) -> FloatArray:
-        """Probability of lying below a value."""
+        """Cumulative distribution function: the probability below a value."""
 
     @abstractmethod
     def sf(self, value: FloatArray) -> FloatArray:
-        """Probability of lying above a value."""
+        """Survival function: the probability above a value."""
 
     @property
     def is_finite(self) -> bool:
-        """Whether every draw is a finite number."""
+        """True if every draw is a finite number."""
         try:
             ends = self.ppf(np.array([OPEN_INTERVAL[0], 0.5, OPEN_INTERVAL[1]]))
         except (ArithmeticError, SettingsError):
@@ -69,11 +69,11 @@ class Distribution(ABC):
 
     @property
     def median(self) -> float:
-        """The value that is exceeded as often as not."""
+        """Median of the distribution."""
         return float(self.ppf(np.array(0.5)))
 
 
 def order_problem(lower: float, upper: float) -> Iterator[Problem]:
-    """The problem of two ends in the wrong order, if they are."""
+    """Yield a problem if two ends are in the wrong order."""
     if not lower < upper:
         yield Problem(("upper",), f"{upper:g}", "a value above lower")

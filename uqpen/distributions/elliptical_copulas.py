@@ -1,4 +1,4 @@
-"""The copulas of the multivariate normal and Student's t laws, which a matrix describes.
+"""Copulas of the multivariate normal and Student's t distributions, given by a matrix.
 
 Fang, K. T., Kotz, S. & Ng, K. W. (1990). Symmetric Multivariate and Related Distributions.
 Chapman and Hall.
@@ -36,15 +36,15 @@ MEASURES = {
 
 
 def score_correlation(correlation: float, measure: str) -> float:
-    """The correlation of normal scores that a rank correlation stands for.
+    """Convert a rank correlation to the correlation of normal scores.
 
     Parameters
     ----------
     correlation : float
         Between -1 and 1.
     measure : str
-        One of `MEASURES`: what it is a correlation of. Kendall's is converted alike for every
-        elliptical law, Spearman's as it is for the normal one.
+        One of `MEASURES`: what it is a correlation of. The conversion of Kendall's is the same for
+        every elliptical distribution, that of Spearman's is the one of the normal distribution.
 
     References
     ----------
@@ -59,12 +59,12 @@ def score_correlation(correlation: float, measure: str) -> float:
 
 @dataclass(frozen=True)
 class EllipticalCopula(Dependence):
-    """A copula of a law whose surfaces of equal density are ellipsoids.
+    """Copula of a distribution whose surfaces of equal density are ellipsoids.
 
     Parameters
     ----------
     inputs : tuple of str
-        What it joins.
+        The inputs that it joins.
     matrix : tuple of tuple of float
         Correlations of the scores.
     """
@@ -102,14 +102,14 @@ class EllipticalCopula(Dependence):
     def _regression(
         self, position: int, known: Mapping[int, FloatArray]
     ) -> tuple[FloatArray, float]:
-        """The mean of a score given others, and how much it varies about it."""
+        """Return the conditional mean of a score given others, and its conditional scatter."""
         matrix, others = np.array(self.matrix), sorted(known)
         weights = np.linalg.solve(matrix[np.ix_(others, others)], matrix[others, position])
         mean = sum_columns({key: weights[rank] * known[key] for rank, key in enumerate(others)})
         return mean, math.sqrt(1 - float(weights @ matrix[others, position]))
 
     def _distance(self, known: Mapping[int, FloatArray]) -> FloatArray:
-        """Squared distance of known scores from the middle, in units of their own scatter."""
+        """Return the squared Mahalanobis distance of known scores from the centre."""
         others = sorted(known)
         inverse = np.linalg.inv(np.array(self.matrix)[np.ix_(others, others)])
         products = [
@@ -122,7 +122,7 @@ class EllipticalCopula(Dependence):
 
 @dataclass(frozen=True)
 class GaussianCopula(EllipticalCopula):
-    """The copula of the multivariate normal law."""
+    """Copula of the multivariate normal distribution."""
 
     measures = ("normal-scores", "ranks", "kendall")
 
@@ -145,7 +145,7 @@ class GaussianCopula(EllipticalCopula):
 
 @dataclass(frozen=True)
 class StudentCopula(EllipticalCopula):
-    """The copula of the multivariate t law: extreme values of all inputs come together.
+    """Copula of the multivariate t distribution: extreme values of all inputs occur together.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ class StudentCopula(EllipticalCopula):
 
 
 def _entry_problems(matrix: Matrix) -> Iterator[Problem]:
-    """What is wrong with single entries: the diagonal, the range, the symmetry."""
+    """Yield the problems of single entries: the diagonal, the range, the symmetry."""
     for row, values in enumerate(matrix):
         for column, value in enumerate(values):
             where = ("matrix", row, column)

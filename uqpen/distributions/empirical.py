@@ -1,4 +1,4 @@
-"""The law of an input as its measurements show it, without a named family."""
+"""Empirical distribution of an input: its measurements without a named family."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Empirical(Distribution):
-    """Quantiles that run straight from one measurement to the next.
+    """Empirical distribution: quantiles are interpolated linearly between measurements.
 
     The measurement of rank ``i`` of ``n`` is the quantile of ``(i - 1/2) / n``; beyond the first
     and the last the quantile stays what it is. So nothing is ever drawn outside the measured
@@ -70,7 +70,7 @@ class Empirical(Distribution):
 
     @cached_property
     def _steps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The distinct measurements, and the first and last position of each.
+        """Distinct measurements, and the first and last position of each.
 
         A value measured several times has a probability of its own.
         """

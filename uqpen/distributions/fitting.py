@@ -1,4 +1,4 @@
-"""A named family fitted to measurements by maximum likelihood, and how well it fits them."""
+"""Maximum-likelihood fit of a named family to measurements, and its goodness of fit."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ __all__ = ["FAMILIES", "LOWEST_P_VALUE", "NOT_FITTABLE", "DistributionFit", "fit
 
 FloatArray = npt.NDArray[np.float64]
 
-# Samples of the bootstrap: enough to tell a probability of 0.05 from 0.03 and 0.07.
+# Samples of the bootstrap: enough to distinguish a probability of 0.05 from 0.03 and 0.07.
 _SAMPLES = 999
 
-# And as many measurements in all; a hundred samples tell a bad fit from a good one still.
+# Most measurements in all samples; a hundred samples still distinguish a bad fit from a good one.
 _MOST_DRAWS = 10_000_000
 _FEWEST_SAMPLES = 99
 
-# A fit that so few samples of the fitted law itself would fit worse is called bad.
+# A fit is rejected if a smaller share than this of samples of the fitted distribution fits worse.
 LOWEST_P_VALUE = 0.05
 
 NOT_FITTABLE = {
@@ -44,7 +44,7 @@ NOT_FITTABLE = {
 
 @dataclass(frozen=True)
 class DistributionFit:
-    """A law fitted to measurements.
+    """Distribution fitted to measurements.
 
     Parameters
     ----------
@@ -54,7 +54,8 @@ class DistributionFit:
         The Kolmogorov-Smirnov distance: the largest difference between its distribution function
         and the measurements'.
     p_value : float
-        The share of samples of the fitted law, each fitted anew, that lie as far from their fit.
+        Share of samples of the fitted distribution, each fitted anew, that lie as far from their
+        fit as the measurements from theirs.
     """
 
     distribution: Distribution
@@ -63,7 +64,7 @@ class DistributionFit:
 
     @property
     def is_rejected(self) -> bool:
-        """Whether measurements of such a law would hardly look like these."""
+        """True if such measurements would be unlikely under the fitted distribution."""
         return self.p_value < LOWEST_P_VALUE
 
 
@@ -81,7 +82,7 @@ def fit_distribution(
     rng : Generator
         For the bootstrap.
     samples : int, optional
-        How many the bootstrap draws; 999, or fewer where the measurements are very many.
+        Number of bootstrap samples; 999, or fewer where there are very many measurements.
 
     Raises
     ------
@@ -155,7 +156,7 @@ def _gamma(x: FloatArray, size: float) -> Gamma:
 
 
 def _gamma_excess(shape: float) -> float:
-    """The excess ln E x - E ln x of a gamma law, between 1 / (2 shape) and 1 / shape."""
+    """Return ln E x - E ln x of a gamma distribution, between 1 / (2 shape) and 1 / shape."""
     if shape > 1e4:  # where the difference would cancel
         return 1 / (2 * shape) + 1 / (12 * shape**2)
     return math.log(shape) - float(special.digamma(shape))
@@ -189,7 +190,7 @@ def _gumbel(x: FloatArray, size: float) -> Gumbel:
 
 
 def _root(slope: Callable[[float], float], low: float, high: float, scatter: float) -> float:
-    """Where a monotonic function of a rate is zero: of the order of 1 / scatter."""
+    """Find the zero of a monotonic function of a rate; it is of the order of 1 / scatter."""
     low, high = low / scatter, high / scatter
     rising = slope(high) > slope(low)
     for _ in range(60):

@@ -1,4 +1,4 @@
-"""The law of a model's inputs: which are fixed, which are random, and how they are drawn."""
+"""Joint distribution of a model's inputs: fixed inputs, random inputs, and draws of them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class FixedInput:
     Parameters
     ----------
     variable : Input
-        What it is.
+        The input.
     value : float
         In its SI unit.
     display_unit : str
@@ -41,7 +41,7 @@ class FixedInput:
 
     @property
     def nominal(self) -> float:
-        """The value itself."""
+        """Value of the input."""
         return self.value
 
 
@@ -52,7 +52,7 @@ class RandomInput:
     Parameters
     ----------
     variable : Input
-        What it is.
+        The input.
     distribution : Distribution
         Over its SI unit.
     display_unit : str
@@ -60,9 +60,9 @@ class RandomInput:
     description : str
         The distribution as its author wrote it.
     fit : mapping of str to str, int or float
-        Where the distribution follows from measurements: how many, and how well it fits them.
+        Number of measurements and goodness of fit, if the distribution follows from measurements.
     files : tuple of FileSnapshot
-        Where those measurements stand.
+        Files of those measurements.
     """
 
     variable: Input
@@ -74,13 +74,13 @@ class RandomInput:
 
     @property
     def nominal(self) -> float:
-        """The median: the one value that exists for every law and lies inside it."""
+        """Median: the one value that exists for every distribution and lies inside its support."""
         return self.distribution.median
 
 
 @dataclass(frozen=True)
 class JointDistribution:
-    """The inputs of a study, in the model's order; the random ones independent or joined.
+    """Joint distribution of a study's inputs, in the model's order, independent or with a copula.
 
     Parameters
     ----------
@@ -108,27 +108,27 @@ class JointDistribution:
 
     @property
     def files(self) -> tuple[FileSnapshot, ...]:
-        """The files that its distributions follow from, as they stood when they were read."""
+        """Snapshots of the files from which its distributions follow."""
         return tuple(file for entry in self.random for file in entry.files)
 
     @property
     def is_independent(self) -> bool:
-        """Whether the random inputs are independent of each other."""
+        """True if the random inputs are independent of each other."""
         return self.dependence is None
 
     def nominal(self) -> dict[str, float]:
-        """One value for each input: the fixed one, or the median."""
+        """Return one value for each input: the fixed one, or the median."""
         return {entry.variable.name: entry.nominal for entry in self.inputs}
 
     def points(self, unit: FloatArray, coordinates: Mapping[str, FloatArray]) -> xr.Dataset:
-        """Points of the input space from points of the unit cube.
+        """Map points of the unit cube to the input space.
 
         Parameters
         ----------
         unit : ndarray, shape (run, random input)
             Independent probabilities, one column for each random input in order.
         coordinates : mapping of str to ndarray, shape (run,)
-            What an analysis will need of the design: the replicate, say.
+            Coordinates of the design for an analysis, such as the replicate.
 
         Returns
         -------
@@ -141,7 +141,7 @@ class JointDistribution:
     def conditional_probabilities(
         self, unit: FloatArray, given: Mapping[int, FloatArray]
     ) -> FloatArray:
-        """Draws of the random inputs' probabilities, given those of some of them.
+        """Draw probabilities of the random inputs, given those of some of them.
 
         Parameters
         ----------
@@ -149,12 +149,12 @@ class JointDistribution:
             Independent probabilities; the columns of given inputs are not looked at.
         given : mapping of int to ndarray, shape (run,)
             By position in `random`, the probability below each given value: 0.5 for a median.
-            With none, draws are of the law itself.
+            With none, draws are of the joint distribution itself.
 
         Returns
         -------
         ndarray, shape (run, random input)
-            What `ppf` takes. The given columns stand as they are given; of independent inputs,
+            Argument for `ppf`. The given columns stand as they are given; of independent inputs,
             the others do so too.
         """
         points = np.clip(unit, *OPEN_INTERVAL)
@@ -169,12 +169,12 @@ class JointDistribution:
         return points
 
     def ppf(self, probabilities: FloatArray) -> dict[str, FloatArray]:
-        """The random inputs' values in SI units, from their probabilities.
+        """Return the random inputs' values in SI units, from their probabilities.
 
         Parameters
         ----------
         probabilities : ndarray, shape (run, random input)
-            Of lying below the value, for each input by itself.
+            Probability below the value, for each input by itself.
         """
         inside = np.clip(probabilities, *OPEN_INTERVAL)
         return {
@@ -190,7 +190,7 @@ def points_dataset(
     *,
     runs: int,
 ) -> xr.Dataset:
-    """Points as a dataset, with the law's fixed inputs wherever `values` has none."""
+    """Return points as a dataset; fixed inputs that `values` does not contain are added."""
     fixed = {entry.variable.name: entry.value for entry in joint.fixed}
     variables: dict[str, Any] = {}
     for variable in joint.variables:

@@ -30,12 +30,12 @@ __all__ = [
 
 FloatArray = npt.NDArray[np.float64]
 
-# Between the least and the greatest of n measurements lie (n - 1) / (n + 1) of the law on average.
-# An empirical law has nothing else; with ten it has 82 %.
+# On average, a share (n - 1) / (n + 1) of the distribution lies between the least and the greatest
+# of n measurements. An empirical distribution has nothing else; with ten it has 82 %.
 FEWEST = 10
 
-# A family adds the rest of the law; more measurements than its two parameters have to stand against
-# it before it can be said to fit.
+# A family adds the rest of the distribution. More measurements than its two parameters are needed
+# to check the fit.
 FEWEST_FOR_A_FAMILY = 5
 
 
@@ -53,12 +53,12 @@ class Measurements:
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """The columns of the file; raises TableError where it cannot be read."""
+        """Columns of the file; TableError if it cannot be read."""
         return self._column_file.columns
 
     @property
     def source(self) -> FileSnapshot:
-        """The file as it stood when it was read; raises TableError where it cannot be."""
+        """Snapshot of the file; TableError if it cannot be read."""
         return self._column_file.file
 
     @cached_property
@@ -66,7 +66,7 @@ class Measurements:
         return read_columns(self.file)
 
     def column(self, heading: str) -> Column:
-        """The column with a heading, with its unit or without.
+        """Return the column with a heading, which may include its unit.
 
         Parameters
         ----------
@@ -97,7 +97,7 @@ class Measurements:
 def check_measurements(
     values: FloatArray, column: Column, variable: Input, *, fewest: int
 ) -> Iterator[Problem]:
-    """What keeps measurements, in SI units, from being those of an input."""
+    """Check measurements of an input, in SI units, and yield the problems."""
     if len(values) < fewest:
         yield Problem((), f"{len(values)} measurements", f"at least {fewest}")
     elif len(np.unique(values)) < 2:
@@ -111,12 +111,12 @@ def check_measurements(
 
 
 def value_text(value: float, unit: str) -> str:
-    """A value in SI units as a person reads it."""
+    """Format a value given in SI units for display."""
     return _with_unit(scale(unit).from_si(value), unit)
 
 
 def parameters_text(distribution: Distribution, unit: str) -> str:
-    """The parameters of a law in one line, in a unit of its variable."""
+    """Return the parameters of a distribution in one line, in a unit of its variable."""
     parts = []
     for field, setting in declared_settings(distribution):
         value = getattr(distribution, field.name)

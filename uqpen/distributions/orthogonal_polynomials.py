@@ -1,4 +1,4 @@
-"""Orthogonal polynomials of an input's law, by their three-term recurrence, and Gauss's rule.
+"""Orthogonal polynomials of a distribution, by their three-term recurrence, and Gauss's rule.
 
 The coefficients belong to a standardised variable t = (x - location) / scale, so that they stay
 near one whatever the unit of x:
@@ -26,34 +26,34 @@ __all__ = ["Recurrence", "recurrence"]
 
 FloatArray = npt.NDArray[np.float64]
 
-# A law is integrated over z, where Φ(z) is the probability below: up to here, where Φ(-z) is the
-# smallest probability but for a few that a double can hold.
+# A distribution is integrated over z, where Φ(z) is the probability below. The range ends here,
+# where Φ(-z) is almost the smallest probability that a double can represent.
 _FARTHEST = 37.0
-# Every law has a value up to here, where draws of it end
+# Every distribution has a value up to here, where its draws end
 # (`uqpen.distributions.distribution.OPEN_INTERVAL`).
 _GIVEN_UP = 8.2
 _PANELS = 148
 _NODES_PER_PANEL = 20
-# Two halves of a panel must agree with the whole to this, relative to the whole law's spread.
+# Two halves of a panel must agree with the whole to this, relative to the distribution's spread.
 _AGREEMENT = 1e-14
 # A panel is halved until what it holds of a corner or a jump is below rounding.
 _HALVINGS = 48
-# A law of n values has n polynomials; what is left for the next is rounding.
+# A distribution of n values has n polynomials; the remainder for the next is rounding.
 _NOTHING = 1e-10
-# An empirical law may have a jump in every panel; more would take too long.
+# An empirical distribution may have a jump in every panel; more would take too long.
 _MOST_PANELS = 20_000
 
 
 @dataclass(frozen=True)
 class Recurrence:
-    """Three-term recurrence of a law's monic orthogonal polynomials in t.
+    """Three-term recurrence of the monic orthogonal polynomials in t of a distribution.
 
     Parameters
     ----------
     alpha, beta : ndarray, shape (order + 1,)
-        The coefficients; ``beta[0]`` is 1, the probability of the whole law.
+        The coefficients; ``beta[0]`` is 1, the total probability.
     location, scale : float
-        What makes t of a value: t = (x - location) / scale.
+        Parameters of the standardised variable: t = (x - location) / scale.
     """
 
     alpha: FloatArray
@@ -63,29 +63,29 @@ class Recurrence:
 
     @property
     def mean(self) -> float:
-        """The law's mean."""
+        """Mean of the distribution."""
         return self.location + self.scale * float(self.alpha[0])
 
     @property
     def std(self) -> float:
-        """The law's standard deviation; it takes the recurrence up to order 1 at least."""
+        """Standard deviation of the distribution; needs the recurrence up to order 1 at least."""
         return self.scale * math.sqrt(self.beta[1])
 
     @property
     def is_finite(self) -> bool:
-        """Whether all coefficients are numbers that lead to a rule with real nodes."""
+        """True if all coefficients are finite and lead to a rule with real nodes."""
         is_number = np.isfinite(self.alpha).all() and np.isfinite(self.beta).all()
         return bool(is_number and (self.beta > 0).all())
 
     def gauss(self, nodes: int) -> tuple[FloatArray, FloatArray]:
-        """Gauss's rule: exact for polynomials up to degree 2 `nodes` - 1.
+        """Compute Gauss's rule, exact for polynomials up to degree 2 `nodes` - 1.
 
         Golub, G. H. & Welsch, J. H. (1969). Math. Comput. 23, 221-230.
 
         Parameters
         ----------
         nodes : int
-            How many; the recurrence must reach order `nodes` - 1.
+            Number of nodes; the recurrence must reach order `nodes` - 1.
 
         Returns
         -------
@@ -99,12 +99,12 @@ class Recurrence:
 
 
 def recurrence(distribution: Distribution, order: int) -> Recurrence:
-    """The recurrence of a law's orthogonal polynomials up to an order.
+    """Compute the recurrence of a distribution's orthogonal polynomials up to an order.
 
     Parameters
     ----------
     distribution : Distribution
-        Any law with a quantile function. The classical ones have formulas; the coefficients of any
+        Any one with a quantile function. The classical ones have formulas; the coefficients of any
         other are those of its quantile function, integrated to rounding.
     order : int
         The highest k of the coefficients.
@@ -128,7 +128,7 @@ def _legendre(distribution: Uniform, k: FloatArray) -> Recurrence:
 
 def _laguerre(distribution: Gamma, k: FloatArray) -> Recurrence:
     shape = (distribution.mean / distribution.std) ** 2
-    # Over the standard deviation, and from the mean, as a large shape is close to a normal law.
+    # Over the standard deviation, and from the mean, as a large shape is nearly normal.
     beta = np.where(k > 0, k * (1 + (k - 1) / shape), 1.0)
     return Recurrence(2 * k / math.sqrt(shape), beta, distribution.mean, distribution.std)
 
@@ -151,7 +151,7 @@ def _jacobi(distribution: Beta, k: FloatArray) -> Recurrence:
 def _stieltjes_wigert(distribution: Lognormal, k: FloatArray) -> Recurrence:
     ratio = distribution.std / distribution.mean
     q = 1 + ratio**2
-    # In units of the mean; (q^k - 1) keeps its figures where the law is narrow.
+    # In units of the mean; (q^k - 1) keeps its digits for a narrow distribution.
     excess = np.expm1(k * math.log1p(ratio**2))
     alpha = q ** (k - 1) * (q * excess + excess + q) - 1
     beta = np.where(k > 0, q ** (3 * k - 3) * excess, 1.0)
@@ -170,7 +170,7 @@ _FORMULAS: dict[type, Callable[..., Recurrence]] = {
 
 
 def _discretized_stieltjes(distribution: Distribution, k: FloatArray) -> Recurrence:
-    """The coefficients by Stieltjes's procedure on many nodes of the law.
+    """Compute the coefficients by Stieltjes's procedure on many nodes of the distribution.
 
     Gautschi, W. (2004). Orthogonal Polynomials: Computation and Approximation, section 2.2.
     """
@@ -194,10 +194,10 @@ def _discretized_stieltjes(distribution: Distribution, k: FloatArray) -> Recurre
 
 
 def _distribution_nodes(distribution: Distribution) -> tuple[FloatArray, FloatArray]:
-    """Values of a law with weights, so many that they stand for it.
+    """Discretise a distribution: values with weights, enough to represent it.
 
     Gauss's rule on panels of z, halved where the quantile function is not smooth: at the mode of a
-    triangle, at the values of an empirical law.
+    triangle, at the values of an empirical distribution.
     """
     ends = np.linspace(-_FARTHEST, _FARTHEST, _PANELS + 1)
     lower, upper = ends[:-1], ends[1:]
@@ -227,7 +227,7 @@ def _has_converged(
     values: FloatArray,
     weights: FloatArray,
 ) -> npt.NDArray[np.bool_]:
-    """On which panels the first two moments are those of both their halves."""
+    """Return a mask of the panels whose first two moments agree with those of their halves."""
     low, middle, high = _values(distribution, np.array([-1.0, 0.0, 1.0]))
     between = (lower + upper) / 2
     moments = np.zeros((2, len(lower)))
@@ -247,18 +247,18 @@ def _has_converged(
 def _panel_nodes(
     distribution: Distribution, lower: FloatArray, upper: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Values of a law at the nodes of each panel of z, and their probability weights."""
+    """Return values at the nodes of each panel of z, and their probability weights."""
     nodes, weights = special.roots_legendre(_NODES_PER_PANEL)
     half = (upper - lower)[:, None] / 2
     z = (lower[:, None] + half) + half * nodes
     density = np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)
     values = _values(distribution, z)
-    # Some inverse functions give up far out, where a law has no probability to speak of.
+    # Some inverse functions fail far out, where the probability is negligible.
     is_number = np.isfinite(values) | (np.abs(z) < _GIVEN_UP)
     return np.where(is_number, values, 0.0), np.where(is_number, half * weights * density, 0.0)
 
 
 def _values(distribution: Distribution, z: FloatArray) -> FloatArray:
-    """The law's values at standard normal quantiles, each tail from its own probability."""
+    """Return values at standard normal quantiles, each tail from its own probability."""
     tail = special.ndtr(-np.abs(z))
     return np.where(z < 0, distribution.ppf(tail), distribution.isf(tail))

@@ -19,14 +19,16 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Truncated(Distribution):
-    """A law given that it lies between two values; the parent keeps its parameters.
+    """Truncated distribution: its parent, conditional on lying between two values.
+
+    The parent keeps its parameters.
 
     Parameters
     ----------
     parent : Distribution
-        The law before truncation.
+        The distribution before truncation.
     lower, upper : float
-        What is left; infinite for an open end.
+        Ends of the truncated support; infinite for an open end.
     """
 
     parent: Distribution
@@ -60,7 +62,7 @@ class Truncated(Distribution):
         return (parent.cdf(upper) - parent.cdf(x)) / self._mass()
 
     def _is_upper_tail(self) -> bool:
-        """Whether what is left lies in the parent's upper half, where 1 - F is the exact one."""
+        """Check that the support lies in the parent's upper half, where 1 - F is accurate."""
         return bool(self.parent.cdf(np.array(self.lower)) > 0.5)
 
     def _has_mass(self) -> bool:

@@ -1,4 +1,4 @@
-"""A model over points: every run ends with a status, and none ends the study."""
+"""Execution of a model over points: every run gets a status, and no failed run ends the study."""
 
 from __future__ import annotations
 

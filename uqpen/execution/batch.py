@@ -1,19 +1,19 @@
-"""What executors are given and give back: batches of runs, and what came of each."""
+"""Arguments and results of executors: batches of runs, and the result of each batch."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.core.labels import Status
 from uqpen.core.limits import Limits
 from uqpen.core.model import Results
+from uqpen.core.status import Status
 
-__all__ = ["Batch", "BatchResult", "Map", "Work", "join_results"]
+__all__ = ["Batch", "BatchResult", "Map", "PacedMap", "Work", "join_results"]
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,12 @@ class Batch:
         return len(next(iter(self.inputs.values())))
 
     def halves(self) -> Iterator[Batch]:
-        """The same runs as two batches; there are two at least."""
+        """Split the batch into two; it must have two runs at least."""
         middle = len(self) // 2
         yield from (self._slice(0, middle), self._slice(middle, len(self)))
 
     def singles(self) -> Iterator[Batch]:
-        """The same runs, each as a batch."""
+        """Split the batch into batches of one run."""
         return (self._slice(run, run + 1) for run in range(len(self)))
 
     def _slice(self, begin: int, end: int) -> Batch:
@@ -50,16 +50,16 @@ class Batch:
 
 @dataclass(frozen=True)
 class BatchResult:
-    """What came of a batch, or of a part of one.
+    """Result of a batch, or of a part of one.
 
     Parameters
     ----------
     start : int
         The number of its first run.
     results : Results
-        Of it and of those that follow.
+        The results of that run and of those that follow.
     warnings : tuple of str
-        What Python has warned of meanwhile, which changes no result.
+        Warnings that Python issued meanwhile; they change no result.
     """
 
     start: int
@@ -71,7 +71,7 @@ class BatchResult:
 
 
 def join_results(results: Sequence[Results]) -> Results:
-    """Results of batches that follow each other as those of one, of which there is at least one."""
+    """Join the results of one or more consecutive batches."""
     if len(results) == 1:
         return results[0]
     starts = np.cumsum([0, *(len(each.status) for each in results)])
@@ -91,31 +91,47 @@ def join_results(results: Sequence[Results]) -> Results:
 
 
 class Work(Protocol):
-    """What is done with a batch."""
+    """Work on a batch: a callable that makes its runs."""
 
     @property
     def limits(self) -> Limits:
-        """What one run may use."""
+        """Resource limits of one run."""
         ...
 
     @property
     def is_untrusted(self) -> bool:
-        """Whether it calls code that can hang or kill the process it is called in."""
+        """True if it calls code that can hang or kill the process it is called in."""
         ...
 
     @property
     def retries(self) -> int:
-        """How often a run that was lost is made again."""
+        """Number of further attempts at a missing run."""
         ...
 
     def __call__(self, batch: Batch, /) -> BatchResult:
-        """What came of a batch."""
+        """Return the result of a batch."""
         ...
 
     def failed_result(self, batch: Batch, status: Status, reason: str) -> BatchResult:
-        """What comes of a batch whose runs were all lost to the same."""
+        """Return the result of a batch whose runs all failed for one reason."""
         ...
 
 
-# As the built-in `map`, which is one; but pieces may come in any order, and a batch in several.
+# Like the built-in `map`, which is one; but results may come in any order, several for a batch.
 Map = Callable[[Work, Iterable[Batch]], Iterable[BatchResult]]
+
+
+@runtime_checkable
+class PacedMap(Protocol):
+    """Map that declares the intended duration of a batch, as sending one takes time.
+
+    Attributes
+    ----------
+    worth_sending : float
+        Seconds.
+    """
+
+    worth_sending: float
+
+    def __call__(self, work: Work, batches: Iterable[Batch], /) -> Iterable[BatchResult]:
+        """Yield the results of batches, in any order."""

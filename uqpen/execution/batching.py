@@ -1,4 +1,4 @@
-"""How runs are cut into batches."""
+"""Division of runs into batches."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ BoolArray = npt.NDArray[np.bool_]
 # Into how many batches the runs of a vectorised model are divided, how small and how large.
 _BATCHES, _SMALLEST = 16, 1024
 
-# How long the runs should take, in seconds, that are sent in one batch; none may be so long that
-# much is lost with it, nor so short that sending it takes longer than making it.
+# Intended duration of the runs of one batch, in seconds: a crash must not
+# cost too many runs, and sending a batch must not take longer than making its runs.
 WORTH_SENDING = 0.01
 _MOST_AT_ONCE = 1024
 
@@ -30,7 +30,7 @@ _WINDOW = 32
 
 
 def vectorized_batches(columns: Columns, done: BoolArray) -> Iterator[Batch]:
-    """Batches for a model that takes many runs at a time.
+    """Yield batches for a model that takes many runs at a time.
 
     They follow from how many runs there are, and from nothing else: a function of the user's own
     may give other last bits in another batch. So one that is not wholly done is made as a whole.
@@ -40,7 +40,7 @@ def vectorized_batches(columns: Columns, done: BoolArray) -> Iterator[Batch]:
     columns : mapping of str to ndarray, shape (run,)
         The inputs.
     done : ndarray of bool, shape (run,)
-        Which runs have been made before.
+        Mask of the runs that have been made before.
     """
     runs = len(done)
     size = min(max(-(-runs // _BATCHES), _SMALLEST), BLOCK)
@@ -50,18 +50,18 @@ def vectorized_batches(columns: Columns, done: BoolArray) -> Iterator[Batch]:
 
 
 def scalar_batches(columns: Columns, done: BoolArray, pace: Pace) -> Iterator[Batch]:
-    """Batches for a model that takes a run at a time, as large as its pace makes sense of.
+    """Yield batches for a model that takes a run at a time; their size depends on its pace.
 
     Parameters
     ----------
     columns : mapping of str to ndarray, shape (run,)
         The inputs.
     done : ndarray of bool, shape (run,)
-        Which runs have been made before.
+        Mask of the runs that have been made before.
     pace : Pace
-        How fast they come back.
+        The rate at which runs complete.
     """
-    # Where a stretch of runs to make begins, and where it ends.
+    # Start and end of each stretch of runs to make.
     edges = np.flatnonzero(np.diff(~done, prepend=False, append=False))
     for start, end in edges.reshape(-1, 2).tolist():
         while start < end:
@@ -71,14 +71,14 @@ def scalar_batches(columns: Columns, done: BoolArray, pace: Pace) -> Iterator[Ba
 
 
 class Pace:
-    """How fast runs come back, which no result depends on.
+    """Rate at which runs complete; no result depends on it.
 
     Parameters
     ----------
     worth_sending : float
-        How long the runs should take that are sent at once, in seconds.
+        Intended duration of the runs that are sent at once, in seconds.
     is_alone : bool
-        Whether each run has to be by itself, as a limit on its time is kept.
+        Whether each run is sent by itself, because its time is limited.
     """
 
     def __init__(self, worth_sending: float, *, is_alone: bool = False) -> None:
@@ -87,12 +87,12 @@ class Pace:
         self._answers: deque[tuple[float, int]] = deque(maxlen=_WINDOW)
 
     def record(self, runs: int) -> None:
-        """Note that so many runs have come back."""
+        """Record a number of runs that have just completed."""
         self._answers.append((time.monotonic(), runs))
 
     @property
     def size(self) -> int:
-        """How many runs are worth sending at once."""
+        """Number of runs worth sending at once."""
         if self._is_alone or len(self._answers) < 2:
             return 1
         took = self._answers[-1][0] - self._answers[0][0]

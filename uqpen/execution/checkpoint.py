@@ -1,4 +1,4 @@
-"""Who keeps what is done, should the program end before all is."""
+"""Interface of a checkpoint, which stores finished runs in case the program is interrupted."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ __all__ = ["Checkpoint"]
 
 
 class Checkpoint:
-    """Who keeps the runs of a model over points; this one keeps none."""
+    """Store of finished runs of a model over points; this base class stores none."""
 
     def restore(self, inputs: Mapping[str, npt.NDArray[np.float64]]) -> Iterator[BatchResult]:
-        """The runs at these points that were kept before.
+        """Yield the stored runs at these points.
 
         Parameters
         ----------
@@ -28,4 +28,4 @@ class Checkpoint:
     def save(
         self, inputs: Mapping[str, npt.NDArray[np.float64]], batch_result: BatchResult
     ) -> None:
-        """Keep a piece of the runs at these points."""
+        """Store a batch result of the runs at these points."""

@@ -1,45 +1,30 @@
-"""Runs that a process does not make itself, but a child of its own, which it can end."""
+"""Execution of runs in a child of this process, which can be killed."""
 
 from __future__ import annotations
 
 import atexit
 import os
 import threading
-from typing import TYPE_CHECKING
 
 from uqpen.execution.batch import Batch, BatchResult, Work, join_results
+from uqpen.execution.processes import ProcessPool
 
-if TYPE_CHECKING:
-    from uqpen.execution.processes import ProcessPool
+__all__ = ["run_in_child"]
 
-__all__ = ["is_child_process", "mark_as_child_process", "run_in_child"]
-
-_is_child_process = False
 _children: dict[int, ProcessPool] = {}
 # A cluster's worker may have several threads, and they share the child.
 _one_at_a_time = threading.Lock()
 
 
-def is_child_process() -> bool:
-    """Whether this process is one that another can end, should a run hang."""
-    return _is_child_process
-
-
-def mark_as_child_process() -> None:
-    """Say that this process is one that another can end."""
-    global _is_child_process
-    _is_child_process = True
-
-
 def run_in_child(work: Work, batch: Batch, pickled: bytes = b"") -> BatchResult:
-    """What came of a batch in a child of this process, which is there from the first one on.
+    """Run a batch in a child of this process; the first call starts it, later ones use it again.
 
     Parameters
     ----------
     work : Work
-        Whose limits are kept.
+        Its limits are enforced.
     batch : Batch
-        If a run of it kills the child, that one is lost as *crashed*, and no other.
+        If one of its runs kills the child, that run fails as *crashed*, and no other.
     pickled : bytes
         The work as it is sent to the child; empty where it has not been pickled yet.
     """
@@ -59,8 +44,6 @@ def run_in_child(work: Work, batch: Batch, pickled: bytes = b"") -> BatchResult:
 
 
 def _child_pool() -> ProcessPool:
-    from uqpen.execution.processes import ProcessPool
-
     process = os.getpid()
     if process not in _children:
         _children[process] = ProcessPool(1)

@@ -1,4 +1,4 @@
-"""Runs on a Dask cluster: any number of machines, started by whatever starts Dask there."""
+"""Execution on a Dask cluster: any number of machines on which Dask has been started."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["Cluster", "cluster"]
 # Batches that are under way, for each thread of the cluster: one to work on, others on their way.
 _AHEAD = 16
 
-# How long it may take to reach the scheduler, in seconds.
+# Time limit for reaching the scheduler, in seconds.
 _PATIENCE = 15
 
 # Who logs what becomes of connections; the second has a level of its own.
@@ -32,7 +32,7 @@ _LOGS = ("distributed", "distributed.client", "tornado.application")
 
 @contextmanager
 def cluster(scheduler: str) -> Iterator[Cluster]:
-    """A cluster that makes runs, as a map like the built-in.
+    """Connect to a cluster that makes runs; yield it as a map like the built-in.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def cluster(scheduler: str) -> Iterator[Cluster]:
         raise ClusterError(
             'a Dask cluster needs the extra "cluster": pip install "uqpen[cluster]"'
         ) from None
-    # What becomes of a connection is told by errors; its log would stand in the tables.
+    # Errors report the state of a connection; its log would interrupt the printed tables.
     for name in _LOGS:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     is_file = "://" not in scheduler
@@ -84,7 +84,7 @@ class Cluster:
         self._client = client
 
     def __call__(self, work: Work, batches: Iterable[Batch]) -> Iterator[BatchResult]:
-        """What came of batches, as it comes."""
+        """Yield the results of batches as they complete."""
         from distributed import as_completed
 
         call = TaskQueue(work, batches, _AHEAD * self._threads())
@@ -110,13 +110,13 @@ class Cluster:
                 self._client.cancel(list(under_way), force=True)
 
     def _threads(self) -> int:
-        """How many batches the cluster can work on at once, now."""
+        """Return the number of batches that the cluster can work on at once, now."""
         return max(1, sum(self._client.nthreads().values()))
 
     def _record(
         self, call: TaskQueue, future: Future[BatchResult], task: Task, batch_result: BatchResult
     ) -> None:
-        """Note what came of a task."""
+        """Record the result of a task."""
         from distributed import KilledWorker
 
         if future.status == "finished":
@@ -127,18 +127,18 @@ class Cluster:
         error: BaseException = future.exception()
         if not isinstance(error, KilledWorker):
             raise error
-        # The model runs in a child of the worker: whatever killed that, it was not the model.
+        # The model runs in a child of the worker, so the model did not kill the worker.
         call.record_death(task, "its worker was ended several times")
 
 
 def _run_batch(pickled: bytes, batch: Batch) -> BatchResult:
-    """What came of a batch, on a worker of the cluster."""
+    """Run a batch on a worker of the cluster."""
     work = _load_work(pickled)
     return run_in_child(work, batch, pickled) if work.is_untrusted else work(batch)
 
 
 @functools.lru_cache(maxsize=16)
 def _load_work(pickled: bytes) -> Work:
-    """Work that was sent; a model of the user's own is loaded once."""
+    """Unpickle the work that was sent; a model of the user's own is loaded once."""
     work: Work = pickle.loads(pickled)
     return work

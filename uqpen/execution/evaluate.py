@@ -1,4 +1,4 @@
-"""A model over points: a dataset of its runs."""
+"""Evaluation of a model over points, as a dataset of its runs."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, REPLICATE, ROLE, RUN, STATUS, Status
+from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, REPLICATE, ROLE, RUN, STATUS
 from uqpen.core.model import Category, Model, Output
-from uqpen.execution.batch import Batch, BatchResult, Map
+from uqpen.core.status import Status
+from uqpen.execution.batch import Batch, BatchResult, Map, PacedMap
 from uqpen.execution.batching import WORTH_SENDING, Pace, scalar_batches, vectorized_batches
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.evaluator import Evaluator, EvaluatorWork
@@ -42,24 +43,24 @@ def evaluate(
     display_units : mapping of str to str
         The unit to show an input or output in, where it is not the model's own.
     map : callable
-        Like the built-in: where batches of points become runs.
+        Like the built-in; it makes the runs of batches.
     progress : Progress, optional
-        Told how far it is.
+        Receives progress reports.
     checkpoint : Checkpoint, optional
-        Who has kept runs before, and keeps those that are done.
+        Restores runs made before, and stores finished ones.
     failures : FailurePolicy, optional
-        What is done about runs that are lost.
+        Retries of missing runs, and how many may be missing.
 
     Returns
     -------
     Dataset
-        The points with an output variable each along ``run``, ``status(run)``, and the reasons of
-        lost runs along their own dimension.
+        The points, a variable for each output along ``run``, ``status(run)``, and the reasons of
+        failed runs along their own dimension.
 
     Raises
     ------
     TooManyFailedError
-        If more runs were lost than are allowed.
+        If more runs are missing than allowed.
     """
     progress, checkpoint, failures = (
         progress or Progress(),
@@ -76,7 +77,8 @@ def evaluate(
         model.record_files(batch_result.results.files)
     if record.done.any():
         progress.count_restored(int(record.done.sum()))
-    pace = Pace(getattr(map, "worth_sending", WORTH_SENDING), is_alone=bool(model.enforced_limits))
+    worth_sending = map.worth_sending if isinstance(map, PacedMap) else WORTH_SENDING
+    pace = Pace(worth_sending, is_alone=bool(model.enforced_limits))
     batches = record.count_batches(
         vectorized_batches(columns, record.done.copy())
         if model.vectorized
@@ -98,7 +100,7 @@ def evaluate(
 
 
 class _RunRecord:
-    """Runs as they are made: what has come of each so far."""
+    """Record of the results of all runs so far."""
 
     def __init__(self, outputs: Sequence[Output], runs: int) -> None:
         self.done = np.zeros(runs, dtype=np.bool_)
@@ -108,19 +110,19 @@ class _RunRecord:
         self._reasons: dict[int, str] = {}
 
     def count_batches(self, batches: Iterator[Batch]) -> Iterator[Batch]:
-        """Batches, their runs counted as under way."""
+        """Yield batches and count their runs as in progress."""
         for batch in batches:
             self.under_way += len(batch)
             yield batch
 
     def add(self, batch_result: BatchResult) -> None:
-        """Put what came of some runs where it belongs."""
+        """Insert the results of some runs."""
         runs, results = (
             slice(batch_result.start, batch_result.start + len(batch_result)),
             batch_result.results,
         )
         if self.done[runs].any():
-            # A batch of which some runs were kept before is made as a whole.
+            # A batch with some restored runs is made as a whole.
             for run in range(batch_result.start, batch_result.start + len(batch_result)):
                 self._reasons.pop(run, None)
         self.done[runs] = True
@@ -132,12 +134,12 @@ class _RunRecord:
         }
 
     def variables(self, outputs: Sequence[Output]) -> dict[str, Any]:
-        """All runs as variables of a dataset."""
+        """Return all runs as variables of a dataset."""
         variables: dict[str, Any] = {}
         for output in outputs:
             values: npt.NDArray[Any] = self._outputs[output.name]
             if output.categories:
-                # A lost run is of no kind, which is a kind of its own among whole numbers.
+                # A failed run has no category, which integers express as a category of its own.
                 values = np.where(np.isnan(values), -1, values).astype(np.int8)
             variables[output.name] = (RUN, values)
         variables[STATUS] = (RUN, self._status)
@@ -150,7 +152,7 @@ class _RunRecord:
 
 
 def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, str]) -> None:
-    """Say of every variable what it is, as the CF conventions do."""
+    """Add attributes to every variable, following the CF conventions."""
     for role, variables in (("input", model.inputs), ("output", model.outputs)):
         for variable in variables:
             if variable.name in runs:
@@ -178,7 +180,7 @@ def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, 
 
 
 def _category_attributes(categories: Sequence[Category]) -> dict[str, Any]:
-    """Attributes of an output with kinds; those of no kind are the lost runs."""
+    """Return the attributes of a categorical output; failed runs have a category of their own."""
     flags = _flag_attributes(
         range(-1, len(categories)), ["lost", *(kind.flag for kind in categories)]
     )

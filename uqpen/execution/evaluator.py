@@ -1,4 +1,4 @@
-"""A model with the domain of its inputs: every run ends with a status, and none ends the study."""
+"""Model with the domain of its inputs: every run gets a status, and none ends the study."""
 
 from __future__ import annotations
 
@@ -11,38 +11,39 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.core.labels import Status
 from uqpen.core.limits import Limits
 from uqpen.core.model import Arrays, Model, Results, violated_conditions
+from uqpen.core.status import Status
 from uqpen.distributions.constraints import Constraint
 from uqpen.execution.batch import Batch, BatchResult
-from uqpen.execution.child_process import is_child_process, run_in_child
+from uqpen.execution.child_process import run_in_child
+from uqpen.execution.process_role import is_child_process
 
 __all__ = ["Evaluator", "EvaluatorWork"]
 
 FloatArray = npt.NDArray[np.float64]
 
-# Of one batch; a model may warn at every run.
+# Most warnings of one batch; a model may warn at every run.
 _MOST_WARNINGS = 16
 
 
 @dataclass(frozen=True)
 class Evaluator:
-    """A model with the domain of its inputs, as one call over a batch.
+    """Model with the domain of its inputs, as one call over a batch.
 
     Parameters
     ----------
     model : Model
-        What is run.
+        The model to run.
     constraints : sequence of Constraint
-        Where the input law ends; points outside are inadmissible and not run.
+        Constraints on the inputs; points that violate one are inadmissible and not run.
     """
 
     model: Model
     constraints: Sequence[Constraint] = ()
 
     def __call__(self, inputs: dict[str, FloatArray]) -> Results:
-        """Results of a batch of points, given in SI units."""
+        """Return the results of a batch of points, given in SI units."""
         if self.model.enforced_limits and not is_child_process():
             return run_in_child(EvaluatorWork(self), Batch(0, inputs)).results
         runs = len(next(iter(inputs.values())))
@@ -77,7 +78,7 @@ class Evaluator:
         status: npt.NDArray[np.int8],
         reasons: dict[int, str],
     ) -> None:
-        """Put a model's results where they belong, and look for what is not finite."""
+        """Insert a model's results, and mark the runs with values that are not finite."""
         status[runs] = results.status
         reasons.update({int(runs[run]): reason for run, reason in results.reasons.items()})
         for name, values in results.outputs.items():
@@ -92,14 +93,14 @@ class Evaluator:
 
 @dataclass(frozen=True)
 class EvaluatorWork:
-    """An evaluator as work for an executor.
+    """Evaluator as work for an executor.
 
     Parameters
     ----------
     evaluator : Evaluator
-        What makes the runs of a batch.
+        It makes the runs of a batch.
     retries : int
-        How often a run that was lost is made again.
+        Number of further attempts at a missing run.
     """
 
     evaluator: Evaluator
@@ -107,16 +108,16 @@ class EvaluatorWork:
 
     @property
     def limits(self) -> Limits:
-        """What one run may use."""
+        """Resource limits of one run."""
         return self.evaluator.model.enforced_limits
 
     @property
     def is_untrusted(self) -> bool:
-        """Whether the model can hang or kill the process it is called in."""
+        """True if the model can hang or kill the process it is called in."""
         return self.evaluator.model.is_untrusted
 
     def __call__(self, batch: Batch) -> BatchResult:
-        """What came of a batch."""
+        """Return the result of a batch."""
         if self.limits and not is_child_process():
             return run_in_child(self, batch)
         with warnings.catch_warnings(record=True) as caught:
@@ -125,7 +126,7 @@ class EvaluatorWork:
         return BatchResult(batch.start, results, tuple(messages)[:_MOST_WARNINGS])
 
     def failed_result(self, batch: Batch, status: Status, reason: str) -> BatchResult:
-        """What comes of a batch whose runs were all lost to the same."""
+        """Return the result of a batch whose runs all failed for one reason."""
         runs = len(batch)
         outputs = {output.name: np.full(runs, np.nan) for output in self.evaluator.model.outputs}
         statuses = np.full(runs, status, dtype=np.int8)
@@ -133,7 +134,7 @@ class EvaluatorWork:
         return BatchResult(batch.start, Results(outputs, statuses, reasons))
 
     def _evaluate_with_retries(self, inputs: Arrays) -> Results:
-        """Results of a batch; what was lost is tried again, each run by itself."""
+        """Return the results of a batch; retry its missing runs, each by itself."""
         results = self.evaluator(dict(inputs))
         for _ in range(self.retries):
             for run in np.flatnonzero(results.status > Status.INADMISSIBLE).tolist():
@@ -143,7 +144,7 @@ class EvaluatorWork:
 
 
 def _replace_run(results: Results, run: int, one: Results) -> Results:
-    """Results with those of a single run in the place of its own."""
+    """Return results with those of a single run replaced."""
     outputs = {name: values.copy() for name, values in results.outputs.items()}
     status, reasons = results.status.copy(), dict(results.reasons)
     for name, values in one.outputs.items():

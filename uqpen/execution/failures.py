@@ -1,4 +1,4 @@
-"""What is done about runs that are lost."""
+"""Policy for missing runs: retries, and the largest allowed share."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from uqpen.core.errors import TooManyFailedError
-from uqpen.core.labels import STATUS_TEXT, Status
+from uqpen.core.settings import count, share, validate
+from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution.batch import BatchResult
 
 __all__ = ["FailureCount", "FailurePolicy"]
@@ -18,30 +19,40 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class FailurePolicy:
-    """How often lost runs are made again, and how many of them are one too many.
+    """Number of retries of missing runs, and the share of runs that may be missing.
 
     Parameters
     ----------
     retry : int
-        How often a run that was lost is made again; one that is inadmissible never is.
+        Number of further attempts at a missing run; an inadmissible run is never tried again.
     at_most : float
-        The share of a design's runs that may be lost, from 0 to 1.
+        The share of a design's runs that may be missing, from 0 to 1.
     """
 
-    retry: int = 0
-    at_most: float = 1.0
+    retry: int = count(
+        minimum=0,
+        maximum=100,
+        default=0,
+        expected="how often a lost run is made again, a whole number from 0 to 100",
+    )
+    at_most: float = share(
+        default=1.0, expected='the share of runs that may be lost, such as "5 %"'
+    )
+
+    def __post_init__(self) -> None:
+        validate(self)
 
 
 @dataclass
 class FailureCount:
-    """The runs that a model has lost in a design so far.
+    """Count of a model's missing runs in a design so far.
 
     Parameters
     ----------
     allowed : float
-        The share that may be lost, from 0 to 1.
+        The share that may be missing, from 0 to 1.
     runs : int
-        How many runs there are in all.
+        Number of runs in all.
     """
 
     allowed: float
@@ -51,7 +62,7 @@ class FailureCount:
     counted: set[int] = field(default_factory=set)
 
     def add(self, batch_result: BatchResult) -> int:
-        """Count those of a piece that are new; how many it has.
+        """Count the missing runs of a batch result that are new, and return their number.
 
         A batch of a vectorised model is made again as a whole where some of it is missing.
 
@@ -69,7 +80,7 @@ class FailureCount:
         self.counted.update(batch_result.start + run for run in failed)
         self.statuses.update(Status(int(status[run])) for run in failed)
         self.reasons.update(batch_result.results.reasons[run] for run in failed)
-        # 29 of 100 are no more than 0.29, whatever that times 100 is.
+        # 29 of 100 are no more than 0.29, although 0.29 * 100 < 29 in floating point.
         if failed and self.statuses.total() > self.allowed * self.runs * (1 + _ROUNDING):
             raise TooManyFailedError(self._message())
         return len(failed)

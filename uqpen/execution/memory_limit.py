@@ -1,4 +1,4 @@
-"""A limit on the memory of this process, for as long as a run lasts."""
+"""Limit on the memory of this process during a run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CAN_LIMIT = sys.platform == "linux"
 
 @contextlib.contextmanager
 def limit_memory(memory: int | None) -> Iterator[None]:
-    """While this lasts, this process cannot take so much memory more than it has.
+    """Limit the additional memory of this process within this context.
 
     Parameters
     ----------

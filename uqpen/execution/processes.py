@@ -1,4 +1,4 @@
-"""Runs on several processes of this machine: the same results, sooner."""
+"""Execution on several processes of this machine; results do not depend on them."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ _AHEAD = 2
 
 @contextmanager
 def processes(workers: int) -> Iterator[ProcessPool]:
-    """Processes that make runs, as a map like the built-in.
+    """Start processes that make runs; yield them as a map like the built-in.
 
-    It takes batches as they are needed, and yields what came of them as it comes. A worker that
-    dies is replaced and its batch tried again, then halved, until the run that kills it is alone:
-    that run is lost as *crashed*, and no other.
+    The map takes batches as they are needed, and yields their results as they complete. A worker
+    that dies is replaced. Its batch is tried again, then halved, until the run that kills it is
+    alone: that run fails as *crashed*, and no other.
 
     Parameters
     ----------
     workers : int
-        How many. No result depends on it.
+        Number of processes. No result depends on it.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def processes(workers: int) -> Iterator[ProcessPool]:
 
 
 class ProcessPool:
-    """Workers, and what they work on; `processes` makes one."""
+    """Pool of workers and their tasks; `processes` makes one."""
 
     def __init__(self, workers: int) -> None:
         self._size = workers
@@ -60,7 +60,7 @@ class ProcessPool:
     def __call__(
         self, work: Work, batches: Iterable[Batch], pickled: bytes = b""
     ) -> Iterator[BatchResult]:
-        """What came of batches, as it comes."""
+        """Yield the results of batches as they complete."""
         call = TaskQueue(work, batches, _AHEAD * self._size, pickled)
         try:
             while call.fill():
@@ -82,7 +82,7 @@ class ProcessPool:
             self._workers.append(Worker())
 
     def stop_workers(self) -> None:
-        """Let all workers leave."""
+        """Ask all workers to end."""
         for worker in self._workers:
             worker.stop()
         for worker in self._workers:
@@ -96,7 +96,7 @@ class ProcessPool:
         self._workers.clear()
 
     def _wait_for_workers(self, call: TaskQueue) -> None:
-        """Wait until workers have answered or died, and note what came of their tasks."""
+        """Wait until workers have answered or died, and record the results of their tasks."""
         speakers = {sign: worker for worker in self._workers for sign in worker.waitables}
         late_at = min(worker.late_at for worker in self._workers)
         patience = None if late_at == math.inf else max(0.0, late_at - time.monotonic())
@@ -110,7 +110,7 @@ class ProcessPool:
                 call.record_timeout(worker.task)
 
     def _receive(self, worker: Worker, call: TaskQueue) -> None:
-        """Note what a worker has answered, or that it has died."""
+        """Record the answer of a worker, or its death."""
         try:
             answer = worker.receive()
         except WorkerDiedError as death:
@@ -126,7 +126,7 @@ class ProcessPool:
             call.complete(answer)
 
     def _remove_dead(self, worker: Worker, call: TaskQueue, reason: str) -> None:
-        """Do without a worker that has died."""
+        """Remove a worker that has died."""
         self._workers.remove(worker)
         worker.kill()
         if not worker.is_ready:

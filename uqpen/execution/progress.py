@@ -1,4 +1,4 @@
-"""Who is told how far a study is."""
+"""Interface of progress reports."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ __all__ = ["Progress"]
 
 
 class Progress:
-    """Who wants to know how far a study is; this one does not."""
+    """Receiver of progress reports of a study; this base class ignores them."""
 
     def start_preparation(self, model: str) -> None:
-        """The model is being made ready; the first time, that may mean compiling it."""
+        """Report that the model is being prepared; the first time, it may be compiled."""
 
     def start_design(self, name: str, runs: int) -> None:
-        """A design begins, with about this many runs."""
+        """Report the start of a design, with its approximate number of runs."""
 
     def count_restored(self, runs: int) -> None:
-        """So many of its runs were made before, and are not made again."""
+        """Report a number of runs that were made before, and are not made again."""
 
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
-        """So many runs more are done, of which some were lost; others have been begun."""
+        """Report finished runs, the missing ones among them, and the runs in progress."""
 
     def start_analysis(self) -> None:
-        """All runs are done; what they tell is being worked out."""
+        """Report that all runs are done, and that their analysis begins."""
 
     def warn(self, text: str) -> None:
-        """Something was worth a warning, which changes no result."""
+        """Report a warning, which changes no result."""
         warnings.warn(text, RuntimeWarning, stacklevel=2)

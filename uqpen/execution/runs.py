@@ -7,18 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROUND, RUN, STATUS, Status
+from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROUND, RUN, STATUS
+from uqpen.core.status import Status
 
 __all__ = ["join_rounds", "status_counts", "worst_status_runs"]
 
 
 def join_rounds(rounds: Sequence[xr.Dataset]) -> xr.Dataset:
-    """The runs of several rounds as those of one design, numbered through.
+    """Join the runs of several rounds of a design and number them consecutively.
 
     Parameters
     ----------
     rounds : sequence of Dataset
-        What `evaluate` returned, at least one.
+        Results of `evaluate`, at least one.
 
     Returns
     -------
@@ -44,17 +45,17 @@ def join_rounds(rounds: Sequence[xr.Dataset]) -> xr.Dataset:
 
 
 def worst_status_runs(runs: Sequence[xr.Dataset]) -> xr.Dataset:
-    """The runs of the first of several models, lost where any of them lost its run.
+    """Return the runs of the first of several models, failed where the run of any model failed.
 
     Parameters
     ----------
     runs : sequence of Dataset
-        Of several models at the same points, at least one.
+        Runs of several models at the same points, at least one.
 
     Returns
     -------
     Dataset
-        Where a point is inadmissible to one model, it is so; else with the gravest status.
+        Runs that are inadmissible to one model are inadmissible; others have the highest status.
     """
     first, *others = runs
     if not others:
@@ -66,6 +67,6 @@ def worst_status_runs(runs: Sequence[xr.Dataset]) -> xr.Dataset:
 
 
 def status_counts(runs: xr.Dataset) -> dict[Status, int]:
-    """How many runs ended with each status."""
+    """Count the runs with each status."""
     counts = np.bincount(runs[STATUS].values.astype(np.int64), minlength=len(Status))
     return {status: int(counts[status]) for status in Status}

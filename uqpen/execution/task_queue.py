@@ -1,4 +1,4 @@
-"""One call of an executor's map: what is to be done, what is done, and what is tried again."""
+"""State of one call of an executor's map: tasks to start, results, and retries."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from uqpen.core.errors import ModelError
-from uqpen.core.labels import Status
+from uqpen.core.status import Status
 from uqpen.execution.batch import Batch, BatchResult, Work
 
 __all__ = ["TRIES", "Task", "TaskQueue"]
 
-# How often a run, or the start of a worker, is tried: what kills the one may come from outside.
+# Attempts at a run, or at the start of a worker: its death may have an external cause.
 TRIES = 3
 
 
 @dataclass
 class Task:
-    """A batch, and what it has cost.
+    """Batch with the number of its failed attempts.
 
     Parameters
     ----------
     batch : Batch
-        What is to be done.
+        The runs to make.
     deaths : int
-        How many workers have died of it.
+        Number of workers that died while running it.
     delays : int
-        How often it was ended because its time was over.
+        Number of times it was ended because its time was over.
     """
 
     batch: Batch
@@ -37,16 +37,16 @@ class Task:
 
 
 class TaskQueue:
-    """What nobody has begun, and what is done and not yet told.
+    """Queue of tasks to start, and of results not yet fetched.
 
     Parameters
     ----------
     work : Work
-        What is done with batches.
+        The work on each batch.
     batches : iterable of Batch
         Taken as they are needed.
     most : int
-        How many may be under way, or taken to be begun next.
+        Largest number of batches in progress or waiting to be started.
     pickled : bytes
         The work as it is sent to workers; empty where it has not been pickled yet.
     """
@@ -63,7 +63,7 @@ class TaskQueue:
         self._batch_results: list[BatchResult] = []
 
     def fill(self) -> bool:
-        """Take batches as long as not too many are under way; whether there are any."""
+        """Take batches up to the limit; return True if there are tasks to start or in progress."""
         while len(self._tasks) + self._busy < self._most:
             batch = next(self._coming, None)
             if batch is None:
@@ -73,38 +73,38 @@ class TaskQueue:
 
     @property
     def has_tasks(self) -> bool:
-        """Whether there is something to begin."""
+        """True if there is a task to start."""
         return bool(self._tasks)
 
     def start(self) -> Task:
-        """The next task, which somebody works on from now on."""
+        """Return the next task and count it as in progress."""
         self._busy += 1
         return self._tasks.popleft()
 
     def start_all(self) -> Iterator[Task]:
-        """All tasks that are there, which somebody works on from now on."""
+        """Yield all waiting tasks and count them as in progress."""
         while self._tasks:
             yield self.start()
 
     def complete(self, batch_result: BatchResult) -> None:
-        """Note what came of a task."""
+        """Record the result of a task."""
         self._busy -= 1
         self._batch_results.append(batch_result)
 
     def record_death(self, task: Task, reason: str) -> None:
-        """Note that a task's worker has died of it: it is tried again, then halved, then lost."""
+        """Record that a task killed its worker: it is tried again, then halved, then failed."""
         task.deaths += 1
         tries = max(TRIES, 1 + self.work.retries)
         self._retry_or_fail(task, Status.CRASHED, reason, again=task.deaths < tries)
 
     def record_timeout(self, task: Task) -> None:
-        """Note that a task was ended because its time was over."""
+        """Record that a task was ended because its time was over."""
         task.delays += 1
         reason = self.work.limits.timeout_reason
         self._retry_or_fail(task, Status.TIMED_OUT, reason, again=task.delays <= self.work.retries)
 
     def completed(self) -> Iterator[BatchResult]:
-        """What is done, once."""
+        """Yield each new result once."""
         batch_results, self._batch_results = self._batch_results, []
         yield from batch_results
 
@@ -121,7 +121,7 @@ class TaskQueue:
 
 
 def _pickle_work(work: Work) -> bytes:
-    """What workers are sent; a function of the user's own goes as a reference to its file."""
+    """Pickle the work for workers; a user's own function becomes a reference to its file."""
     try:
         return pickle.dumps(work)
     except (pickle.PicklingError, AttributeError, TypeError) as error:

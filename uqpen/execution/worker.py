@@ -1,4 +1,4 @@
-"""A process that makes runs, as it sees itself and as it is seen by the one that started it."""
+"""Worker process: its own loop, and its handle in the process that started it."""
 
 from __future__ import annotations
 
@@ -23,33 +23,46 @@ import numpy as np
 
 from uqpen.core.limits import Limits
 from uqpen.execution.batch import Batch, BatchResult, Work
-from uqpen.execution.child_process import mark_as_child_process
 from uqpen.execution.memory_limit import limit_memory
+from uqpen.execution.process_role import mark_as_child_process
 
-__all__ = ["Worker", "WorkerDiedError"]
+__all__ = ["Worker", "WorkerDiedError", "preload_in_workers"]
 
-# How many models, each loaded once, a worker keeps.
+# Number of models, each loaded once, that a worker keeps.
 _KNOWN = 16
 
-# The system takes 107 bytes for a socket's path, of which Python's own names need up to 33.
+# The system allows 107 bytes for a socket's path; Python's own names need up to 33 of them.
 _LONGEST_FOLDER = 70
 
-# How long a worker may take to leave once it is told to, in seconds.
+# Time that a worker may take to end once it is asked to, in seconds.
 _PATIENCE = 5.0
 
 # Exit codes that nobody is left to read.
 _INTERRUPTED, _ORPHANED = 130, 1
 
-# What most of the start-up of a worker is spent on: models, and the program that started it.
-_PRELOADED = ["uqpen.execution", "uqpen.cli.main"]
+# What most of the start-up of a worker is spent on, besides what the program that starts it names.
+_PRELOADED = ["uqpen.execution"]
+_further_preloaded: list[str] = []
+
+
+def preload_in_workers(module: str) -> None:
+    """Let workers that are started from now on share a module that has been loaded.
+
+    Parameters
+    ----------
+    module : str
+        Of the program that starts them, which they import as their main module.
+    """
+    if module not in _further_preloaded:
+        _further_preloaded.append(module)
 
 
 class WorkerDiedError(Exception):
-    """A worker is no more; the message says what became of it."""
+    """Death of a worker; the message gives the cause."""
 
 
 class Worker:
-    """A process of its own, which is sent one batch at a time.
+    """Handle of a worker process, which is sent one batch at a time.
 
     Never a fork of this process: nothing of its state, its threads or its random numbers can get
     into a run.
@@ -70,23 +83,23 @@ class Worker:
 
     @property
     def is_idle(self) -> bool:
-        """Whether it waits for something to do."""
+        """True if it is ready and has no task."""
         return self.is_ready and self.task is None
 
     @property
     def waitables(self) -> tuple[Any, int]:
-        """What to wait for: an answer, or its end."""
+        """Objects to wait on: its connection, for a message, and its sentinel, for its end."""
         return self.connection, self._process.sentinel
 
     @property
     def has_message(self) -> bool:
-        """Whether there is an answer, or its end."""
+        """True if it has sent a message or has ended."""
         return bool(wait(self.waitables, 0))
 
     def send(self, task: Any, work: bytes, limits: Limits) -> None:
-        """Have `work`, a pickled callable, done on the batch of a task.
+        """Send `work`, a pickled callable, and the batch of a task to it.
 
-        Its time begins when it has been loaded there, which it is once.
+        The time of the task begins when the worker has loaded the callable, which it does once.
         """
         self.task = task
         self._seconds = math.inf if limits.seconds is None else limits.seconds
@@ -98,22 +111,22 @@ class Worker:
             self.connection.send((work, task.batch, limits.bytes))
 
     def mark_started(self) -> None:
-        """Note that it is ready, and has begun what it was given."""
+        """Record that it is ready, and has begun its task."""
         self.is_ready = True
         if self.task is not None:
             self.late_at = time.monotonic() + self._seconds
 
     def mark_done(self) -> None:
-        """Note that it has answered."""
+        """Record that it has answered."""
         self.task, self.late_at = None, math.inf
 
     def receive(self) -> BatchResult | BaseException | None:
-        """What it has sent, None if that is only that it is ready.
+        """Receive its message; None only means that it is ready.
 
         Raises
         ------
         WorkerDiedError
-            If it has sent nothing, which is so only after its end.
+            If it has sent nothing because it has ended.
         """
         try:
             if self.connection.poll():
@@ -125,17 +138,17 @@ class Worker:
         raise WorkerDiedError(_exit_text(self._process.exitcode))
 
     def stop(self) -> None:
-        """Tell it to leave when it is done."""
+        """Ask it to end when it has finished its task."""
         with contextlib.suppress(OSError):
             self.connection.send(None)
 
     def join(self) -> None:
-        """Wait for it to leave, but not for long."""
+        """Wait a short time for its end."""
         self._process.join(_PATIENCE)
         self.kill()
 
     def kill(self) -> None:
-        """End it, whatever it does, and what its run has started."""
+        """Kill it and all processes that its run has started."""
         # If it has ended already, its number may be that of another group.
         if sys.platform != "win32" and self._process.pid and self._process.is_alive():
             with contextlib.suppress(ProcessLookupError, PermissionError):
@@ -146,7 +159,7 @@ class Worker:
 
 
 def _worker_loop(connection: Connection[Any, Any]) -> None:
-    """Make batches of runs until told to leave, or nobody is left to tell."""
+    """Run batches until asked to end, or until the parent process is gone."""
     signal.signal(signal.SIGINT, lambda *_: os._exit(_INTERRUPTED))
     if sys.platform != "win32":
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
@@ -180,7 +193,7 @@ def _start_process_group() -> None:
 
 
 def _exit_with_parent() -> None:
-    """End this process in the middle of a run, if the one that wants its results has ended."""
+    """End this process, even during a run, if its parent process has ended."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -196,7 +209,7 @@ def _run_batch(
     batch: Batch,
     memory: int | None,
 ) -> BatchResult | BaseException:
-    """What came of a batch, or what was raised in its place."""
+    """Return the result of a batch, or the exception that was raised instead."""
     try:
         if pickled not in known:
             while len(known) >= _KNOWN:
@@ -211,21 +224,21 @@ def _run_batch(
 
 
 def _start_context() -> ForkServerContext | SpawnContext:
-    """How workers start: anew, or on Linux as forks of a server that has done nothing else."""
+    """Return the start method: a new process, or on Linux a fork of a server made for this."""
     # The server listens at a path in the folder of temporary files, which must not be too long.
     if sys.platform != "linux" or len(os.fsencode(tempfile.gettempdir())) > _LONGEST_FOLDER:
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(_PRELOADED)
+    context.set_forkserver_preload([*_PRELOADED, *_further_preloaded])
     return context
 
 
 @contextlib.contextmanager
 def _allow_children() -> Iterator[None]:
-    """While this lasts, a process may start another even if it is somebody's daemon.
+    """Allow a daemonic process to start child processes within this context.
 
-    A worker of Dask is. The rule is there since daemons are killed without further ado and leave
-    their children behind; those of ours leave by themselves.
+    A worker of Dask is daemonic. Python forbids children of daemonic processes, as these are killed
+    without cleanup and leave their children behind. Our children end by themselves.
     """
     configuration: dict[str, Any] = getattr(multiprocessing.current_process(), "_config", {})
     is_daemon = configuration.pop("daemon", None)
@@ -238,7 +251,7 @@ def _allow_children() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _defer_interrupts() -> Iterator[None]:
-    """While this lasts, Ctrl-C waits; who is started meanwhile lets it wait until he is ready."""
+    """Defer Ctrl-C within this context; a process started here defers it until it is ready."""
     if sys.platform == "win32":
         yield
         return
@@ -252,9 +265,9 @@ def _defer_interrupts() -> Iterator[None]:
 
 
 def _exit_text(code: int | None) -> str:
-    """What became of a process, in words.
+    """Describe the end of a process in words.
 
-    >>> _end(-9), _end(3)
+    >>> _exit_text(-9), _exit_text(3)
     ('the run ended its process: Killed', 'the run ended its process: exit code 3')
     """
     how = f"exit code {code}"

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
+from uqpen.archive.estimates import interval_text
 from uqpen.core.labels import INTERVAL_LEVEL, NOTE
 from uqpen.core.units import Scale
-from uqpen.figures.style import SourceStyle
-from uqpen.figures.texts import plain_text
 from uqpen.results.digits import percent_text
+from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.source_style import SourceStyle
+from uqpen.results.texts import plain_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,20 +60,40 @@ class Curve:
     runs: int
 
     @classmethod
-    def from_group(cls, name: str, cdfs: xr.Dataset, output: str, measure: Scale) -> Curve:
-        """The function of an output out of a group of an archive."""
-        band = cdfs[f"{output}_band"]
+    def from_source(
+        cls, name: str, statistics: SourceStatistics, source: str, output: str, measure: Scale
+    ) -> Curve | None:
+        """Take the function of an output out of an archive.
+
+        Parameters
+        ----------
+        name : str
+            The curve's.
+        statistics : SourceStatistics
+        source, output : str
+        measure : Scale
+            Of the unit that is shown.
+
+        Returns
+        -------
+        Curve or None
+            None where the source has no such function, or none of its values is finite.
+        """
+        values = statistics.get(source, output, "cdf_value")
+        band = statistics.get(source, output, "cdf_band")
+        if values is None or band is None or not np.isfinite(values.values).any():
+            return None
         return cls(
             name,
-            np.asarray(measure.from_si(cdfs[output].values), dtype=np.float64),
+            np.asarray(measure.from_si(values.values), dtype=np.float64),
             np.asarray(band.values, dtype=np.float64),
             float(band.attrs.get(INTERVAL_LEVEL, np.nan)),
-            str(band.attrs.get(NOTE, "")),
-            int(cdfs.attrs.get("runs_used", 0)),
+            interval_text(band[0], NOTE),
+            int(band.attrs.get("runs_used", 0)),
         )
 
     def extended(self, lower: float, upper: float) -> Curve:
-        """The same, continued to where an axis begins and ends: nothing below, nothing above.
+        """Return the curve continued to both ends of an axis: nothing below, nothing above.
 
         The band is of the whole function, so it goes on with the width that it has.
         """
@@ -87,19 +108,19 @@ class Curve:
         return replace(self, values=values, band=band)
 
     def thinned(self) -> Curve:
-        """The same at fewer ranks, as a thin line needs no more."""
+        """Return the curve at fewer ranks, as a thin line needs no more."""
         if self.is_stepped:
             return self
         return replace(self, values=self.values[::_STRIDE], band=self.band[::_STRIDE])
 
     @property
     def is_stepped(self) -> bool:
-        """Whether so few values are told apart that steps between them can be seen."""
+        """True if the distinct values are so few that steps between them can be seen."""
         return self.runs < _FEW or np.unique(self.values).size < _FEW
 
     @property
     def has_band(self) -> bool:
-        """Whether it says how sure it is."""
+        """True if the curve has a confidence band."""
         return bool(np.isfinite(self.band[:, 1:]).any())
 
 
@@ -140,7 +161,7 @@ def draw_band(axes: Axes, curve: Curve, colour: str, *, exceeding: bool = False)
 def axis_span(
     every: Sequence[FloatArray], marked: Sequence[float] = ()
 ) -> tuple[float, float, bool]:
-    """Where an axis of values begins and ends, and whether it leaves a long tail out.
+    """Return the ends of an axis of values, and whether it leaves a long tail out.
 
     Parameters
     ----------
@@ -157,7 +178,7 @@ def axis_span(
 
 
 def _axis_limits(values: FloatArray) -> tuple[float, float, float, float]:
-    """Where all but a long tail lies, and where all lies."""
+    """Return the range without a long tail, then the lowest and the highest value."""
     finite = values[np.isfinite(values)]
     lowest, low, high, highest = np.quantile(finite, [0, 0.005, 0.995, 1])
     reach = _LONG * (high - low)

@@ -10,16 +10,16 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.interval_metadata import interval_metadata
-from uqpen.archive.read import group_names, read_group
-from uqpen.core.labels import CDFS, EXCEEDANCE, INTERVAL_LABEL, INTERVAL_LEVEL, REFUSED, UNCHECKED
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.archive.estimates import interval_text
+from uqpen.core.catalogue import THRESHOLD
+from uqpen.core.labels import INTERVAL_LABEL, INTERVAL_LEVEL, REFUSED, UNCHECKED
 from uqpen.figures.curves import Curve, axis_span, draw_band, draw_curve
 from uqpen.figures.estimate_dots import error_bar_lengths
 from uqpen.figures.panel import Panel
-from uqpen.figures.style import BLACK, GREY
-from uqpen.figures.texts import plain_text
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, percent_text
+from uqpen.results.source_style import BLACK, GREY
+from uqpen.results.texts import plain_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,13 +54,13 @@ def exceedance(view: ArchiveView) -> Iterator[Panel]:
 
 
 def distribution_curves(view: ArchiveView, output: str) -> list[Curve]:
-    """The distribution functions of all sources; first that of the one asked for, or a design."""
-    found = [
-        Curve.from_group(source, read_group(view.tree, CDFS, source), output, view.scale(output))
-        for source in view.sources
-        if source in group_names(view.tree, CDFS) and output in read_group(view.tree, CDFS, source)
-    ]
-    found = [curve for curve in found if np.isfinite(curve.values).any()]
+    """Return the functions of all sources; first that of the one asked for, or a design."""
+    statistics, measure = view.statistics, view.scale(output)
+    curves = (
+        Curve.from_source(source, statistics, source, output, measure)
+        for source in statistics.sources
+    )
+    found = [curve for curve in curves if curve is not None]
     if view.source is None:
         return found
     first = [curve for curve in found if curve.name == view.source]
@@ -88,7 +88,7 @@ def _draw_exceedance(view: ArchiveView, output: str, curve: Curve, axes: Axes) -
     curve = curve.extended(lower, upper)
     yield from draw_band(axes, curve, appearance.colour, exceeding=True)
     draw_curve(axes, curve, appearance, is_thick=True, exceeding=True)
-    probabilities = read_group(view.tree, EXCEEDANCE, curve.name).get(output)
+    probabilities = view.statistics.get(curve.name, output, "exceedance")
     axes.set_xlim(lower, upper)
     yield from _mark(axes, view, output, at_foot=False)
     smallest = 1.0
@@ -113,12 +113,12 @@ def _draw_exceedance(view: ArchiveView, output: str, curve: Curve, axes: Axes) -
 def _draw_thresholds(
     axes: Axes, probabilities: xr.DataArray, view: ArchiveView, output: str
 ) -> None:
-    """The probabilities of exceeding the values that the study asks for."""
-    places = view.scale(output).from_si(_threshold_values(probabilities, output))
-    written = probabilities[f"{output}_threshold"].values
+    """Draw the probabilities of exceeding the values that the study asks for."""
+    places = view.scale(output).from_si(_threshold_values(probabilities))
+    written = probabilities[THRESHOLD].values
     for number, place in enumerate(places):
         bounds = probabilities.values[number]
-        label = interval_metadata(probabilities[number], INTERVAL_LABEL)
+        label = interval_text(probabilities[number], INTERVAL_LABEL)
         verdict = f" {label}" if label in (REFUSED, UNCHECKED) else ""
         caption = f"P({plain_text(output, 30)} > {plain_text(str(written[number]), 20)})"
         has_interval = np.isfinite(bounds[1:]).any()
@@ -136,18 +136,15 @@ def _draw_thresholds(
 
 
 def thresholds(view: ArchiveView, output: str) -> dict[str, float]:
-    """The values whose exceedance the study asks for, as written, in the unit that is shown."""
-    for _, dataset in view.source_groups(EXCEEDANCE):
-        if output in dataset:
-            written = dataset[f"{output}_threshold"].values
-            values = _threshold_values(dataset[output], output)
-            shown = view.scale(output).from_si(values).tolist()
-            return dict(zip(map(str, written), shown, strict=True))
+    """Return the values whose exceedance the study asks for, as written and in the unit shown."""
+    for probabilities in view.estimates(output, "exceedance").values():
+        shown = view.scale(output).from_si(_threshold_values(probabilities)).tolist()
+        return dict(zip(map(str, probabilities[THRESHOLD].values), shown, strict=True))
     return {}
 
 
-def _threshold_values(probabilities: xr.DataArray, output: str) -> FloatArray:
-    return np.asarray(probabilities[f"{output}_threshold_value"].values, dtype=np.float64)
+def _threshold_values(probabilities: xr.DataArray) -> FloatArray:
+    return np.asarray(probabilities["threshold_value"].values, dtype=np.float64)
 
 
 def _mark(axes: Axes, view: ArchiveView, output: str, *, at_foot: bool) -> Iterator[str]:
@@ -181,7 +178,7 @@ def _write_along(axes: Axes, place: float, text: str, *, at_foot: bool) -> None:
 
 
 def exceedance_span(view: ArchiveView, output: str, curve: Curve) -> tuple[float, float, bool]:
-    """Where the axis ends: where the tail has all but ended, but after the values asked for.
+    """Return the ends of the axis, past most of the tail and past the values asked for.
 
     Not after those so far away that nothing could be seen of the rest.
     """

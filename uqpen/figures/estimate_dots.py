@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.interval_metadata import interval_metadata
+from uqpen.archive.estimates import interval_text
 from uqpen.core.labels import INTERVAL_LABEL, INTERVAL_LEVEL, REFUSED
-from uqpen.figures.style import SourceStyle
 from uqpen.results.digits import percent_text
+from uqpen.results.source_style import SourceStyle
 from uqpen.results.table import Conversion
 
 if TYPE_CHECKING:
@@ -63,19 +63,19 @@ class EstimateDot:
         look: SourceStyle,
         label: str = "",
     ) -> EstimateDot:
-        """An estimate of an archive, along ``bound``, in another unit."""
+        """Take an estimate of an archive, along ``bound``, and convert it."""
         return cls(
             np.asarray(convert(array.values), dtype=np.float64),
             place,
             look,
             label,
-            interval_metadata(array, INTERVAL_LABEL) == REFUSED,
+            interval_text(array, INTERVAL_LABEL) == REFUSED,
             float(array.attrs.get(INTERVAL_LEVEL, math.nan)),
         )
 
     @property
     def has_interval(self) -> bool:
-        """Whether any of its bounds is one."""
+        """True if at least one bound of the interval is finite."""
         return bool(np.isfinite(self.bounds[1:]).any())
 
 

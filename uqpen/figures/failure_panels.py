@@ -1,30 +1,30 @@
-"""How many runs were lost, to what, and where among the inputs."""
+"""The number of failed runs, their reasons, and where they lie among the inputs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import group_names, read_group
-from uqpen.core.labels import INPUT, RUN, RUNS, STATUS_TEXT, STATUSES, Status
+from uqpen.archive.read import read_group
+from uqpen.core.labels import INPUT, RUN, RUNS, STATUS
+from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import status_counts
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.estimate_dots import EstimateDot, draw_dots
 from uqpen.figures.panel import Panel
-from uqpen.figures.style import GREY, source_style
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.source_style import GREY, source_style
 from uqpen.results.table import identity
-from uqpen.statistics.failure_analysis import FAILURES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["ASSOCIATIONS", "failed_run_counts", "failure_panels"]
 
-# What is told of the inputs of lost runs, and what a person reads.
+# The statistics of the inputs of lost runs, and their names in a legend.
 ASSOCIATIONS = (("larger", "larger"), ("further_out", "further out"))
 
 
@@ -37,20 +37,17 @@ def failure_panels(view: ArchiveView) -> Iterator[Panel]:
         height = 0.9 + 0.3 * len(failed)
         yield Panel(title, partial(_draw_shares, view, failed), height, tuple(failed))
     for design in designs:
-        if design in group_names(view.tree, FAILURES):
-            associations = read_group(view.tree, FAILURES, design)
-            if not any(
-                np.isfinite(associations[name].values[:, 0]).any() for name, _ in ASSOCIATIONS
-            ):
-                continue
-            inputs = tuple(map(str, associations[INPUT].values))
+        failures = view.statistics.failures(design)
+        associations = {name: failures[name] for name, _ in ASSOCIATIONS if name in failures}
+        if any(np.isfinite(each.values[:, 0]).any() for each in associations.values()):
+            inputs = tuple(map(str, next(iter(associations.values()))[INPUT].values))
             title = view.title(f"{design}: inputs of lost runs")
             height = 0.9 + 0.3 * len(inputs)
             yield Panel(title, partial(_draw_associations, associations), height, inputs)
 
 
 def failed_run_counts(view: ArchiveView, design: str) -> dict[Status, int]:
-    """How many runs of a design were lost in which way; only ways that some were."""
+    """Count the failed runs of a design by status, without statuses of no run."""
     counts = status_counts(read_group(view.tree, RUNS, design))
     return {status: n for status, n in counts.items() if n and status is not Status.OK}
 
@@ -59,30 +56,31 @@ def _draw_shares(view: ArchiveView, designs: list[str], axes: Axes) -> Iterator[
     dots: list[EstimateDot] = []
     named: set[Status] = set()
     for row, design in enumerate(designs):
-        probabilities = read_group(view.tree, STATUSES, design)
+        probabilities = view.statistics.failures(design).get("probability")
+        known = [] if probabilities is None else probabilities[STATUS].values.tolist()
         failed = failed_run_counts(view, design)
         for number, (status, count) in enumerate(failed.items()):
             share = count / read_group(view.tree, RUNS, design).sizes[RUN]
-            known = probabilities.get(status.meaning)
             place = row + (number + 1) / (len(failed) + 1) - 0.5
             label = "" if status in named else STATUS_TEXT[status]
             named.add(status)
             appearance = source_style(int(status) - 1)
-            if known is None:
+            if probabilities is None or status.meaning not in known:
                 alone = np.array([share, np.nan, np.nan])
                 dots.append(EstimateDot(alone, place, appearance, label))
             else:
-                dots.append(EstimateDot.from_array(known, identity, place, appearance, label))
+                estimate = probabilities[known.index(status.meaning)]
+                dots.append(EstimateDot.from_array(estimate, identity, place, appearance, label))
     axes.set_xlabel("probability of losing a run")
     yield from draw_dots(axes, dots)
     axes.set_xlim(left=0)
 
 
-def _draw_associations(told: xr.Dataset, axes: Axes) -> Iterator[str]:
+def _draw_associations(associations: Mapping[str, xr.DataArray], axes: Axes) -> Iterator[str]:
     axes.axvline(0.5, color=GREY, linewidth=0.8)
     dots = []
     for number, (name, label) in enumerate(ASSOCIATIONS):
-        for row, chance in enumerate(told[name]):
+        for row, chance in enumerate(associations.get(name, ())):
             if np.isfinite(chance.values[0]):
                 place = row + 0.3 * (number - 0.5)
                 dots.append(

@@ -25,7 +25,7 @@ FORMATS: dict[str, dict[str, Any]] = {
 
 
 def figure_format(path: Path) -> str:
-    """What the end of a file's name says it is.
+    """Return the format that the end of a file's name states.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How the runs of a design are distributed, with what is told of them."""
+"""Histograms of the runs of a design, with their statistics."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.read import read_group
-from uqpen.core.labels import INTERVAL_LEVEL, MOMENTS, QUANTILES, SHARES
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.core.catalogue import PROBABILITY
+from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.curves import axis_span
 from uqpen.figures.estimate_dots import error_bar_lengths
 from uqpen.figures.panel import Panel
-from uqpen.figures.style import BLACK, VERMILION
-from uqpen.figures.texts import plain_text
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.source_style import BLACK, VERMILION
 from uqpen.results.table import quantile_label
+from uqpen.results.texts import plain_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,15 +52,15 @@ def histogram(view: ArchiveView) -> Iterator[Panel]:
         if finite.size:
             yield Panel(title, partial(_draw, view, output, design, finite))
     for output in view.categorical_outputs:
-        shares = read_group(view.tree, SHARES, design).get(output)
+        shares = view.statistics.get(design, output, "share")
         if shares is not None and np.isfinite(shares.values[:, 0]).any():
-            labels = tuple(map(str, shares[f"{output}_category_label"].values))
+            labels = tuple(map(str, shares["category_label"].values))
             title = view.title(f"{output}: shares, {design}")
             yield Panel(title, partial(_draw_shares, view, output, design, shares), rows=labels)
 
 
 def bin_values(values: FloatArray) -> tuple[IntArray, FloatArray]:
-    """How many values lie in each bin, and the bins' edges, which leave long tails out."""
+    """Return the number of values in each bin, and the edges, which leave long tails out."""
     lower, upper, _ = axis_span([values])
     bins = min(_MOST_BINS, max(_FEWEST_BINS, int(2 * values.size ** (1 / 2.5))))
     counts, edges = np.histogram(values, bins=bins, range=(lower, upper))
@@ -93,13 +93,13 @@ def _draw(
 def marked_estimates(
     view: ArchiveView, output: str, design: str
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """What is marked: its name, and its estimate along ``bound``, in SI units."""
-    mean = read_group(view.tree, MOMENTS, design).get(f"{output}_mean")
+    """Yield the names of what is marked, and its estimates along ``bound``, in SI units."""
+    mean = view.statistics.get(design, output, "mean")
     if mean is not None:
         yield "mean", mean
-    quantiles = read_group(view.tree, QUANTILES, design).get(output)
+    quantiles = view.statistics.get(design, output, "quantile")
     if quantiles is not None:
-        for position, p in enumerate(quantiles[f"{output}_probability"].values.tolist()):
+        for position, p in enumerate(quantiles[PROBABILITY].values.tolist()):
             yield quantile_label(p), quantiles[position]
 
 

@@ -1,4 +1,4 @@
-"""Measures of the inputs' part in an output: who tells which, and a panel of some of them."""
+"""Measures of the inputs' part in an output by source, and a panel of some of them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import INPUT, SENSITIVITY
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.core.labels import INPUT
 from uqpen.figures.estimate_dots import EstimateDot, draw_dots
 from uqpen.figures.panel import Panel
-from uqpen.figures.style import GREY, SourceStyle
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.source_style import GREY, SourceStyle
 from uqpen.results.table import Conversion
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ _ROW, _GAP, _FRAME = 0.12, 0.12, 0.75
 
 
 class MeasureSeries(NamedTuple):
-    """One measure of all inputs, told by one source; an array along input and bound."""
+    """One measure of all inputs by one source; an array along input and bound."""
 
     source: str
     label: str
@@ -41,21 +41,21 @@ class MeasureSeries(NamedTuple):
 def measure_series(
     view: ArchiveView, output: str, measures: Sequence[tuple[str, str, str]]
 ) -> list[MeasureSeries]:
-    """What all sources tell of some measures.
+    """Return some measures by all sources, without those that have no estimate.
 
     Parameters
     ----------
     view : ArchiveView
     output : str
     measures : sequence of tuple
-        How each one's variable's name ends, what a person reads, and its marker.
+        The statistic, its name in a legend, and its marker.
     """
+    arrays = {name: view.estimates(output, name) for name, _, _ in measures}
     return [
-        MeasureSeries(source, label, marker, dataset[f"{output}_{suffix}"])
-        for source, dataset in view.source_groups(SENSITIVITY)
-        for suffix, label, marker in measures
-        if f"{output}_{suffix}" in dataset
-        and np.isfinite(dataset[f"{output}_{suffix}"].values[:, 0]).any()
+        MeasureSeries(source, label, marker, arrays[name][source])
+        for source in view.sources
+        for name, label, marker in measures
+        if source in arrays[name] and np.isfinite(arrays[name][source].values[:, 0]).any()
     ]
 
 

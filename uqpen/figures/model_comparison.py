@@ -1,4 +1,4 @@
-"""What several models say of the same points."""
+"""Distribution functions of several models at the same points."""
 
 from __future__ import annotations
 
@@ -6,14 +6,10 @@ from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from uqpen.archive.read import group_names, read_group
-from uqpen.core.labels import CDFS
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.curves import Curve, axis_span, draw_band, draw_curve
 from uqpen.figures.panel import Panel
-from uqpen.figures.style import source_style
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.source_style import source_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,20 +21,19 @@ def model_panels(view: ArchiveView) -> Iterator[Panel]:
     """Distribution functions by each of several models."""
     if not view.model:
         return
-    source = view.source or next(iter(group_names(view.tree, CDFS)), "")
     for output in view.numeric_outputs:
+        source = next(iter(view.estimates(output, "cdf_value")), "")
         if curves := model_curves(view, output, source):
             yield Panel(f"{output}, by {source}", partial(_draw, view, output, curves))
 
 
 def model_curves(view: ArchiveView, output: str, source: str) -> list[Curve]:
-    """The distribution functions of an output that the models tell by one source."""
-    curves = [
-        Curve.from_group(each.model, cdfs, output, view.scale(output))
+    """Return the distribution functions of an output by one source of each model."""
+    curves = (
+        Curve.from_source(each.model, each.statistics, source, output, view.scale(output))
         for each in view.model_views
-        if output in (cdfs := read_group(each.tree, CDFS, source))
-    ]
-    return [curve for curve in curves if np.isfinite(curve.values).any()]
+    )
+    return [curve for curve in curves if curve is not None]
 
 
 def _draw(view: ArchiveView, output: str, curves: list[Curve], axes: Axes) -> Iterator[str]:

@@ -14,11 +14,11 @@ from uqpen.core.errors import ArchiveError, FigureError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.lookup import resolve_name
 from uqpen.figures import FIGURES
-from uqpen.figures.archive_view import ArchiveView, select_view
 from uqpen.figures.panel import LONGEST_ROW, Panel
 from uqpen.figures.requirements import find_faults
 from uqpen.figures.style import figure_style, require_matplotlib
-from uqpen.figures.texts import plain_text
+from uqpen.results.archive_view import ArchiveView, select_view
+from uqpen.results.texts import plain_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -118,12 +118,12 @@ def available(tree: xr.DataTree) -> dict[str, str]:
 
 
 def check_archive(tree: xr.DataTree) -> None:
-    """Hold an archive against what figures go by.
+    """Check that an archive has what figures need.
 
     Raises
     ------
     FigureError
-        If it is one of methods head to head.
+        If it is a benchmark of methods.
     ArchiveError
         If it lacks anything.
     """
@@ -192,7 +192,7 @@ def _break_lines(text: str, width: int, most: int) -> str:
 
 
 def _panel_rows(shown: Sequence[Panel]) -> tuple[int, list[list[Panel]]]:
-    """How many columns there are, and which panels stand in each row."""
+    """Return the number of columns, and the panels of each row."""
     groups = [list(group) for _, group in itertools.groupby(shown, lambda panel: panel.group)]
     columns = 1 if len(shown) == 1 else 2 if len(shown) <= 4 else 3
     if len(groups) > 1 and (most := max(map(len, groups))) in (1, 2, 4):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from uqpen.figures.style import figure_style
-from uqpen.figures.texts import plain_text
+from uqpen.results.texts import plain_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ LONGEST_ROW = 28
 
 @dataclass(frozen=True)
 class Panel:
-    """What can be drawn onto axes.
+    """A part of a figure that can be drawn onto axes.
 
     Parameters
     ----------

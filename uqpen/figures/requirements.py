@@ -1,4 +1,4 @@
-"""What an archive must hold beyond what tables go by, for figures to be drawn of it."""
+"""The needs of figures that the opening of an archive does not look at."""
 
 from __future__ import annotations
 
@@ -9,54 +9,75 @@ import xarray as xr
 
 from uqpen.archive.layout import has_kind
 from uqpen.archive.read import group_names, read_group
+from uqpen.core.catalogue import CATALOGUE, FAILURE_STATISTICS, THRESHOLD, Statistic
 from uqpen.core.labels import (
     BOUND,
     BOUNDS,
-    CDFS,
-    EXCEEDANCE,
     INPUT,
     INTERVAL_LEVEL,
     MATRIX,
-    RANK,
     ROLE,
     ROUND,
     RUN,
     RUNS,
     SAMPLING,
-    SENSITIVITY,
     TRAJECTORY,
-    Sampling,
 )
-from uqpen.statistics.failure_analysis import FAILURES
+from uqpen.core.sampling import Sampling
+from uqpen.results.source_statistics import SourceStatistics
 
 __all__ = ["find_faults", "find_level_faults"]
 
 
 def find_faults(tree: xr.DataTree) -> Iterator[str]:
-    """What is wrong with what is told of a model, a line each."""
+    """Yield what is wrong with the groups of a model, a line each."""
     designs = {name: read_group(tree, RUNS, name) for name in group_names(tree, RUNS)}
     known = _variable_roles(next(iter(designs.values())))
     for name, runs in designs.items():
         if _variable_roles(runs) != known:
             yield f"/{RUNS}/{name}: other inputs or outputs than elsewhere"
         yield from (f"/{RUNS}/{name}: {fault}" for fault in _run_faults(runs))
-    outputs = [name for name, is_output in known.items() if is_output]
-    for kind, check in (
-        (CDFS, _cdf_faults),
-        (EXCEEDANCE, _exceedance_faults),
-        (FAILURES, _failure_faults),
-        (SENSITIVITY, _sensitivity_faults),
-    ):
-        for name in group_names(tree, kind):
-            dataset = read_group(tree, kind, name)
-            is_design = name in designs
-            yield from (f"/{kind}/{name}: {fault}" for fault in check(dataset, outputs, is_design))
+    yield from _statistic_faults(SourceStatistics(tree), known)
     yield from (f"/{TRAJECTORY}: {fault}" for fault in _trajectory_faults(tree, known))
     yield from find_level_faults(tree)
 
 
+def _statistic_faults(statistics: SourceStatistics, known: dict[str, bool]) -> Iterator[str]:
+    """Yield what the opening of an archive of schema 2 does not look at."""
+    outputs = [name for name, is_output in known.items() if is_output]
+    for source in statistics.sources:
+        for output in outputs:
+            function = {n: statistics.get(source, output, n) for n in ("cdf_value", "cdf_band")}
+            if any(array is not None for array in function.values()):
+                for name, array in function.items():
+                    if not _lies_right(array, CATALOGUE[name]):
+                        yield f"{name} of {output} by {source}: not of numbers along its dimensions"
+            exceedance = statistics.get(source, output, "exceedance")
+            if exceedance is not None and not _has_thresholds(exceedance):
+                yield f"exceedance of {output} by {source}: no value for each {THRESHOLD}"
+        failures = statistics.failures(source)
+        if failures.keys() - {"probability"}:
+            for name in ("larger", "further_out"):
+                array = failures.get(name)
+                lies_right = _lies_right(array, FAILURE_STATISTICS[name])
+                if array is None or not lies_right or INPUT not in array.coords:
+                    yield f"{name} of lost runs of {source}: not of numbers for each {INPUT}"
+
+
+def _lies_right(array: xr.DataArray | None, statistic: Statistic) -> bool:
+    if array is None or not has_kind(array, "number"):
+        return False
+    dims = (*statistic.dims, BOUND) if statistic.has_bounds else statistic.dims
+    return array.dims == dims and array.sizes.get(BOUND, len(BOUNDS)) == len(BOUNDS)
+
+
+def _has_thresholds(exceedance: xr.DataArray) -> bool:
+    values = exceedance.coords.get("threshold_value")
+    return values is not None and values.dims == (THRESHOLD,) and has_kind(values, "number")
+
+
 def _variable_roles(runs: xr.Dataset) -> dict[str, bool]:
-    """The inputs and outputs, and which they are."""
+    """Return the inputs and outputs, and whether each is an output."""
     roles = {str(name): v.attrs.get(ROLE) for name, v in runs.data_vars.items()}
     return {name: role == "output" for name, role in roles.items() if role in ("input", "output")}
 
@@ -82,32 +103,6 @@ def _has_flags(variable: xr.DataArray) -> bool:
     return np.size(variable.attrs.get("flag_values", ())) == len(words) == len(labels)
 
 
-def _cdf_faults(told: xr.Dataset, outputs: list[str], is_design: bool) -> Iterator[str]:
-    for name in (output for output in outputs if output in told):
-        for suffix, along in (("", (RANK,)), ("_band", (RANK, BOUND))):
-            if not _has_variable(told, f"{name}{suffix}", along):
-                yield f"{name}{suffix} is not of numbers along {', '.join(along)}"
-
-
-def _exceedance_faults(told: xr.Dataset, outputs: list[str], is_design: bool) -> Iterator[str]:
-    for name in (output for output in outputs if output in told):
-        if not _has_variable(told, f"{name}_threshold_value", (f"{name}_threshold",)):
-            yield f"no {name}_threshold_value for each entry"
-
-
-def _failure_faults(told: xr.Dataset, outputs: list[str], is_design: bool) -> Iterator[str]:
-    if INPUT not in told.coords:
-        yield f"no {INPUT} to tell its entries apart"
-    for name in ("larger", "further_out"):
-        if not _has_variable(told, name, (INPUT, BOUND)) or told.sizes[BOUND] != len(BOUNDS):
-            yield f"{name} is not of figures along {INPUT}, {BOUND}"
-
-
-def _sensitivity_faults(told: xr.Dataset, outputs: list[str], is_design: bool) -> Iterator[str]:
-    if is_design and "runs" not in told.attrs:
-        yield "does not say of how many runs"
-
-
 def _trajectory_faults(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[str]:
     trajectory = read_group(tree, TRAJECTORY)
     if not trajectory:
@@ -127,13 +122,9 @@ def _trajectory_faults(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[st
 
 
 def find_level_faults(tree: xr.DataTree) -> Iterator[str]:
-    """Intervals whose level is no probability, a line each."""
+    """Yield the intervals whose level is no probability, a line each."""
     for node in tree.subtree:
         for name, variable in node.data_vars.items():
             level = variable.attrs.get(INTERVAL_LEVEL, 0.95)
             if np.ndim(level) or not has_kind(level, "number") or not 0 < level < 1:
                 yield f"{node.path}/{name}: {INTERVAL_LEVEL} is no probability"
-
-
-def _has_variable(told: xr.Dataset, name: str, along: tuple[str, ...]) -> bool:
-    return name in told and told[name].dims == along and has_kind(told[name], "number")

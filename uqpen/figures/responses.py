@@ -1,4 +1,4 @@
-"""How an output responds to each input near the nominal point."""
+"""The response of an output to each input near the nominal point."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.measures import measure_series, measures_panel
 from uqpen.figures.panel import Panel
+from uqpen.results.archive_view import ArchiveView
 
 __all__ = ["RESPONSES", "magnitudes", "response_panels"]
 
@@ -24,8 +24,8 @@ RESPONSES = (
 def response_panels(view: ArchiveView) -> Iterator[Panel]:
     """Relative responses to the inputs, and × uncertainty."""
     for output in view.numeric_outputs:
-        for suffix, label, axis in RESPONSES:
-            if found := measure_series(view, output, ((suffix, "", "o"),)):
+        for name, label, axis in RESPONSES:
+            if found := measure_series(view, output, ((name, "", "o"),)):
                 title = view.title(f"{output}: {label}")
                 yield measures_panel(view, title, axis, found, magnitudes)
 

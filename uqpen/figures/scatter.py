@@ -10,14 +10,15 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import RUN, STATUS, Status
+from uqpen.core.labels import RUN, STATUS
+from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.curves import axis_span
 from uqpen.figures.panel import Panel
-from uqpen.figures.style import VERMILION
-from uqpen.figures.texts import plain_text
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
+from uqpen.results.source_style import VERMILION
+from uqpen.results.texts import plain_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -105,7 +106,7 @@ def _draw(
 
 
 def _vertical_positions(axes: Axes, view: ArchiveView, output: str, runs: xr.Dataset) -> FloatArray:
-    """Where each run stands; those of one kind beside each other, so that they can be seen."""
+    """Return the height of each run; runs of one kind are spread so that they can be seen."""
     if output in view.numeric_outputs:
         heights: FloatArray = view.scale(output).from_si(runs[output].values)
         return heights
@@ -116,7 +117,7 @@ def _vertical_positions(axes: Axes, view: ArchiveView, output: str, runs: xr.Dat
 
 
 def category_labels(output: xr.DataArray) -> dict[int, str]:
-    """What the kinds of an output are called, by their codes; not that of lost runs."""
+    """Return the labels of an output's kinds by code, without the kind of failed runs."""
     attributes: dict[Any, Any] = dict(output.attrs)
     codes = np.asarray(attributes["flag_values"]).tolist()
     labels = map(

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import xarray as xr
-
-from uqpen.archive.read import read_group
-from uqpen.core.labels import SENSITIVITY
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.core.labels import RUN
 from uqpen.figures.measures import MeasureSeries, measure_series, measures_panel
 from uqpen.figures.panel import Panel
+from uqpen.results import measure_labels as measures
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.best_sources import best_sources as best_source_names
 from uqpen.results.table import identity
 
 __all__ = ["EFFECTS", "INDICES", "best_sources", "sensitivity_panels"]
 
-INDICES = (
-    ("first_order", "first order", "o"),
-    ("total_order", "total order", "s"),
-    ("shapley", "Shapley effect", "D"),
+_MARKERS = {"first_order": "o", "total_order": "s", "shapley": "D", "mu_star": "o", "sigma": "^"}
+
+# Name, label and marker.
+INDICES = tuple((each.statistic, each.label, _MARKERS[each.statistic]) for each in measures.INDICES)
+EFFECTS = tuple(
+    (each.statistic, each.label, _MARKERS[each.statistic])
+    for each in measures.EFFECTS
+    if each.statistic in _MARKERS
 )
-EFFECTS = (("mu_star", "mean |effect|", "o"), ("sigma", "sd of effects", "^"))
 
 
 def sensitivity_panels(view: ArchiveView) -> Iterator[Panel]:
@@ -41,15 +43,12 @@ def _effect_unit_label(view: ArchiveView, output: str) -> str:
 
 
 def best_sources(view: ArchiveView, found: list[MeasureSeries]) -> list[MeasureSeries]:
-    """Without what plain samples tell, unless it is asked for or there is nothing else."""
-    dedicated = [each for each in found if not view.is_sample_design(each.source)]
-    if view.source is not None or dedicated or not found:
-        return dedicated or found
-    largest = max(
-        found, key=lambda each: _run_count(read_group(view.tree, SENSITIVITY, each.source))
-    )
-    return [each for each in found if each.source == largest.source]
-
-
-def _run_count(told: xr.Dataset) -> int:
-    return int(told.attrs["runs"])
+    """Leave plain samples out, unless one is asked for or there is nothing else."""
+    runs = {
+        each.source: view.runs(each.source).sizes[RUN] if view.is_sample_design(each.source) else 0
+        for each in found
+    }
+    if view.source is not None and all(map(view.is_sample_design, runs)):
+        return found
+    shown = best_source_names(view.tree, runs)
+    return [each for each in found if each.source in shown]

@@ -1,19 +1,20 @@
-"""What all sources say of the same statistic, side by side."""
+"""One statistic by all sources, side by side."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import EXCEEDANCE, MOMENTS, QUANTILES, SHARES
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.core.catalogue import CATALOGUE, PROBABILITY, THRESHOLD, UnitRule
 from uqpen.figures.estimate_dots import EstimateDot, draw_dots
 from uqpen.figures.panel import Panel
-from uqpen.results.table import Conversion, exceedance_label, identity, quantile_label
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.table import Conversion, exceedance_label, quantile_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +22,21 @@ if TYPE_CHECKING:
 __all__ = ["ComparedStatistic", "compared_statistics", "source_panels"]
 
 _ROW, _FRAME = 0.19, 0.75
+
+# The statistics that are compared as a whole, and their labels in the tables.
+_SINGLE = {"mean": "mean", "std": "sd"}
+# Those that are compared entry by entry: the coordinate that names an entry, and its label.
+_BY_ENTRY: dict[str, tuple[str, Callable[[Any], str]]] = {
+    "quantile": (PROBABILITY, quantile_label),
+    "exceedance": (THRESHOLD, exceedance_label),
+    "share": ("category_label", "share {}".format),
+}
+# The labels of axes of statistics without a unit.
+_AXES = {"exceedance": "probability", "share": "share"}
+# The groups of archives of schema 2, by which the report still asks for a kind.
+_KINDS = MappingProxyType(
+    {"mean": "moments", "std": "moments", "quantile": "quantiles", "share": "shares"}
+)
 
 
 def source_panels(view: ArchiveView) -> Iterator[Panel]:
@@ -38,27 +54,32 @@ def source_panels(view: ArchiveView) -> Iterator[Panel]:
 
 
 class ComparedStatistic(NamedTuple):
-    """A statistic of an output, and what all sources tell of it.
+    """A single statistic of an output, and its estimates by all sources.
 
     Attributes
     ----------
-    kind : str
-        The group that it stands in.
+    statistic : str
+        An entry of the catalogue.
     label : str
-        What it is called in tables.
+        Its name in tables.
     axis : str
-        What an axis of it says.
+        The label of its axis.
     convert : callable
         From SI to the unit that it is shown in.
     estimates : mapping of str to DataArray
         By source; along ``bound``.
     """
 
-    kind: str
+    statistic: str
     label: str
     axis: str
     convert: Conversion
     estimates: Mapping[str, xr.DataArray]
+
+    @property
+    def kind(self) -> str:
+        """Its group by schema 2; for the report, until that asks for `statistic`."""
+        return _KINDS.get(self.statistic, self.statistic)
 
     @property
     def available_estimates(self) -> dict[str, xr.DataArray]:
@@ -67,39 +88,26 @@ class ComparedStatistic(NamedTuple):
 
 
 def compared_statistics(view: ArchiveView, output: str) -> Iterator[ComparedStatistic]:
-    """Mean, standard deviation, quantiles, probabilities and shares of an output."""
-    measure, axis = view.scale(output), view.axis_label(output)
-    moments: tuple[tuple[str, str, Conversion], ...] = (
-        ("mean", "mean", measure.from_si),
-        ("std", "sd", measure.difference_from_si),
-    )
-    for suffix, label, convert in moments:
-        moment_groups = view.source_groups(MOMENTS)
-        name = f"{output}_{suffix}"
-        found = {s: group[name] for s, group in moment_groups if name in group}
-        yield ComparedStatistic(MOMENTS, label, axis, convert, found)
-    entries: tuple[tuple[str, str, str, Conversion], ...] = (
-        (QUANTILES, "probability", axis, measure.from_si),
-        (EXCEEDANCE, "threshold", "probability", identity),
-        (SHARES, "category_label", "share", identity),
-    )
-    for kind, along, shown, convert in entries:
-        arrays = {s: group[output] for s, group in view.source_groups(kind) if output in group}
-        for position, called in enumerate(_entry_names(arrays, f"{output}_{along}")):
-            label = _entry_label(kind, called)
-            entry = {s: array[position] for s, array in arrays.items()}
-            yield ComparedStatistic(kind, label, shown, convert, entry)
+    """Yield mean, standard deviation, quantiles, probabilities and shares of an output."""
+    for name, label in _SINGLE.items():
+        arrays = view.estimates(output, name)
+        axis, convert = _axis(view, output, name), view.conversion(output, name)
+        yield ComparedStatistic(name, label, axis, convert, arrays)
+    for name, (coordinate, entry_label) in _BY_ENTRY.items():
+        arrays = view.estimates(output, name)
+        axis, convert = _axis(view, output, name), view.conversion(output, name)
+        for position, entry in enumerate(_entries(arrays, coordinate)):
+            found = {source: array[position] for source, array in arrays.items()}
+            yield ComparedStatistic(name, entry_label(entry), axis, convert, found)
 
 
-def _entry_label(kind: str, name: Any) -> str:
-    """What an entry of a statistic is called, as in the tables."""
-    if kind == QUANTILES:
-        return quantile_label(name)
-    return exceedance_label(name) if kind == EXCEEDANCE else f"share {name}"
+def _axis(view: ArchiveView, output: str, statistic: str) -> str:
+    has_unit = CATALOGUE[statistic].unit is not UnitRule.NONE
+    return view.axis_label(output) if has_unit else _AXES[statistic]
 
 
-def _entry_names(arrays: Mapping[str, xr.DataArray], coordinate: str) -> list[Any]:
-    """What tells the entries of a statistic apart."""
+def _entries(arrays: Mapping[str, xr.DataArray], coordinate: str) -> list[Any]:
+    """Return the names of a statistic's entries, which are the same for all sources."""
     first = next(iter(arrays.values()), None)
     return [] if first is None else list(first[coordinate].values.tolist())
 

@@ -1,45 +1,14 @@
-"""How figures look: the same on every machine, to every kind of colour vision, and in grey."""
+"""The style of figures: the same on every machine, for all colour vision, and in grey."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 from uqpen.core.errors import FigureError
 
-__all__ = [
-    "BLACK",
-    "BLUE",
-    "GREY",
-    "VERMILION",
-    "SourceStyle",
-    "figure_style",
-    "require_matplotlib",
-    "source_style",
-]
-
-# Told apart by every kind of colour vision (Okabe & Ito, 2008); without the yellow, which is too
-# light for a line on white.
-BLUE, VERMILION, GREEN, PURPLE = "#0072b2", "#d55e00", "#009e73", "#aa4499"
-SKY, ORANGE, BLACK, GREY = "#56b4e9", "#e69f00", "#000000", "#666666"
-WINE, OLIVE = "#882255", "#707010"
-
-_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, BLACK, WINE, ORANGE, OLIVE, SKY, GREY)
-_MARKERS = ("o", "s", "^", "D", "v", "p", "h", "d", "<", ">")
-_LINES: tuple[Any, ...] = (
-    "-",
-    (0, (5, 1.5)),
-    (0, (1, 1)),
-    (0, (6, 1.5, 1, 1.5)),
-    (0, (3, 1)),
-    (0, (6, 1, 1, 1, 1, 1)),
-    (0, (2, 2)),
-    (0, (8, 2, 2, 2)),
-    (0, (1, 2.5)),
-    (0, (4, 1, 1, 1)),
-)
+__all__ = ["figure_style", "require_matplotlib"]
 
 _SETTINGS: dict[str, Any] = {
     "axes.axisbelow": True,
@@ -72,31 +41,6 @@ _SETTINGS: dict[str, Any] = {
 }
 
 
-@dataclass(frozen=True)
-class SourceStyle:
-    """How what belongs to one source is drawn; a colour alone tells nothing in grey.
-
-    Attributes
-    ----------
-    colour, marker : str
-    line : str or tuple
-        The pattern of its dashes.
-    """
-
-    colour: str
-    marker: str
-    line: Any
-
-
-def source_style(position: int) -> SourceStyle:
-    """The look of the source at a position among those of an archive."""
-    return SourceStyle(
-        _COLOURS[position % len(_COLOURS)],
-        _MARKERS[position % len(_MARKERS)],
-        _LINES[position % len(_LINES)],
-    )
-
-
 def require_matplotlib() -> Any:
     """The package that draws.
 
@@ -116,6 +60,6 @@ def require_matplotlib() -> Any:
 
 @contextmanager
 def figure_style() -> Iterator[None]:
-    """Draw in the style of these figures, whatever the settings are outside, which come back."""
+    """Draw in the style of these figures, and restore the outside settings afterwards."""
     with require_matplotlib().style.context(["default", _SETTINGS]):
         yield

@@ -1,4 +1,4 @@
-"""What a surrogate says of runs, against what the model said."""
+"""The predictions of a surrogate, compared with the runs of the model."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ import xarray as xr
 
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.errors import ArchiveError
-from uqpen.core.labels import RUN, RUNS, STATUS, SURROGATES, Status
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.core.labels import RUN, RUNS, STATUS, SURROGATES
+from uqpen.core.status import Status
 from uqpen.figures.panel import Panel
 from uqpen.figures.scatter import thin_runs
-from uqpen.figures.style import GREY
-from uqpen.figures.texts import title_with_unit
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
+from uqpen.results.source_style import GREY
+from uqpen.results.surrogate_fits import fit_diagnostics
+from uqpen.results.texts import title_with_unit
 from uqpen.surrogates.restoring import restore_surrogate
 
 if TYPE_CHECKING:
@@ -29,9 +31,9 @@ _MOST_RUNS = 1000
 
 
 def surrogate_panels(view: ArchiveView) -> Iterator[Panel]:
-    """What a surrogate says of runs, against the model.
+    """A surrogate's predictions, compared with runs of the model.
 
-    They are its check runs or, without any, those that it was fitted to. Only polynomials out of
+    The runs are its check runs or, without any, those that it was fitted to. Only polynomials of
     the archive are evaluated, no model.
     """
     for name in group_names(view.tree, SURROGATES):
@@ -73,7 +75,7 @@ def _draw(view: ArchiveView, name: str, design: str, output: str, axes: Axes) ->
 
 
 def predict(made: xr.Dataset, name: str, runs: xr.Dataset, output: str) -> np.ndarray:
-    """What a surrogate says of runs, in the SI unit of the output.
+    """Return a surrogate's predictions of runs, in the SI unit of the output.
 
     Raises
     ------
@@ -90,8 +92,8 @@ def predict(made: xr.Dataset, name: str, runs: xr.Dataset, output: str) -> np.nd
 
 
 def fit_quality(made: xr.Dataset, output: str) -> str:
-    """How well it fits, as its table has it."""
-    attributes = made[f"{output}_coefficient"].attrs
+    """Return the quality of the fit, as the surrogate's table has it."""
+    attributes = fit_diagnostics(made, output)
     for of, key in (("check runs", "check_q2_of_output"), ("runs left out", "q2")):
         if np.isfinite(attributes[key]):
             return f"Q² {float(attributes[key]):.5g} ({of})"

@@ -12,10 +12,10 @@ import xarray as xr
 from uqpen.archive.read import read_group
 from uqpen.core.labels import TRAJECTORY
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.panel import Panel
-from uqpen.figures.style import source_style
-from uqpen.figures.texts import plain_text, title_with_unit
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.source_style import source_style
+from uqpen.results.texts import plain_text, title_with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +48,7 @@ def trajectory_panels(view: ArchiveView) -> Iterator[Panel]:
 
 
 def find_trajectories(view: ArchiveView) -> dict[str, xr.Dataset]:
-    """The course of each model that tells one."""
+    """Return the course of each model that has one."""
     return {
         each.model: trajectory
         for each in (view.model_views if view.model else [view])
@@ -78,7 +78,7 @@ def _largest_value(array: xr.DataArray) -> float:
 
 
 def quantity_name(array: xr.DataArray) -> str:
-    """What a quantity of a course is called."""
+    """Return the name of a quantity of a course."""
     return str(array.attrs.get("long_name", array.name))
 
 
@@ -120,7 +120,7 @@ def _draw(
 
 
 def _label(course: xr.Dataset, model: str, names: list[str], number: int) -> str | None:
-    """What the legend says of a line; None where it is told by the title or another panel."""
+    """Return the legend of a line; None where the title or another panel states it."""
     if model:
         return None if number else plain_text(model, 40)
     return plain_text(quantity_name(course[names[number]]), 60) if len(names) > 1 else None

@@ -18,9 +18,9 @@ import xarray as xr
 
 from uqpen.archive.read import read_group
 from uqpen.core.labels import TRAJECTORY
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.panel import Panel
-from uqpen.figures.style import GREY, source_style
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.source_style import GREY, source_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

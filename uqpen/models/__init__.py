@@ -1,4 +1,4 @@
-"""The models that a study can name, and the adapters for models from elsewhere."""
+"""Models that a study can name, and adapters for external models."""
 
 from __future__ import annotations
 

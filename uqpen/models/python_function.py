@@ -1,4 +1,4 @@
-"""A Python function of the user's own as a model, called in this process."""
+"""User's Python function as a model, called in this process."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ import numpy.typing as npt
 from uqpen.core.arrays import floats
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
-from uqpen.core.labels import Status
 from uqpen.core.limits import Limits
 from uqpen.core.model import Arrays, Input, Model, Output, Results
+from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import ModelFolder
@@ -31,12 +31,12 @@ __all__ = ["PythonFunction", "check_signature", "load_function"]
 
 
 class _UnusableError(Exception):
-    """What a function returned is not what its model declares; the message is a run's reason."""
+    """Returned value that differs from the declared outputs; the message is a run's reason."""
 
 
 @dataclass(frozen=True)
 class PythonFunction(Model):
-    """A model that calls a Python function by keyword.
+    """Model that calls a Python function by keyword.
 
     Parameters
     ----------
@@ -44,17 +44,18 @@ class PythonFunction(Model):
         Takes a keyword argument for each input, returns a mapping with each output; values are in
         the units of `units`.
     name : str
-        What a person calls it; with surroundings, the reference that `load_function` found it by.
+        Name for display; with surroundings, the reference for `load_function`.
     inputs, outputs : tuple
-        As of any model, in SI units.
+        Inputs and outputs of the model, in SI units.
     units : mapping of str to str
         The unit that the function takes each input and gives each output in.
     vectorized : bool
         Whether it takes and returns arrays of shape (run,); else one float for each.
     surroundings : ModelFolder, optional
-        What the function must be called in; its source tells one version of a model from another.
+        The folder that the function must be called in; a hash of its source identifies the version
+        of the model.
     enforced_limits : Limits
-        What one run may use; if anything is limited, runs are made in a process of their own.
+        Limits of one run; if anything is limited, runs are made in a process of their own.
     """
 
     function: Callable[..., Mapping[str, Any]]
@@ -76,7 +77,7 @@ class PythonFunction(Model):
         status = np.full(runs, Status.OK, dtype=np.int8)
         reasons: dict[int, str] = {}
         with self.surroundings.on_import_path() if self.surroundings else contextlib.nullcontext():
-            for batch, answer in self._batch_answers(arguments, runs):
+            for batch, answer in self._batch_results(arguments, runs):
                 if isinstance(answer, str):
                     status[batch] = Status.FAILED
                     reasons[batch.start] = answer
@@ -109,10 +110,10 @@ class PythonFunction(Model):
         sources = self.surroundings.sources()
         return {"name": self.name, "source_sha256": hashlib.sha256(sources).hexdigest()}
 
-    def _batch_answers(
+    def _batch_results(
         self, arguments: Arrays, runs: int
     ) -> Iterator[tuple[slice, dict[str, npt.NDArray[np.float64]] | str]]:
-        """For each batch of runs what came of it: the outputs, or the reason it has none."""
+        """Yield for each batch of runs its outputs, or the reason why it has none."""
         if not self.vectorized:
             columns = {name: values.tolist() for name, values in arguments.items()}
             for run in range(runs):
@@ -134,7 +135,7 @@ class PythonFunction(Model):
     def _call(
         self, arguments: Mapping[str, Any], runs: int | None
     ) -> dict[str, npt.NDArray[np.float64]] | str:
-        """Outputs of one call, or the reason why there are none."""
+        """Return the outputs of one call, or the reason why there are none."""
         try:
             returned = self.function(**arguments)
         except KeyboardInterrupt:
@@ -150,7 +151,7 @@ class PythonFunction(Model):
 def _check_outputs(
     returned: object, names: list[str], runs: int | None
 ) -> dict[str, npt.NDArray[np.float64]]:
-    """The outputs out of what a function returned, which can be anything."""
+    """Extract the outputs from the value that a function returned, which can be anything."""
     if not isinstance(returned, Mapping):
         raise _UnusableError(f"returned {type(returned).__name__}, not a mapping of outputs")
     shape = () if runs is None else (runs,)
@@ -169,20 +170,20 @@ def _check_outputs(
 
 
 def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], ModelFolder]:
-    """The function behind ``"file.py:function"`` or ``"package.module:function"``.
+    """Load the function of ``"file.py:function"`` or ``"package.module:function"``.
 
     Parameters
     ----------
     reference : str
         A path ends in ``.py`` and is relative to `folder`; anything else is an importable module.
     folder : Path
-        Where the study file lies; modules beside it can be imported.
+        Folder of the study file; modules beside it can be imported.
 
     Returns
     -------
     function : callable
     surroundings : ModelFolder
-        What it must be called in.
+        The folder that it must be called in.
 
     Raises
     ------
@@ -215,7 +216,7 @@ def _restore(
     vectorized: bool,
     limits: Limits,
 ) -> PythonFunction:
-    """A model as it was declared, its function loaded anew."""
+    """Restore a model from its declaration, and load its function again."""
     function, surroundings = load_function(reference, folder)
     return PythonFunction(
         function, reference, inputs, outputs, units, vectorized, surroundings, limits
@@ -223,7 +224,7 @@ def _restore(
 
 
 def check_signature(function: Callable[..., Any], names: list[str]) -> None:
-    """Refuse a function that cannot be called with these keywords.
+    """Check that a function can be called with these keywords.
 
     Raises
     ------
@@ -232,7 +233,7 @@ def check_signature(function: Callable[..., Any], names: list[str]) -> None:
     """
     try:
         signature = inspect.signature(function)
-    except ValueError:  # some compiled functions have none; the first run will tell
+    except ValueError:  # some compiled functions have none; the first run will show it
         return
     try:
         signature.bind(**dict.fromkeys(names, 0.0))
@@ -271,7 +272,7 @@ def _load_file(path: Path) -> Any:
 
 
 def _error_text(error: BaseException) -> str:
-    """An exception in one line, whatever its own text does."""
+    """Format an exception in one line, even if its own text raises an error."""
     try:
         return one_line(f"{type(error).__name__}: {error}").removesuffix(":")
     except Exception:  # a foreign exception whose text raises another

@@ -1,4 +1,4 @@
-"""Why a run was lost, as an archive can hold it: one line, not too long."""
+"""Reason of a failed run in the form of an archive: one line, not too long."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ _LONGEST = 200
 
 
 def one_line(text: str) -> str:
-    """A text as a reason can hold it: one line, not too long, and no half characters."""
+    """Convert a text to a reason: one line, not too long, and no unpaired surrogates."""
     line = " ".join(text.encode("utf-8", "replace").decode("utf-8").split())
     return line if len(line) <= _LONGEST else line[: _LONGEST - 1] + "…"

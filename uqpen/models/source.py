@@ -1,4 +1,4 @@
-"""The source of the models that are built in, which tells one version of them from another."""
+"""The source of the built-in models, which identifies their version."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _APART = Path(__file__).stem
 
 
 class BuiltInModel(Model):
-    """A model that comes with uqpen, told from others by its settings, version and source."""
+    """A model that comes with uqpen, identified by its settings, version and source."""
 
     def identity(self) -> dict[str, str]:
         """Its name and settings, uqpen's version, and the hash of the model's source."""

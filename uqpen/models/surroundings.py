@@ -1,4 +1,4 @@
-"""The folder that a model of the user's own lives in, and the modules that lie beside it."""
+"""Folder of a user's model, and the modules beside it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _BETWEEN = "  "
 
 
 class ModelFolder:
-    """Modules beside a model, which it can import as it would when run from its own folder.
+    """Modules beside a model, which it can import as if run from its own folder.
 
     Two models may lie beside modules of the same name, and the program that calls uqpen may have
     imported yet others: so a model's own are in place only while it is loaded or run. What stands
@@ -36,7 +36,7 @@ class ModelFolder:
     Parameters
     ----------
     folder : Path
-        Where the study lies.
+        Folder of the study.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -50,12 +50,12 @@ class ModelFolder:
 
     @property
     def folder(self) -> Path:
-        """Where the study lies."""
+        """Folder of the study."""
         return Path(self._folder)
 
     @contextlib.contextmanager
     def on_import_path(self) -> Iterator[None]:
-        """While this lasts, an import finds what lies in the folder first."""
+        """Put the folder first on the import path within this context."""
         outside = self._remove_modules()
         sys.modules.update(self._modules)
         sys.path.insert(0, self._folder)
@@ -71,7 +71,7 @@ class ModelFolder:
                 sys.path.remove(self._folder)
 
     def read(self, file: str) -> None:
-        """Read a file that has been imported, unless that has been done."""
+        """Read an imported file, unless it has been read before."""
         path = Path(file)
         if file not in self._contents and path.is_file():
             self._contents[file] = path.read_bytes()
@@ -79,11 +79,11 @@ class ModelFolder:
 
     @property
     def imported(self) -> frozenset[str]:
-        """The files that have been imported as modules, as in `Results.files`."""
+        """Files imported as modules, in the form of `Results.files`."""
         return self._imported
 
     def add_imported(self, imported: frozenset[str]) -> None:
-        """Count files among those that have been imported, by whatever process.
+        """Add files to the imported ones; any process may have imported them.
 
         Raises
         ------
@@ -101,18 +101,18 @@ class ModelFolder:
                 )
 
     def files(self) -> tuple[FileSnapshot, ...]:
-        """The files that have been imported, as they were."""
+        """Return snapshots of the imported files."""
         return tuple(FileSnapshot.from_content(path, content) for path, content in self._sorted())
 
     def sources(self) -> bytes:
-        """The source of every module that has been imported, in one."""
+        """Return the joined source of all imported modules."""
         return b"".join(content for _, content in self._sorted())
 
     def _sorted(self) -> list[tuple[Path, bytes]]:
         return sorted((Path(file), content) for file, content in self._contents.items())
 
     def _remove_modules(self) -> dict[str, ModuleType]:
-        """Imported modules of the folder, which are imported no longer."""
+        """Remove the modules of the folder from the imported ones, and return them."""
         inside = self._folder + os.sep
         found = {}
         for name, module in list(sys.modules.items()):
@@ -127,6 +127,6 @@ class ModelFolder:
         return found
 
     def _record(self, path: Path, content: bytes) -> str:
-        """A file's hash and its path, from the folder if it lies there."""
+        """Return a file's hash and its path, relative to the folder if it is in it."""
         name = path.relative_to(self.folder) if path.is_relative_to(self.folder) else path
         return f"{hashlib.sha256(content).hexdigest()}{_BETWEEN}{name}"

@@ -1,4 +1,4 @@
-"""A model on a UM-Bridge server, asked for one run at a time."""
+"""Model on a UM-Bridge server, with one request for each run."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 
 from uqpen.core.arrays import floats
 from uqpen.core.errors import toml_text
-from uqpen.core.labels import Status
 from uqpen.core.limits import Limits
 from uqpen.core.model import Arrays, FloatArray, Input, Model, Output, Results
+from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.models.umbridge_client import Address, NoAnswerError, UmbridgeClient
 
@@ -22,7 +22,7 @@ __all__ = ["UmbridgeModel", "VectorSizes", "request_sizes"]
 
 @dataclass(frozen=True)
 class VectorSizes:
-    """The lengths of the vectors that a model takes and gives.
+    """Lengths of the input and output vectors of a model.
 
     Parameters
     ----------
@@ -36,24 +36,24 @@ class VectorSizes:
 
 @dataclass(frozen=True)
 class UmbridgeModel(Model):
-    """A model on a UM-Bridge server, whose vectors are filled with its inputs in their order.
+    """Model on a UM-Bridge server; its inputs fill the server's vectors in their order.
 
     Parameters
     ----------
     name : str
-        What the server calls it.
+        Its name on the server.
     address : Address
-        Where the server listens; the results are the model's, wherever it is.
+        Address of the server; results do not depend on it.
     inputs, outputs : tuple
-        As of any model, in SI units.
+        Inputs and outputs of the model, in SI units.
     units : mapping of str to str
         The unit that the server takes each input and gives each output in.
     sizes : VectorSizes or None
-        How inputs and outputs are divided into vectors; None of a server that is not to be asked.
+        Division of inputs and outputs into vectors; None if no request is to be made.
     config : str
-        What every question holds beside the inputs, as a JSON object.
+        Content of every request in addition to the inputs, as a JSON object.
     time_limit : float, optional
-        How long a run may take, in seconds.
+        Time limit of a run, in seconds.
     """
 
     name: str
@@ -90,7 +90,7 @@ class UmbridgeModel(Model):
         return {"name": self.name, "kind": "UM-Bridge", **config}
 
     def _request_outputs(self, server: UmbridgeClient, point: list[float]) -> FloatArray:
-        """The outputs of one run, in the server's units."""
+        """Request the outputs of one run, in the server's units."""
         if self.sizes is None:
             raise NoAnswerError(f"{self.name}: the server is not asked without --trust")
         request = {
@@ -114,7 +114,7 @@ def request_sizes(server: UmbridgeClient, name: str, config: str) -> VectorSizes
     Raises
     ------
     NoAnswerError
-        If it does not tell.
+        If it does not answer with them.
     """
     request = {"name": name, "config": json.loads(config)}
     found = []
@@ -128,13 +128,13 @@ def request_sizes(server: UmbridgeClient, name: str, config: str) -> VectorSizes
 
 
 def _split_vectors(values: Sequence[float], sizes: Sequence[int]) -> list[list[float]]:
-    """Values in vectors of these lengths."""
+    """Split values into vectors of these lengths."""
     rest = iter(values)
     return [[next(rest) for _ in range(size)] for size in sizes]
 
 
 def _join_vectors(vectors: Any, sizes: Sequence[int]) -> FloatArray:
-    """The values of vectors that should have these lengths."""
+    """Join the values of vectors after a check of their lengths."""
     found = [len(v) if isinstance(v, list) else -1 for v in _as_list(vectors)]
     if found != list(sizes):
         expected = ", ".join(map(str, sizes))

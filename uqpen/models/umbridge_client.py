@@ -1,7 +1,7 @@
-"""Questions to a UM-Bridge server; whatever keeps one from being answered is told in words.
+"""Requests to a UM-Bridge server; a request without an answer has a reason in words.
 
-The protocol: https://um-bridge-benchmarks.readthedocs.io. Its own client raises whatever comes up,
-and knows of no time limit; here a missing answer is data, so that a run that gets none is.
+The protocol: https://um-bridge-benchmarks.readthedocs.io. Its own client raises any exception and
+has no time limit. Here a missing answer is data: a run without an answer is a failed run.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from types import TracebackType
 from typing import Any
 from urllib.parse import urlsplit
 
-from uqpen.core.labels import Status
 from uqpen.core.limits import Limits
+from uqpen.core.status import Status
 from uqpen.models.reasons import one_line
 
 __all__ = ["PROTOCOL", "Address", "NoAnswerError", "UmbridgeClient"]
 
 PROTOCOL = 1.0
 
-# How long a server may take to accept a connection, in seconds: its host may have vanished.
+# Time limit for a server to accept a connection, in seconds: its host may have vanished.
 _PATIENCE = 5.0
-# If a host vanishes during a run: after how many seconds, how often and how many times its system
-# is asked whether it is still there, and how many milliseconds it may take to take a question.
+# Checks for a host that vanishes during a run: delay and interval in seconds, number of checks,
+# and the time in milliseconds that it may take to accept a request.
 _SILENCE = {
     "TCP_KEEPIDLE": 30,
     "TCP_KEEPINTVL": 10,
@@ -39,7 +39,7 @@ _SILENCE = {
 _LARGEST = 16 * 1024 * 1024
 
 _DISCONNECTED = "the server cannot be reached, or has closed the connection"
-# Where something lies differs from one day to the next, and a reason must not.
+# Addresses differ from one day to the next, and a reason must not.
 _PLACES = re.compile(r"https?://[^\s\"'<>]+|\b0x[0-9a-fA-F]+")
 # Numbers that JSON does not know, as UM-Bridge's own server writes them.
 _PYTHON_NUMBER = re.compile(r"(?<=[\[,\s])(-?)(nan|inf)(?=[\],\s])")
@@ -47,7 +47,7 @@ _JSON_NUMBER = {"nan": "NaN", "inf": "Infinity"}
 
 
 class NoAnswerError(Exception):
-    """A question without an answer; the message says why, and `status` what that makes of a run."""
+    """Request without an answer; the message gives the reason, `status` the status of the run."""
 
     def __init__(self, reason: str, status: Status = Status.FAILED) -> None:
         super().__init__(reason)
@@ -56,7 +56,7 @@ class NoAnswerError(Exception):
 
 @dataclass(frozen=True)
 class Address:
-    """Where a server listens.
+    """Address of a server.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class Address:
 
     @classmethod
     def parse(cls, text: str) -> Address:
-        """The address in a text such as ``"http://127.0.0.1:4242"``.
+        """Parse the address in a text such as ``"http://127.0.0.1:4242"``.
 
         Raises
         ------
@@ -93,14 +93,14 @@ class Address:
 
 
 class UmbridgeClient:
-    """One question after the other to a server, over one connection while it lasts.
+    """Sequence of requests to a server, over one connection while it lasts.
 
     Parameters
     ----------
     address : Address
-        Where it listens.
+        Address of the server.
     time_limit : float, optional
-        How long an answer may take, in seconds.
+        Time limit of an answer, in seconds.
     """
 
     def __init__(self, address: Address, time_limit: float | None = None) -> None:
@@ -122,14 +122,14 @@ class UmbridgeClient:
         self._connection.close()
 
     def request(self, what: str, body: dict[str, Any] | None = None) -> dict[str, Any]:
-        """What a server answers.
+        """Send a request to the server and return its answer.
 
         Parameters
         ----------
         what : str
-            What of the protocol is asked, such as ``"Evaluate"``.
+            The request of the protocol, such as ``"Evaluate"``.
         body : dict, optional
-            The body, which JSON must be able to hold; without one, it is a mere look.
+            The body, which must be convertible to JSON; without one, a GET request is sent.
 
         Raises
         ------
@@ -150,7 +150,7 @@ class UmbridgeClient:
         return answer
 
     def _exchange(self, what: str, request: dict[str, Any] | None) -> tuple[int, str, bytes]:
-        """Code, phrase and content of an answer over HTTP."""
+        """Exchange a request for an answer over HTTP; return its code, phrase and content."""
         was_open = self._is_open
         try:
             return self._try_request(what, request)
@@ -213,7 +213,7 @@ class UmbridgeClient:
 
 
 def _enable_keepalive(connection: socket.socket) -> None:
-    """Have a connection end when its other end has vanished, however long a run may take."""
+    """Make a connection end when its other end has vanished, without a limit on the run."""
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for name, value in _SILENCE.items():
         with contextlib.suppress(AttributeError, OSError):  # not every system has them all
@@ -221,7 +221,7 @@ def _enable_keepalive(connection: socket.socket) -> None:
 
 
 def _parse_object(content: bytes) -> dict[str, Any] | None:
-    """The object that an answer is, or None."""
+    """Parse the JSON object of an answer; None if it is no object."""
     try:
         text = content.decode()
         with contextlib.suppress(json.JSONDecodeError):
@@ -240,7 +240,7 @@ def _json_number(match: re.Match[str]) -> str:
 
 
 def _error_reason(error: object) -> str:
-    """The reason in an error that a server has answered with."""
+    """Return the reason in a server's error."""
     if not isinstance(error, dict):
         return one_line(f"the server answers with an error: {_PLACES.sub('…', str(error))}")
     kind, message = str(error.get("type", "error")), str(error.get("message", ""))

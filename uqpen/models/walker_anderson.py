@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uqpen.core.errors import TrajectoryError
-from uqpen.core.labels import Status
 from uqpen.core.model import Arrays, BoolArray, Results
 from uqpen.core.settings import number, validate
+from uqpen.core.status import Status
 from uqpen.models import rod_and_target
 from uqpen.models.source import BuiltInModel
 

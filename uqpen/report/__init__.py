@@ -1,9 +1,9 @@
 """The report: one page for a person, made of an archive alone.
 
-A page is made of sections, each a family member that takes a part of an archive and yields the
-blocks that this has something for: those of a study in `sections`, those of methods head to head
-in `head_to_head`. What a block looks like is the template's affair, what a chart does under a
-pointer that of the page's script; the chart itself is data.
+A page is made of sections. Each is a family member: it takes a part of an archive, and yields the
+blocks that this part has content for. The sections of a study are in `sections`, those of a
+benchmark of methods in `benchmark`. The template sets how a block looks. The page's script sets
+what a chart does under a pointer. The chart itself is data.
 """
 
 from __future__ import annotations
@@ -14,21 +14,20 @@ __all__ = ["BENCHMARK_SECTIONS", "SECTIONS", "ReportSection"]
 
 
 class ReportSection(NamedTuple):
-    """What stands in the page's contents.
+    """Entry of the page's contents.
 
     Attributes
     ----------
     title : str
     introduction : str
-        A paragraph that says what is seen, and how to read it.
+        Paragraph that says what the section shows, and how to read it.
     function : str
-        Reference to what yields its blocks: a function of a `Part`, or of the archive itself where
-        that is of methods head to head.
+        Reference to the function that yields its blocks. It takes a `Part`, or the archive itself
+        where that is a benchmark of methods.
     is_common : bool
-        Whether it is told once, of all models of an archive together.
+        Whether it is stated once, for all models of an archive together.
     absence_note : str
-        What an archive has none of for which there is nothing to tell; empty where none is
-        expected.
+        What an archive lacks if the section has no content; empty where none is expected.
     """
 
     title: str

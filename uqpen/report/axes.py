@@ -1,4 +1,4 @@
-"""Where axes end, and the ticks of logarithmic ones: at round numbers that are written out."""
+"""Limits of axes, and ticks of logarithmic axes: at round numbers that are written out."""
 
 from __future__ import annotations
 

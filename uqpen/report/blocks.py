@@ -1,4 +1,4 @@
-"""What a section of the report is made of."""
+"""Blocks that a section of the report is made of."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Block:
 
     @property
     def kind(self) -> str:
-        """What the template calls it."""
+        """Name of the block's kind in the template."""
         return type(self).__name__.lower()
 
 
@@ -123,7 +123,7 @@ class LegendKey:
     ----------
     text : str
     series : int or str
-        What tells its colour, see `marks`.
+        What gives its colour, see `marks`.
     mark : str
         ``"line"``, ``"band"``, ``"bar"``, or the name of a marker.
     dash : str

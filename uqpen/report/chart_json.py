@@ -23,7 +23,7 @@ def charts_json(charts: Sequence[Chart]) -> str:
 
 
 def _deduplicate_lists(charts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The same with each long list of the traces once; later ones say where it stands.
+    """Return charts with each long list of the traces once; later ones refer to it.
 
     Charts side by side have the same runs along an axis. The page's script puts the lists back.
     """
@@ -49,7 +49,7 @@ def _deduplicate_lists(charts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]
 
 
 def _chart_content(chart: Chart) -> dict[str, Any]:
-    """What the page's script draws a chart from."""
+    """Return the data that the page's script draws a chart from."""
     drawn: dict[str, Any] = {
         "traces": chart.traces,
         "shapes": chart.shapes,

@@ -15,9 +15,9 @@ _LEAST = Decimal("0.00001")
 
 
 def count_text(number: int, noun: str) -> str:
-    """So many of something, in the singular where there is one.
+    """Return a number and its noun, which is in the singular for one.
 
-    >>> counted(1, "run"), counted(20, "run")
+    >>> count_text(1, "run"), count_text(20, "run")
     ('1 run', '20 runs')
     """
     return f"{grouped_number(number)} {noun}{'s' * (number != 1)}"
@@ -28,7 +28,7 @@ def percent_texts(estimate: float, lower: float, upper: float, *others: float) -
 
     A hundred times the number would be rounded anew, and differ where it ends in a five.
 
-    >>> in_percent(0.2075, 0.1825, 0.2325)
+    >>> percent_texts(0.2075, 0.1825, 0.2325)
     ('20.7 %', '18.2 %', '23.3 %')
     """
     return tuple(

@@ -1,4 +1,4 @@
-"""What stands in a legend for a mark, as Plotly draws it."""
+"""Legend symbols of marks, as Plotly draws them."""
 
 from __future__ import annotations
 

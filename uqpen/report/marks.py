@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.figures.texts import plain_text
 from uqpen.report.legend import OUTLINES, STROKES
 from uqpen.report.notes import has_interval
+from uqpen.results.texts import plain_text
 
 __all__ = [
     "DASHES",
@@ -125,7 +125,7 @@ def line_trace(
 def band_traces(
     x: Numbers, lower: Numbers, upper: Numbers, series: int | str, *, is_stepped: bool = False
 ) -> list[Trace]:
-    """What lies between two lines."""
+    """Return the traces of a band between two lines."""
     shape = "hv" if is_stepped else "linear"
     edge: Trace = {
         "type": "scatter",
@@ -187,7 +187,7 @@ def point_trace(
 
 
 def cross_trace(estimates: Numbers, places: Numbers, name: str) -> Trace:
-    """What crosses out `dot_trace` that are refused; a pointer still finds these."""
+    """Return the crosses over refused dots of `dot_trace`; a pointer still finds the dots."""
     trace = point_trace(
         estimates, places, "ink", hover="", name=name, marker="x-thin-open", size=11, opacity=1
     )

@@ -1,4 +1,4 @@
-"""What stands at the head of a page: what it is of, in a few words."""
+"""Head of a page: its subject, in a few words."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _runs(tree: xr.DataTree) -> Iterator[str]:
 
 
 def _methods(tree: xr.DataTree) -> Iterator[str]:
-    """How many methods there are, at how many budgets, how often each."""
+    """Yield the number of methods, of budgets, and of repeats."""
     methods = read_group(tree, METHODS)
     sources = dict.fromkeys(methods[SOURCE].values.tolist())
     budgets = count_text(methods.sizes[BUDGET], "budget")

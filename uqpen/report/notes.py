@@ -10,8 +10,8 @@ import xarray as xr
 
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.estimate_dots import HOLLOW
-from uqpen.figures.texts import capitalized
 from uqpen.results.digits import percent_text
+from uqpen.results.texts import capitalized
 
 __all__ = ["all_bounded", "has_interval", "hollow_note", "interval_notes"]
 
@@ -20,7 +20,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 
 def has_interval(bounds: FloatArray) -> BoolArray:
-    """Whether an estimate has an interval, which may have one end alone.
+    """Return whether an estimate has an interval, which may have one end alone.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def has_interval(bounds: FloatArray) -> BoolArray:
 
 
 def all_bounded(bounds: FloatArray) -> bool:
-    """Whether each of some estimates has an interval; what is no estimate does not count.
+    """Return whether each of some estimates has an interval; what is no estimate does not count.
 
     Parameters
     ----------

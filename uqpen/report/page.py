@@ -19,16 +19,16 @@ from uqpen.core.errors import ReportError
 from uqpen.core.files import replace_file
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.lookup import resolve
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.page import check_archive
-from uqpen.figures.texts import plain_text
 from uqpen.report import BENCHMARK_SECTIONS, SECTIONS, ReportSection
 from uqpen.report.benchmark.plotted_methods import check_benchmark
 from uqpen.report.blocks import Block, Heading, find_charts
 from uqpen.report.chart_json import charts_json
 from uqpen.report.legend import OUTLINES, STROKES, colour_name
 from uqpen.report.masthead import page_facts, page_heading
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
+from uqpen.results.texts import plain_text
 
 __all__ = ["report_page", "write_report"]
 
@@ -123,7 +123,7 @@ def report_page(tree: xr.DataTree) -> str:
 
 
 def _environment() -> jinja2.Environment:
-    """What sets the template, with escaping on."""
+    """Return the environment of the template, with escaping on."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("uqpen.report", "assets"),
         autoescape=True,
@@ -138,7 +138,7 @@ def _environment() -> jinja2.Environment:
 
 
 def _sections(tree: xr.DataTree) -> Iterator[_FilledSection]:
-    """All sections for an archive of its kind, some of which may be empty."""
+    """Yield all sections for an archive of its kind; some may be empty."""
     if tree.attrs.get(KIND) != BENCHMARK:
         check_archive(tree)
         for name, section in SECTIONS.items():
@@ -150,7 +150,7 @@ def _sections(tree: xr.DataTree) -> Iterator[_FilledSection]:
 
 
 def _model_blocks(tree: xr.DataTree, section: ReportSection) -> Iterator[Block]:
-    """What a section tells of each model of an archive, or of all of them together."""
+    """Yield a section's blocks for each model of an archive, or for all models together."""
     make = resolve(section.function)
     models = list(model_trees(tree))
     for model in models[:1] if section.is_common else models:
@@ -167,13 +167,13 @@ def _lower_heading(block: Block) -> Block:
 
 
 def _legible_text(value: Any) -> Any:
-    """A text of which a page can show each character; others are spelled out."""
+    """Return a text with characters that a page can show; others are spelled out."""
     if not isinstance(value, str) or hasattr(value, "__html__"):
         return value
     return _UNFIT.sub(lambda found: plain_text(found[0]), value.replace("\r\n", "\n"))
 
 
 def _script_hash(text: str) -> str:
-    """What the page's policy knows a script by."""
+    """Return the hash of a script, for the page's policy."""
     digest = hashlib.sha256(text.encode("utf-8")).digest()
     return f"sha256-{base64.b64encode(digest).decode('ascii')}"

@@ -40,7 +40,7 @@ def horizontal_line(y: float, series: int | str, dash: str = "solid") -> Shape:
 
 
 def shaded_interval(lower: float, upper: float, series: int | str) -> Shape:
-    """What lies between two such lines."""
+    """Return the shaded area between two vertical lines."""
     return {
         "type": "rect",
         "x0": lower,

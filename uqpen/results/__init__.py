@@ -1,1 +1,1 @@
-"""What a person or a script reads of an archive, from the archive alone."""
+"""The results that a person or a script reads, from the archive alone."""

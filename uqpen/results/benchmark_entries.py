@@ -1,30 +1,24 @@
-"""What an archive of methods head to head holds, one entry of a statistic at a time."""
+"""The view of an archive of a benchmark of methods, one entry of a statistic at a time."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
 import xarray as xr
 
+from uqpen.archive.benchmark_layout import BENCHMARK_GROUP
+from uqpen.archive.estimates import unpack
 from uqpen.archive.read import group_names, read_group
-from uqpen.core.labels import (
-    ENTRIES,
-    ESTIMATES,
-    EXCEEDANCE,
-    MOMENTS,
-    QUANTILES,
-    REFERENCE,
-    VERDICTS,
-)
+from uqpen.core.catalogue import CATALOGUE, UnitRule
+from uqpen.core.labels import EXCEEDANCE, NOTE, REFERENCE
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import estimate_text
 from uqpen.results.table import exceedance_label, quantile_label
 
-__all__ = ["BenchmarkEntry", "entries"]
-
-# Where a statistic of the reference stands among those of a study.
-_IN_MOMENTS = ("mean", "std")
+__all__ = ["BenchmarkEntry", "entries", "output_title", "reference_attributes"]
 
 
 @dataclass(frozen=True)
@@ -34,11 +28,11 @@ class BenchmarkEntry:
     Parameters
     ----------
     tree : DataTree
-        An archive of methods head to head.
+        An archive of a benchmark of methods.
     output, statistic : str
-        Of what.
+        The names of the output, and of the statistic in the catalogue.
     position : int or None
-        Which of the entries; None of a statistic that has one only.
+        The position among the entries; None of a statistic that has one only.
     """
 
     tree: xr.DataTree
@@ -46,18 +40,35 @@ class BenchmarkEntry:
     statistic: str
     position: int | None
 
-    def variable(self, kind: str, suffix: str = "") -> xr.DataArray:
-        """Its variable in a group."""
-        array = read_group(self.tree, kind, self.output)[f"{self.statistic}{suffix}"]
-        return array if self.position is None else array[{ENTRIES[self.statistic]: self.position}]
+    def variable(self, name: str) -> xr.DataArray:
+        """Return a variable of the entry, one of `BENCHMARK_VARIABLES`."""
+        array = unpack(self._dataset, name)
+        assert array is not None, name
+        return self._selected(array)
+
+    @property
+    def reference(self) -> xr.DataArray:
+        """The reference's estimate, as its analysis made it."""
+        array = unpack(read_group(self.tree, REFERENCE, self.output), self.statistic)
+        assert array is not None, self.statistic
+        return self._selected(array)
+
+    @property
+    def _dataset(self) -> xr.Dataset:
+        return read_group(self.tree, BENCHMARK_GROUP, self.output, self.statistic)
+
+    def _selected(self, array: xr.DataArray) -> xr.DataArray:
+        if self.position is None:
+            return array
+        return array[dict.fromkeys(CATALOGUE[self.statistic].dims, self.position)]
 
     @property
     def entry_name(self) -> str | float:
-        """What tells it from others of its statistic."""
+        """The coordinate that identifies it within its statistic; empty for a single one."""
         if self.position is None:
             return ""
-        names = read_group(self.tree, ESTIMATES, self.output)[ENTRIES[self.statistic]]
-        entry: str | float = names.values.tolist()[self.position]
+        (dimension,) = CATALOGUE[self.statistic].dims
+        entry: str | float = self._dataset[dimension].values.tolist()[self.position]
         return entry
 
     @property
@@ -70,39 +81,70 @@ class BenchmarkEntry:
         return {"std": "sd"}.get(self.statistic, self.statistic)
 
     @property
-    def single_set_standings(self) -> list[tuple[str, float]]:
-        """Of the single sets at each budget, who is level and the lower bound of the lead."""
-        levels, leads = self.variable(VERDICTS, "_level"), self.variable(VERDICTS, "_lead")
-        return list(zip(levels.values[0].tolist(), leads.values[0, :, 1].tolist(), strict=True))
+    def units(self) -> str:
+        """The unit of its estimates."""
+        return str(self._dataset["estimate"].attrs["units"])
 
     @property
-    def reference(self) -> xr.DataArray:
-        """The reference's estimate, as its analysis made it."""
-        if self.statistic in _IN_MOMENTS:
-            return read_group(self.tree, REFERENCE, MOMENTS)[f"{self.output}_{self.statistic}"]
-        where = EXCEEDANCE if self.statistic == EXCEEDANCE else QUANTILES
-        return read_group(self.tree, REFERENCE, where)[self.output][self.position]
+    def display_units(self) -> str:
+        """The unit that the study shows."""
+        return str(self._dataset["estimate"].attrs["display_units"])
+
+    @property
+    def error_scale(self) -> float:
+        """The size that errors are relative to."""
+        return float(self.variable("scale"))
+
+    @property
+    def error_notes(self) -> list[str]:
+        """The notes on the intervals of its errors, each once."""
+        notes = np.ravel(self.variable("error").coords[NOTE].values)
+        return [note for note in dict.fromkeys(map(str, notes)) if note]
+
+    @property
+    def single_set_standings(self) -> list[tuple[str, float]]:
+        """The methods that are level, and the lower bound of the lead, of single sets by budget."""
+        levels, leads = self.variable("level"), self.variable("lead")
+        return list(zip(levels.values[0].tolist(), leads.values[0, :, 1].tolist(), strict=True))
 
     @property
     def reference_text(self) -> str:
         """The reference's estimate in the unit that the study shows."""
-        unit = str(self.variable(ESTIMATES).attrs["display_units"])
+        unit = self.display_units
         measure = scale(unit)
-        convert = measure.difference_from_si if self.statistic == "std" else measure.from_si
+        is_difference = CATALOGUE[self.statistic].unit is UnitRule.DIFFERENCE
+        convert = measure.difference_from_si if is_difference else measure.from_si
         text = estimate_text(*(float(value) for value in convert(self.reference.values)))
         return text if unit == DIMENSIONLESS else f"{text} {unit}"
 
 
+def entries(tree: xr.DataTree) -> Iterator[BenchmarkEntry]:
+    """Yield all entries of all statistics, output by output."""
+    for output, node in _outputs(tree).items():
+        for statistic in map(str, node.children):
+            yield from _statistic_entries(tree, output, statistic)
+
+
+def _outputs(tree: xr.DataTree) -> dict[str, xr.DataTree]:
+    names = group_names(tree, BENCHMARK_GROUP)
+    return {name: tree.children[BENCHMARK_GROUP].children[name] for name in names}
+
+
 def _statistic_entries(tree: xr.DataTree, output: str, statistic: str) -> Iterator[BenchmarkEntry]:
-    if statistic not in ENTRIES:
+    dims = CATALOGUE[statistic].dims
+    if not dims:
         yield BenchmarkEntry(tree, output, statistic, None)
         return
-    count = read_group(tree, ESTIMATES, output).sizes[ENTRIES[statistic]]
+    count = read_group(tree, BENCHMARK_GROUP, output, statistic).sizes[dims[0]]
     yield from (BenchmarkEntry(tree, output, statistic, position) for position in range(count))
 
 
-def entries(tree: xr.DataTree) -> Iterator[BenchmarkEntry]:
-    """All entries of all statistics, output by output."""
-    for output in group_names(tree, ESTIMATES):
-        for statistic in read_group(tree, ESTIMATES, output).data_vars:
-            yield from _statistic_entries(tree, output, str(statistic))
+def output_title(tree: xr.DataTree, output: str) -> str:
+    """Return what an output is called in words."""
+    described = read_group(tree, BENCHMARK_GROUP, output).attrs
+    return str(described.get("long_name", "")) or output
+
+
+def reference_attributes(tree: xr.DataTree) -> Mapping[Any, Any]:
+    """Return what the reference says of its runs, which all outputs share: their counts."""
+    return next(entries(tree)).reference.attrs

@@ -1,4 +1,4 @@
-"""An archive of methods head to head as JSON for scripts."""
+"""An archive of a benchmark of methods, as JSON for scripts."""
 
 from __future__ import annotations
 
@@ -8,17 +8,7 @@ from typing import Any
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import (
-    BUDGET,
-    ERRORS,
-    ESTIMATES,
-    KIND,
-    METHOD_DIMENSION,
-    METHODS,
-    SLOPES,
-    VARIANT,
-    VERDICTS,
-)
+from uqpen.core.labels import BUDGET, KIND, METHOD_DIMENSION, METHODS, VARIANT
 from uqpen.results.benchmark_entries import BenchmarkEntry, entries
 from uqpen.results.estimate_json import estimate_json
 from uqpen.results.json import archive_identity
@@ -27,12 +17,12 @@ __all__ = ["benchmark_json"]
 
 
 def benchmark_json(tree: xr.DataTree) -> dict[str, Any]:
-    """What a comparison says, in nested dicts of plain numbers and texts.
+    """Return what a comparison says, in nested dicts of plain numbers and texts.
 
     Parameters
     ----------
     tree : DataTree
-        An archive of methods head to head.
+        An archive of a benchmark of methods.
 
     Returns
     -------
@@ -69,7 +59,7 @@ def _method_json(method: xr.Dataset) -> dict[str, Any]:
 
 
 def _outputs_json(tree: xr.DataTree) -> dict[str, dict[str, Any]]:
-    """All that is told of each output, by its statistics."""
+    """Return all results of each output, by its statistics."""
     found: dict[str, dict[str, Any]] = {}
     for entry in entries(tree):
         output = found.setdefault(entry.output, {})
@@ -82,17 +72,13 @@ def _outputs_json(tree: xr.DataTree) -> dict[str, dict[str, Any]]:
 
 
 def _statistic_json(entry: BenchmarkEntry) -> dict[str, Any]:
-    errors, coverage, slopes = (
-        entry.variable(ERRORS),
-        entry.variable(ERRORS, "_coverage"),
-        entry.variable(SLOPES),
-    )
+    errors, coverage, slopes = map(entry.variable, ("error", "coverage", "slope"))
     names = [str(name) for name in errors[METHOD_DIMENSION].values]
     budgets = [str(budget) for budget in errors[BUDGET].values]
     return {
-        "units": entry.variable(ESTIMATES).attrs["units"],
+        "units": entry.units,
         "reference": estimate_json(entry.reference),
-        "relative_to": float(entry.variable(ERRORS, "_scale")),
+        "relative_to": entry.error_scale,
         "errors": {
             name: {
                 budget: {
@@ -106,22 +92,22 @@ def _statistic_json(entry: BenchmarkEntry) -> dict[str, Any]:
         "slopes": {name: estimate_json(slopes[i]) for i, name in enumerate(names)},
         "verdicts": {
             str(variant): {budget: _verdict_json(entry, i, j) for j, budget in enumerate(budgets)}
-            for i, variant in enumerate(entry.variable(VERDICTS, "_lead")[VARIANT].values)
+            for i, variant in enumerate(entry.variable("lead")[VARIANT].values)
         },
     }
 
 
 def _verdict_json(entry: BenchmarkEntry, variant: int, budget: int) -> dict[str, Any]:
-    def text(what: str) -> str:
-        return str(entry.variable(VERDICTS, f"_{what}").values[variant, budget])
+    def text(name: str) -> str:
+        return str(entry.variable(name).values[variant, budget])
 
     return {
         "winner": text("winner") or None,
         "runner_up": text("runner_up") or None,
         "level": text("level").split(),
-        "lead": estimate_json(entry.variable(VERDICTS, "_lead")[variant, budget]),
+        "lead": estimate_json(entry.variable("lead")[variant, budget]),
         "verdict": text("verdict"),
-        "note": text("note"),
+        "note": text("remark"),
     }
 
 

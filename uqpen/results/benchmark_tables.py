@@ -1,4 +1,4 @@
-"""An archive of methods head to head as tables, with its verdicts in words."""
+"""An archive of a benchmark of methods as tables, with its verdicts in words."""
 
 from __future__ import annotations
 
@@ -10,18 +10,8 @@ from typing import Any
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import (
-    BUDGET,
-    ERRORS,
-    METHODS,
-    MOMENTS,
-    REFERENCE,
-    REPLICATED,
-    SINGLE,
-    SLOPES,
-    VERDICTS,
-)
-from uqpen.results.benchmark_entries import BenchmarkEntry, entries
+from uqpen.core.labels import BUDGET, METHODS, REPLICATED, SINGLE
+from uqpen.results.benchmark_entries import BenchmarkEntry, entries, reference_attributes
 from uqpen.results.digits import grouped_number
 from uqpen.results.table import NOTHING, OutputTable
 
@@ -52,7 +42,7 @@ LEGEND = (
 
 @dataclass(frozen=True)
 class EntryComparison:
-    """What is told of one entry of a statistic.
+    """The comparison of methods for one entry of a statistic.
 
     Parameters
     ----------
@@ -80,7 +70,7 @@ class EntryComparison:
 
 
 def methods_table(tree: xr.DataTree) -> OutputTable:
-    """What each method does with each budget."""
+    """Return the table of the runs that each method makes of each budget."""
     methods = read_group(tree, METHODS)
     repeats, reference = (int(methods.attrs[name]) for name in ("repeats", "reference_runs"))
     title = (
@@ -98,8 +88,8 @@ def methods_table(tree: xr.DataTree) -> OutputTable:
 
 
 def has_reference(tree: xr.DataTree) -> bool:
-    """Whether a run of the reference came back."""
-    return bool(read_group(tree, REFERENCE, MOMENTS).attrs["runs_used"])
+    """Return whether a run of the reference completed."""
+    return bool(reference_attributes(tree)["runs_used"])
 
 
 def entry_comparisons(tree: xr.DataTree) -> Iterator[EntryComparison]:
@@ -108,7 +98,7 @@ def entry_comparisons(tree: xr.DataTree) -> Iterator[EntryComparison]:
 
 
 def standings_table(tree: xr.DataTree) -> OutputTable:
-    """How often each method leads, and how often it is level with the best."""
+    """Return the table of how often each method leads, and is level with the best."""
     found = [entry.single_set_standings for entry in entries(tree)]
     methods = read_group(tree, METHODS)
     budgets = methods[BUDGET].values
@@ -128,7 +118,7 @@ def standings_table(tree: xr.DataTree) -> OutputTable:
 
 
 def _entry_comparison(entry: BenchmarkEntry) -> EntryComparison:
-    errors, slopes = entry.variable(ERRORS), entry.variable(SLOPES)
+    errors, slopes = entry.variable("error"), entry.variable("slope")
     budgets = errors[BUDGET].values.tolist()
     title = f"{entry.output}, {entry.label}: {entry.reference_text}"
     table = OutputTable(title, [*map(grouped_number, budgets), "slope"])
@@ -145,8 +135,7 @@ def _entry_comparison(entry: BenchmarkEntry) -> EntryComparison:
         ]
         table.rows.append((label, [*cells, _slope_text(slopes.values[position].tolist())]))
     levels, texts, notes = (
-        entry.variable(VERDICTS, f"_{what}").values.tolist()
-        for what in ("level", "verdict", "note")
+        entry.variable(name).values.tolist() for name in ("level", "verdict", "remark")
     )
     has_replicates = methods["contests"].isin([REPLICATED]).any()
     return EntryComparison(
@@ -159,7 +148,7 @@ def _entry_comparison(entry: BenchmarkEntry) -> EntryComparison:
 
 
 def _notes(notes: list[str], budgets: list[int]) -> Iterator[str]:
-    """What the reference's own error means for the verdicts, a sentence for each remark."""
+    """Yield what the reference's own error means for the verdicts, a sentence a remark."""
     for note, where in _group_budgets([(note,) if note else () for note in notes], budgets):
         if note:
             yield f"at {_list_budgets(where)} runs, {note[0]}"
@@ -234,7 +223,7 @@ def percentage_text(error: float) -> str:
 
 
 def standing_mark(name: str, level: str, lowest: float) -> str:
-    """What is put behind a method's error, as the legend has it; a space for nothing.
+    """Return the mark behind a method's error, as the legend has it; a space for none.
 
     Parameters
     ----------

@@ -32,9 +32,9 @@ def estimate_text(estimate: float, lower: float, upper: float) -> str:
 
     Examples
     --------
-    >>> sensible(0.49274, 0.49004, 0.49544)
+    >>> estimate_text(0.49274, 0.49004, 0.49544)
     '0.4927 ± 0.0027'
-    >>> sensible(71.1, 70.6, 72.9)
+    >>> estimate_text(71.1, 70.6, 72.9)
     '71.1 (70.6 … 72.9)'
     """
     sides = [side for side in (estimate - lower, upper - estimate) if not math.isnan(side)]
@@ -53,7 +53,7 @@ def estimate_text(estimate: float, lower: float, upper: float) -> str:
 def tolerance_limit_text(estimate: float, upper: float) -> str:
     """A value that holds, with its upper bound in the same digits.
 
-    >>> held(13.4812, 13.7699)
+    >>> tolerance_limit_text(13.4812, 13.7699)
     '13.48, at most 13.77'
     """
     if not 0 < upper - estimate < math.inf:
@@ -67,7 +67,7 @@ def estimate_texts(estimate: float, lower: float, upper: float, *others: float) 
 
     Each stands by itself, as in a sentence.
 
-    >>> alike(0.49274, 0.49004, 0.49544, 0.5)
+    >>> estimate_texts(0.49274, 0.49004, 0.49544, 0.5)
     ('0.4927', '0.4900', '0.4954', '0.5000')
     """
     values = (estimate, lower, upper, *others)

@@ -1,4 +1,4 @@
-"""Which runs of an archive were lost, and why."""
+"""The failed runs of an archive, and their reasons."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, RUN, RUNS, STATUS, Status
+from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, RUN, RUNS, STATUS
+from uqpen.core.status import Status
 from uqpen.execution import status_counts
 
 __all__ = ["FailedRuns", "failed_runs", "has_failed_design"]
 
 
 class FailedRuns(NamedTuple):
-    """Runs of one design that were lost for one reason.
+    """Runs of one design that failed for one reason.
 
     Attributes
     ----------
@@ -35,7 +36,7 @@ class FailedRuns(NamedTuple):
 
 
 def failed_runs(tree: xr.DataTree, design: str) -> Iterator[FailedRuns]:
-    """What was lost of a design, the most frequent reason first.
+    """Yield the failed runs of a design by reason, the most frequent first.
 
     Parameters
     ----------
@@ -54,7 +55,7 @@ def failed_runs(tree: xr.DataTree, design: str) -> Iterator[FailedRuns]:
 
 
 def has_failed_design(tree: xr.DataTree) -> bool:
-    """Whether some design has no run that came back."""
+    """Return whether some design has no completed run."""
     designs = (
         read_group(model, RUNS, design)
         for model in model_trees(tree).values()

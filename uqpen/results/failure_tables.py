@@ -1,4 +1,4 @@
-"""Where among the inputs runs were lost, as tables."""
+"""Tables of where the failed runs lie among the inputs."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import xarray as xr
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.labels import INPUT, RUNS
 from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import OutputTable, identity
-from uqpen.statistics.failure_analysis import FAILURES
 
 __all__ = ["failure_tables"]
 
@@ -20,20 +20,26 @@ _COLUMNS = ("lost from", "to", "P(larger)", "P(further out)")
 
 
 def failure_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
-    """For each design that lost runs, its inputs, those first that go with the losses most.
+    """Yield a table of inputs for each design with failed runs.
+
+    The inputs that are associated most with the failures come first.
 
     Parameters
     ----------
     tree : DataTree
-        What is told of one model.
+        The part of an archive on one model.
     """
-    for design in group_names(tree, FAILURES):
-        associations, runs = read_group(tree, FAILURES, design), read_group(tree, RUNS, design)
+    statistics = SourceStatistics(tree)
+    for design in group_names(tree, RUNS):
+        associations, runs = statistics.failures(design), read_group(tree, RUNS, design)
+        if not all(name in associations for name in (*_ASSOCIATIONS, *_ENDS)):
+            continue
         table = OutputTable(f"{design}: where the lost runs lie", list(_COLUMNS))
         measures = np.stack([associations[name].values[:, 0] for name in _ASSOCIATIONS])
+        names = list(map(str, associations[_ASSOCIATIONS[0]][INPUT].values))
         strength = np.nan_to_num(np.abs(measures - 0.5)).max(axis=0)
         for position in np.argsort(-strength, kind="stable").tolist():
-            name = str(associations[INPUT].values[position])
+            name = names[position]
             unit = str(runs[name].attrs.get("display_units", DIMENSIONLESS))
             ends = scale(unit).from_si(np.array([associations[end][position] for end in _ENDS]))
             label = name if unit == DIMENSIONLESS else f"{name} [{unit}]"

@@ -3,52 +3,56 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import xarray as xr
 
 from uqpen.archive.read import SCHEMA_ATTRIBUTE, group_names, model_trees, read_group
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     CONDITIONAL,
     DIFFERENCES,
-    EXCEEDANCE,
     INPUT,
     LARGEST_CONTRIBUTION,
     MISSING,
     MODELS,
-    MOMENTS,
-    QUANTILES,
     RUN,
     RUNS,
     RUNS_SPENT,
-    SENSITIVITY,
-    SHARES,
-    STATISTICS,
-    STATUSES,
+    STATUS,
     SURROGATES,
-    TOLERANCE_LIMITS,
 )
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import status_counts
 from uqpen.results.estimate_json import estimate_json
 from uqpen.results.failed_runs import failed_runs
+from uqpen.results.outside_rows import outside_json
 from uqpen.results.sensitivity_json import sensitivity_json
+from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs
 from uqpen.results.table import output_names
-from uqpen.statistics.failure_analysis import FAILURES
 
 __all__ = ["archive_identity", "archive_json", "estimate_json"]
 
-# Key in JSON, group, and the coordinate that its entries are called by.
+# The statistics of an output that have no dimension.
+_SINGLE = tuple(each.name for each in CATALOGUE.values() if not each.dims)
+
+# The statistics that have one, each with its key in JSON.
 _FAMILIES = (
-    ("quantiles", QUANTILES, "probability"),
-    ("hold", TOLERANCE_LIMITS, "hold"),
-    ("exceedance", EXCEEDANCE, "threshold"),
-    ("shares", SHARES, "category"),
+    ("quantiles", "quantile"),
+    ("hold", "tolerance_limit"),
+    ("exceedance", "exceedance"),
+    ("shares", "share"),
 )
+
+# How many runs a tolerance limit of each content takes.
+_RUNS_NEEDED = "content_runs_needed"
+_ASSOCIATIONS, _ENDS = ("larger", "further_out"), ("lowest", "highest")
 
 
 def archive_json(tree: xr.DataTree) -> dict[str, Any]:
-    """What an archive says, in nested dicts of plain numbers and texts.
+    """Return the results of an archive, in nested dicts of plain numbers and texts.
 
     Parameters
     ----------
@@ -68,7 +72,7 @@ def archive_json(tree: xr.DataTree) -> dict[str, Any]:
         return {**head, **_model_json(tree)}
     models = model_trees(tree)
     differences = {
-        other: _difference_json(tree.children[DIFFERENCES].children[other], models[other])
+        other: _difference_json(SourceStatistics.of_differences(tree, other), models[other])
         for other in group_names(tree, DIFFERENCES)
     }
     return {
@@ -79,7 +83,7 @@ def archive_json(tree: xr.DataTree) -> dict[str, Any]:
 
 
 def archive_identity(tree: xr.DataTree) -> dict[str, Any]:
-    """What tells an archive from others, of whatever kind."""
+    """Return what identifies an archive, of whatever kind."""
     return {
         "title": tree.attrs["title"],
         "study_sha256": tree.attrs["study_sha256"],
@@ -89,84 +93,70 @@ def archive_identity(tree: xr.DataTree) -> dict[str, Any]:
 
 
 def _model_json(tree: xr.DataTree) -> dict[str, Any]:
-    """What is told of one model."""
+    """Return the results of one model."""
+    statistics = SourceStatistics(tree)
     return {
-        "designs": {name: _design_json(tree, name) for name in group_names(tree, RUNS)},
-        "surrogates": {name: _surrogate_json(tree, name) for name in group_names(tree, SURROGATES)},
-        "published": {name: _publication_json(tree, name) for name in _publications(tree)},
-    }
-
-
-def _publications(tree: xr.DataTree) -> list[str]:
-    """The sources that are neither designs nor surrogates."""
-    ours = {*group_names(tree, RUNS), *group_names(tree, SURROGATES)}
-    publications = dict.fromkeys(
-        name for kind in (MOMENTS, SENSITIVITY) for name in group_names(tree, kind)
-    )
-    return [name for name in publications if name not in ours]
-
-
-def _publication_json(tree: xr.DataTree, name: str) -> dict[str, Any]:
-    """The figures of a publication."""
-    runs = read_group(tree, RUNS, group_names(tree, RUNS)[0])
-    attributes = read_group(tree, MOMENTS, name).attrs | read_group(tree, SENSITIVITY, name).attrs
-    return {
-        "source": str(attributes.get("source", "")),
-        "outputs": {
-            output: _output_json(tree, name, array)
-            | {
-                key: str(attributes[f"{output}_{key}"])
-                for key in (LARGEST_CONTRIBUTION,)
-                if f"{output}_{key}" in attributes
-            }
-            for output, array in _output_variables(runs)
+        "designs": {name: _design_json(statistics, name) for name in group_names(tree, RUNS)},
+        "surrogates": {
+            name: _surrogate_json(statistics, name) for name in group_names(tree, SURROGATES)
+        },
+        "published": {
+            name: _publication_json(statistics, name) for name in statistics.publications
         },
     }
 
 
-def _difference_json(tree: xr.DataTree, model: xr.DataTree) -> dict[str, Any]:
-    """What a model's outputs differ by from the first's, by design."""
+def _publication_json(statistics: SourceStatistics, name: str) -> dict[str, Any]:
+    """The figures of a publication."""
+    outputs = {}
+    for output, array in _output_variables(_first_runs(statistics.tree)):
+        outputs[output] = _output_json(statistics, name, array)
+        if largest := statistics.largest_contribution(name, output):
+            outputs[output][LARGEST_CONTRIBUTION] = largest
+    return {"source": statistics.citation(name), "outputs": outputs}
+
+
+def _difference_json(statistics: SourceStatistics, model: xr.DataTree) -> dict[str, Any]:
+    """Return the differences of a model's outputs from the first model's, by design."""
     return {
         design: {
-            "minus": read_group(tree, MOMENTS, design).attrs["minus"],
+            "minus": statistics.minus(design),
             "outputs": {
-                name: _output_json(tree, design, array)
+                name: _output_json(statistics, design, array)
                 for name, array in _output_variables(read_group(model, RUNS, design))
-                if f"{name}_mean" in read_group(tree, MOMENTS, design)
+                if statistics.get(design, name, "mean") is not None
             },
         }
-        for design in group_names(tree, MOMENTS)
+        for design in statistics.sources
     }
+
+
+def _first_runs(tree: xr.DataTree) -> xr.Dataset:
+    """The runs of a model's first design, which describe its outputs."""
+    return read_group(tree, RUNS, group_names(tree, RUNS)[0])
 
 
 def _output_variables(runs: xr.Dataset) -> list[tuple[str, xr.DataArray]]:
     return [(name, runs[name]) for name in output_names(runs)]
 
 
-def _surrogate_json(tree: xr.DataTree, name: str) -> dict[str, Any]:
+def _surrogate_json(statistics: SourceStatistics, name: str) -> dict[str, Any]:
     """A surrogate's figures, and what it was made of."""
-    dataset = read_group(tree, SURROGATES, name)
-    runs = read_group(tree, RUNS, group_names(tree, RUNS)[0])
+    dataset = read_group(statistics.tree, SURROGATES, name)
     return {
         "runs": int(dataset.attrs[RUNS_SPENT]),
         "made_of": {key: _json_value(value) for key, value in dataset.attrs.items()},
         "outputs": {
             output: {
-                **_output_json(tree, name, array),
-                "fit": _fit_json(dataset[f"{output}_coefficient"]),
+                **_output_json(statistics, name, array),
+                "fit": {
+                    key: _json_value(value)
+                    for key, value in fit_diagnostics(dataset, output).items()
+                },
             }
-            for output, array in _output_variables(runs)
-            if output in dataset.attrs["outputs"].split()
+            for output, array in _output_variables(_first_runs(statistics.tree))
+            if output in fitted_outputs(dataset)
         },
-    }
-
-
-def _fit_json(coefficients: xr.DataArray) -> dict[str, Any]:
-    """How a surrogate's expansion of an output was found, and how well it fits."""
-    return {
-        key: _json_value(value)
-        for key, value in coefficients.attrs.items()
-        if not key.startswith(("of_", "units", "long_name"))
     }
 
 
@@ -178,8 +168,11 @@ def _json_value(value: Any) -> Any:
     return None if isinstance(plain, float) and not math.isfinite(plain) else plain
 
 
-def _design_json(tree: xr.DataTree, design: str) -> dict[str, Any]:
-    runs, statuses = read_group(tree, RUNS, design), read_group(tree, STATUSES, design)
+def _design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
+    tree = statistics.tree
+    runs, failures = read_group(tree, RUNS, design), statistics.failures(design)
+    chances = failures.get("probability", xr.DataArray())
+    ends = chances[STATUS].values.tolist() if STATUS in chances.coords else []
     return {
         "runs": int(runs.sizes[RUN]),
         "status": {status.meaning: count for status, count in status_counts(runs).items()},
@@ -187,43 +180,50 @@ def _design_json(tree: xr.DataTree, design: str) -> dict[str, Any]:
             {"status": failed.status.meaning, "reason": failed.reason, "runs": failed.runs}
             for failed in failed_runs(tree, design)
         ],
-        "lost": {str(name): estimate_json(array) for name, array in statuses.data_vars.items()},
-        "where_lost": _failure_json(read_group(tree, FAILURES, design)),
-        **{name: statuses.attrs[name] for name in (CONDITIONAL, MISSING) if name in statuses.attrs},
+        "lost": {name: estimate_json(chances[position]) for position, name in enumerate(ends)},
+        "where_lost": _failure_json(failures),
+        **{name: chances.attrs[name] for name in (CONDITIONAL, MISSING) if name in chances.attrs},
         "outputs": {
-            name: _output_json(tree, design, array) for name, array in _output_variables(runs)
+            name: _output_json(statistics, design, array) for name, array in _output_variables(runs)
         },
     }
 
 
-def _failure_json(told: xr.Dataset) -> dict[str, Any]:
-    """By input, how the lost runs lie to those that came back."""
-    names = told[INPUT].values.tolist() if INPUT in told else []
+def _failure_json(failures: Mapping[str, xr.DataArray]) -> dict[str, Any]:
+    """Return, by input, how the failed runs lie relative to the completed runs."""
+    arrays = {name: failures[name] for name in (*_ASSOCIATIONS, *_ENDS) if name in failures}
+    first = next(iter(arrays.values()), None)
+    names = [] if first is None else first[INPUT].values.tolist()
     return {
         str(name): {
-            **{each: estimate_json(told[each][position]) for each in ("larger", "further_out")},
-            **{each: _json_value(told[each].values[position]) for each in ("lowest", "highest")},
+            key: _json_value(array.values[position])
+            if key in _ENDS
+            else estimate_json(array[position])
+            for key, array in arrays.items()
         }
         for position, name in enumerate(names)
     }
 
 
-def _output_json(tree: xr.DataTree, source: str, array: xr.DataArray) -> dict[str, Any]:
-    """All figures that a source tells of an output."""
-    name = str(array.name)
+def _output_json(statistics: SourceStatistics, source: str, array: xr.DataArray) -> dict[str, Any]:
+    """Return all figures that a source has of an output."""
     found: dict[str, Any] = {"units": array.attrs.get("units", DIMENSIONLESS)}
-    moments = read_group(tree, MOMENTS, source)
-    for statistic in STATISTICS:
-        if f"{name}_{statistic}" in moments:
-            found[statistic] = estimate_json(moments[f"{name}_{statistic}"])
-    for key, kind, coordinate in _FAMILIES:
-        answers = read_group(tree, kind, source)
-        if name in answers:
-            labels = answers[f"{name}_{coordinate}"].values
-            entries = answers[name]
-            found[key] = {str(label): estimate_json(entries[i]) for i, label in enumerate(labels)}
-            if key == "hold":
-                needed = answers[f"{name}_hold_runs_needed"].values
-                for label, runs_needed in zip(labels, needed, strict=True):
-                    found[key][str(label)]["runs_needed"] = int(runs_needed)
-    return found | sensitivity_json(read_group(tree, SENSITIVITY, source), name)
+    arrays = statistics.statistics(source, str(array.name))
+    found |= {name: estimate_json(arrays[name]) for name in _SINGLE if name in arrays}
+    for key, name in _FAMILIES:
+        if name in arrays:
+            found[key] = _entries_json(arrays[name], CATALOGUE[name].dims[0])
+    found |= sensitivity_json(arrays)
+    if other := outside_json(arrays):
+        found["other"] = other
+    return found
+
+
+def _entries_json(array: xr.DataArray, dimension: str) -> dict[str, Any]:
+    """Return the entries of a statistic, by their labels."""
+    labels = array[dimension].values
+    entries = {str(label): estimate_json(array[i]) for i, label in enumerate(labels)}
+    if _RUNS_NEEDED in array.coords:
+        for label, needed in zip(labels, array[_RUNS_NEEDED].values, strict=True):
+            entries[str(label)]["runs_needed"] = int(needed)
+    return entries

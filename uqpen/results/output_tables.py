@@ -10,10 +10,12 @@ from typing import Any
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.labels import DIFFERENCES, MOMENTS, RUNS, SHARES, SURROGATES
+from uqpen.core.labels import DIFFERENCES, RUNS, SURROGATES
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.failure_tables import failure_tables
+from uqpen.results.outside_rows import OutputUnit, add_outside_rows
 from uqpen.results.sensitivity_tables import sensitivity_tables
+from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.statistics_rows import (
     StatisticsRows,
     add_runs,
@@ -21,22 +23,21 @@ from uqpen.results.statistics_rows import (
     add_statuses,
     failed_runs_cell,
 )
+from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs, unfitted_outputs
 from uqpen.results.table import NOTHING, OutputTable, output_names
 
 __all__ = ["difference_tables", "fit_table", "output_tables", "statistics_table"]
 
-_NOT_FITTED = "_not_fitted"
-
 
 def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[OutputTable]:
-    """A table for each output of each model of a study, and what tells its inputs' part in it.
+    """Yield tables for each output of each model, with those of the inputs' part in it.
 
     Parameters
     ----------
     tree : DataTree
         An archive.
     everything : bool
-        Whether to show all that it tells of the inputs' part.
+        Whether to show all that it has on the inputs' part.
     """
     for name, model in model_trees(tree).items():
         head = f"{name}: " if name else ""
@@ -58,12 +59,12 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
 def statistics_table(
     tree: xr.DataTree, name: str, described: Mapping[str, Any]
 ) -> OutputTable | None:
-    """The statistics of one output, from all sources that have any.
+    """Return the statistics of one output, from all sources that have any.
 
     Parameters
     ----------
     tree : DataTree
-        What an archive tells of one model.
+        The part of an archive on one model.
     name : str
         The output's.
     described : mapping
@@ -74,8 +75,9 @@ def statistics_table(
     OutputTable or None
         None where no source has any.
     """
-    kind = SHARES if "flag_meanings" in described else MOMENTS
-    sources = _sources(tree, kind, name)
+    is_categorical = "flag_meanings" in described
+    statistics = SourceStatistics(tree)
+    sources = statistics.sources_of(name, "share" if is_categorical else "mean")
     if not sources:
         return None
     unit = _shown_unit(described)
@@ -83,32 +85,34 @@ def statistics_table(
     add_runs(table, tree)
     table.rows.append(("lost", [failed_runs_cell(tree, source, table) for source in sources]))
     add_statuses(table, tree)
-    if kind == SHARES:
+    if is_categorical:
         add_shares(table, tree, name)
     else:
-        StatisticsRows(table, tree, name, scale(unit)).add()
+        StatisticsRows(table, statistics, name, scale(unit)).add()
+    in_si = str(described.get("units", DIMENSIONLESS))
+    add_outside_rows(table, statistics, name, OutputUnit(in_si, scale(unit)))
     return table
 
 
 def difference_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
-    """How the other models of an archive differ from its first, a table for each output of each."""
+    """Yield the differences of the other models from the first, a table for each output."""
     for other in group_names(tree, DIFFERENCES):
         yield from _differences(tree, other)
 
 
 def _differences(tree: xr.DataTree, other: str) -> Iterator[OutputTable]:
-    """How another model's outputs differ from the first's, a table for each output."""
-    pairs = tree.children[DIFFERENCES].children[other]
+    """Yield the differences of another model's outputs from the first's, a table for each."""
+    statistics = SourceStatistics.of_differences(tree, other)
     runs = model_trees(tree)[other]
     described = read_group(runs, RUNS, group_names(runs, RUNS)[0])
     for name in output_names(described):
-        sources = _sources(pairs, MOMENTS, name)
+        sources = statistics.sources_of(name, "mean")
         if not sources:
             continue
         unit = _shown_unit(described[name].attrs)
-        first = read_group(pairs, MOMENTS, sources[0]).attrs["minus"]
+        first = statistics.minus(sources[0])
         table = OutputTable(_with_unit(f"{other} minus {first}: {name}", unit), sources)
-        StatisticsRows(table, pairs, name, scale(unit), is_difference=True).add()
+        StatisticsRows(table, statistics, name, scale(unit)).add()
         yield table
 
 
@@ -130,28 +134,17 @@ _FIT_ROWS = (
 
 
 def fit_table(name: str, made: xr.Dataset) -> OutputTable:
-    """How well a surrogate fits each output, or why it could not be fitted."""
+    """Return the fit of a surrogate to each output, or why it could not be fitted."""
     title = f"{name}: fit to {made.attrs['runs_used']} runs, check by {made.attrs['check']}"
     table = OutputTable(title, [label for _, label in _FIT_ROWS])
-    for output in made.attrs["outputs"].split():
-        attributes = made[f"{output}_coefficient"].attrs
-        table.rows.append(
-            (output, [_fit_number(attributes[attribute]) for attribute, _ in _FIT_ROWS])
-        )
-    for attribute, reason in made.attrs.items():
-        if attribute.endswith(_NOT_FITTED):
-            cells = [f"not fitted{table.note_mark(reason)}", *[NOTHING] * (len(_FIT_ROWS) - 1)]
-            table.rows.append((attribute.removesuffix(_NOT_FITTED), cells))
+    for output in fitted_outputs(made):
+        diagnostics = fit_diagnostics(made, output)
+        table.rows.append((output, [_fit_number(diagnostics[name]) for name, _ in _FIT_ROWS]))
+    for output, reason in unfitted_outputs(made).items():
+        cells = [f"not fitted{table.note_mark(reason)}", *[NOTHING] * (len(_FIT_ROWS) - 1)]
+        table.rows.append((output, cells))
     return table
 
 
 def _fit_number(value: float) -> str:
     return NOTHING if math.isnan(value) else f"{value:.5g}"
-
-
-def _sources(tree: xr.DataTree, kind: str, name: str) -> list[str]:
-    """The sources that tell an output's mean, or its shares."""
-    variable = name if kind == SHARES else f"{name}_mean"
-    return [
-        source for source in group_names(tree, kind) if variable in read_group(tree, kind, source)
-    ]

@@ -9,81 +9,49 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.read import group_names, read_group
-from uqpen.core.labels import (
-    INPUT,
-    LARGEST_CONTRIBUTION,
-    PAIR,
-    RUNS,
-    SAMPLING,
-    SENSITIVITY,
-    Sampling,
-)
+from uqpen.core.catalogue import THRESHOLD
+from uqpen.core.labels import INPUT, PAIR
 from uqpen.core.units import DIMENSIONLESS, Scale, scale
+from uqpen.results.best_sources import best_sources
+from uqpen.results.measure_labels import (
+    ASSOCIATIONS,
+    EFFECTS,
+    EXCEEDANCE_INDICES,
+    INDICES,
+    LOGARITHM_INDICES,
+    PAIR_INDICES,
+    RESPONSES,
+    Measure,
+)
+from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable, identity
 
 __all__ = ["named_tables", "sensitivity_tables"]
 
 
-class _Measure(NamedTuple):
-    """A measure of sensitivity: how its variable's name ends, what a person reads, its factor."""
-
-    suffix: str
-    label: str
-    factor: float = 1.0
-    has_unit: bool = False
-
-
-_INDICES = (
-    _Measure("first_order", "first order"),
-    _Measure("total_order", "total order"),
-    _Measure("shapley", "Shapley effect"),
-)
-_RESPONSES = (
-    _Measure("response", "response [%]", 100.0),
-    _Measure("contribution", "× uncertainty [%]", 100.0),
-)
-_EFFECTS = (
-    _Measure("mu_star", "mean |effect|", has_unit=True),
-    _Measure("mu", "mean effect", has_unit=True),
-    _Measure("sigma", "sd of effects", has_unit=True),
-)
-
-_ASSOCIATIONS = (
-    _Measure("spearman", "Spearman"),
-    _Measure("pearson", "Pearson"),
-    _Measure("partial_rank", "partial, ranks"),
-    _Measure("partial", "partial"),
-    _Measure("delta", "delta"),
-)
-
 _TABLES = (
-    ("shares", "shares of its variance", _INDICES),
-    ("responses", "responses to its inputs", _RESPONSES),
-    ("effects", "elementary effects", _EFFECTS),
+    ("shares", "shares of its variance", INDICES),
+    ("responses", "responses to its inputs", RESPONSES),
+    ("effects", "elementary effects", EFFECTS),
 )
 _MORE_TABLES = (
-    (
-        "shares of the logarithm",
-        "shares of its logarithm's variance",
-        tuple(each._replace(suffix=f"log_{each.suffix}") for each in _INDICES),
-    ),
-    ("associations", "association with its inputs", _ASSOCIATIONS),
+    ("shares of the logarithm", "shares of its logarithm's variance", LOGARITHM_INDICES),
+    ("associations", "association with its inputs", ASSOCIATIONS),
 )
 
 
 def sensitivity_tables(
     tree: xr.DataTree, output: str, unit: str, *, everything: bool = False
 ) -> Iterator[OutputTable]:
-    """A table for each kind of measure that the archive has of an output.
+    """Yield a table for each kind of measure that the archive has of an output.
 
-    First order indices from plain samples are shown where nothing tells them better, and what any
-    sample tells besides only where everything is asked for.
+    First order indices from plain samples are shown where no other source has them. The other
+    measures of any sample are shown only where everything is asked for.
 
     Parameters
     ----------
     tree : DataTree
-        What is told of one model.
+        The part of an archive on one model.
     output : str
         Its name.
     unit : str
@@ -98,93 +66,85 @@ def sensitivity_tables(
 def named_tables(
     tree: xr.DataTree, output: str, unit: str, *, everything: bool = False
 ) -> Iterator[tuple[str, OutputTable]]:
-    """The same, each after what it is of, such as "shares", "responses" or "effects"."""
+    """Yield these tables, each after its name, such as "shares", "responses" or "effects"."""
+    statistics = SourceStatistics(tree)
     for name, title, measures in (*_TABLES, *(_MORE_TABLES if everything else ())):
-        columns = list(_columns(tree, output, measures))
-        if measures is _INDICES and not everything:
-            columns = _best_sources(tree, columns)
+        columns = list(_columns(statistics, output, measures))
+        if measures is INDICES and not everything:
+            columns = _best_columns(tree, columns)
         if columns:
-            measured = f" [{unit}]" if measures is _EFFECTS and unit != DIMENSIONLESS else ""
+            measured = f" [{unit}]" if measures is EFFECTS and unit != DIMENSIONLESS else ""
             table = _table(f"{output}: {title}{measured}", columns, scale(unit))
-            if measures is _INDICES:
-                _add_claims(table, tree, output)
+            if measures is INDICES:
+                _add_claims(table, statistics, output)
             yield name, table
-    for source in group_names(tree, SENSITIVITY):
-        answers = read_group(tree, SENSITIVITY, source)
-        if (pairs := f"{output}_second_order") in answers:
-            yield "pairs", _pairs_table(output, source, answers[pairs])
+    for column in _columns(statistics, output, PAIR_INDICES):
+        yield "pairs", _pairs_table(output, column)
     if everything:
-        for table in _exceedance_tables(tree, output):
+        for table in _exceedance_tables(statistics, output):
             yield "exceedance", table
-
-
-def _exceedance_tables(tree: xr.DataTree, output: str) -> Iterator[OutputTable]:
-    """The inputs' part in whether an output exceeds each value."""
-    of_event = [each._replace(suffix=f"exceedance_{each.suffix}") for each in _INDICES]
-    columns = list(_columns(tree, output, of_event))
-    thresholds = f"{output}_threshold"
-    written = columns[0].array[thresholds].values if columns else ()
-    for position, threshold in enumerate(written):
-        at = [each._replace(array=each.array[{thresholds: position}]) for each in columns]
-        title = f"{output}: shares of the variance of exceeding {threshold}"
-        yield _table(title, at, scale(DIMENSIONLESS))
-
-
-def _pairs_table(output: str, source: str, indices: xr.DataArray) -> OutputTable:
-    """What pairs of inputs do together and neither does alone."""
-    table = OutputTable(f"{output}: shares of its variance, by pairs", [f"second order\n{source}"])
-    for position, pair in enumerate(indices[PAIR].values):
-        table.rows.append((str(pair), [table.cell(indices[position], identity)]))
-    return table
 
 
 class _Column(NamedTuple):
     source: str
-    measure: _Measure
+    measure: Measure
     array: xr.DataArray
 
+    @property
+    def header(self) -> str:
+        """Stands above its cells."""
+        return f"{self.measure.label}\n{self.source}"
 
-def _columns(tree: xr.DataTree, output: str, measures: Sequence[_Measure]) -> Iterator[_Column]:
+
+def _exceedance_tables(statistics: SourceStatistics, output: str) -> Iterator[OutputTable]:
+    """The inputs' part in whether an output exceeds each value."""
+    columns = list(_columns(statistics, output, EXCEEDANCE_INDICES))
+    written = columns[0].array[THRESHOLD].values if columns else ()
+    for position, threshold in enumerate(written):
+        at = [each._replace(array=each.array[{THRESHOLD: position}]) for each in columns]
+        title = f"{output}: shares of the variance of exceeding {threshold}"
+        yield _table(title, at, scale(DIMENSIONLESS))
+
+
+def _pairs_table(output: str, column: _Column) -> OutputTable:
+    """Return the shares that pairs of inputs have together and neither has alone."""
+    table = OutputTable(f"{output}: shares of its variance, by pairs", [column.header])
+    for position, pair in enumerate(column.array[PAIR].values):
+        table.rows.append((str(pair), [table.cell(column.array[position], identity)]))
+    return table
+
+
+def _columns(
+    statistics: SourceStatistics, output: str, measures: Sequence[Measure]
+) -> Iterator[_Column]:
     for measure in measures:
-        for source in group_names(tree, SENSITIVITY):
-            answers = read_group(tree, SENSITIVITY, source)
-            if (name := f"{output}_{measure.suffix}") in answers:
-                yield _Column(source, measure, answers[name])
+        for source in statistics.sources:
+            array = statistics.get(source, output, measure.statistic)
+            if array is not None:
+                yield _Column(source, measure, array)
 
 
-def _best_sources(tree: xr.DataTree, columns: Sequence[_Column]) -> list[_Column]:
+def _best_columns(tree: xr.DataTree, columns: Sequence[_Column]) -> list[_Column]:
     """The columns without those of plain samples, unless there are no others."""
-    dedicated = [column for column in columns if not _is_sample_design(tree, column.source)]
-    if dedicated or not columns:
-        return dedicated
-    largest = max(
-        columns, key=lambda column: read_group(tree, SENSITIVITY, column.source).attrs["runs"]
-    )
-    return [column for column in columns if column.source == largest.source]
-
-
-def _is_sample_design(tree: xr.DataTree, source: str) -> bool:
-    runs = read_group(tree, RUNS, source)
-    if not runs:
-        return False
-    sampling = Sampling(runs.attrs[SAMPLING])
-    return sampling.is_sample and sampling is not Sampling.PICK_FREEZE
+    runs: dict[str, int] = {}
+    for column in columns:
+        runs.setdefault(column.source, int(column.array.attrs.get("runs", 0)))
+    shown = best_sources(tree, runs)
+    return [column for column in columns if column.source in shown]
 
 
 def _table(title: str, columns: Sequence[_Column], measure: Scale) -> OutputTable:
-    headers = [f"{column.measure.label}\n{column.source}" for column in columns]
-    table = OutputTable(title, headers)
+    table = OutputTable(title, [column.header for column in columns])
     inputs = dict.fromkeys(str(name) for column in columns for name in column.array[INPUT].values)
     for name in inputs:
         table.rows.append((name, [_cell(table, column, name, measure) for column in columns]))
     return table
 
 
-def _add_claims(table: OutputTable, tree: xr.DataTree, output: str) -> None:
+def _add_claims(table: OutputTable, statistics: SourceStatistics, output: str) -> None:
     """A column for each publication that names the largest contribution."""
-    for source in group_names(tree, SENSITIVITY):
-        claim = read_group(tree, SENSITIVITY, source).attrs.get(f"{output}_{LARGEST_CONTRIBUTION}")
-        if claim is not None:
+    for source in statistics.publications:
+        if claim := statistics.largest_contribution(source, output):
             table.columns.append(f"the largest to\n{source}")
             for name, cells in table.rows:
                 cells.append("this" if name == claim else NOTHING)

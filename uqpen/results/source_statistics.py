@@ -2,16 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
 
+import pandas as pd
 import xarray as xr
 
-from uqpen.archive.read import group_names, read_group
-from uqpen.archive.schema_2 import GROUPS, read_failures, read_statistic
-from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import DIFFERENCES, RUNS, SURROGATES
+from uqpen.archive.estimates import unpack_all
+from uqpen.archive.tree import group_names, model_trees, read_group
+from uqpen.core.catalogue import FAILURE_STATISTICS
+from uqpen.core.labels import (
+    CITED,
+    DIFFERENCES,
+    FAILURES_GROUP,
+    INPUT,
+    LARGEST_CONTRIBUTION,
+    RANK,
+    RUNS,
+    SOURCE_KIND,
+    STATISTICS_GROUP,
+)
+from uqpen.results.estimate_rows import estimate_rows, rows_frame
+from uqpen.results.table import output_names
 
 __all__ = ["SourceStatistics"]
+
+# The group of schema 3, by source and output.
+_STATISTICS = "statistics"
 
 
 @dataclass(frozen=True)
@@ -24,27 +42,55 @@ class SourceStatistics:
         What an archive has of the model, or of the pair.
     is_difference : bool
         Whether it is of a pair.
+    described_by : DataTree, optional
+        What the archive has of the model whose outputs these are, if that is not `tree`.
     """
 
     tree: xr.DataTree
     is_difference: bool = False
+    described_by: xr.DataTree | None = None
+    # Estimate arrays by source, output and statistic: to take one out of its group takes as long as
+    # to show it.
+    _arrays: dict[tuple[str, ...], dict[str, xr.DataArray]] = field(
+        default_factory=dict, compare=False, repr=False
+    )
 
     @classmethod
     def of_differences(cls, archive: xr.DataTree, model: str) -> SourceStatistics:
         """Return those of the difference of a model from the first."""
-        return cls(archive.children[DIFFERENCES].children[model], is_difference=True)
+        tree, own = archive.children[DIFFERENCES].children[model], model_trees(archive)[model]
+        return cls(tree, is_difference=True, described_by=own)
+
+    @property
+    def outputs(self) -> list[str]:
+        """The outputs of the model, in its order."""
+        tree = self.tree if self.described_by is None else self.described_by
+        designs = group_names(tree, RUNS)
+        return output_names(read_group(tree, RUNS, designs[0])) if designs else []
+
+    @property
+    def node(self) -> xr.DataTree | None:
+        """The group whose children are the sources; None where there is none."""
+        return self.tree if self.is_difference else self.tree.children.get(STATISTICS_GROUP)
 
     @property
     def sources(self) -> list[str]:
         """Designs, then surrogates, then publications."""
-        kinds = (*(() if self.is_difference else (RUNS, SURROGATES)), *GROUPS)
-        return list(dict.fromkeys(name for kind in kinds for name in group_names(self.tree, kind)))
+        return [] if self.node is None else [str(name) for name in self.node.children]
+
+    def kind(self, source: str) -> str:
+        """Return ``design``, ``surrogate``, ``publication``, or ``difference`` of two models."""
+        if self.is_difference:
+            return "difference"
+        return str(self._dataset(source).attrs.get(SOURCE_KIND, "design"))
 
     @property
     def publications(self) -> list[str]:
         """The sources that are neither designs nor surrogates."""
-        own = {*group_names(self.tree, RUNS), *group_names(self.tree, SURROGATES)}
-        return [name for name in self.sources if name not in own]
+        return [name for name in self.sources if self.kind(name) == "publication"]
+
+    def _dataset(self, *path: str) -> xr.Dataset:
+        return xr.Dataset() if self.node is None else read_group(self.node, *path)
 
     def get(self, source: str, output: str, statistic: str) -> xr.DataArray | None:
         """Return an estimate array; None where the source does not have it.
@@ -63,12 +109,13 @@ class SourceStatistics:
             each entry. Attributes: ``units``, ``long_name``, ``interval_level``, ``estimator``, the
             counts of runs, ``conditional_on``, ``missing``.
         """
-        return read_statistic(self.tree, source, output, statistic)
+        return self.statistics(source, output).get(statistic)
 
     def statistics(self, source: str, output: str) -> dict[str, xr.DataArray]:
-        """Return all that a source has of an output, in the order of the catalogue."""
-        found = {name: self.get(source, output, name) for name in CATALOGUE}
-        return {name: array for name, array in found.items() if array is not None}
+        """Return all that a source has of an output, those of the catalogue first."""
+        if (source, output) not in self._arrays:
+            self._arrays[source, output] = unpack_all(self._dataset(source, output))
+        return self._arrays[source, output]
 
     def sources_of(self, output: str, statistic: str) -> list[str]:
         """Return the sources that have a statistic of an output."""
@@ -76,13 +123,17 @@ class SourceStatistics:
 
     def largest_contribution(self, publication: str, output: str) -> str:
         """Return the input that a publication calls the largest contribution; empty for none."""
-        attributes = read_group(self.tree, "sensitivity", publication).attrs
-        return str(attributes.get(f"{output}_largest_contribution", ""))
+        attributes = self._dataset(publication, output).attrs
+        return str(attributes.get(LARGEST_CONTRIBUTION, ""))
 
     def citation(self, publication: str) -> str:
         """Return where the estimates of a publication stand."""
-        groups = (read_group(self.tree, kind, publication).attrs for kind in GROUPS)
-        return next((str(each["source"]) for each in groups if "source" in each), "")
+        return str(self._dataset(publication).attrs.get(CITED, ""))
+
+    def minus(self, source: str) -> str:
+        """Return the model whose values are subtracted in a difference; empty for none."""
+        attributes = (self._dataset(source, output).attrs for output in self.outputs)
+        return next((str(each["minus"]) for each in attributes if "minus" in each), "")
 
     def failures(self, design: str) -> dict[str, xr.DataArray]:
         """Return what the archive says of a design's runs that did not complete.
@@ -95,4 +146,51 @@ class SourceStatistics:
             ``input``. Empty for a design that is no sample and lost no run. The attributes of
             ``probability`` say ``runs``, ``runs_used``, ``conditional_on`` and ``missing``.
         """
-        return read_failures(self.tree, design)
+        return unpack_all(read_group(self.tree, FAILURES_GROUP, design))
+
+    def to_frame(self, model: str = "", *, functions: bool = False) -> pd.DataFrame:
+        """Return all estimates as a long table, one entry of one statistic a row.
+
+        Parameters
+        ----------
+        model : str
+            The model's name, for the column of that name.
+        functions : bool
+            Whether to list distribution functions, which have a row for each run.
+
+        Returns
+        -------
+        DataFrame
+            Columns ``model``, ``source``, ``kind``, ``output`` (empty for what is of the runs as a
+            whole), ``statistic``, ``coordinates`` such as ``probability=0.95``, one for each
+            dimension that is used (``probability``, ``threshold``, ``input`` …), ``estimate``,
+            ``lower`` and ``upper`` (NaN where there is none), ``unit``, ``interval``,
+            ``interval_label`` and ``note``. In SI units.
+        """
+        return rows_frame(self.rows(model, functions=functions))
+
+    def rows(self, model: str = "", *, functions: bool = False) -> Iterator[dict[str, Any]]:
+        """Yield the rows of `to_frame`."""
+        for source in self.sources:
+            minus = self.minus(source) if self.is_difference else ""
+            described = {
+                "model": f"{model} minus {minus}" if minus else model,
+                "source": source,
+                "kind": self.kind(source),
+            }
+            for output in self.outputs:
+                for name, array in self.statistics(source, output).items():
+                    if functions or RANK not in array.dims:
+                        yield from estimate_rows(array, **described, output=output, statistic=name)
+            if not self.is_difference:
+                yield from self._failure_rows(source, described)
+
+    def _failure_rows(self, design: str, described: dict[str, str]) -> Iterator[dict[str, Any]]:
+        """Yield what is said of a design's runs as a whole."""
+        runs = read_group(self.tree, RUNS, design)
+        for name, array in self.failures(design).items():
+            for row in estimate_rows(array, **described, output="", statistic=name):
+                # The lowest and the highest are values of an input, each in its own unit.
+                if not FAILURE_STATISTICS[name].has_bounds and row[INPUT] in runs:
+                    row["unit"] = str(runs[row[INPUT]].attrs.get("units", ""))
+                yield row

@@ -8,7 +8,7 @@ from typing import Any
 
 import xarray as xr
 
-from uqpen.archive.interval_metadata import interval_metadata
+from uqpen.archive.estimates import interval_text
 from uqpen.core.labels import INTERVAL_LABEL, NOTE, REFUSED, ROLE, UNCHECKED
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
 
@@ -32,7 +32,7 @@ NOTHING = "–"
 
 @dataclass
 class OutputTable:
-    """What is told of one output, a column for each source.
+    """A table of one output, with a column for each source.
 
     Parameters
     ----------
@@ -71,29 +71,29 @@ class OutputTable:
 def estimate_with_verdict(array: xr.DataArray, convert: Conversion) -> str:
     """An estimate in the digits that it has, with the verdict on it if that is against it."""
     text = estimate_text(*(float(value) for value in convert(array.values)))
-    label = interval_metadata(array, INTERVAL_LABEL)
+    label = interval_text(array, INTERVAL_LABEL)
     return f"{text} {label}" if label in (REFUSED, UNCHECKED) else text
 
 
 def identity(values: Any) -> Any:
-    """What has no unit is shown as it is, whatever unit its output is shown in."""
+    """Return values without a unit as they are, whatever unit their output is shown in."""
     return values
 
 
 def quantile_label(probability: float) -> str:
-    """What a quantile is called in a table."""
+    """Return the label of a quantile in a table."""
     return "median" if probability == 0.5 else f"{percent_text(probability)} quantile"
 
 
 def exceedance_label(threshold: str) -> str:
-    """What the probability of exceeding a value is called, from the value as it was written."""
+    """Return the label of an exceedance probability, from the value as it was written."""
     return f"P(> {threshold})"
 
 
 def estimate_remark(array: xr.DataArray) -> str:
-    """What a reader must know of an estimate; empty for nothing."""
-    note = interval_metadata(array, NOTE)
-    if not note and interval_metadata(array, INTERVAL_LABEL) == "conservative":
+    """Return what a reader must know of an estimate; empty for nothing."""
+    note = interval_text(array, NOTE)
+    if not note and interval_text(array, INTERVAL_LABEL) == "conservative":
         return "conservative: the interval may be wider than it need be"
     return note
 

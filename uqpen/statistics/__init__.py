@@ -1,10 +1,11 @@
-"""Analyses: from runs to statistics, each with the interval that covers on its design.
+"""Analyses: from runs to statistics, each with an interval that suits its design.
 
-An analysis of a sample takes one output's sample of the input law and the questions that a study
-asks of that output; it yields named estimates. Every design whose points are such a sample gets all
-of them, so that designs can be compared. Designs that are made to answer one question (pick-freeze
-blocks, trajectories, an integration rule) have analyses of their own, which take their runs. What
-became of the runs themselves is told by
+An analysis of a sample takes the sample of one output and the quantity of interest that a study
+defines for that output. It yields estimates, each with its name in `uqpen.core.catalogue`. Every
+design whose points are a sample of the joint distribution gets all of these analyses, so that
+designs can be compared. Designs made for one purpose (pick-freeze blocks, trajectories, a
+quadrature rule) have analyses of their own, which take their runs. The probabilities of the
+statuses of runs are estimated by
 `uqpen.statistics.distribution_function.probabilities.status_probabilities`.
 """
 
@@ -13,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from uqpen.core.labels import Sampling
+from uqpen.core.sampling import Sampling
 
 __all__ = ["ANALYSES", "ANALYSES_OF_DESIGNS"]
 

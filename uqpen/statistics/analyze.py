@@ -1,34 +1,30 @@
-"""Every analysis of one design's runs."""
+"""Analysis of one design's runs: all statistics of its outputs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import xarray as xr
 
-from uqpen.core.labels import (
-    CONDITIONAL,
-    MISSING,
-    RUN,
-    SAMPLING,
-    STATUS,
-    STATUSES,
-    Sampling,
-    Status,
-)
+from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.labels import CONDITIONAL, MISSING, RUN, SAMPLING, STATUS
 from uqpen.core.lookup import resolve
+from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
 from uqpen.core.threads import one_blas_thread
 from uqpen.execution import status_counts
 from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
-from uqpen.statistics.failure_analysis import FAILURES, failure_analysis
+from uqpen.statistics.failure_analysis import failure_analysis
+from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample, input_sample
 
-__all__ = ["analyze"]
+__all__ = ["OutputStatistics", "analyze", "analyze_failures", "in_catalogue_order"]
 
-NamedArrays = Iterator[tuple[str, xr.DataArray]]
+# Estimate arrays by the names of their statistics.
+OutputStatistics = dict[str, xr.DataArray]
 
 
 def analyze(
@@ -36,8 +32,9 @@ def analyze(
     quantities: Sequence[QuantityOfInterest],
     *,
     only: Collection[str] | None = None,
-) -> dict[str, xr.Dataset]:
-    """All that the runs of a design can tell.
+    outside: Sequence[OutsideAnalysis] = (),
+) -> dict[str, OutputStatistics]:
+    """Compute all statistics that the runs of a design allow.
 
     Parameters
     ----------
@@ -46,79 +43,102 @@ def analyze(
     quantities : sequence of QuantityOfInterest
         One for each output.
     only : collection of str, optional
-        The groups that are wanted, where not all are.
+        Keys of `ANALYSES`, where not all of them are wanted.
+    outside : sequence of OutsideAnalysis
+        User-supplied analyses, which are applied to a sample after the built-in ones.
 
     Returns
     -------
-    dict of str to Dataset
-        By the name of the group; without those that have nothing to say. Each says in its
-        attributes how many runs it used and how many were lost to what.
+    dict of str to dict of str to DataArray
+        By output, estimate arrays by statistic, in the order of the catalogue. The attributes of
+        each say how many runs it used, and how many ended how.
     """
     with one_blas_thread():
-        return _analyzed(runs, quantities, only)
+        sampling = Sampling(runs.attrs[SAMPLING])
+        found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
+        if sampling.is_sample:
+            drawn = input_sample(runs)
+            samples = Sample.several_from_runs(drawn, list(found))
+            _run_analyses(_select(ANALYSES, only), quantities, samples, _run_counts(drawn), found)
+        # A design that is made for a statistic estimates it better than its sample does.
+        own = _select(ANALYSES_OF_DESIGNS.get(sampling, {}), only)
+        _run_analyses(own, quantities, dict.fromkeys(found, runs), _run_counts(runs), found)
+        if sampling.is_sample and outside:
+            _run_outside_analyses(outside, quantities, samples, _run_counts(drawn), found)
+        return {output: in_catalogue_order(statistics) for output, statistics in found.items()}
 
 
-def _analyzed(
-    runs: xr.Dataset, quantities: Sequence[QuantityOfInterest], only: Collection[str] | None
-) -> dict[str, xr.Dataset]:
-    """Return the groups of `analyze`."""
-    sampling = Sampling(runs.attrs[SAMPLING])
-    groups: dict[str, xr.Dataset] = {}
-    if sampling.is_sample:
+def analyze_failures(runs: xr.Dataset) -> OutputStatistics:
+    """Compute how likely runs of a design end how, and which inputs go with a failure.
+
+    Parameters
+    ----------
+    runs : Dataset
+        With ``status(run)``, and attributes that say how the points were drawn.
+
+    Returns
+    -------
+    dict of str to DataArray
+        ``probability`` along ``status``, where the design is a sample; the arrays of
+        `failure_analysis`, where runs failed.
+    """
+    found: OutputStatistics = {}
+    if Sampling(runs.attrs[SAMPLING]).is_sample:
         drawn = input_sample(runs)
-        samples = Sample.several_from_runs(drawn, [quantity.output.name for quantity in quantities])
-        groups = _run_analyses(
-            _select_analyses(ANALYSES, only),
-            quantities,
-            lambda quantity: samples[quantity.output.name],
-            _run_counts(drawn),
-        )
-        if only is None or STATUSES in only:
-            groups[STATUSES] = xr.Dataset(
-                dict(status_probabilities(drawn)), attrs=_run_counts(drawn)
-            )
-    if (only is None or FAILURES in only) and (
-        failures := dict(failure_analysis(Sample.from_runs(runs, STATUS)))
-    ):
-        groups[FAILURES] = xr.Dataset(failures, attrs=_run_counts(runs))
-    design_analyses = _select_analyses(ANALYSES_OF_DESIGNS.get(sampling, {}), only)
-    for group, answers in _run_analyses(
-        design_analyses, quantities, lambda _: runs, _run_counts(runs)
-    ).items():
-        # What a design is made to tell, it tells better than its sample does.
-        groups[group] = answers.merge(groups.get(group, xr.Dataset()), compat="override")
-        groups[group].attrs = answers.attrs
-    return groups
+        probability = status_probabilities(drawn)
+        found["probability"] = probability.assign_attrs(_run_counts(drawn))
+    counts = _run_counts(runs)
+    for name, array in failure_analysis(Sample.from_runs(runs, STATUS)):
+        found[name] = array.assign_attrs(counts)
+    return found
 
 
-def _select_analyses(
-    analyses: Mapping[str, Sequence[str]], only: Collection[str] | None
-) -> Mapping[str, Sequence[str]]:
-    return analyses if only is None else {k: v for k, v in analyses.items() if k in only}
+def in_catalogue_order(statistics: Mapping[str, xr.DataArray]) -> OutputStatistics:
+    """Return statistics in the order of the catalogue, those that it does not know at the end."""
+    places = {name: place for place, name in enumerate(CATALOGUE)}
+    return dict(sorted(statistics.items(), key=lambda item: places.get(item[0], len(places))))
+
+
+def _select(analyses: Mapping[str, Sequence[str]], only: Collection[str] | None) -> Iterator[str]:
+    """Yield references to the analyses that are wanted."""
+    for name, references in analyses.items():
+        if only is None or name in only:
+            yield from references
 
 
 def _run_analyses(
-    analyses: Mapping[str, Sequence[str]],
+    references: Iterable[str],
     quantities: Sequence[QuantityOfInterest],
-    evidence: Callable[[QuantityOfInterest], Any],
+    evidence: Mapping[str, Any],
     attributes: Mapping[str, int | str],
-) -> dict[str, xr.Dataset]:
-    """The answers of analyses to all questions, group by group."""
-    groups = {}
-    for group, references in analyses.items():
-        variables = {
-            name: answer
-            for reference in references
-            for quantity in quantities
-            for name, answer in resolve(reference)(evidence(quantity), quantity)
-        }
-        if variables:
-            groups[group] = xr.Dataset(variables, attrs=attributes)
-    return groups
+    found: Mapping[str, OutputStatistics],
+) -> None:
+    """Put the statistics of several analyses, for each output, among those found."""
+    for reference in references:
+        analysis = resolve(reference)
+        for quantity in quantities:
+            name = quantity.output.name
+            for statistic, array in analysis(evidence[name], quantity):
+                found[name][statistic] = array.assign_attrs(attributes)
+
+
+def _run_outside_analyses(
+    analyses: Sequence[OutsideAnalysis],
+    quantities: Sequence[QuantityOfInterest],
+    samples: Mapping[str, Sample],
+    attributes: Mapping[str, int | str],
+    found: Mapping[str, OutputStatistics],
+) -> None:
+    """Add the statistics of user-supplied analyses, for each output, to those found."""
+    for quantity in quantities:
+        name = quantity.output.name
+        added = outside_statistics(analyses, samples[name], quantity, found[name])
+        for statistic, array in added.items():
+            found[name][statistic] = array.assign_attrs(attributes)
 
 
 def _run_counts(runs: xr.Dataset) -> dict[str, int | str]:
-    """What a group of statistics says of the runs that it is of."""
+    """Return what a statistic says of the runs that it is of, as attributes."""
     counts = status_counts(runs)
     failed = {status: count for status, count in counts.items() if count and status}
     attributes: dict[str, int | str] = {

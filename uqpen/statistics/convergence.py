@@ -9,11 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.interval_metadata import (
-    INTERVAL_METADATA,
-    interval_metadata,
-    metadata_coordinates,
-)
+from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.labels import (
     BOUND,
     EXCEEDANCE,
@@ -25,9 +21,9 @@ from uqpen.core.labels import (
     SAMPLING,
     SHARES,
     STATUS,
-    Sampling,
 )
-from uqpen.statistics.analyze import analyze
+from uqpen.core.sampling import Sampling
+from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample, input_sample
@@ -36,7 +32,7 @@ __all__ = ["RUNS_SO_FAR", "convergence", "reason_without_parts"]
 
 RUNS_SO_FAR = "runs_so_far"
 
-# The groups that are told of every part.
+# The groups of statistics that are estimated from every part.
 _GROUPS = (MOMENTS, QUANTILES, EXCEEDANCE, SHARES)
 # Parts at the most, and the fewest runs of one.
 _MOST, _FEWEST = 16, 20
@@ -49,7 +45,7 @@ _STRATIFIED = "its points are one stratified set, and no part of that is a small
 
 
 def reason_without_parts(runs: xr.Dataset) -> str:
-    """Why no part of a design's runs is a smaller sample of the same kind; empty where some are.
+    """Reason why no part of a design's runs is a sample of the same kind; empty if some are.
 
     Parameters
     ----------
@@ -73,49 +69,46 @@ def reason_without_parts(runs: xr.Dataset) -> str:
 
 def convergence(
     runs: xr.Dataset, quantities: Sequence[QuantityOfInterest]
-) -> dict[str, xr.Dataset]:
+) -> dict[str, OutputStatistics]:
     """Moments, quantiles and probabilities from growing parts of a design's runs.
 
-    Of independent draws the parts are the first so many, of replicates the first so many
-    replicates: samples of the same kind, so that each estimate has the very interval that it
-    would have, had the design ended there. The last part is the whole.
+    Each part of independent draws consists of the first runs, each part of replicates of the first
+    replicates. A part is a sample of the same kind as the whole, so each estimate has the same
+    interval as if the design had ended there. The last part is the whole.
 
     Parameters
     ----------
     runs : Dataset
-        Of a design; lost runs count among the first so many.
+        Of a design. Failed runs count as runs of a part.
     quantities : sequence of QuantityOfInterest
         One for each output.
 
     Returns
     -------
-    dict of str to Dataset
-        By the name of the group; each variable along ``runs_so_far``, its own dimension if it has
-        one, and ``bound``. Empty where parts are no samples of the same kind, see
-        `reason_without_parts`.
+    dict of str to dict of str to DataArray
+        By output and statistic, estimate arrays along ``runs_so_far``, the statistic's own
+        dimension if it has one, and ``bound``. Empty where parts are no samples of the same kind,
+        see `reason_without_parts`.
     """
     if reason_without_parts(runs):
         return {}
-    # What independent draws or replicates tell needs no inputs.
+    # The statistics of independent draws or replicates need no inputs.
     names = [quantity.output.name for quantity in quantities]
     drawn = input_sample(runs)[[STATUS, *names]]
     parts = list(_growing_parts(drawn))
     sizes = np.array([part.sizes[RUN] for part in parts])
     answers = [analyze(part, quantities, only=_GROUPS) for part in parts]
     return {
-        group: xr.Dataset(
-            {
-                name: _stack_parts([answer[group][name] for answer in answers], sizes)
-                for name in map(str, whole.data_vars)
-            }
-        )
-        for group, whole in answers[-1].items()
-        if group in _GROUPS
+        output: {
+            name: _stack_parts([answer[output][name] for answer in answers], sizes)
+            for name in statistics
+        }
+        for output, statistics in answers[-1].items()
     }
 
 
 def _growing_parts(drawn: xr.Dataset) -> Iterator[xr.Dataset]:
-    """The runs of each part, in the order that they have."""
+    """Yield the runs of each part, in ascending order of size."""
     for end in _part_sizes(drawn):
         if REPLICATE in drawn.coords:
             numbers = np.unique(drawn[REPLICATE].values)
@@ -125,7 +118,7 @@ def _growing_parts(drawn: xr.Dataset) -> Iterator[xr.Dataset]:
 
 
 def _part_sizes(drawn: xr.Dataset) -> list[int]:
-    """How many replicates, or runs, each part has."""
+    """Number of replicates, or of runs, in each part."""
     whole, is_large = drawn.sizes[RUN], drawn.sizes[RUN] > _MANY
     if REPLICATE in drawn.coords:
         whole = len(np.unique(drawn[REPLICATE].values))
@@ -138,40 +131,24 @@ def _part_sizes(drawn: xr.Dataset) -> list[int]:
         decades = range(1, len(str(whole)))
         ends = [step * 10**decade for decade in decades for step in steps]
         ends = [end for end in ends if end >= _FEWEST]
-    # One that holds nearly all runs says no more than all of them.
+    # A part with nearly all runs adds no information to the whole.
     return [*(end for end in ends if _GROWTH * end <= whole), whole][-_MOST:]
 
 
 def _stack_parts(arrays: Sequence[xr.DataArray], sizes: npt.NDArray[np.int64]) -> xr.DataArray:
-    """What all parts say of one statistic."""
+    """Put the estimate arrays of all parts along ``runs_so_far``."""
     last = arrays[-1]
-    own = [str(dimension) for dimension in last.dims if dimension != BOUND]
-    shape = {RUNS_SO_FAR: len(arrays), **{each: last.sizes[each] for each in own}}
-    texts = {
-        what: [text for each in arrays for text in _interval_texts(each, what)]
-        for what in INTERVAL_METADATA
-    }
+    dims = {str(dim): last.sizes[dim] for dim in last.dims if dim != BOUND}
+    own = {key: each.variable for key, each in last.coords.items() if key not in INTERVAL_TEXTS}
     described = {"units": "1", "long_name": "runs so far, lost ones among them"}
-    endings = tuple(f"_{what}" for what in INTERVAL_METADATA)
-    kept = {
-        name: coordinate.variable
-        for name, coordinate in last.coords.items()
-        if not str(name).endswith(endings)
+    texts = {
+        name: np.stack([each.coords[name].values for each in arrays]) for name in INTERVAL_TEXTS
     }
-    return xr.DataArray(
+    return estimate_array(
         np.stack([each.values for each in arrays]),
-        {
-            **kept,
-            RUNS_SO_FAR: (RUNS_SO_FAR, sizes, described),
-            **metadata_coordinates(str(last.name), shape, texts),
-        },
-        (RUNS_SO_FAR, *map(str, last.dims)),
-        attrs={key: last.attrs[key] for key in ("units", "long_name")} | {INTERVAL_LEVEL: LEVEL},
-        name=last.name,
-    )
-
-
-def _interval_texts(array: xr.DataArray, what: str) -> list[str]:
-    """What the estimates of one part say of their intervals."""
-    entries = [array] if array.dims == (BOUND,) else list(array)
-    return [interval_metadata(entry, what) for entry in entries]
+        {RUNS_SO_FAR: len(arrays), **dims},
+        texts,
+        units=last.attrs["units"],
+        long_name=last.attrs["long_name"],
+        attributes={INTERVAL_LEVEL: LEVEL},
+    ).assign_coords({**own, RUNS_SO_FAR: (RUNS_SO_FAR, sizes, described)})

@@ -1,4 +1,4 @@
-"""An estimate: a figure with its bounds, how they were made, or why there are none."""
+"""Estimate: a value with its bounds and their method, or the reason for having none."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
 import xarray as xr
 
-from uqpen.archive.interval_metadata import metadata_coordinates
-from uqpen.core.labels import BOUND, BOUNDS, INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE
+from uqpen.archive.estimates import estimate_array
+from uqpen.core.labels import INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE
 
 __all__ = ["LEVEL", "Estimate"]
 
@@ -20,19 +19,20 @@ LEVEL = 0.95
 
 @dataclass(frozen=True)
 class Estimate:
-    """A figure with its bounds.
+    """Estimate of a statistic with its bounds.
 
     Parameters
     ----------
     value, lower, upper : float
-        NaN for what there is not.
+        NaN where there is none.
     method : str
         The formula of the bounds, in words.
     label : str
-        ``"nominal"``: they cover as often as `LEVEL` says. ``"discrete"``: at least as often, for
-        counts are whole numbers. ``"conservative"``: at least as often. ``"none"``: there are none.
+        ``"nominal"``: the coverage of the bounds is `LEVEL`. ``"discrete"``: it is at least
+        `LEVEL`, because counts are whole numbers. ``"conservative"``: it is at least `LEVEL`.
+        ``"none"``: there are no bounds.
     note : str
-        What a reader must know: why there are none, or when they may cover less.
+        Note for the reader: why there are no bounds, or when their coverage may be smaller.
     """
 
     value: float
@@ -44,11 +44,11 @@ class Estimate:
 
     @classmethod
     def without_bounds(cls, value: float, reason: str) -> Estimate:
-        """A figure that has no bounds, and why."""
+        """Return an estimate without bounds, with the reason."""
         return cls(value, math.nan, math.nan, "none", "none", reason)
 
     def with_note(self, note: str) -> Estimate:
-        """The same estimate with another note."""
+        """Return the estimate with another note."""
         return replace(self, note=note)
 
     @property
@@ -57,36 +57,19 @@ class Estimate:
         return self.value, self.lower, self.upper
 
     def to_array(self, *, units: str, long_name: str) -> xr.DataArray:
-        """The estimate along ``bound``; its attributes say how the bounds were made."""
-        attributes: dict[str, str | float] = {
-            "units": units,
-            "long_name": long_name,
-            INTERVAL: self.method,
-            INTERVAL_LABEL: self.label,
-        }
-        if self.label != "none":
-            attributes[INTERVAL_LEVEL] = LEVEL
-        if self.note:
-            attributes[NOTE] = self.note
-        return xr.DataArray(list(self.bounds), {BOUND: list(BOUNDS)}, (BOUND,), attrs=attributes)
+        """Return the estimate as an estimate array along ``bound``."""
+        return _estimate_array([self], {}, units, long_name)
 
     @staticmethod
     def stack(
-        estimates: Sequence[Estimate],
-        dimension: str,
-        *,
-        units: str,
-        long_name: str,
-        name: str = "",
+        estimates: Sequence[Estimate], dimension: str, *, units: str, long_name: str
     ) -> xr.DataArray:
-        """Several estimates along a dimension and ``bound``.
+        """Return several estimates as an estimate array along a dimension and ``bound``.
 
-        How the bounds of each were made stands in coordinates along the dimension, as what was
-        asked beside it must not change what is said of a figure. Where several variables share the
-        dimension, `name`, the variable's own, tells their coordinates apart.
+        How the bounds of each were made stands beside it, as another estimate must not change what
+        is said of it.
         """
-        prefix = name or dimension
-        return _estimate_array(estimates, {dimension: len(estimates)}, prefix, units, long_name)
+        return _estimate_array(estimates, {dimension: len(estimates)}, units, long_name)
 
     @staticmethod
     def table(
@@ -95,31 +78,27 @@ class Estimate:
         *,
         units: str,
         long_name: str,
-        name: str,
     ) -> xr.DataArray:
-        """Estimates along two dimensions and ``bound``; like `stack` otherwise."""
+        """Return estimates as an estimate array along two dimensions and ``bound``."""
         shape = dict(zip(dimensions, (len(rows), len(rows[0])), strict=True))
         estimates = [estimate for row in rows for estimate in row]
-        return _estimate_array(estimates, shape, name, units, long_name)
+        return _estimate_array(estimates, shape, units, long_name)
 
 
 def _estimate_array(
-    estimates: Sequence[Estimate],
-    shape: Mapping[str, int],
-    name: str,
-    units: str,
-    long_name: str,
+    estimates: Sequence[Estimate], dims: Mapping[str, int], units: str, long_name: str
 ) -> xr.DataArray:
-    """Estimates along dimensions, with what each says of its own interval beside it."""
-    bounds = np.array([estimate.bounds for estimate in estimates])
-    texts = {
-        INTERVAL: [estimate.method for estimate in estimates],
-        INTERVAL_LABEL: [estimate.label for estimate in estimates],
-        NOTE: [estimate.note for estimate in estimates],
-    }
-    return xr.DataArray(
-        bounds.reshape(*shape.values(), len(BOUNDS)),
-        {BOUND: list(BOUNDS), **metadata_coordinates(name, shape, texts)},
-        (*shape, BOUND),
-        attrs={"units": units, "long_name": long_name, INTERVAL_LEVEL: LEVEL},
+    """Return estimates along dimensions, with what each says of its own interval beside it."""
+    has_bounds = any(estimate.label != "none" for estimate in estimates)
+    return estimate_array(
+        [estimate.bounds for estimate in estimates],
+        dims,
+        {
+            INTERVAL: [estimate.method for estimate in estimates],
+            INTERVAL_LABEL: [estimate.label for estimate in estimates],
+            NOTE: [estimate.note for estimate in estimates],
+        },
+        units=units,
+        long_name=long_name,
+        attributes={INTERVAL_LEVEL: LEVEL} if has_bounds or dims else {},
     )

@@ -1,4 +1,4 @@
-"""Where among the inputs the runs lie that were lost, against those that came back."""
+"""Association of failure with an input: inputs of failed runs compared with completed runs."""
 
 from __future__ import annotations
 
@@ -23,29 +23,31 @@ BoolArray = npt.NDArray[np.bool_]
 # The group that the answers stand in.
 FAILURES = "losses"
 
-# Runs of each of the two kinds below which the spread of neither can be told.
+# Least number of failed and of completed runs to estimate the spread of both.
 _FEWEST_RUNS = 10
 
 
 def failure_analysis(sample: Sample) -> Iterator[tuple[str, xr.DataArray]]:
-    """Which inputs go with the loss of runs.
+    """Association of each input with the failure of runs.
 
-    Inadmissible points are not among them: they lie outside of the law, not where a model fails.
+    Inadmissible points do not count as failed here: they lie outside the joint distribution, and
+    the model was not run there.
 
     Parameters
     ----------
     sample : Sample
-        Of any output; its `missing` runs are compared with those that came back.
+        Of any output. Its `missing` runs are compared with its completed runs.
 
     Yields
     ------
     name : str
-        ``larger``: the probability that an input is larger in a lost run than in one that came
-        back, 0.5 where the input has nothing to do with it. ``further_out``: the same of its
-        distance from the median of all runs. ``lowest`` and ``highest``: between which values the
-        lost runs lie, in SI units.
-    answer : DataArray
-        Along ``input``, the first two and ``bound``. Nothing where no run was lost.
+        ``larger``: probability that an input is larger in a failed run than in a completed one
+        (probability of superiority, AUC); 0.5 where the input has no influence. ``further_out``:
+        the same probability for the distance of the input from the median of all runs. ``lowest``
+        and ``highest``: smallest and largest value of the input in the failed runs, in SI units.
+    array : DataArray
+        Along ``input``; ``larger`` and ``further_out`` also along ``bound``. No statistic is
+        yielded where no run failed.
 
     References
     ----------
@@ -66,7 +68,6 @@ def failure_analysis(sample: Sample) -> Iterator[tuple[str, xr.DataArray]]:
             INPUT,
             units="1",
             long_name=f"probability that an input {what} in a lost run than in another",
-            name=name,
         )
         yield name, array.assign_coords(input_coordinate(sample))
     for name, end in (("lowest", np.min), ("highest", np.max)):
@@ -76,14 +77,14 @@ def failure_analysis(sample: Sample) -> Iterator[tuple[str, xr.DataArray]]:
 
 
 def _median_distances(values: FloatArray) -> FloatArray:
-    """How far each value is from the median, counted in values that lie between."""
+    """Distance of each value from the median, as a number of ranks."""
     ranks = _ranks(values)
     distances: FloatArray = np.abs(ranks - ranks.mean())
     return distances
 
 
 def _superiority_probability(sample: Sample, values: FloatArray, is_failed: BoolArray) -> Estimate:
-    """The probability that a lost run has the larger value, ties counted half."""
+    """Probability that a failed run has the larger value; ties count half."""
     failed, others = int(is_failed.sum()), int((~is_failed).sum())
     if not others or not np.ptp(values) > 0:
         reason = "no run came back" if not others else "the input does not vary"
@@ -102,7 +103,7 @@ def _superiority_probability(sample: Sample, values: FloatArray, is_failed: Bool
     half = student_quantile(min(failed, others) - 1, LEVEL) * math.sqrt(sum(variances)) / slope
     centre = math.log(value / (1 - value))
     ends = (1 / (1 + math.exp(half - centre)), 1 / (1 + math.exp(-half - centre)))
-    # Points that fill the law evenly scatter less than the formula says.
+    # Points that fill the distribution evenly scatter less than the formula says.
     label = "nominal" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
     return Estimate(value, *ends, "DeLong on the logit", label)
 

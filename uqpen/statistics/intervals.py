@@ -1,8 +1,8 @@
-"""Formulas of confidence intervals, free of any knowledge of designs and datasets.
+"""Formulas of confidence intervals, independent of designs and datasets.
 
-Which formula covers on which design was measured; the choice is made in `uqpen.statistics`. Levels
-are two-sided unless said otherwise; a bound that does not exist at the given number of runs is
-NaN.
+The coverage of each formula on each design was measured, and `uqpen.statistics` makes the choice.
+Levels are two-sided unless stated otherwise. A bound that does not exist at the given number of
+runs is NaN.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ def student_quantile(freedom: float, level: float) -> float:
 def ratio_error(influence: FloatArray, replicate: IntArray, replicates: int) -> tuple[float, float]:
     """Standard error of a mean from the scatter of its replicates.
 
-    Lost runs leave replicates of unequal size, so the mean is a ratio of sums, and what scatters
-    is each replicate's sum of deviations.
+    Failed runs leave replicates of unequal size, so the mean is a ratio of sums. Its error follows
+    from the scatter of the replicates' sums of deviations.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def ratio_error(influence: FloatArray, replicate: IntArray, replicates: int) -> 
     replicate : ndarray of int, shape (run,)
         The replicate of each run, from 0.
     replicates : int
-        How many there are.
+        Number of replicates.
 
     Returns
     -------
@@ -82,11 +82,11 @@ def ratio_jackknife_error(
     Parameters
     ----------
     numerator, denominator : ndarray, shape (row,)
-        What is summed.
+        The terms of the sums.
     group : ndarray of int, shape (row,)
-        The group of each row, from 0; none is empty, and none holds all of the denominator.
+        The group of each row, from 0. No group is empty or contains all of the denominator.
     groups : int
-        How many there are.
+        Number of groups.
 
     Returns
     -------
@@ -139,7 +139,7 @@ def additive_residual_error(influence: FloatArray, inputs: FloatArray) -> tuple[
 
 
 def _additive_residual(residual: FloatArray, label: IntArray, bins: int) -> FloatArray:
-    """What an additive, piecewise constant fit leaves."""
+    """Residual of an additive, piecewise constant fit."""
     sizes = [np.bincount(column, minlength=bins) for column in label]
     # Ranks of a Latin hypercube are all but orthogonal between inputs: each sweep shrinks what
     # is left of the fit by about bins / runs, so a few reach rounding.
@@ -178,8 +178,8 @@ def order_statistic_ranks(
 ) -> tuple[FloatArray, FloatArray]:
     """Ranks (from 1) whose values enclose a quantile; NaN where the runs do not suffice.
 
-    The number of runs below the quantile is binomial, so the interval is free of any assumption
-    about the law; being discrete, it covers at least as often as `level` says.
+    The number of runs below the quantile is binomial, so the interval needs no assumption about
+    the distribution. Ranks are discrete, so its coverage is at least `level`.
     """
     tail = (1 - level) / 2
     upper = upper_rank(runs, probability, 1 - tail)

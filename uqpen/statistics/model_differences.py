@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import MOMENTS, QUANTILES, SAMPLING, STATUS, Sampling, Status
+from uqpen.core.labels import MOMENTS, QUANTILES, SAMPLING, STATUS
+from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
 from uqpen.execution import worst_status_runs
-from uqpen.statistics.analyze import analyze
+from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
 __all__ = ["model_differences"]
@@ -20,11 +22,11 @@ _GROUPS = (MOMENTS, QUANTILES)
 
 def model_differences(
     first: xr.Dataset, other: xr.Dataset, quantities: Sequence[QuantityOfInterest]
-) -> dict[str, xr.Dataset]:
-    """What another model's outputs differ by from those of the first.
+) -> dict[str, OutputStatistics]:
+    """Statistics of the differences between another model's outputs and those of the first.
 
-    Two models at the same points differ far less than their runs scatter, so the difference is
-    known better than either.
+    Two models at the same points differ far less than their runs scatter, so the difference has a
+    smaller error than either.
 
     Parameters
     ----------
@@ -35,9 +37,9 @@ def model_differences(
 
     Returns
     -------
-    dict of str to Dataset
-        Moments and quantiles of other minus first, where both runs came back; nothing where the
-        design is no sample of the law.
+    dict of str to dict of str to DataArray
+        By output, moments and quantiles of other minus first over the runs that both models
+        completed. Empty where the design is no sample of the inputs.
     """
     if not Sampling(first.attrs[SAMPLING]).is_sample:
         return {}

@@ -1,14 +1,13 @@
-"""Figures from elsewhere, in the same groups as our own so that they stand beside them."""
+"""Published estimates, in the same groups as uqpen's own for comparison."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import xarray as xr
-
-from uqpen.core.labels import INPUT, LARGEST_CONTRIBUTION, MOMENTS, SENSITIVITY
+from uqpen.core.labels import INPUT
 from uqpen.core.model import Output
+from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.sensitivity.input_measures import input_names_coordinate
 
@@ -17,12 +16,12 @@ __all__ = ["Publication", "PublishedEstimates", "published_estimates"]
 
 @dataclass(frozen=True)
 class PublishedEstimates:
-    """What a publication says of one output.
+    """Estimates that a publication gives for one output.
 
     Parameters
     ----------
     output : Output
-        Of which.
+        The output.
     moments : mapping of str to float
         ``"mean"`` and ``"std"``, in the output's SI unit.
     response : mapping of str to float
@@ -39,48 +38,39 @@ class PublishedEstimates:
 
 @dataclass(frozen=True)
 class Publication:
-    """A publication whose figures a study is compared with.
+    """Publication with estimates that a study is compared with.
 
     Parameters
     ----------
     source : str
-        Where they stand.
+        Reference of the publication.
     estimates : tuple of PublishedEstimates
-        One for each output that it tells of.
+        One for each output that it has estimates of.
     """
 
     source: str
     estimates: tuple[PublishedEstimates, ...]
 
 
-def published_estimates(publication: Publication) -> dict[str, xr.Dataset]:
-    """A publication's figures as groups of an archive, each figure without an interval of ours."""
+def published_estimates(publication: Publication) -> dict[str, OutputStatistics]:
+    """Return a publication's estimates by output and statistic, without intervals of ours."""
     reason = f"published in {publication.source}"
-    moments: dict[str, xr.DataArray] = {}
-    sensitivity: dict[str, xr.DataArray] = {}
-    attributes = {"source": publication.source}
-    claims = {}
-    for output_estimates in publication.estimates:
-        name, title = output_estimates.output.name, output_estimates.output.title
-        for moment, value in output_estimates.moments.items():
-            estimate = Estimate.without_bounds(value, reason)
-            moments[f"{name}_{moment}"] = estimate.to_array(
-                units=output_estimates.output.unit, long_name=f"{moment} of {title}, published"
+    found: dict[str, OutputStatistics] = {}
+    for estimates in publication.estimates:
+        name, title = estimates.output.name, estimates.output.title
+        found[name] = {
+            moment: Estimate.without_bounds(value, reason).to_array(
+                units=estimates.output.unit, long_name=f"{moment} of {title}, published"
             )
-        if output_estimates.response:
-            variable = f"{name}_response"
-            estimates = [
-                Estimate.without_bounds(v, reason) for v in output_estimates.response.values()
-            ]
-            described = f"relative response of {title}, published"
-            array = Estimate.stack(estimates, INPUT, units="1", long_name=described, name=variable)
-            sensitivity[variable] = array.assign_coords(
-                input_names_coordinate(list(output_estimates.response))
+            for moment, value in estimates.moments.items()
+        }
+        if estimates.response:
+            array = Estimate.stack(
+                [Estimate.without_bounds(value, reason) for value in estimates.response.values()],
+                INPUT,
+                units="1",
+                long_name=f"relative response of {title}, published",
             )
-        if output_estimates.largest_contribution:
-            claims[f"{name}_{LARGEST_CONTRIBUTION}"] = output_estimates.largest_contribution
-    groups = {
-        MOMENTS: xr.Dataset(moments, attrs=attributes),
-        SENSITIVITY: xr.Dataset(sensitivity, attrs=attributes | claims),
-    }
-    return {name: group for name, group in groups.items() if group or len(group.attrs) > 1}
+            inputs = input_names_coordinate(list(estimates.response))
+            found[name]["response"] = array.assign_coords(inputs)
+    return found

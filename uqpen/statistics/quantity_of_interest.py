@@ -1,4 +1,4 @@
-"""What a study asks of an output, beyond what is always told."""
+"""Quantity of interest: statistics that a study requests beyond those always computed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ DEFAULT_QUANTILES = (0.05, 0.5, 0.95)
 
 @dataclass(frozen=True)
 class Threshold:
-    """A value whose exceedance is asked for.
+    """Threshold: a value whose probability of exceedance is requested.
 
     Parameters
     ----------
@@ -29,20 +29,20 @@ class Threshold:
 
 @dataclass(frozen=True)
 class QuantityOfInterest:
-    """What is asked of one output.
+    """Quantity of interest: an output and the statistics requested of it.
 
     Parameters
     ----------
     output : Output
-        Of which model output.
+        The model output.
     display_unit : str
         The unit to show it in.
     quantiles : tuple of float
         Probabilities strictly between 0 and 1, ascending.
     thresholds : tuple of Threshold
-        Values whose probability of being exceeded is asked.
+        Values whose probability of exceedance is requested.
     tolerance_contents : tuple of float
-        Probabilities with which a value is not to be exceeded.
+        Contents of the upper tolerance limits: probabilities of lying at or below the limit.
     """
 
     output: Output

@@ -1,4 +1,4 @@
-"""One variable over runs, as a sample of the input law."""
+"""One variable over runs, as a sample of the joint distribution."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from uqpen.core.labels import (
     RUN,
     SAMPLING,
     STATUS,
-    Sampling,
-    Status,
 )
+from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 
 __all__ = ["ErrorModel", "Sample", "input_sample"]
@@ -33,7 +33,7 @@ IntArray = npt.NDArray[np.int64]
 
 
 class ErrorModel(StrEnum):
-    """How a sample's error can be told."""
+    """Error model: basis on which the error of a sample's statistics is estimated."""
 
     INDEPENDENT = "independent draws"
     REPLICATED = "independent replicates"
@@ -45,10 +45,10 @@ _NO_DRAWS = "the points are no draws from the law"
 
 
 def input_sample(runs: xr.Dataset) -> xr.Dataset:
-    """Those runs of a design whose points are a sample of the input law.
+    """Select the runs of a design whose points are a sample of the joint distribution.
 
-    All of them, but for pick-freeze blocks: there, the rows of the first two matrices as they were
-    drawn at first.
+    These are all runs, except for pick-freeze blocks: there, they are the rows of the matrices A
+    and B as drawn in the first round.
 
     Parameters
     ----------
@@ -65,20 +65,20 @@ def input_sample(runs: xr.Dataset) -> xr.Dataset:
 
 @dataclass(frozen=True)
 class Sample:
-    """One variable over the runs of a design that came back.
+    """One variable over the completed runs of a design.
 
-    The design's points are kept whole: what is stratified are all of them, not those that came
-    back.
+    All points of the design are kept, since the design stratifies all its points, not the
+    completed ones alone.
 
     Parameters
     ----------
     values : ndarray, shape (run,)
         In the variable's SI unit.
     used : ndarray of int, shape (run,)
-        Which of the points came back.
-    missing : ndarray of int, shape (lost,)
-        Which of them were lost for reasons that may have to do with the answer: every loss but
-        that of an inadmissible point.
+        Numbers of the points with a completed run.
+    missing : ndarray of int, shape (missing,)
+        Numbers of the points whose run failed for a reason that may depend on the output: every
+        failed run except at inadmissible points.
     points : ndarray, shape (point, random input)
         All points of the design.
     inputs : tuple of str
@@ -105,12 +105,12 @@ class Sample:
 
     @classmethod
     def from_runs(cls, runs: xr.Dataset, name: str) -> Sample:
-        """The sample of a variable in a runs dataset."""
+        """Return the sample of a variable in a runs dataset."""
         return cls.several_from_runs(runs, [name])[name]
 
     @classmethod
     def several_from_runs(cls, runs: xr.Dataset, names: Iterable[str]) -> dict[str, Sample]:
-        """The samples of several variables, by name; they share one copy of the points."""
+        """Return the samples of several variables by name, with one common copy of the points."""
         used = np.flatnonzero(runs[STATUS].values == Status.OK)
         whole = cls._from_values(runs, np.full(used.shape, np.nan), used)
         return {
@@ -120,7 +120,7 @@ class Sample:
 
     @classmethod
     def from_statuses(cls, runs: xr.Dataset) -> Sample:
-        """The sample of the runs' statuses, in which none is lost."""
+        """Return the sample of the runs' statuses, in which no run is missing."""
         values = runs[STATUS].values.astype(np.float64)
         return cls._from_values(runs, values, np.arange(len(values)))
 
@@ -149,14 +149,14 @@ class Sample:
         )
 
     def with_missing(self) -> Sample:
-        """The same sample with its missing runs at the end, their values not a number."""
+        """Return the sample with its missing runs at the end, their values NaN."""
         used = np.concatenate([self.used, self.missing])
         values = np.concatenate([self.values, np.full(self.missing.shape, np.nan)])
         return replace(self, values=values, used=used, missing=self.missing[:0])
 
     @property
     def size(self) -> int:
-        """How many runs there are."""
+        """Number of completed runs."""
         return len(self.values)
 
     @cached_property
@@ -166,7 +166,7 @@ class Sample:
 
     @property
     def is_constant(self) -> bool:
-        """Whether all values are the same."""
+        """True if all values are equal."""
         return self.size > 0 and bool(self.sorted_values[0] == self.sorted_values[-1])
 
     @cached_property
@@ -177,12 +177,12 @@ class Sample:
 
     @property
     def replicate_count(self) -> int:
-        """How many replicates are not empty."""
+        """Number of replicates with a completed run."""
         return int(self.replicate.max(initial=-1)) + 1
 
     @property
     def error_model(self) -> ErrorModel:
-        """How its error can be told."""
+        """Error model of the sample."""
         if self.sampling is Sampling.USER_SUPPLIED or not self.sampling.is_sample:
             return ErrorModel.UNKNOWN
         if self.sampling is Sampling.INDEPENDENT:
@@ -195,7 +195,7 @@ class Sample:
 
     @property
     def reason_without_intervals(self) -> str:
-        """Why no interval at all can be told; empty where one can."""
+        """Reason why no interval can be computed; empty where one can."""
         if not self.sampling.is_sample:
             return _NO_DRAWS
         if self.error_model is ErrorModel.UNKNOWN:
@@ -211,7 +211,7 @@ class Sample:
 
     @property
     def too_few_runs(self) -> str:
-        """That there are too few runs, where that is the reason for something."""
+        """Text of the reason that there are too few runs."""
         return "a single run is too few" if self.size == 1 else f"{self.size} runs are too few"
 
     @property

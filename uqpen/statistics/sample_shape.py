@@ -22,7 +22,7 @@ _HEAVY_KURTOSIS = 6.0
 _FEWEST_EFFECTIVE_RUNS = 1000.0
 FEWEST_RUNS_FOR_TAILS = 200
 _ENOUGH_RUNS_FOR_TAILS = 1000
-# A law with a heavier tail may give a sample below the former limit; seldom one below this.
+# A distribution with a heavier tail may give a sample below the former limit, seldom below this.
 _DOUBTFUL_KURTOSIS = 4.5
 
 NO_TAIL_SEEN = f"fewer than {FEWEST_RUNS_FOR_TAILS} runs do not show a heavy tail"
@@ -77,7 +77,7 @@ class SampleShape:
 
     @cached_property
     def kurtosis(self) -> float:
-        """The fourth standardized moment; 3 for a normal law."""
+        """Fourth standardized moment; 3 for a normal distribution."""
         return self._moment(4) / self._moment(2) ** 2
 
     @property
@@ -87,22 +87,22 @@ class SampleShape:
 
     @property
     def has_few_effective_runs(self) -> bool:
-        """Whether these are so few that a heavy tail would do harm."""
+        """True if the effective runs are too few for a heavy tail."""
         return self.effective_runs < _FEWEST_EFFECTIVE_RUNS
 
     @property
     def is_heavy(self) -> bool:
-        """Whether so few runs decide the variance that no interval of it covers."""
+        """True if a few runs dominate the variance, so that no interval of it is reliable."""
         return self.kurtosis > _HEAVY_KURTOSIS and self.has_few_effective_runs
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether a heavier tail may be there that these runs do not show."""
+        """True if the distribution may have a heavier tail than these runs show."""
         if self.sample.size < _ENOUGH_RUNS_FOR_TAILS:
             return True
         return self.kurtosis > _DOUBTFUL_KURTOSIS and self.has_few_effective_runs
 
     @property
     def tail_note(self) -> str:
-        """The tail in figures."""
+        """Kurtosis and effective runs of the tail, as text."""
         return f"kurtosis {self.kurtosis:.3g}, {self.effective_runs:.0f} effective runs"

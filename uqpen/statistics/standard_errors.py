@@ -1,4 +1,4 @@
-"""The standard error that the design of a sample allows to tell."""
+"""Standard error of a mean, by the error model of the sample's design."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def standard_error(sample: Sample, influence: FloatArray) -> tuple[float, float]
 
 
 def _single_error(sample: Sample, influence: FloatArray) -> tuple[float, float]:
-    # With lost runs the mean is a ratio of sums over all points, to which a lost run adds
-    # nothing.
+    # With failed runs, the mean is a ratio of sums over all points, and a failed run adds nothing
+    # to them.
     deviation = np.zeros(len(sample.points))
     deviation[sample.used] = influence - influence.mean()
     error, freedom = additive_residual_error(deviation, sample.points)
@@ -49,10 +49,10 @@ def _single_error(sample: Sample, influence: FloatArray) -> tuple[float, float]:
 
 
 def rounding_error(sample: Sample) -> float:
-    """Standard error that a share may have because runs are counted whole, at most.
+    """Largest standard error that a share can have because counts are whole numbers.
 
-    Over strata a replicate's count is one of two whole numbers, so it scatters by half a run
-    at most; where the replicates happen to agree, their scatter tells nothing of it.
+    In a stratified replicate, a count is one of two neighbouring whole numbers, so its standard
+    deviation is half a run at most. Where all replicates agree, their scatter does not show it.
     """
     if sample.error_model is ErrorModel.INDEPENDENT:
         return 0.5 / sample.size
@@ -67,13 +67,13 @@ def probability_error(sample: Sample, events: npt.NDArray[np.bool_]) -> tuple[fl
     sample : Sample
         The runs.
     events : ndarray of bool, shape (run,)
-        In which runs it happened.
+        True for the runs in which the event happened.
 
     Returns
     -------
     error, freedom : float
     is_rounded : bool
-        Whether it is the error of counting whole runs, which is more than that of the scatter.
+        True if it is the error of counting whole runs, which is larger than that of the scatter.
     """
     error, freedom = standard_error(sample, events.astype(np.float64))
     is_rounded = error <= rounding_error(sample)
@@ -81,10 +81,10 @@ def probability_error(sample: Sample, events: npt.NDArray[np.bool_]) -> tuple[fl
 
 
 def cdf_error(sample: Sample, value: float) -> tuple[float, float, bool]:
-    """Like `probability_error`, of lying below a value; where the law has a lump of probability.
+    """Like `probability_error`, for the distribution function at a value, which may be an atom.
 
-    The distribution function jumps there, and a quantile may be off to either side: the larger
-    of the errors below the jump and above it counts.
+    At an atom of the distribution the function jumps, and the error of a quantile may be to either
+    side. The larger of the errors below and above the jump counts.
     """
     at_or_below = probability_error(sample, sample.values <= value)
     return max(at_or_below, probability_error(sample, sample.values < value))

@@ -12,7 +12,7 @@ from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models.command.model import INPUTS, OUTCOME, OUTPUTS, Command, FolderPolicy
 from uqpen.models.command.placeholders import find_mistakes, names_in
 from uqpen.models.command.process import STDERR, STDOUT
-from uqpen.models.command.program import Program, is_beside_study, locate_program
+from uqpen.models.command.program import Program, lies_in_study, locate_program
 from uqpen.study.limits_section import read_limits
 from uqpen.study.readings_section import is_inside, read_readings
 from uqpen.study.table_reader import TableReader
@@ -31,16 +31,16 @@ _TAKEN = (INPUTS, OUTPUTS, OUTCOME, STDOUT, STDERR)
 
 
 def read_command(table: TableReader, folder: Path, *, trust: bool) -> Command | None:
-    """A program as a model, or None where a mistake was noted.
+    """Read a program as a model; None where a mistake was noted.
 
     Parameters
     ----------
     table : TableReader
         Of the model.
     folder : Path
-        Where the study lies.
+        Folder of the study.
     trust : bool
-        Whether it may be executed; if not, neither the program nor its files are looked for.
+        True if it may be executed. Otherwise neither the program nor its files are searched.
     """
     noted = len(table.problems)
     words = tuple(_read_words(table))
@@ -71,7 +71,7 @@ def read_command(table: TableReader, folder: Path, *, trust: bool) -> Command | 
 
 @dataclass
 class _ProgramFiles:
-    """What a program is handed: words, templates, files; each is checked as it is read."""
+    """Arguments, templates and files for a program; each is checked as it is read."""
 
     table: TableReader
     folder: Path
@@ -81,7 +81,7 @@ class _ProgramFiles:
     copied: list[str] = field(default_factory=list)
 
     def read_templates(self) -> None:
-        """The texts of all templates, by what they are called in the folder of a run."""
+        """Read the texts of all templates, by their file names in the folder of a run."""
         section = self.table.table("templates")
         for name in section or ():
             assert section is not None
@@ -94,20 +94,20 @@ class _ProgramFiles:
                 self._read_template(section, name, file)
 
     def read_copied(self) -> None:
-        """The files that each run finds in its folder."""
+        """Read the files that are copied into the folder of each run."""
         for position, name in enumerate(self.table.entries("files")):
             at = ("files", position)
             if not isinstance(name, str) or not is_inside(name):
                 self.table.add_problem(at, toml_text(name), _BESIDE)
             elif name in _TAKEN or name in self.templates:
                 self.table.add_problem(at, toml_text(name), "a name that nothing else has")
-            elif self.trust and not is_beside_study(name, self.folder):
+            elif self.trust and not lies_in_study(name, self.folder):
                 self.table.add_problem(at, f'no file "{name}" beside the study', _BESIDE)
             else:
                 self.copied.append(name)
 
     def check(self, inputs: list[str], words: tuple[str, ...], named: set[str]) -> None:
-        """Note placeholders that stand for nothing, and inputs that no placeholder stands for."""
+        """Note placeholders without an input, and inputs without a placeholder."""
         for taken in set(inputs).intersection(_PATHS):
             expected = "another name: {inputs} and {outputs} are files"
             self.table.add_problem(("inputs", taken), toml_text(taken), expected)
@@ -130,14 +130,14 @@ class _ProgramFiles:
                 )
 
     def program(self, words: tuple[str, ...]) -> Program | None:
-        """The program with the files that belong to it, or None where there is none."""
+        """Return the program with the files that belong to it, or None where there is none."""
         if sys.platform == "win32":
             expected = "Linux or macOS: elsewhere a program and its children cannot be ended"
             self.table.add_problem("command", "a program to be run on Windows", expected)
             return None
         inside = {*self.templates, *self.copied}
         named = [
-            word for word in words[1:] if word not in inside and is_beside_study(word, self.folder)
+            word for word in words[1:] if word not in inside and lies_in_study(word, self.folder)
         ]
         try:
             others = [*named, *self.copied, *self.template_files.values()]
@@ -147,7 +147,7 @@ class _ProgramFiles:
         return None
 
     def _read_template(self, section: TableReader, name: str, file: str) -> None:
-        if not is_beside_study(file, self.folder):
+        if not lies_in_study(file, self.folder):
             section.add_problem(name, f'no file "{file}" beside the study', _BESIDE)
             return
         try:
@@ -161,7 +161,7 @@ class _ProgramFiles:
 
 
 def _read_words(table: TableReader) -> Iterator[str]:
-    """The words of a command, as they stand there."""
+    """Read the words of a command as written."""
     words = table.take("command")
     if not isinstance(words, list) or not words:
         table.add_problem("command", toml_text(words) if words != [] else "an empty list", _COMMAND)
@@ -176,7 +176,7 @@ def _read_words(table: TableReader) -> Iterator[str]:
 
 
 def _folder_policy(table: TableReader, folder: Path) -> FolderPolicy:
-    """Which folders of runs are kept: beside the study, in one that is called after it."""
+    """Read which folders of runs are kept, in a folder next to the study and named after it."""
     which = table.text("keep", _KEPT, default="failed")
     place = folder / f"{Path(table.document.label).stem}_runs"
     if len(table.path) > 1:  # one of several models

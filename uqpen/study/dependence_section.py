@@ -14,6 +14,7 @@ from uqpen.distributions.copulas import COPULAS
 from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.elliptical_copulas import MEASURES, EllipticalCopula, score_correlation
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.study.inputs_section import Inputs
 from uqpen.study.table_reader import TableReader, family_member
 
 __all__ = ["read_dependence"]
@@ -22,8 +23,9 @@ _CORRELATION = "a correlation, strictly between -1 and 1"
 _PAIR = '{ inputs = ["a", "b"], correlation = 0.6 }'
 
 
-def read_dependence(table: TableReader | None, joint: JointDistribution) -> JointDistribution:
-    """The law with its inputs' dependence; without, where a mistake was noted."""
+def read_dependence(table: TableReader | None, inputs: Inputs) -> JointDistribution:
+    """Return the joint distribution with dependent inputs; unchanged where a mistake was noted."""
+    joint = inputs.joint
     if table is None:
         return joint
     copula = family_member(table, "copula", COPULAS, "a copula")
@@ -31,7 +33,7 @@ def read_dependence(table: TableReader | None, joint: JointDistribution) -> Join
         return joint
     noted = len(table.problems)
     is_elliptical = issubclass(copula, EllipticalCopula)
-    parameters = _elliptical(table, joint, copula) if is_elliptical else _inputs(table, joint)
+    parameters = _elliptical(table, inputs, copula) if is_elliptical else _inputs(table, inputs)
     for field, setting in declared_settings(copula):
         value = table.take(field.name)
         if value is None and field.default is dataclasses.MISSING:
@@ -42,7 +44,9 @@ def read_dependence(table: TableReader | None, joint: JointDistribution) -> Join
     if len(table.problems) > noted:
         return joint
     dependence = _build_copula(table, copula, parameters)
-    return joint if dependence is None else dataclasses.replace(joint, dependence=dependence)
+    if dependence is None or inputs.unclear:
+        return joint
+    return dataclasses.replace(joint, dependence=dependence)
 
 
 def _build_copula(
@@ -60,20 +64,20 @@ def _build_copula(
     return None
 
 
-def _inputs(table: TableReader, joint: JointDistribution) -> dict[str, Any]:
+def _inputs(table: TableReader, inputs: Inputs) -> dict[str, Any]:
     if "inputs" not in table:
         table.add_missing("inputs", 'the random inputs that it joins, such as ["a", "b"]')
     names = table.entries("inputs")
-    _check_names(table, ("inputs",), names, joint)
+    _check_names(table, ("inputs",), names, inputs)
     return {"inputs": tuple(names)}
 
 
 def _check_names(
-    table: TableReader, path: tuple[str | int, ...], names: list[Any], joint: JointDistribution
+    table: TableReader, path: tuple[str | int, ...], names: list[Any], inputs: Inputs
 ) -> None:
     """Note names that are none of a random input."""
-    random = [entry.variable.name for entry in joint.random]
-    fixed = {entry.variable.name for entry in joint.fixed}
+    random = _possibly_random(inputs)
+    fixed = {entry.variable.name for entry in inputs.joint.fixed}
     for position, name in enumerate(names):
         if name in random if isinstance(name, str) else False:
             continue
@@ -82,8 +86,14 @@ def _check_names(
         table.add_problem((*path, position), found, f"a random input; {choices(str(name), random)}")
 
 
+def _possibly_random(inputs: Inputs) -> list[str]:
+    """The random inputs, and behind them those that could not be read."""
+    random = [entry.variable.name for entry in inputs.joint.random]
+    return [*random, *sorted(inputs.unclear)]
+
+
 def _elliptical(
-    table: TableReader, joint: JointDistribution, copula: type[EllipticalCopula]
+    table: TableReader, inputs: Inputs, copula: type[EllipticalCopula]
 ) -> dict[str, Any]:
     """Inputs and matrix of scores, from a matrix or from pairs."""
     measures = {name: MEASURES[name] for name in copula.measures}
@@ -101,8 +111,8 @@ def _elliptical(
         return {}
     convert = lambda value: score_correlation(value, measure or "")  # noqa: E731 - of this study's measure
     if "matrix" in table:
-        return {**_inputs(table, joint), "matrix": _matrix(table, convert)}
-    return _pairs(table, joint, convert)
+        return {**_inputs(table, inputs), "matrix": _matrix(table, convert)}
+    return _pairs(table, inputs, convert)
 
 
 def _matrix(table: TableReader, convert: Callable[[float], float]) -> tuple[tuple[float, ...], ...]:
@@ -125,10 +135,8 @@ def _matrix(table: TableReader, convert: Callable[[float], float]) -> tuple[tupl
     return tuple(rows)
 
 
-def _pairs(
-    table: TableReader, joint: JointDistribution, convert: Callable[[float], float]
-) -> dict[str, Any]:
-    """Of a pair that is not given, the scores are not correlated."""
+def _pairs(table: TableReader, inputs: Inputs, convert: Callable[[float], float]) -> dict[str, Any]:
+    """Read the correlations of pairs of inputs; a pair that is not given is uncorrelated."""
     correlations: dict[frozenset[str], float] = {}
     for position, entry in enumerate(table.entries("pairs")):
         if not isinstance(entry, dict):
@@ -138,7 +146,7 @@ def _pairs(
         noted = len(table.problems)
         names, value = pair.entries("inputs"), pair.take("correlation")
         pair.check_unknown_keys()
-        _check_names(pair, ("inputs",), names, joint)
+        _check_names(pair, ("inputs",), names, inputs)
         if not _is_number(value) or not abs(value) < 1:
             found = "nothing" if value is None else toml_text(value)
             pair.add_problem("correlation", found, _CORRELATION)
@@ -154,7 +162,7 @@ def _pairs(
             )
         else:
             correlations[frozenset(names)] = convert(value)
-    joined = [entry.variable.name for entry in joint.random]
+    joined = _possibly_random(inputs)
     joined = [name for name in joined if any(name in pair for pair in correlations)]
     matrix = tuple(
         tuple(1.0 if a == b else correlations.get(frozenset((a, b)), 0.0) for b in joined)
@@ -168,7 +176,7 @@ def _is_number(value: object) -> bool:
 
 
 def _as_float(value: Any) -> Any:
-    """A number as a float, of which TOML's whole numbers may be too large; else the value."""
+    """Return a number as a float, infinite for a TOML integer of 1e300 or more; else the value."""
     if not _is_number(value):
         return value
     return float(value) if abs(value) < 1e300 else math.inf

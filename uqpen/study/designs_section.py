@@ -11,7 +11,7 @@ from uqpen.designs.table import TableDesign
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.study.table_reader import TableReader, family_member, named_tables
 
-__all__ = ["check_designs", "read_designs"]
+__all__ = ["check_designs", "check_tables", "read_designs"]
 
 # What has a meaning where the inputs depend on each other.
 _VALID = (
@@ -33,26 +33,42 @@ def read_designs(table: TableReader, folder: Path) -> dict[str, Design]:
     return found
 
 
-def check_designs(
-    table: TableReader, designs: dict[str, Design], joint: JointDistribution
-) -> set[str]:
-    """Note designs that do not fit the inputs.
+def check_tables(
+    table: TableReader | None, designs: dict[str, Design], joint: JointDistribution
+) -> set[str] | None:
+    """Note tables of points that do not fit the inputs.
 
     Returns
     -------
-    set of str
-        The inputs that every design gives by itself, as a column of its table.
+    set of str or None
+        The inputs that every design gives by itself, as a column of its table; None where that
+        is unknown, since a design has a mistake.
     """
     given: list[set[str]] = []
     for name, design in designs.items():
         if isinstance(design, TableDesign):
+            assert table is not None
             try:
                 given.append(set(design.columns(joint)))
             except TableError as error:
                 expected = 'a column "name [unit]" for each input that it varies'
                 table.add_problem((name, "file"), str(error), expected)
+        else:
+            given.append(set())
+    if set() in given:
+        return set()
+    is_known = table is not None and 0 < len(given) == len(table.content)
+    return set.intersection(*given) if is_known else None
+
+
+def check_designs(
+    table: TableReader | None, designs: dict[str, Design], joint: JointDistribution
+) -> None:
+    """Note other designs that do not fit the inputs."""
+    for name, design in designs.items():
+        assert table is not None
+        if isinstance(design, TableDesign):
             continue
-        given.append(set())
         if not joint.random:
             expected = 'a random input, such as "(2.5 ± 0.1) m" or { uniform = { … } }'
             table.add_problem(name, "a design over inputs that are all fixed", expected)
@@ -64,7 +80,6 @@ def check_designs(
             continue
         for problem in design.check_inputs(joint):
             table.add_problem((name, *problem.path), problem.found, problem.expected)
-    return set.intersection(*given) if given else set()
 
 
 def _read_design(table: TableReader, folder: Path) -> Design | None:

@@ -1,4 +1,4 @@
-"""A study file as text: read, parsed, and asked on which line a key stands."""
+"""A study file as text: reading, parsing and the line numbers of keys."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _MOST_LISTED = 50
 
 @dataclass(frozen=True)
 class Document:
-    """The text of a study file and what TOML makes of it.
+    """Text of a study file and its content as TOML.
 
     Parameters
     ----------
     label : str
-        The file's name as its user gave it, for messages.
+        The file's name as the user gave it, for messages.
     text : str
         Verbatim.
     content : dict
@@ -50,10 +50,11 @@ class Document:
             return None
 
     def line(self, path: Sequence[str | int]) -> int | None:
-        """The line on which the key at a path stands, or else the table around it.
+        """Return the line of the key at a path, or else of the table around it.
 
-        TOML libraries do not tell. But a file cut off after a line still parses unless a value
-        runs on, and has the key from the line on that defines it: so bisect.
+        TOML libraries do not give line numbers. But a file cut off after a line still parses,
+        unless a value extends beyond that line, and it has the key from the line on that defines
+        it. So the line is found by bisection.
         """
         path = list(path)
         while path and not _has_path(self.content, path):
@@ -76,11 +77,11 @@ class Document:
 
     @cached_property
     def _prefixes(self) -> dict[int, tuple[int, dict[str, Any]]]:
-        """What has been found of `_whole_prefix`, by the number of lines asked."""
+        """Cache of the results of `_whole_prefix`, by the number of lines."""
         return {0: (0, {})}
 
     def _whole_prefix(self, end: int) -> tuple[int, dict[str, Any]]:
-        """The most lines, `end` at most, after which no value runs on, and their content."""
+        """Return the longest prefix, of `end` lines at most, that parses, and its content."""
         cut = end
         while cut not in self._prefixes:
             try:
@@ -92,7 +93,7 @@ class Document:
         return self._prefixes[end]
 
     def error(self, problems: Sequence[Problem]) -> StudyError:
-        """All mistakes in one error, in the order of their lines."""
+        """Return one error with all mistakes, in the order of their lines."""
         located = sorted(
             ((self.line(problem.path) or 0, problem) for problem in problems[:_MOST_LISTED]),
             key=lambda pair: pair[0],

@@ -1,4 +1,4 @@
-"""What of a study decides its runs, and what of it does not."""
+"""Fingerprint of runs: the parts of a study that determine them."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ _TABLES = ("seed", "inputs", "dependence", "constraints")
 
 
 def run_fingerprint(study: Study, model: str, design: str) -> dict[str, str]:
-    """All that the runs of a model in a design follow from, each as a text by its key.
+    """Return all that determines the runs of a model in a design, each as a text by its key.
 
     That is the model, the inputs, the constraints, the seed, the design, the files that these name,
-    and what computes them. Modules that a model has imported only in its runs are told by those.
+    and the software. Modules that a model imports only during its runs are recorded by the runs.
 
     Parameters
     ----------
     study : Study
-        Whose runs they are.
+        The study of the runs.
     model, design : str
         Their names in it.
     """
@@ -49,7 +49,7 @@ def run_fingerprint(study: Study, model: str, design: str) -> dict[str, str]:
 
 
 def _flatten(table: dict[str, Any], *path: str) -> Iterator[tuple[str, str]]:
-    """The values of nested tables by their dotted keys; an input's law is a single one."""
+    """Yield values of nested tables by dotted key; the distribution of an input is one value."""
     for key, value in table.items():
         if isinstance(value, dict) and path[:1] != ("inputs",):
             yield from _flatten(value, *path, key)

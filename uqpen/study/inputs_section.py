@@ -1,8 +1,8 @@
-"""``[inputs]`` and ``[constraints]``: what is fixed, what is random, and where the law ends."""
+"""``[inputs]`` and ``[constraints]``: fixed inputs, random inputs and admissible points."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from uqpen.core.lookup import choices, resolve
 from uqpen.core.model import Input, Model
 from uqpen.core.quantities import parse_quantity, parse_spread
 from uqpen.core.streams import Stream
-from uqpen.core.units import DIMENSIONLESS
+from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS
 from uqpen.distributions.constraints import Constraint, parse_constraint
 from uqpen.distributions.continuous import DISTRIBUTIONS, Normal
 from uqpen.distributions.distribution import Distribution
@@ -23,31 +23,46 @@ from uqpen.distributions.truncated import Truncated
 from uqpen.study.measurements_section import MEASURED, InputDistribution, read_measured
 from uqpen.study.table_reader import TableReader
 
-__all__ = ["read_constraints", "read_inputs"]
+__all__ = ["Inputs", "read_constraints", "read_inputs"]
 
 Entry = FixedInput | RandomInput
 
 
-def read_inputs(
-    table: TableReader, model: Model, folder: Path, stream: Stream
-) -> JointDistribution:
-    """The law of a model's inputs; what could not be understood is noted and left out.
+@dataclass(frozen=True)
+class Inputs:
+    """The inputs of a study, as far as they could be read.
 
     Parameters
     ----------
-    table : TableReader
+    joint : JointDistribution
+        The joint distribution of those without a mistake.
+    unclear : frozenset of str
+        Inputs with a mistake that is noted already, so that nothing more is said of them.
+    """
+
+    joint: JointDistribution
+    unclear: frozenset[str] = frozenset()
+
+
+def read_inputs(table: TableReader | None, model: Model, folder: Path, stream: Stream) -> Inputs:
+    """Read the joint distribution of a model's inputs; invalid entries are noted and left out.
+
+    Parameters
+    ----------
+    table : TableReader or None
         ``[inputs]``.
     model : Model
-        Whose inputs they are.
+        The model of the inputs.
     folder : Path
-        Where files of measurements lie.
+        Folder with files of measurements.
     stream : Stream
         For the tests of fits to them.
     """
     origins = _DistributionReader(folder, stream)
     known = {variable.name: variable for variable in model.inputs}
     found: dict[str, Entry] = {}
-    for name in table:
+    for name in table or ():
+        assert table is not None
         value = table.take(name)
         if name not in known:
             expected = f"an input of {model.name}; {choices(name, known)}"
@@ -57,22 +72,28 @@ def read_inputs(
         if entry is not None:
             found[name] = entry
     for variable in model.inputs:
-        if variable.name not in table and variable.default is not None:
+        if table is not None and variable.name not in table and variable.default is not None:
             found[variable.name] = FixedInput(variable, variable.default, variable.preferred_unit)
     ordered = tuple(found[variable.name] for variable in model.inputs if variable.name in found)
-    return JointDistribution(ordered, model.inputs)
+    joint = JointDistribution(ordered, model.inputs)
+    unclear = {name for name in table or () if name not in found}
+    if table is None or not unclear <= known.keys():
+        # What is absent may stand there under a name with a mistake.
+        unclear |= known.keys() - set(table or ())
+    return Inputs(joint, frozenset(unclear))
 
 
 def read_constraints(
-    table: TableReader | None, model: Model, given: Collection[str]
+    table: TableReader | None, model: Model, inputs: Inputs
 ) -> tuple[Constraint, ...]:
-    """The comparisons that every point must satisfy, of inputs that are given."""
+    """Read the comparisons of inputs that every point must satisfy."""
     if table is None:
         return ()
-    units = {
+    given = inputs.unclear.union(entry.variable.name for entry in inputs.joint.inputs)
+    units = dict.fromkeys(inputs.unclear, ANY_DIMENSION) | {
         variable.name: variable.unit
         for variable in model.inputs
-        if variable.name in given or variable.default is not None
+        if variable.name in given or variable.unit is ANY_DIMENSION
     }
     found = []
     for position, text in enumerate(table.entries("keep")):
@@ -129,7 +150,7 @@ def _fixed_input(
 def _distribution(
     table: TableReader, variable: Input, origins: _DistributionReader
 ) -> Entry | None:
-    """A random input from ``{ family = { … }, lower = …, upper = … }``."""
+    """Read a random input from ``{ family = { … }, lower = …, upper = … }``."""
     families = [key for key in table if key not in ("lower", "upper")]
     if len(families) != 1:
         found = "no distribution" if not families else " and ".join(families)
@@ -147,7 +168,7 @@ def _distribution(
         return None
     origin = origins.read(section, family, variable)
     limits = {key: table.quantity(key, variable.unit) for key in ("lower", "upper") if key in table}
-    if origin is None or None in limits.values():
+    if origin is None or None in limits.values() or (limits and variable.unit is ANY_DIMENSION):
         return None
     try:
         distribution = Truncated(origin.distribution, **limits) if limits else origin.distribution  # type: ignore[arg-type]
@@ -163,7 +184,7 @@ def _distribution(
 
 @dataclass(frozen=True)
 class _DistributionReader:
-    """Where laws come from: a family's parameters, or measurements in a folder."""
+    """Reader of distributions, given by a family's parameters or by measurements in a folder."""
 
     folder: Path
     stream: Stream
@@ -184,7 +205,7 @@ class _DistributionReader:
 
 
 def _is_usable(table: TableReader, key: str, distribution: Distribution) -> bool:
-    """Note a law whose draws are not all finite, or are all the same."""
+    """Check a distribution; note one whose draws are not all finite, or are all the same."""
     if not distribution.is_finite:
         expected = "parameters whose draws are finite and differ in double precision"
         table.add_problem(key, "a law too wide or too narrow to draw from", expected)
@@ -192,7 +213,7 @@ def _is_usable(table: TableReader, key: str, distribution: Distribution) -> bool
 
 
 def _first_unit(parameters: Mapping[str, Any], variable: Input) -> str:
-    """The unit that the author wrote the first parameter in."""
+    """Return the unit of the first parameter as written in the study."""
     for value in parameters.values():
         if isinstance(value, str):
             try:
@@ -203,6 +224,6 @@ def _first_unit(parameters: Mapping[str, Any], variable: Input) -> str:
 
 
 def _truncation_texts(content: Mapping[str, Any]) -> list[str]:
-    """Where a distribution is truncated, in its author's own words."""
+    """Return the limits of a truncated distribution as written in the study."""
     sides = {"lower": "at least", "upper": "at most"}
     return [f"{sides[key]} {value}" for key, value in content.items()]

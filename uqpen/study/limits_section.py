@@ -24,20 +24,20 @@ _LEAST, _MOST = 1e6, 1e15
 
 
 def read_limits(table: TableReader, *, can_limit_memory: bool) -> Limits:
-    """What one run may use; as much as it likes where a model's table does not say.
+    """Read the limits of one run; without any where a model's table has none.
 
     Parameters
     ----------
     table : TableReader
         Of the model.
     can_limit_memory : bool
-        Whether this system is known to keep a limit on memory, should there be one.
+        True if this system is known to enforce a limit on memory.
     """
     return Limits(read_time_limit(table), _read_memory_limit(table, can_limit=can_limit_memory))
 
 
 def read_time_limit(table: TableReader) -> float | None:
-    """How many seconds one run may take."""
+    """Read the time limit of one run, in seconds."""
     seconds = table.quantity("time_limit", "s")
     if seconds is not None and not 0 < seconds < float("inf"):
         table.add_problem("time_limit", toml_text(table.content["time_limit"]), _TIME)
@@ -46,7 +46,7 @@ def read_time_limit(table: TableReader) -> float | None:
 
 
 def _read_memory_limit(table: TableReader, *, can_limit: bool) -> int | None:
-    """How much memory one run may use."""
+    """Read the memory limit of one run, in bytes."""
     written = table.take("memory_limit")
     if written is None:
         return None

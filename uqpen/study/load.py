@@ -1,4 +1,4 @@
-"""From a study file to a `Study`, or to one error that lists every mistake in it."""
+"""Reading of a study file into a `Study`, or one error that lists every mistake in it."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from pathlib import Path
 import numpy as np
 
 from uqpen.core.errors import Problem, toml_text
-from uqpen.core.model import violated_conditions
+from uqpen.core.model import Model, violated_conditions
 from uqpen.core.streams import Stream
-from uqpen.core.units import describe
+from uqpen.core.units import ANY_DIMENSION, describe
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.study.analyses_section import read_analyses
 from uqpen.study.dependence_section import read_dependence
-from uqpen.study.designs_section import check_designs, read_designs
+from uqpen.study.designs_section import check_designs, check_tables, read_designs
 from uqpen.study.document import Document, parse_document, read_document
 from uqpen.study.failures_section import read_failures
-from uqpen.study.inputs_section import read_constraints, read_inputs
+from uqpen.study.inputs_section import Inputs, read_constraints, read_inputs
 from uqpen.study.models_section import check_variants, read_models
 from uqpen.study.outputs_section import read_quantities_of_interest
 from uqpen.study.published_section import read_published
-from uqpen.study.study import Study, Variant
+from uqpen.study.study import ONLY_MODEL, Study, Variant
 from uqpen.study.surrogates_section import check_surrogates, read_surrogates
 from uqpen.study.table_reader import TableReader
 
@@ -56,19 +57,19 @@ def parse_study(
     folder: str | Path = ".",
     trust: bool = True,
 ) -> Study:
-    """Like `load_study`, from the text of a study.
+    """Read a study from its text, as `load_study` reads a file.
 
     Parameters
     ----------
     text : str
         TOML.
     name : str
-        What the file would be called, without its ending.
+        The name of the file without its suffix.
     folder : str or Path
-        Where the files lie that it names.
+        The folder to which the paths of files are relative.
     trust : bool
-        Whether models that it names may be loaded, which executes modules and asks servers. If
-        not, they cannot be run, but all else can be asked of the study.
+        True if models and analyses that it names may be loaded, which executes modules and sends
+        requests to servers. Otherwise they cannot be run, but the rest of the study can be used.
     """
     document = parse_document(text, f"{name}.toml")
     return _read_study(document, name, Path(folder).absolute(), trust=trust)
@@ -92,29 +93,38 @@ def _read_study(document: Document, name: str, folder: Path, *, trust: bool) -> 
     root = TableReader(document, problems, (), document.content)
     title = root.text("title", "a title in quotes", default=name)
     seed = _seed(root)
-    models = read_models(root, folder, trust=trust)
+    noted = len(problems)
+    models, model = read_models(root, folder, trust=trust)
+    are_models_whole = len(problems) == noted
+    analyses = read_analyses(root, folder, trust=trust)
     tables = {key: root.table(key, expected) for key, expected in _TABLES.items()}
     root.check_unknown_keys()
-    inputs, designs_table = tables["inputs"], tables["designs"]
+    designs_table, surrogates_table = tables["designs"], tables["surrogates"]
     failures = read_failures(tables["failures"])
     designs = read_designs(designs_table, folder) if designs_table else {}
-    surrogates = read_surrogates(tables["surrogates"], list(designs_table or ()))
-    if not models or inputs is None or designs_table is None:
-        # Without a model nobody knows what its inputs and outputs should be.
-        raise document.error(problems)
-    model = next(iter(models.values())).model
-    noted = len(problems)
-    joint = read_inputs(inputs, model, folder, Stream(seed or 0, "inputs"))
-    constraints = read_constraints(tables["constraints"], model, inputs.content)
+    surrogates = read_surrogates(surrogates_table, list(designs_table or ()) or None)
+    inputs = read_inputs(tables["inputs"], model, folder, Stream(seed or 0, "inputs"))
+    is_clear = not inputs.unclear
+    given_by_tables = None
+    if all(variable.unit is not ANY_DIMENSION for variable in model.inputs):
+        given_by_tables = check_tables(designs_table, designs, inputs.joint)
+    if given_by_tables is not None:
+        variants = models if models or "models" in root else {ONLY_MODEL: Variant(model, {})}
+        missing = _note_missing(tables["inputs"], model, variants, given_by_tables)
+        inputs = Inputs(inputs.joint, inputs.unclear | missing)
+    joint = read_dependence(tables["dependence"], inputs)
+    constraints = read_constraints(tables["constraints"], model, inputs)
     quantities = read_quantities_of_interest(tables["outputs"], model)
-    published = read_published(tables["published"], model, {*designs, *surrogates})
-    if len(problems) == noted:
-        # Inputs that could not be understood would only cause mistakes that are none.
-        joint = read_dependence(tables["dependence"], joint)
-        given_by_tables = check_designs(designs_table, designs, joint)
-        check_surrogates(tables["surrogates"], surrogates, designs, model, joint)
-        check_variants(root, models, {entry.variable.name for entry in joint.random})
-        _check_models(inputs, models, joint, given_by_tables)
+    published = read_published(
+        tables["published"], model, {*(designs_table or ()), *(surrogates_table or ())}
+    )
+    check_variants(root, models, {entry.variable.name for entry in joint.random})
+    check_surrogates(surrogates_table, surrogates, designs, model, joint if is_clear else None)
+    if is_clear:
+        check_designs(designs_table, designs, joint)
+    if are_models_whole and not inputs.unclear and tables["inputs"] is not None:
+        for variant in models.values():
+            _check_nominal(tables["inputs"], variant, joint)
     if problems or title is None or seed is None:
         raise document.error(problems)
     return Study(
@@ -131,22 +141,8 @@ def _read_study(document: Document, name: str, folder: Path, *, trust: bool) -> 
         published=published,
         folder=folder,
         failures=failures,
+        analyses=analyses,
     )
-
-
-def _check_models(
-    table: TableReader,
-    models: Mapping[str, Variant],
-    joint: JointDistribution,
-    given_by_tables: set[str],
-) -> None:
-    """Note what a model lacks, or does not admit at the nominal inputs."""
-    noted = len(table.problems)
-    for variant in models.values():
-        _check_completeness(table, variant, given_by_tables)
-    if len(table.problems) == noted:
-        for variant in models.values():
-            _check_nominal(table, variant, joint)
 
 
 def _seed(root: TableReader) -> int | None:
@@ -161,14 +157,26 @@ def _seed(root: TableReader) -> int | None:
     return seed
 
 
-def _check_completeness(table: TableReader, variant: Variant, given_by_tables: set[str]) -> None:
+def _note_missing(
+    table: TableReader | None,
+    first: Model,
+    models: Mapping[str, Variant],
+    given_by_tables: set[str],
+) -> set[str]:
     """Note inputs that nothing gives: neither the study nor a column of every table."""
-    model = variant.model
-    for name in model.missing_inputs(given_by_tables.union(table, variant.given)):
-        variable = model.input(name)
-        alternatives = next((group for group in model.alternatives if name in group), ())
-        instead = f' (or "{alternatives[1]}")' if len(alternatives) > 1 else ""
-        table.add_missing(name, describe(variable.unit) + instead)
+    known = {variable.name for variable in first.inputs}
+    if table is None or not known.issuperset(table):
+        return set()  # an input may stand there under a name with a mistake
+    found: set[str] = set()
+    for variant in models.values():
+        model = variant.model
+        given = given_by_tables.union(table, variant.given)
+        for name in filter(known.__contains__, model.missing_inputs(given)):
+            alternatives = next((group for group in model.alternatives if name in group), (name,))
+            instead = f' (or "{alternatives[1]}")' if len(alternatives) > 1 else ""
+            table.add_missing(name, describe(model.input(name).unit) + instead)
+            found.update(alternatives)
+    return found
 
 
 def _check_nominal(table: TableReader, variant: Variant, joint: JointDistribution) -> None:

@@ -1,4 +1,4 @@
-"""``measured = { … }`` of an input: a law that follows from measurements."""
+"""``measured = { … }`` of an input: a distribution that follows from measurements."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from uqpen.core.lookup import choices
 from uqpen.core.model import Input
 from uqpen.core.settings import declared_settings
 from uqpen.core.streams import Stream
+from uqpen.core.units import ANY_DIMENSION
 from uqpen.distributions.continuous import DISTRIBUTIONS
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.empirical import Empirical
@@ -42,20 +43,20 @@ _TEST = "Kolmogorov-Smirnov distance; p value by parametric bootstrap"
 
 @dataclass(frozen=True)
 class InputDistribution:
-    """A law, and what it was made from.
+    """A distribution and its origin.
 
     Parameters
     ----------
     distribution : Distribution
         In SI units.
     unit : str
-        That its author wrote.
+        The unit in the study file.
     description : str
         In one line.
     fit : mapping of str to str, int or float
-        Where it follows from measurements: what an archive keeps of them.
+        Attributes of the measurements for an archive, if the distribution follows from some.
     files : tuple of FileSnapshot
-        Where those measurements stand.
+        The files of those measurements.
     """
 
     distribution: Distribution
@@ -68,16 +69,16 @@ class InputDistribution:
 def read_measured(
     table: TableReader, variable: Input, folder: Path, stream: Stream
 ) -> InputDistribution | None:
-    """The law that measurements give; None where a mistake was noted.
+    """Read the distribution of measurements; None where a mistake was noted.
 
     Parameters
     ----------
     table : TableReader
-        What stands behind ``measured =``.
+        The table ``measured``.
     variable : Input
-        What was measured.
+        The measured input.
     folder : Path
-        Where the file lies.
+        The folder of the file.
     stream : Stream
         The input's own, for the test of a fit.
     """
@@ -123,7 +124,8 @@ def _check_family(table: TableReader, family: str) -> None:
 def _read_column(
     table: TableReader, measurements: Measurements, heading: str, variable: Input
 ) -> tuple[Column, FloatArray] | None:
-    expected = f'a CSV or NetCDF file beside the study, with a column such as "x [{variable.unit}]"'
+    unit = "cm" if variable.unit is ANY_DIMENSION else variable.unit
+    expected = f'a CSV or NetCDF file beside the study, with a column such as "x [{unit}]"'
     try:
         _ = measurements.columns
     except TableError as error:
@@ -131,6 +133,8 @@ def _read_column(
         return None
     try:
         column = measurements.column(heading)
+        if variable.unit is ANY_DIMENSION:
+            return None
         return column, column.values(variable.unit)
     except TableError as error:
         table.add_problem("column", str(error), f"the heading of a column of {variable.title}")
@@ -179,7 +183,7 @@ def _fitted(
 def _measurement_attributes(
     family: str, values: FloatArray, source: str
 ) -> dict[str, str | int | float]:
-    """What an archive keeps of measurements, whatever law they gave."""
+    """Return the attributes of measurements for an archive, for any family."""
     return {
         "fit_family": family,
         "fit_measurements": len(values),

@@ -1,4 +1,4 @@
-"""``[model]``: a built-in model by name, or one of the user's own with its units."""
+"""``[model]``: a built-in model by name, or a user-supplied one with its units."""
 
 from __future__ import annotations
 
@@ -6,17 +6,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from uqpen.core.errors import ModelError, toml_text
-from uqpen.core.lookup import choices, resolve
+from uqpen.core.errors import ModelError
+from uqpen.core.lookup import resolve
 from uqpen.core.model import Model
 from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models import MODELS
 from uqpen.models.python_function import PythonFunction, check_signature, load_function
 from uqpen.study.limits_section import read_limits
-from uqpen.study.table_reader import TableReader
+from uqpen.study.partial_model import PartialModel
+from uqpen.study.table_reader import TableReader, family_member
 from uqpen.study.variables_section import read_variables
 
-__all__ = ["EXTERNAL_MODELS", "read_model"]
+__all__ = ["EXTERNAL_MODELS", "read_model", "read_partial_model"]
 
 # The keys that name a model from outside, and who reads its table: called with the table, the
 # folder of the study, and whether what it names may be executed or asked.
@@ -35,16 +36,17 @@ _MODEL_KEYS = {
 
 
 def read_model(table: TableReader, folder: Path, *, trust: bool) -> Model | None:
-    """The model of a study, or None where a mistake was noted.
+    """Read the model of a study; None where a mistake was noted.
 
     Parameters
     ----------
     table : TableReader
         Of the model.
     folder : Path
-        Where the study lies.
+        Folder of the study.
     trust : bool
-        Whether what it names may be executed or asked; if not, the model cannot be run.
+        True if its code may be executed and its server may get requests. Otherwise the model
+        cannot be run.
     """
     ways = [key for key in _MODEL_KEYS if key in table]
     if len(ways) != 1:
@@ -53,27 +55,42 @@ def read_model(table: TableReader, folder: Path, *, trust: bool) -> Model | None
         return None
     model: Model | None
     if ways == ["use"]:
-        model = _built_in(table)
+        built_in = family_member(table, "use", MODELS, "a built-in model", "the name of a model")
+        if built_in is None:
+            return None  # whose settings nobody knows
+        model = table.settings(built_in)
     else:
         model = resolve(EXTERNAL_MODELS[ways[0]])(table, folder, trust=trust)
-    if model is not None:
-        table.check_unknown_keys()
+    table.check_unknown_keys()
     return model
 
 
-def _built_in(table: TableReader) -> Model | None:
-    name = table.text("use", "the name of a model")
-    if name is None:
-        return None
-    if name not in MODELS:
-        table.add_problem("use", toml_text(name), f"a built-in model; {choices(name, MODELS)}")
-        return None
-    model: Model | None = table.settings(resolve(MODELS[name]))
-    return model
+def read_partial_model(table: TableReader | None, mentioned: PartialModel) -> PartialModel:
+    """Return a model with mistakes, as far as its table states its inputs and outputs.
+
+    Parameters
+    ----------
+    table : TableReader or None
+        Of the model, and read before; None where there is none.
+    mentioned : PartialModel
+        The variables to assume where the table does not state them.
+    """
+    ways = [key for key in _MODEL_KEYS if table is not None and key in table]
+    if table is None or len(ways) != 1:
+        return mentioned
+    name = table.content[ways[0]]
+    if ways == ["use"]:
+        if not isinstance(name, str) or name not in MODELS:
+            return mentioned
+        model = resolve(MODELS[name])
+        return PartialModel(model.name, model.inputs, model.outputs, model.alternatives)
+    inputs, outputs, _ = read_variables(table)
+    title = name if isinstance(name, str) else "the model"
+    return PartialModel(title, inputs or mentioned.inputs, outputs or mentioned.outputs)
 
 
 def read_function(table: TableReader, folder: Path, *, trust: bool) -> Model | None:
-    """A Python function as a model, or None where a mistake was noted."""
+    """Read a Python function as a model; None where a mistake was noted."""
     noted = len(table.problems)
     reference = table.text("python", "a function")
     vectorized = table.flag("vectorized", default=False)
@@ -99,7 +116,7 @@ def read_function(table: TableReader, folder: Path, *, trust: bool) -> Model | N
 
 
 def _unloaded_function(reference: str, folder: Path) -> tuple[Callable[..., Any], None]:
-    """In place of a function that is not to be executed, one that says so."""
+    """Return a replacement, which raises an error, for a function that must not be executed."""
 
     def refuse(**inputs: float) -> Any:
         raise ModelError(f"{reference} is not executed without --trust")

@@ -10,29 +10,35 @@ from uqpen.core.errors import toml_text
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model, Variable
 from uqpen.core.units import are_convertible
-from uqpen.study.model_section import read_model
+from uqpen.study.model_section import read_model, read_partial_model
+from uqpen.study.partial_model import PartialModel, mentioned_model
 from uqpen.study.study import ONLY_MODEL, Variant
 from uqpen.study.table_reader import TableReader, named_tables
 
 __all__ = ["check_variants", "read_models"]
 
 
-def read_models(root: TableReader, folder: Path, *, trust: bool) -> dict[str, Variant]:
-    """The models of a study, by name; empty where a mistake was noted.
+def read_models(
+    root: TableReader, folder: Path, *, trust: bool
+) -> tuple[dict[str, Variant], Model]:
+    """The models of a study, by name, and the first of them.
 
     The inputs and outputs of the first are the study's: what goes in and comes out of the others
-    is among them.
+    is among them. A model with a mistake is left out; the first is then a `PartialModel`.
     """
+    mentioned = mentioned_model(root)
     table, several = root.table("model"), root.table("models")
     if table is not None and several is not None:
         root.add_problem("models", "[model] and [models]", "one of them")
-        return {}
+        return {}, mentioned
     if several is None:
         if table is None and "model" not in root and "models" not in root:
             root.add_missing("model", "a [model] table, or [models.<name>] for several")
         model = read_model(table, folder, trust=trust) if table is not None else None
-        return {} if model is None else {ONLY_MODEL: Variant(model, {})}
-    return _read_several(several, folder, trust=trust)
+        if model is None:
+            return {}, read_partial_model(table, mentioned)
+        return {ONLY_MODEL: Variant(model, {})}, model
+    return _read_several(several, folder, mentioned, trust=trust)
 
 
 def check_variants(root: TableReader, variants: dict[str, Variant], random: set[str]) -> None:
@@ -47,8 +53,9 @@ def check_variants(root: TableReader, variants: dict[str, Variant], random: set[
                 )
 
 
-def _read_several(table: TableReader, folder: Path, *, trust: bool) -> dict[str, Variant]:
-    noted = len(table.problems)
+def _read_several(
+    table: TableReader, folder: Path, mentioned: PartialModel, *, trust: bool
+) -> tuple[dict[str, Variant], Model]:
     found: dict[str, Variant] = {}
     first: Model | None = None
     if not table.content:
@@ -56,12 +63,15 @@ def _read_several(table: TableReader, folder: Path, *, trust: bool) -> dict[str,
     for name, section in named_tables(table):
         replaced = section.table("with")
         model = read_model(section, folder, trust=trust)
-        if model is None:
-            continue
-        first = first or model
-        _check_same_variables(section, first, model)
-        found[name] = Variant(model, _read_given_inputs(replaced, model) if replaced else {})
-    return found if len(table.problems) == noted else {}
+        known = model or read_partial_model(section, mentioned)
+        if name == next(iter(table)):
+            first = known
+        if first is not None and mentioned not in (first, known):
+            _check_same_variables(section, first, known)
+        given = _read_given_inputs(replaced, known) if replaced else {}
+        if model is not None:
+            found[name] = Variant(model, given)
+    return found, first or mentioned
 
 
 def _read_given_inputs(table: TableReader, model: Model) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""``[outputs.<name>]``: what is asked of an output, beyond what is always told."""
+"""``[outputs.<name>]``: the quantity of interest of an output."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["read_quantities_of_interest"]
 def read_quantities_of_interest(
     table: TableReader | None, model: Model
 ) -> tuple[QuantityOfInterest, ...]:
-    """A question for each of the model's outputs, in the model's order."""
+    """Read the quantity of interest of each of the model's outputs, in the model's order."""
     known = {output.name: output for output in model.outputs}
     quantities: dict[str, QuantityOfInterest] = {}
     for name in table or ():

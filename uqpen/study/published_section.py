@@ -1,4 +1,4 @@
-"""``[published.<name>]``: figures from elsewhere to stand beside a study's own."""
+"""``[published.<name>]``: published estimates for comparison with a study's own."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ __all__ = ["read_published"]
 def read_published(
     table: TableReader | None, model: Model, taken: Collection[str]
 ) -> dict[str, Publication]:
-    """The publications of a study; what could not be understood is noted and left out.
+    """Read the publications of a study; invalid entries are noted and left out.
 
     Parameters
     ----------
     table : TableReader or None
         ``[published]``.
     model : Model
-        Whose inputs and outputs they tell of.
+        The model of their inputs and outputs.
     taken : collection of str
         Names of designs and surrogates.
     """

@@ -24,7 +24,7 @@ _ROW = "a whole number: rows count from 0, and back from -1"
 
 
 def is_inside(name: str) -> bool:
-    """Whether a name is that of something in the folder of a run, or below it."""
+    """Return True if a name is a path in the folder of a run, or below it."""
     path = PurePosixPath(name)
     is_relative = bool(path.parts) and not path.is_absolute() and ".." not in path.parts
     return is_relative and "\0" not in name
@@ -33,16 +33,16 @@ def is_inside(name: str) -> bool:
 def read_readings(
     table: TableReader, outputs: Sequence[Output], file: str
 ) -> dict[str, OutputReader]:
-    """Where each output of a program stands; mistakes are noted.
+    """Read how to find each output of a program; mistakes are noted.
 
     Parameters
     ----------
     table : TableReader
-        Of the model. Its table ``read`` holds one for each output, or itself says it for all.
+        Of the model. Its table ``read`` has a table for each output, or one reader for all.
     outputs : sequence of Output
-        What the program gives.
+        The outputs of the program.
     file : str
-        The JSON file that outputs are read from of which nothing is said.
+        The JSON file of the outputs for which the table specifies no reader.
     """
     readings: dict[str, OutputReader] = {
         output.name: JsonReader(file, output.name) for output in outputs
@@ -67,7 +67,7 @@ def read_readings(
 
 
 def _is_output_key(section: TableReader, name: str) -> bool:
-    """Whether a key is an output's; one may be called as a kind of file is."""
+    """Return True if a key is an output's, which may have the name of a kind of file."""
     is_table = isinstance(section.content.get(name), dict)
     return name in section and (is_table or name not in _READERS)
 

@@ -1,4 +1,4 @@
-"""What a study is, once everything in its file has been understood."""
+"""Study: the content of a study file once it has been read."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from uqpen.designs.design import Design
 from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
+from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.published import Publication
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.surrogates.surrogate import Surrogate
@@ -30,9 +31,9 @@ class Variant:
     Parameters
     ----------
     model : Model
-        What is run.
+        The model to run.
     given : mapping of str to float
-        Inputs that it takes in place of the study's own, in SI units.
+        Values of inputs that replace the study's own, in SI units.
     """
 
     model: Model
@@ -41,23 +42,23 @@ class Variant:
 
 @dataclass(frozen=True)
 class Study:
-    """A model, the law of its inputs, the runs to make and what to ask of its outputs.
+    """A model, the joint distribution of its inputs, designs and quantities of interest.
 
     Parameters
     ----------
     name : str
-        The study file's name without its ending.
+        The study file's name without its suffix.
     title : str
-        What a person reads.
+        Title to show.
     seed : int
-        Where every random number comes from.
+        Seed of all random numbers.
     models : mapping of str to Variant
-        What is run, by name, all at the same points; `ONLY_MODEL` names a single one. The inputs
+        The models by name, all run at the same points; `ONLY_MODEL` names a single one. The inputs
         and outputs of the first are the study's.
     joint : JointDistribution
         The inputs.
     constraints : tuple of Constraint
-        Where the law ends.
+        Conditions that an admissible point meets.
     quantities_of_interest : tuple of QuantityOfInterest
         One for each of the first model's outputs, in its order.
     designs : mapping of str to Design
@@ -67,11 +68,13 @@ class Study:
     surrogates : mapping of str to Surrogate
         The cheap models to fit, by name.
     published : mapping of str to Publication
-        Figures from elsewhere to stand beside its own.
+        Published estimates for comparison with its own.
     folder : Path
-        Where it lies, and from where it names files.
+        Folder of the study file, to which the paths of files are relative.
     failures : FailurePolicy
-        What is done about runs that are lost.
+        Policy for failed runs.
+    analyses : tuple of OutsideAnalysis
+        User-supplied functions that yield statistics of each sample.
     """
 
     name: str
@@ -87,19 +90,20 @@ class Study:
     published: Mapping[str, Publication] = field(default_factory=dict)
     folder: Path = Path()
     failures: FailurePolicy = FailurePolicy()
+    analyses: tuple[OutsideAnalysis, ...] = ()
 
     @property
     def model(self) -> Model:
-        """The first model, which is the only one as a rule."""
+        """First model, which is usually the only one."""
         return next(iter(self.models.values())).model
 
     @property
     def has_several_models(self) -> bool:
-        """Whether its models have names, and so groups of their own."""
+        """True if its models have names, and so groups of their own."""
         return ONLY_MODEL not in self.models
 
     def model_quantities(self, model: Model) -> tuple[QuantityOfInterest, ...]:
-        """The questions that a model has the outputs for."""
+        """Return the quantities of interest whose outputs a model has."""
         outputs = {output.name: output for output in model.outputs}
         return tuple(
             replace(quantity, output=outputs[quantity.output.name])
@@ -108,9 +112,10 @@ class Study:
         )
 
     def validation_designs(self, surrogate: Surrogate) -> list[str]:
-        """The designs whose runs a surrogate is held against, the one that checks it first.
+        """Return the designs of a surrogate's validation runs, the main one first.
 
-        That is the one it names; else the first sample of the law that it was not fitted to.
+        That is the design that the surrogate names; else the first sample of the joint
+        distribution that it was not fitted to.
         """
         others = [name for name in self.designs if name != surrogate.design]
         samples = [name for name in others if self.designs[name].samples_inputs(self.joint)]
@@ -118,15 +123,17 @@ class Study:
         return first + [name for name in samples if name not in first]
 
     def files(self) -> Iterator[FileSnapshot]:
-        """The files that it names, as they stood when they were read.
+        """Return the files that it names, with the content that was read.
 
-        What models of the user's own consist of is known only after their runs.
+        The files of user-supplied models are known only after their runs.
         """
         for variant in self.models.values():
             yield from variant.model.files()
         yield from self.joint.files
         for design in self.designs.values():
             yield from design.files()
+        for analysis in self.analyses:
+            yield from analysis.files()
 
     @property
     def sha256(self) -> str:
@@ -135,6 +142,6 @@ class Study:
 
     @property
     def runs(self) -> int:
-        """How many runs its designs make in all, with all models."""
+        """Total number of runs of its designs, with all models."""
         each = sum(design.run_count(self.joint) for design in self.designs.values())
         return each * len(self.models)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 from uqpen.core.errors import toml_text
-from uqpen.core.labels import Sampling
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model
+from uqpen.core.sampling import Sampling
 from uqpen.designs.design import Design
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.study.table_reader import TableReader, family_member, named_tables
@@ -17,19 +17,22 @@ from uqpen.surrogates.surrogate import Surrogate
 __all__ = ["check_surrogates", "read_surrogates"]
 
 
-def read_surrogates(table: TableReader | None, designs: Collection[str]) -> dict[str, Surrogate]:
+def read_surrogates(
+    table: TableReader | None, designs: Collection[str] | None
+) -> dict[str, Surrogate]:
     """The surrogates of a study; what could not be understood is noted and left out.
 
     Parameters
     ----------
     table : TableReader, optional
         ``[surrogates]``.
-    designs : collection of str
-        The names of all designs in the file, whose namespace the surrogates share.
+    designs : collection of str or None
+        The names of all designs in the file, whose namespace the surrogates share; None where
+        there are none to read.
     """
     found: dict[str, Surrogate] = {}
     for name, section in named_tables(table):
-        if name in designs:
+        if designs is not None and name in designs:
             section.add_problem((), f'"{name}", which is a design', "a name that no design has")
         elif (surrogate := _surrogate(section, designs)) is not None:
             found[name] = surrogate
@@ -41,18 +44,18 @@ def check_surrogates(
     surrogates: Mapping[str, Surrogate],
     designs: Mapping[str, Design],
     model: Model,
-    joint: JointDistribution,
+    joint: JointDistribution | None,
 ) -> None:
-    """Note surrogates that do not fit the designs, the outputs or the inputs."""
+    """Note surrogates that do not fit the designs, the outputs or the inputs, if known."""
     for name, surrogate in surrogates.items():
         assert table is not None
         _check_design(table, name, surrogate, designs)
         _check_transform(table, name, surrogate, model)
-        if not joint.random:
+        if joint is not None and not joint.random:
             table.add_problem(name, "a surrogate over inputs that are all fixed", "a random input")
 
 
-def _surrogate(section: TableReader, designs: Collection[str]) -> Surrogate | None:
+def _surrogate(section: TableReader, designs: Collection[str] | None) -> Surrogate | None:
     kind = family_member(section, "kind", SURROGATES, "a kind of surrogate")
     if kind is None:
         return None
@@ -62,7 +65,7 @@ def _surrogate(section: TableReader, designs: Collection[str]) -> Surrogate | No
         return None
     for key in ("design", "check"):
         name = getattr(surrogate, key)
-        if name is not None and name not in designs:
+        if name is not None and designs is not None and name not in designs:
             expected = f"the name of a design; {choices(name, designs)}"
             section.add_problem(key, toml_text(name), expected)
     if surrogate.check == surrogate.design:
@@ -90,7 +93,7 @@ def _check_design(
 
 
 def _design_description(design: Design) -> str:
-    """What a design makes, in words."""
+    """Describe the points of a design in words."""
     words = {
         Sampling.QUADRATURE: "the nodes of an integration rule",
         Sampling.TRAJECTORIES: "trajectories",

@@ -13,7 +13,7 @@ from uqpen.core.labels import NAME
 from uqpen.core.lookup import choices, resolve
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import Setting, declared_settings
-from uqpen.core.units import describe
+from uqpen.core.units import ANY_DIMENSION, are_convertible, describe
 from uqpen.study.document import Document
 
 __all__ = ["TableReader", "family_member", "named_tables"]
@@ -80,7 +80,7 @@ class TableReader:
                 self.add_problem(key, f"an unknown {what}", choices(key, self._known))
 
     def text(self, key: str, expected: str, default: str | None = None) -> str | None:
-        """A text that is not empty."""
+        """Read a text that is not empty."""
         value = self.take(key)
         if value is None:
             if default is None:
@@ -136,7 +136,8 @@ class TableReader:
         cls : type
             A dataclass with declared settings.
         like : str
-            A unit of the dimension that its quantities have.
+            A unit of the dimension that its quantities have; of `ANY_DIMENSION`, they need only
+            agree.
         folder : Path
             What the paths of files are relative to.
 
@@ -147,6 +148,7 @@ class TableReader:
         """
         given: dict[str, Any] = {}
         noted = len(self.problems)
+        is_agreed = like is not ANY_DIMENSION or self._has_one_dimension(cls)
         for field, setting in declared_settings(cls):
             value = self.take(field.name)
             if value is not None:
@@ -155,7 +157,10 @@ class TableReader:
                 self.add_missing(
                     field.name, describe(like) if _has_unit(setting) else setting.expected
                 )
+        if not is_agreed:
+            return None
         if len(self.problems) > noted:
+            self._check_ranges(cls, given)
             return None
         try:
             return cls(**given)
@@ -180,6 +185,27 @@ class TableReader:
         except QuantityError as error:
             self.add_problem(key, error.found, error.expected)
         return None
+
+    def _check_ranges(self, cls: type, given: Mapping[str, Any]) -> None:
+        """Note settings out of range among those that have no mistake yet."""
+        depth = len(self.path) + 1
+        wrong = {problem.path[:depth] for problem in self.problems}
+        for field, setting in declared_settings(cls):
+            value = given.get(field.name)
+            is_noted = (*self.path, field.name) in wrong
+            if value is not None and not is_noted and not setting.accepts(value):
+                self.add_problem(field.name, toml_text(self.content[field.name]), setting.expected)
+
+    def _has_one_dimension(self, cls: type) -> bool:
+        """Whether the quantities among the settings of a class are of the same dimension."""
+        units = []
+        for field, setting in declared_settings(cls):
+            if _has_unit(setting) and field.name in self:
+                try:
+                    units.append(parse_quantity(self.content[field.name], ANY_DIMENSION).unit)
+                except QuantityError:
+                    return False
+        return all(are_convertible(units[0], unit) for unit in units)
 
     def _setting(self, key: str, value: Any, setting: Setting, like: str, folder: Path) -> Any:
         """A value of the type that a setting wants; its range is checked by its owner."""
@@ -214,8 +240,10 @@ def named_tables(table: TableReader | None) -> Iterator[tuple[str, TableReader]]
             section.add_problem((), toml_text(name), "a name of letters, digits and _, at most 100")
 
 
-def family_member(table: TableReader, key: str, family: Mapping[str, str], what: str) -> Any:
-    """The class that a key of a table names.
+def family_member(
+    table: TableReader, key: str, family: Mapping[str, str], what: str, expected: str = ""
+) -> Any:
+    """Return the class that a key of a table names.
 
     Parameters
     ----------
@@ -227,13 +255,15 @@ def family_member(table: TableReader, key: str, family: Mapping[str, str], what:
         Names and their references.
     what : str
         What the family holds, with its article, for a message.
+    expected : str
+        What a message says is expected; by default the names of the family.
 
     Returns
     -------
     type or None
         None where a mistake was noted.
     """
-    name = table.text(key, f"one of {', '.join(family)}")
+    name = table.text(key, expected or f"one of {', '.join(family)}")
     if name is None:
         return None
     if name not in family:

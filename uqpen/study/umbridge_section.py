@@ -1,4 +1,4 @@
-"""``[model]`` with ``umbridge``: a model on a server, which is asked whether it fits."""
+"""``[model]`` with ``umbridge``: a model on a server, checked by requests to it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _PATIENCE = 30.0
 
 
 class _ServerSettings(NamedTuple):
-    """What a study says of a model on a server."""
+    """Settings of a model on a server."""
 
     address: Address
     name: str | None
@@ -34,16 +34,16 @@ class _ServerSettings(NamedTuple):
 
 
 def read_umbridge(table: TableReader, folder: Path, *, trust: bool) -> Model | None:
-    """A model on a server, or None where a mistake was noted.
+    """Read a model on a server; None where a mistake was noted.
 
     Parameters
     ----------
     table : TableReader
         Of the model.
     folder : Path
-        Where the study lies.
+        Folder of the study.
     trust : bool
-        Whether the server may be asked.
+        True if requests may be sent to the server.
     """
     noted = len(table.problems)
     address = _address(table)
@@ -63,7 +63,7 @@ def read_umbridge(table: TableReader, folder: Path, *, trust: bool) -> Model | N
 def _request_model(
     table: TableReader, wanted: _ServerSettings, variables: Variables
 ) -> tuple[str, VectorSizes] | None:
-    """The name and the sizes of a model that the server has; None where a mistake was noted."""
+    """Request the name and the sizes of a model of the server; None where a mistake was noted."""
     try:
         with UmbridgeClient(wanted.address, _PATIENCE) as server:
             name = _request_name(table, server, wanted.name)
@@ -77,7 +77,7 @@ def _request_model(
 
 
 def _request_name(table: TableReader, server: UmbridgeClient, wanted: str | None) -> str | None:
-    """The name of the model to run; None where a mistake was noted."""
+    """Request the name of the model to run; None where a mistake was noted."""
     info = server.request("Info")
     if info.get("protocolVersion") != PROTOCOL:
         found = f"a server of protocol version {info.get('protocolVersion')!r}"
@@ -106,7 +106,7 @@ def _request_name(table: TableReader, server: UmbridgeClient, wanted: str | None
 def _has_matching_sizes(
     table: TableReader, name: str, sizes: VectorSizes, variables: Variables
 ) -> bool:
-    """Whether a model takes and gives as many numbers as the study names; if not, it is noted."""
+    """Check the numbers of a model's inputs and outputs against the study; note a mismatch."""
     noted = len(table.problems)
     for what, named, lengths in (
         ("inputs", variables.inputs, sizes.inputs),
@@ -131,7 +131,7 @@ def _address(table: TableReader) -> Address | None:
 
 
 def _config(table: TableReader) -> str:
-    """The ``config`` table as JSON, the same for the same content."""
+    """Return the ``config`` table as JSON, the same for the same content."""
     section = table.table("config")
     if section is None:
         return "{}"
@@ -146,7 +146,7 @@ def _config(table: TableReader) -> str:
 
 
 def _json_problem(value: Any) -> str | None:
-    """What in a value JSON cannot hold, or None."""
+    """Return a part of a value that JSON cannot represent, or None."""
     if isinstance(value, dict):
         value = list(value.values())
     if isinstance(value, list):

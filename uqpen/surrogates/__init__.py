@@ -1,4 +1,7 @@
-"""Surrogates: cheap models fitted to the runs of a design. Each knows of runs and laws only."""
+"""Surrogates: cheap models fitted to the runs of a design.
+
+A surrogate depends on the runs and the distributions of the inputs only.
+"""
 
 from __future__ import annotations
 

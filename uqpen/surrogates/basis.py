@@ -1,4 +1,4 @@
-"""Products of univariate polynomials: which of them, their values, and sums of them."""
+"""Products of univariate polynomials: their selection, values and sums."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ IntArray = npt.NDArray[np.int64]
 # branch stands a coefficient.
 NestedSums = float | list[tuple[int, "NestedSums"]]
 
-# Of more terms than this nothing could be fitted.
+# With more terms than this no fit is possible.
 MOST_TERMS = 100_000
 
-# So many runs at a time stay in the processor's cache. Each is computed by itself, so results
-# depend neither on this nor on the batch.
+# Runs computed at a time: their values stay in the processor's cache. Each run is computed by
+# itself, so results depend neither on this nor on the batch.
 _ROWS = 4096
 
 
 @dataclass(frozen=True, eq=False)
 class ProductBasis:
-    """The orthonormal polynomials of independent inputs.
+    """Orthonormal polynomials of independent inputs.
 
     Parameters
     ----------
     univariate_bases : tuple of UnivariateBasis
-        One for each random input, in the law's order.
+        One for each random input, in the order of the joint distribution.
     """
 
     univariate_bases: tuple[UnivariateBasis, ...]
@@ -47,7 +47,7 @@ class ProductBasis:
     def from_distribution(
         cls, joint: JointDistribution, degree: int, *, logarithms: bool = True
     ) -> ProductBasis:
-        """The basis of a law's random inputs, each by its own law; see `univariate_basis`."""
+        """Build the basis of the random inputs from their distributions; see `univariate_basis`."""
         return cls(
             tuple(
                 univariate_basis(
@@ -63,14 +63,17 @@ class ProductBasis:
         return tuple(basis.name for basis in self.univariate_bases)
 
     def indices(self, order: int, truncation: float) -> IntArray:
-        """The degrees of every term up to an order that the laws have; see `multi_indices`."""
+        """Return the degrees of every term up to an order; see `multi_indices`.
+
+        Terms without polynomials are left out: a distribution on a few values has fewer of them.
+        """
         found = multi_indices(len(self.univariate_bases), order, truncation)
         highest = [basis.highest_degree for basis in self.univariate_bases]
         allowed: IntArray = found[(found <= highest).all(axis=1)]
         return allowed
 
     def matrix(self, inputs: Arrays, indices: IntArray) -> FloatArray:
-        """Values of terms at points.
+        """Compute the values of terms at points.
 
         Parameters
         ----------
@@ -93,7 +96,7 @@ class ProductBasis:
     def evaluate(
         self, inputs: Arrays, indices: IntArray, expansions: Sequence[NestedSums]
     ) -> list[FloatArray]:
-        """Values of expansions at points, bit by bit the same for any batch that they stand in.
+        """Evaluate expansions at points; the values do not depend on the batch, bit by bit.
 
         Parameters
         ----------
@@ -102,7 +105,7 @@ class ProductBasis:
         indices : ndarray of int, shape (term, input)
             Degrees of all the expansions' terms.
         expansions : sequence of NestedSums
-            What `nested_sums` made of each.
+            The result of `nested_sums` for each.
 
         Returns
         -------
@@ -127,12 +130,12 @@ class ProductBasis:
 
 
 def multi_indices(dimension: int, order: int, truncation: float) -> IntArray:
-    """Degrees of the terms with (Σ k^q)^(1/q) at most the order, the constant first.
+    """Return the degrees of the terms with (Σ k^q)^(1/q) at most the order, the constant first.
 
     Parameters
     ----------
     dimension : int
-        How many inputs there are.
+        Number of inputs.
     order : int
         The highest degree of a term in one input.
     truncation : float
@@ -160,7 +163,7 @@ def multi_indices(dimension: int, order: int, truncation: float) -> IntArray:
 
 
 def nested_sums(indices: IntArray, coefficients: FloatArray) -> NestedSums:
-    """An expansion as sums within sums, which need a third of the multiplications."""
+    """Convert an expansion to nested sums, which need a third of the multiplications."""
     order = np.lexsort(indices.T[::-1])
     terms = list(zip(indices[order].tolist(), coefficients[order].tolist(), strict=True))
     return _grouped(terms, 0)
@@ -176,7 +179,7 @@ def _grouped(terms: list[tuple[list[int], float]], position: int) -> NestedSums:
 
 
 def _sum(tables: Sequence[FloatArray], expansion: NestedSums) -> Any:
-    """Sums within sums, one operation on whole arrays after the other.
+    """Evaluate nested sums, one operation on whole arrays after the other.
 
     Not a product of matrices: its last bits depend on how many rows there are.
     """

@@ -1,4 +1,4 @@
-"""A fitted polynomial chaos: a model in place of another."""
+"""Model of a fitted polynomial chaos."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import RUN, STATUS, Status
+from uqpen.core.labels import RUN, STATUS
 from uqpen.core.model import Arrays, BoolArray, FloatArray, Input, Model, Output, Results
+from uqpen.core.status import Status
 from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.expansion import Expansion
 from uqpen.surrogates.storage import to_dataset
@@ -26,7 +27,7 @@ class PolynomialChaosModel(FittedSurrogate):
     Parameters
     ----------
     name : str
-        What the study calls it.
+        Its name in the study.
     inputs : tuple of Input
         Those of the model that it stands for.
     outputs : tuple of Output
@@ -36,7 +37,7 @@ class PolynomialChaosModel(FittedSurrogate):
     expansions : mapping of str to Expansion
         One for each output.
     reasons : mapping of str to str
-        Why each other output could not be fitted.
+        The reason why each other output could not be fitted.
     fixed : mapping of str to float
         The values that the other inputs had in all training runs; it knows of no others.
     truncation : float
@@ -44,11 +45,11 @@ class PolynomialChaosModel(FittedSurrogate):
     design : str
         To whose runs it was fitted.
     counts : mapping of Status to int
-        How many of those runs ended with each status.
+        Number of those runs with each status.
     is_independent : bool
         Whether the random inputs are.
     original : Model, optional
-        What it stands for, which knows what is admissible; an archive does not hold it.
+        The original model, which checks whether inputs are admissible; it is not in an archive.
     """
 
     name: str
@@ -74,7 +75,7 @@ class PolynomialChaosModel(FittedSurrogate):
         return Results(values, status)
 
     def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
-        """Those of the model it stands for, and that no fixed input has another value."""
+        """Yield the conditions of the original model, and that fixed inputs have their values."""
         for name, value in self.fixed.items():
             if name in inputs:
                 yield inputs[name] == value, f"{name} = {value:g}, as in the runs it was fitted to"
@@ -82,11 +83,11 @@ class PolynomialChaosModel(FittedSurrogate):
             yield from self.original.conditions(inputs)
 
     def missing_inputs(self, given: Collection[str]) -> Iterator[str]:
-        """Its random inputs that are not given; the others have the values that it knows."""
+        """Yield its random inputs that are not given; the other inputs have known values."""
         yield from (name for name in self.basis.names if name not in given)
 
     def identity(self) -> dict[str, str]:
-        """What it stands for, and a hash of its coefficients."""
+        """Return the identity of the original model, and a hash of its coefficients."""
         digest = hashlib.sha256()
         for expansion in self.expansions.values():
             digest.update(expansion.indices.tobytes() + expansion.coefficients.tobytes())
@@ -95,7 +96,7 @@ class PolynomialChaosModel(FittedSurrogate):
         return {"name": self.name, "coefficients_sha256": digest.hexdigest(), **of}
 
     def with_check(self, runs: xr.Dataset) -> PolynomialChaosModel:
-        """The same, with how well it meets another design's runs that came back."""
+        """Return a copy with its prediction errors at the completed runs of another design."""
         used = np.flatnonzero(runs[STATUS].values == Status.OK)
         inputs = {
             name: np.broadcast_to(runs[name].values, runs.sizes[RUN])[used]
@@ -111,7 +112,9 @@ class PolynomialChaosModel(FittedSurrogate):
         return replace(self, expansions=expansions)
 
     def closed_form_problem(self, output: str) -> str:
-        """Why moments and indices from the coefficients are not the output's; empty if they are.
+        """Return the reason why the coefficients do not give the output's moments and indices.
+
+        The text is empty if they do.
 
         Indices from the coefficients of a logarithm are those of the logarithm.
         """
@@ -124,11 +127,11 @@ class PolynomialChaosModel(FittedSurrogate):
         return ""
 
     def to_dataset(self) -> xr.Dataset:
-        """All that evaluation needs, and what is known of the fit; see `storage`."""
+        """Return a dataset for evaluation, with the errors of the fit; see `storage`."""
         return to_dataset(self)
 
     def _fitted_values(self, inputs: Arrays) -> dict[str, FloatArray]:
-        """The variables that were fitted, at some points."""
+        """Return the variables that were fitted, at some points."""
         every = list(self.expansions.values())
         if not every:
             return {}

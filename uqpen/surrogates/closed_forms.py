@@ -30,9 +30,9 @@ class SobolIndices:
     Parameters
     ----------
     first, total : ndarray, shape (input,)
-        What an input does alone; what it does at all.
+        First-order and total-order indices.
     second : ndarray, shape (input, input)
-        What two inputs do together and neither does alone; symmetric, NaN on the diagonal.
+        Second-order indices; symmetric, NaN on the diagonal.
     """
 
     first: FloatArray
@@ -41,17 +41,17 @@ class SobolIndices:
 
 
 def mean(indices: IntArray, coefficients: FloatArray) -> float:
-    """The mean: the constant term's coefficient."""
+    """Return the mean: the constant term's coefficient."""
     return float(coefficients[~indices.any(axis=1)].sum())
 
 
 def standard_deviation(indices: IntArray, coefficients: FloatArray) -> float:
-    """The standard deviation: the root of all other coefficients' squares."""
+    """Return the standard deviation: the root of the sum of all other coefficients' squares."""
     return math.sqrt(float(np.sum(coefficients[indices.any(axis=1)] ** 2)))
 
 
 def sobol_indices(indices: IntArray, coefficients: FloatArray) -> SobolIndices:
-    """First, second and total order indices.
+    """Compute first-order, second-order and total-order indices.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def _total(variances: FloatArray, active: npt.NDArray[np.bool_]) -> FloatArray:
 def _variances(
     indices: IntArray, coefficients: FloatArray
 ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """Each term's variance, without the constant's, and the inputs in it."""
+    """Return each term's variance, without the constant's, and the inputs in it."""
     active = indices > 0
     terms = active.any(axis=1)
     return coefficients[terms] ** 2, active[terms]

@@ -1,4 +1,4 @@
-"""The expansion of one output: its terms, and how well they fit."""
+"""Expansion of one output: its terms and their errors."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ IntArray = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class PredictionCheck:
-    """How well an expansion meets runs that it was not fitted to.
+    """Prediction error of an expansion at runs that it was not fitted to.
 
     Parameters
     ----------
     runs : int
-        How many came back.
+        Number of completed runs.
     q2 : float
-        One less the mean square error over the variance, of the variable that was fitted.
+        One minus the mean square error over the variance, of the variable that was fitted.
     q2_of_output : float
         The same of the output itself; NaN where the expansion is not finite at a run.
     """
@@ -45,7 +45,7 @@ class Expansion:
     Parameters
     ----------
     output : Output
-        Of which model output.
+        The model output that it approximates.
     indices : ndarray of int, shape (term, input)
         The degrees of each term; the constant is one of them.
     coefficients : ndarray, shape (term,)
@@ -64,9 +64,9 @@ class Expansion:
     smallest, largest : float
         The range of the output in the training runs.
     noise : FitNoise
-        The scatter of figures from refitting.
+        The scatter of estimates from refitting.
     check : PredictionCheck
-        What runs of another design say.
+        The prediction error at runs of another design.
     """
 
     output: Output
@@ -84,21 +84,21 @@ class Expansion:
 
     @property
     def q2(self) -> float:
-        """The share of the variance that is predicted at runs left out, by cross-validation."""
+        """Share of the variance predicted at runs left out, by cross-validation."""
         return 1 - self.cross_validation
 
     @cached_property
     def nested(self) -> NestedSums:
-        """The same as sums within sums, for evaluation."""
+        """Nested form of the sum, for evaluation."""
         return nested_sums(self.indices, self.coefficients)
 
     def output_values(self, fitted: FloatArray) -> FloatArray:
-        """The output from the variable that was fitted; infinite where it overflows."""
+        """Return the output from the variable that was fitted; infinite where it overflows."""
         with np.errstate(over="ignore"):
             return np.exp(fitted) if self.is_logarithm else fitted
 
     def prediction_check(self, fitted: FloatArray, truth: FloatArray) -> PredictionCheck:
-        """How well the expansion meets an output's true values at some runs.
+        """Compare the expansion with an output's true values at some runs.
 
         Parameters
         ----------
@@ -115,7 +115,7 @@ class Expansion:
 
 
 def _q2(found: FloatArray, truth: FloatArray) -> float:
-    """One less the mean square error over the variance; NaN of values that are not finite."""
+    """Return one minus the mean square error over the variance; NaN if a value is not finite."""
     if len(truth) < 2:
         return math.nan
     with np.errstate(all="ignore"):

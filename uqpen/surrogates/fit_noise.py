@@ -1,8 +1,9 @@
-"""The scatter of an expansion's figures when it is fitted again to other runs of the same kind.
+"""Scatter of an expansion's estimates when it is fitted again to other runs of the same kind.
 
-It tells how much the figures owe to which runs were drawn. It is no interval: what the basis
-cannot express, and what lies in a tail that no run has met, it does not see. Intervals made of it
-held the standard deviation of a heavy-tailed output in 14 of 100 studies where 95 was said.
+It shows how much the estimates depend on the runs that were drawn. It is no interval: it does not
+include the error of terms outside the basis, nor a tail that no run has reached. Intervals made of
+it contained the standard deviation of a heavy-tailed output in 14 of 100 studies, at a nominal
+coverage of 95 %.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ __all__ = ["FitNoise", "estimate_fit_noise"]
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-# Refits are fewer where they are large: so many at most and at least, within so many operations.
+# Refits are fewer where they are large: most and fewest refits, and most operations in all.
 _REFITS = 50
 _FEWEST_REFITS = 10
 _OPERATIONS = 1e9
@@ -29,12 +30,12 @@ _OPERATIONS = 1e9
 
 @dataclass(frozen=True, eq=False)
 class FitNoise:
-    """Standard deviations of an expansion's figures over refits.
+    """Standard deviations of an expansion's estimates over refits.
 
     Parameters
     ----------
     refits : int
-        How many; 0 where there is nothing to resample, and then the rest is NaN.
+        Number of refits; 0 where there is nothing to resample, and then the rest is NaN.
     mean, std : float
         Of the mean and of the standard deviation of the variable that was fitted.
     first : ndarray, shape (input,)
@@ -48,7 +49,7 @@ class FitNoise:
 
     @classmethod
     def without_refits(cls, inputs: int) -> FitNoise:
-        """No refits: the runs were no sample, or too few."""
+        """Return the noise without refits, for runs that are no sample, or too few."""
         return cls(0, math.nan, math.nan, np.full(inputs, np.nan))
 
 
@@ -80,11 +81,11 @@ def estimate_fit_noise(
     for _ in range(refits):
         times = np.bincount(rng.integers(runs, size=runs), minlength=runs)
         if np.count_nonzero(times) <= terms:
-            continue  # too few different runs for so many terms
+            continue  # too few different runs for this number of terms
         try:
             factor = linalg.cho_factor(q.T @ (times[:, None] * q))
         except linalg.LinAlgError:
-            continue  # they do not tell the terms apart
+            continue  # they do not identify the terms
         change = linalg.cho_solve(factor, q.T @ (times * residual))
         found = coefficients + linalg.solve_triangular(r, change)
         moments = mean(indices, found), standard_deviation(indices, found)

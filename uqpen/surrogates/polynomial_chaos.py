@@ -1,4 +1,4 @@
-"""Polynomial chaos: a model's outputs as sums of polynomials orthonormal under its input law."""
+"""Polynomial chaos: outputs as sums of polynomials orthonormal for the joint distribution."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import Status
 from uqpen.core.model import Input, Model, Output
 from uqpen.core.settings import choice, choices, count, name, number
+from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -41,7 +41,7 @@ _FAILED_NODES = "least-squares, as nodes of its rule were lost"
 
 @dataclass(frozen=True)
 class PolynomialChaos(Surrogate):
-    """A sum of products of polynomials, each orthonormal under the law of its input.
+    """Sum of products of polynomials, each orthonormal for the distribution of its input.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class PolynomialChaos(Surrogate):
 
     @property
     def needs_quadrature(self) -> bool:
-        """Whether its design must be an integration rule."""
+        """True if its design must be an integration rule."""
         return self.method == "projection"
 
     def fit(
@@ -88,7 +88,7 @@ class PolynomialChaos(Surrogate):
     def _fitted(
         self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
     ) -> PolynomialChaosModel:
-        """The model, whatever the threads."""
+        """Fit the model without a limit on the BLAS threads; `fit` sets it."""
         training = TrainingRuns.from_runs(runs, model, joint)
         # A rule's nodes are exact for polynomials of the inputs, not of their logarithms.
         basis = ProductBasis.from_distribution(
@@ -120,7 +120,7 @@ class PolynomialChaos(Surrogate):
     def _expansion(
         self, output: Output, training: TrainingRuns, basis: ProductBasis, stream: Stream
     ) -> Expansion | str:
-        """The expansion of one output, or why there is none."""
+        """Return the expansion of one output, or the reason why there is none."""
         is_logarithm = self.transform.get(output.name) == "log"
         if output.categories:
             return "it has kinds, not numbers"
@@ -130,7 +130,7 @@ class PolynomialChaos(Surrogate):
         values = training.outputs[output.name]
         fitted = np.log(values) if is_logarithm else values
         points = FitPoints(basis, training.inputs, self.truncation)
-        # Of size one, so that neither units nor a large mean cost any figures.
+        # Scaled to size one, so that neither units nor a large mean cost any digits.
         centre, spread = float(fitted.mean()), float(fitted.std())
         rng = stream.generator("folds", output.name)
         method, terms = self._terms(points, (fitted - centre) / spread, training, rng)
@@ -162,25 +162,25 @@ class PolynomialChaos(Surrogate):
         training: TrainingRuns,
         rng: np.random.Generator,
     ) -> tuple[str, Terms | str]:
-        """How the terms were found, and they, or why there are none."""
+        """Return the method, and the terms or the reason why there are none."""
         if not self.needs_quadrature:
             return self.method, regression_terms(points, values, self.method, self.order, rng)
         if training.weights is None:
-            # What is left of a rule is no rule: its weights would integrate the lost nodes as 0.
+            # A rule with failed nodes is no rule: its weights would integrate them as 0.
             terms = regression_terms(points, values, "least-squares", self.order, rng)
             return _FAILED_NODES if training.is_quadrature else "least-squares", terms
         return self.method, projection_terms(points, training.weights, values, self.order)
 
 
 def _inputs(model: Model, joint: JointDistribution) -> tuple[Input, ...]:
-    """The model's inputs, and random ones that only other models of the study take."""
+    """Return the model's inputs, and random ones that only other models of the study take."""
     taken = {variable.name for variable in model.inputs}
     others = (entry.variable for entry in joint.random if entry.variable.name not in taken)
     return (*model.inputs, *others)
 
 
 def _fit_problem(values: FloatArray, is_logarithm: bool) -> str:
-    """Why an output cannot be fitted, whatever the terms; empty if it can."""
+    """Return the reason why no terms can be fitted to an output; empty if they can."""
     if not np.isfinite(values).all():
         return f"it is not finite in {int((~np.isfinite(values)).sum())} runs that came back"
     if (values == values[0]).all():

@@ -14,16 +14,16 @@ _TOLERANCE = 1e-8
 
 
 def is_exact(matrix: FloatArray, weights: FloatArray) -> bool:
-    """Whether a rule finds the terms orthonormal, as they are.
+    """Check that a rule reproduces the orthonormality of the terms.
 
-    Where it does not, a coefficient takes up what belongs to other terms.
+    Where it does not, a coefficient includes parts of other terms.
 
     Parameters
     ----------
     matrix : ndarray, shape (node, term)
         The terms at the nodes.
     weights : ndarray, shape (node,)
-        Of the rule; some may be negative.
+        Weights of the rule; some may be negative.
     """
     products = matrix.T @ (weights[:, None] * matrix)
     return bool(np.abs(products - np.eye(matrix.shape[1])).max() < _TOLERANCE)
@@ -32,6 +32,6 @@ def is_exact(matrix: FloatArray, weights: FloatArray) -> bool:
 def projection_coefficients(
     matrix: FloatArray, weights: FloatArray, values: FloatArray
 ) -> FloatArray:
-    """The coefficients, Σ w ψ f."""
+    """Compute the coefficients, Σ w ψ f."""
     coefficients: FloatArray = matrix.T @ (weights * values)
     return coefficients

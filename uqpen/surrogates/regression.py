@@ -25,14 +25,14 @@ __all__ = ["FOLDS", "RegressionFit", "cross_validation", "least_squares", "spars
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-# A sparse fit takes at most so many terms, and at most this share of the runs.
+# Most terms of a sparse fit, and the largest number of terms as a share of the runs.
 _MOST_TERMS = 400
 _LARGEST_SHARE_OF_TERMS = 0.5
-# It ends when so many terms in a row have not lowered the error, or when nothing is left to fit.
+# It ends when this number of terms in a row have not lowered the error, or the remainder is zero.
 _PATIENCE = 20
 _NOTHING_LEFT = 1e-14
 
-# Into so many parts runs are divided for cross-validation.
+# Parts of the runs in cross-validation.
 FOLDS = 5
 
 # A column that adds less than this share of itself to those before depends on them.
@@ -41,7 +41,7 @@ _DEPENDENT = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class RegressionFit:
-    """Coefficients of terms, and what tells how good they are.
+    """Coefficients of terms, and their errors.
 
     Parameters
     ----------
@@ -52,8 +52,8 @@ class RegressionFit:
     leave_one_out : float
         Mean square of each run's error when it is left out, as a share of the variance.
     corrected : float
-        The same, raised by what few runs make too good of many terms: what fits on the same runs
-        are compared by. Infinite where that cannot be told.
+        The same, corrected upwards, as few runs make many terms look too good. It compares fits to
+        the same runs. Infinite where it cannot be computed.
     """
 
     terms: IntArray
@@ -63,14 +63,14 @@ class RegressionFit:
 
 
 def least_squares(matrix: FloatArray, values: FloatArray) -> RegressionFit | None:
-    """Ordinary least squares on all columns; None where they depend on each other.
+    """Fit all columns by ordinary least squares; None where they are linearly dependent.
 
     Parameters
     ----------
     matrix : ndarray, shape (run, term)
         With more rows than columns.
     values : ndarray, shape (run,)
-        What is fitted; not constant.
+        The values to fit; not constant.
     """
     runs, terms = matrix.shape
     if runs <= terms:
@@ -87,14 +87,14 @@ def least_squares(matrix: FloatArray, values: FloatArray) -> RegressionFit | Non
 
 
 def sparse_regression(matrix: FloatArray, values: FloatArray) -> RegressionFit | None:
-    """Least squares on as few columns as have the least leave-one-out error.
+    """Fit by least squares a few columns, those with the least leave-one-out error.
 
     Parameters
     ----------
     matrix : ndarray, shape (run, term)
         All candidates, the constant first; there may be more of them than runs.
     values : ndarray, shape (run,)
-        What is fitted; not constant.
+        The values to fit; not constant.
     """
     chosen, corrected = _matching_pursuit(matrix, values)
     terms = np.sort(np.array(chosen, dtype=np.int64))
@@ -103,7 +103,7 @@ def sparse_regression(matrix: FloatArray, values: FloatArray) -> RegressionFit |
 
 
 def cross_validation(matrix: FloatArray, values: FloatArray, folds: IntArray) -> float:
-    """Mean square error of a sparse fit at runs that neither its terms nor it have seen.
+    """Return the mean square error of a sparse fit at runs left out of selection and fit.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def cross_validation(matrix: FloatArray, values: FloatArray, folds: IntArray) ->
     Returns
     -------
     float
-        As a share of the variance.
+        The error as a share of the variance.
     """
     squares = 0.0
     for fold in range(FOLDS):
@@ -129,7 +129,7 @@ def cross_validation(matrix: FloatArray, values: FloatArray, folds: IntArray) ->
 
 
 def _matching_pursuit(matrix: FloatArray, values: FloatArray) -> tuple[list[int], float]:
-    """The columns of the best of all fits on the way, and its corrected error."""
+    """Return the columns of the best fit in the sequence, and its corrected error."""
     runs, candidates = matrix.shape
     most = min(candidates, max(int(_LARGEST_SHARE_OF_TERMS * runs), 1), _MOST_TERMS)
     norms = np.sqrt((matrix**2).sum(axis=0))
@@ -164,7 +164,7 @@ def _matching_pursuit(matrix: FloatArray, values: FloatArray) -> tuple[list[int]
 
 
 def _orthogonalize(q: FloatArray, column: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What a column has in common with orthonormal ones, and what is left of it."""
+    """Split a column into its coefficients on orthonormal columns and a remainder."""
     first = q.T @ column
     rest = column - q @ first
     # Twice is enough (Kahan): rounding leaves a little in common after the first time.
@@ -173,12 +173,12 @@ def _orthogonalize(q: FloatArray, column: FloatArray) -> tuple[FloatArray, Float
 
 
 def _leave_one_out(residual: FloatArray, leverage: FloatArray, values: FloatArray) -> float:
-    """Mean square of e / (1 - h), as a share of the variance."""
+    """Return the mean square of e / (1 - h), as a share of the variance."""
     with np.errstate(divide="ignore", invalid="ignore"):
         error = float(np.mean((residual / (1 - leverage)) ** 2) / np.var(values, ddof=1))
     return error if np.isfinite(error) else np.inf
 
 
 def _correction(runs: int, terms: int, trace: float) -> float:
-    """Chapelle's factor n / (n - P) · (1 + tr C⁻¹ / n), with C the mean of ψψᵀ."""
+    """Return Chapelle's factor n / (n - P) · (1 + tr C⁻¹ / n), with C the mean of ψψᵀ."""
     return runs / (runs - terms) * (1 + trace) if runs > terms else np.inf

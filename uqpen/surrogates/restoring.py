@@ -1,4 +1,4 @@
-"""A fitted polynomial chaos out of the group of an archive; nothing in it is executed."""
+"""Restore a fitted polynomial chaos from an archive; nothing in it is executed."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import INPUT, ROLE, Status
+from uqpen.core.labels import INPUT, ROLE
 from uqpen.core.model import Input, Model, Output
+from uqpen.core.status import Status
 from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.chaos_model import PolynomialChaosModel
 from uqpen.surrogates.expansion import Expansion, PredictionCheck
@@ -23,16 +24,16 @@ __all__ = ["restore_surrogate"]
 def restore_surrogate(
     dataset: xr.Dataset, name: str, original: Model | None = None
 ) -> PolynomialChaosModel:
-    """A fitted polynomial chaos from the group of an archive.
+    """Restore a fitted polynomial chaos from the group of an archive.
 
     Parameters
     ----------
     dataset : Dataset
-        What `to_dataset` returned, or was read of it.
+        The dataset of `to_dataset`, or the group read from an archive.
     name : str
-        What it is called.
+        Its name.
     original : Model, optional
-        What it stands for; without that, every finite input counts as admissible.
+        The original model; without it, every finite input counts as admissible.
     """
     names = [str(entry) for entry in dataset[INPUT].values]
     univariate_bases = tuple(
@@ -102,7 +103,7 @@ def _restore_expansion(name: str, dataset: xr.Dataset) -> Expansion:
 
 
 def _description(name: str, array: xr.DataArray) -> tuple[str, str, str, str]:
-    """Name, unit, title and display unit of what a variable is, or is of."""
+    """Return name, unit, title and display unit of the input or output of a variable."""
     prefix = "of_" if "of_units" in array.attrs else ""
     unit, title, shown = (
         str(array.attrs[f"{prefix}{key}"]) for key in ("units", "long_name", "display_units")

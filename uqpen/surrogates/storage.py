@@ -1,4 +1,4 @@
-"""A fitted polynomial chaos as a dataset: an archive holds all that evaluation needs.
+"""Storage of a fitted polynomial chaos as a dataset, with all that evaluation needs.
 
 A variable holds each input's recurrence, and two each output's terms: their degrees and their
 coefficients. What is known of a fit stands in the attributes of the coefficients.
@@ -12,8 +12,9 @@ from typing import Any, Protocol
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import INPUT, ROLE, Status
+from uqpen.core.labels import INPUT, ROLE
 from uqpen.core.model import Input
+from uqpen.core.status import Status
 from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.expansion import Expansion
 from uqpen.surrogates.univariate_basis import UnivariateBasis
@@ -54,7 +55,7 @@ class _Storable(Protocol):
 
 
 def to_dataset(model: _Storable) -> xr.Dataset:
-    """A fitted polynomial chaos as the group of an archive."""
+    """Convert a fitted polynomial chaos to the group of an archive."""
     variables: dict[str, Any] = {}
     given = {variable.name: variable for variable in model.inputs}
     for basis in model.basis.univariate_bases:
@@ -81,7 +82,7 @@ def _input_names(model: _Storable) -> tuple[str, Any, dict[str, str]]:
 
 
 def _group_attributes(model: _Storable) -> dict[str, Any]:
-    """What the group says of itself."""
+    """Return the attributes of the group."""
     return {
         "kind": _KIND,
         "design": model.design,

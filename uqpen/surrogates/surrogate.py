@@ -1,4 +1,4 @@
-"""What a surrogate is: settings that say how to fit one, and the model that comes of it."""
+"""Interface of a surrogate: the settings of a fit, and the fitted model."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ __all__ = ["FittedSurrogate", "Surrogate"]
 
 
 class FittedSurrogate(Model):
-    """A model that stands for another, near the runs that it was fitted to.
+    """Model that approximates another one near the runs that it was fitted to.
 
-    Its inputs and conditions are the other's, its outputs those that could be fitted: what they
-    are without, `reasons` tells.
+    Its inputs and conditions are those of the original model. Its outputs are those that could be
+    fitted; `reasons` explains the others.
 
     Attributes
     ----------
     expansions : mapping of str to Expansion
         One for each of its outputs.
     reasons : mapping of str to str
-        Why each output that is missing could not be fitted.
+        The reason why each missing output could not be fitted.
     """
 
     expansions: Mapping[str, Expansion]
@@ -36,23 +36,23 @@ class FittedSurrogate(Model):
 
     @abstractmethod
     def with_check(self, runs: xr.Dataset) -> FittedSurrogate:
-        """The same, and how well it meets runs that it was not fitted to."""
+        """Return a copy with its prediction errors at runs that it was not fitted to."""
 
     @abstractmethod
     def closed_form_problem(self, output: str) -> str:
-        """Why moments and indices from the coefficients are not the output's; empty if they are."""
+        """Return why moments and indices cannot follow from the coefficients; empty if they can."""
 
     def has_closed_form(self, output: str) -> bool:
-        """Whether moments and indices of an output follow from the coefficients."""
+        """Check that moments and indices of an output follow from the coefficients."""
         return not self.closed_form_problem(output)
 
     @abstractmethod
     def to_dataset(self) -> xr.Dataset:
-        """All that evaluation needs, and what is known of the fit."""
+        """Return a dataset for evaluation, with the errors of the fit."""
 
 
 class Surrogate(ABC):
-    """Frozen settings that say how to fit a surrogate.
+    """Frozen settings of the fit of a surrogate.
 
     Attributes
     ----------
@@ -72,13 +72,13 @@ class Surrogate(ABC):
         validate(self, self.check_settings())
 
     def check_settings(self) -> Iterator[Problem]:
-        """What is wrong between settings that are right by themselves."""
+        """Yield the problems between settings that are valid by themselves."""
         yield from ()
 
     @property
     @abstractmethod
     def needs_quadrature(self) -> bool:
-        """Whether its design must be an integration rule."""
+        """True if its design must be an integration rule."""
 
     @abstractmethod
     def fit(
@@ -89,15 +89,15 @@ class Surrogate(ABC):
         Parameters
         ----------
         name : str
-            What it will be called.
+            Its name.
         runs : Dataset
-            What `uqpen.execution.evaluate` returned for the design.
+            The result of `uqpen.execution.evaluate` for the design.
         model : Model
             That made the runs.
         joint : JointDistribution
             Of its inputs.
         stream : Stream
-            Where the random numbers of refits come from.
+            Source of the random numbers of refits.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""The terms of an expansion: of the order that is given, or of the one that fits best."""
+"""Terms of an expansion: of a given order, or of the order with the best fit."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ IntArray = npt.NDArray[np.int64]
 
 # The highest order that is tried where none is given.
 HIGHEST_ORDER = 20
-# Orders are tried until so many in a row have been worse than the best one.
+# Orders are tried until this number of them in a row have been worse than the best one.
 _PATIENCE = 3
 # Below this error, a share of the variance, no figure is worth another order.
 _EXACT = 1e-16
-# An order is tried while its matrix has at most so many entries, which takes about a second ...
+# An order is tried while its matrix has at most this number of entries: about a second ...
 _MOST_ENTRIES = 4_000_000
 # ... and given, while it fits into memory.
 _MOST_ENTRIES_GIVEN = 100_000_000
@@ -52,7 +52,7 @@ class Terms:
     coefficients : ndarray, shape (term,)
         Theirs.
     order : int
-        Of all the terms that they were chosen from.
+        The highest order of all the terms that they were chosen from.
     leave_one_out : float
         See `uqpen.surrogates.regression.RegressionFit`; NaN for a projection.
     cross_validation : float
@@ -74,7 +74,7 @@ class FitPoints:
     Parameters
     ----------
     basis : ProductBasis
-        Of the random inputs.
+        Basis of the random inputs.
     inputs : mapping of str to ndarray, shape (run,)
         Their values.
     truncation : float
@@ -87,11 +87,11 @@ class FitPoints:
 
     @property
     def run_count(self) -> int:
-        """How many there are."""
+        """Number of runs."""
         return len(next(iter(self.inputs.values())))
 
     def orders(self, most_terms: float) -> Iterator[tuple[int, IntArray]]:
-        """Orders from 1 and their terms, as long as there are not too many of them."""
+        """Yield orders from 1 and their terms, as long as there are not too many of them."""
         for order in range(1, HIGHEST_ORDER + 1):
             indices = self.basis.indices(order, self.truncation)
             if not 0 < len(indices) <= min(most_terms, max(_MOST_ENTRIES / self.run_count, 1)):
@@ -99,7 +99,7 @@ class FitPoints:
             yield order, indices
 
     def matrix(self, indices: IntArray) -> FloatArray:
-        """The terms at the points."""
+        """Return the values of the terms at the points."""
         return self.basis.matrix(self.inputs, indices)
 
 
@@ -110,14 +110,14 @@ def regression_terms(
     order: int | None,
     rng: np.random.Generator,
 ) -> Terms | str:
-    """Terms from runs at any points, or why there are none.
+    """Find terms from runs at any points, or the reason why there are none.
 
     Parameters
     ----------
     points : FitPoints
-        Where the runs were made.
+        The points of the runs.
     values : ndarray, shape (run,)
-        What is fitted; not constant.
+        The values to fit; not constant.
     method : str
         ``"sparse"`` or ``"least-squares"``.
     order : int, optional
@@ -151,7 +151,7 @@ def regression_terms(
 def projection_terms(
     points: FitPoints, weights: FloatArray, values: FloatArray, order: int | None
 ) -> Terms | str:
-    """Terms from an integration rule, or why there are none.
+    """Find terms from an integration rule, or the reason why there are none.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def projection_terms(
     weights : ndarray, shape (node,)
         Its weights.
     values : ndarray, shape (node,)
-        What is fitted.
+        The values to fit.
     order : int, optional
         The order; without it, the highest that the rule is exact for.
     """
@@ -206,7 +206,7 @@ def _fitted(
     indices: IntArray,
     folds: IntArray,
 ) -> tuple[Terms | None, float]:
-    """The terms of an order, and the error that orders are compared by."""
+    """Fit the terms of an order; return them with the error for comparing orders."""
     matrix = points.matrix(indices)
     fit = _METHODS[method](matrix, values)
     if fit is None:

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import QUADRATURE_WEIGHT, ROLE, RUN, STATUS, Status
+from uqpen.core.labels import QUADRATURE_WEIGHT, ROLE, RUN, STATUS
 from uqpen.core.model import Model
+from uqpen.core.status import Status
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import status_counts
 
@@ -21,7 +22,7 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class TrainingRuns:
-    """The runs of a design that came back.
+    """Completed runs of a design, for training.
 
     Parameters
     ----------
@@ -30,13 +31,13 @@ class TrainingRuns:
     fixed : mapping of str to float
         The other inputs, each with its one value.
     weights : ndarray, shape (run,), or None
-        Of an integration rule, all of whose nodes came back.
+        Weights of an integration rule, if all its nodes have completed.
     is_quadrature : bool
         Whether the runs are the nodes of a rule.
     counts : mapping of Status to int
-        How many of the design's runs ended with each status.
+        Number of the design's runs with each status.
     problem : str
-        Why nothing can be fitted to these runs, if so.
+        The reason why nothing can be fitted to these runs; empty if something can.
     """
 
     inputs: Mapping[str, FloatArray]
@@ -49,7 +50,7 @@ class TrainingRuns:
 
     @classmethod
     def from_runs(cls, runs: xr.Dataset, model: Model, joint: JointDistribution) -> TrainingRuns:
-        """The runs of a design, as far as they came back."""
+        """Select the completed runs of a design."""
         came_back = runs[STATUS].values == Status.OK
         random = {entry.variable.name for entry in joint.random}
         inputs: dict[str, FloatArray] = {}
@@ -82,10 +83,10 @@ class TrainingRuns:
 
     @property
     def size(self) -> int:
-        """How many runs came back."""
+        """Number of completed runs."""
         return self.counts[Status.OK]
 
     @property
     def failed(self) -> int:
-        """How many did not."""
+        """Number of failed runs."""
         return sum(self.counts.values()) - self.size

@@ -1,8 +1,9 @@
-"""The polynomials that are orthonormal under the law of one input.
+"""Univariate basis: polynomials that are orthonormal for the distribution of one input.
 
-They are written in a *germ*: the input itself or its logarithm, shifted and scaled so that its
-size is about one. A normal law has Hermite's polynomials, a uniform one Legendre's, a gamma law
-Laguerre's and a beta law Jacobi's; any other law has polynomials of its own.
+They are functions of a standardised variable: the input itself or its logarithm, shifted and
+scaled so that its size is about one. A normal distribution has Hermite's polynomials, a uniform one
+Legendre's, a gamma distribution Laguerre's and a beta distribution Jacobi's; any other distribution
+has polynomials of its own.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class UnivariateBasis:
-    """The variable in which the polynomials of an input are written, and their recurrence.
+    """Standardised variable of an input, and the recurrence of the polynomials in it.
 
     With ξ = (x - location) / scale, x the input or its logarithm, the orthonormal polynomials are
     √b_{n+1} p_{n+1} = (ξ - a_n) p_n - √b_n p_{n-1}, from p_0 = 1.
@@ -37,7 +38,7 @@ class UnivariateBasis:
     is_logarithm : bool
         Whether x is the input's logarithm.
     location, scale : float
-        What makes ξ of x.
+        Parameters of the standardised variable ξ of x.
     centres, ratios : ndarray, shape (degree + 1,)
         a_n and b_n from n = 0; b_0 is 1 and has no meaning.
     """
@@ -51,16 +52,16 @@ class UnivariateBasis:
 
     @property
     def highest_degree(self) -> int:
-        """The highest degree that there is a polynomial of."""
+        """Highest degree of the polynomials."""
         return len(self.ratios) - 1
 
     def polynomials(self, values: FloatArray, degree: int) -> FloatArray:
-        """The polynomials up to a degree, at values of the input.
+        """Evaluate the polynomials up to a degree, at values of the input.
 
         Parameters
         ----------
         values : ndarray, shape (run,)
-            In the input's SI unit; NaN comes of one that has no logarithm.
+            In the input's SI unit; the result is NaN where the logarithm does not exist.
         degree : int
             At most `highest_degree`.
 
@@ -86,18 +87,18 @@ class UnivariateBasis:
 def univariate_basis(
     name: str, distribution: Distribution, degree: int, *, logarithms: bool = True
 ) -> UnivariateBasis:
-    """The germ of an input, with polynomials up to a degree.
+    """Build the univariate basis of an input, with polynomials up to a degree.
 
     Parameters
     ----------
     name : str
         The input's.
     distribution : Distribution
-        Its law; one that lies on a few points has fewer polynomials.
+        Its distribution; one on a few values has fewer polynomials.
     degree : int
         The highest.
     logarithms : bool
-        Whether an input whose logarithm has a simpler law than itself is taken by its logarithm.
+        Whether an input is replaced by its logarithm where that has a simpler distribution.
     """
     of_logarithm = _logarithm_distribution(distribution) if logarithms else None
     found = recurrence(of_logarithm or distribution, degree)
@@ -114,7 +115,7 @@ def univariate_basis(
 
 
 def _logarithm_distribution(distribution: Distribution) -> Distribution | None:
-    """The law of the logarithm, where that is the simpler one; truncation cuts it likewise."""
+    """Return the distribution of the logarithm if it is simpler, with the same truncation."""
     if isinstance(distribution, LogUniform):
         return Uniform(math.log(distribution.lower), math.log(distribution.upper))
     if isinstance(distribution, Lognormal):

@@ -1,1 +1,1 @@
-"""Archives held against their own hashes, against fresh runs, and against each other."""
+"""Verification of archives: comparison with their hashes, with new runs and with each other."""

@@ -1,4 +1,4 @@
-"""The study of an archive, read again from its own text; nothing is executed unless trusted."""
+"""Study of an archive, read from its own text; no code is executed unless trusted."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import xarray as xr
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.errors import ArchiveError, ModelError, StudyError
 from uqpen.core.labels import KIND, RUN, RUNS, SAMPLING
+from uqpen.study.analyses_section import ANALYSES_KEY
 from uqpen.study.load import parse_study
 from uqpen.study.model_section import EXTERNAL_MODELS
 from uqpen.study.study import Study, Variant
@@ -19,29 +20,31 @@ __all__ = [
     "archived_runs",
     "archived_study",
     "external_models",
+    "external_names",
     "find_incompatibility",
-    "refuse_external_models",
+    "outside_analyses",
+    "refuse_external_names",
     "run_inputs",
 ]
 
 
 def archived_study(tree: xr.DataTree, folder: Path, *, trust: bool) -> Study:
-    """The study that an archive was made of.
+    """Read the study of an archive from its text.
 
     Parameters
     ----------
     tree : DataTree
         The archive.
     folder : Path
-        Where the files lie that the study names.
+        Folder with the files that the study names.
     trust : bool
-        Whether code that it names may be executed, and servers asked. If not, its models cannot
-        be run, but all else can be asked of them.
+        True if code that it names may be executed, and requests sent to servers. Otherwise its
+        models and analyses cannot be run, but the rest of the study can be used.
 
     Raises
     ------
     StudyError
-        If it cannot be read here: a file that it names is not there, say.
+        If it cannot be read here, for example because a file that it names is missing.
     """
     name = str(tree.attrs.get("study_name", "study"))
     try:
@@ -52,7 +55,7 @@ def archived_study(tree: xr.DataTree, folder: Path, *, trust: bool) -> Study:
 
 
 def external_models(text: str) -> list[str]:
-    """The models of a study that are not built in, as its text names them."""
+    """Return the models of a study that are not built in, as its text names them."""
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError):
@@ -70,7 +73,21 @@ def external_models(text: str) -> list[str]:
     ]
 
 
-def refuse_external_models(tree: xr.DataTree, path: Path, *, trust: bool) -> None:
+def outside_analyses(text: str) -> list[str]:
+    """Return the user-supplied analyses that the text of a study names."""
+    try:
+        named = tomllib.loads(text).get(ANALYSES_KEY)
+    except (ValueError, RecursionError):
+        return []  # whoever reads the study will say what is wrong with it
+    return [str(reference) for reference in named] if isinstance(named, list) else []
+
+
+def external_names(text: str) -> list[str]:
+    """Return the external code that the text of a study names: models, then analyses."""
+    return [*external_models(text), *outside_analyses(text)]
+
+
+def refuse_external_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None:
     """Refuse an archive whose study cannot be repeated without executing others' code.
 
     Parameters
@@ -78,20 +95,20 @@ def refuse_external_models(tree: xr.DataTree, path: Path, *, trust: bool) -> Non
     tree : DataTree
         The archive.
     path : Path
-        Where it was read, for the message.
+        Its path, for the message.
     trust : bool
-        Whether that code may be executed.
+        True if that code may be executed.
 
     Raises
     ------
     ArchiveError
-        If it is none of a study.
+        If it is not the archive of a study.
     ModelError
-        Naming the models.
+        If that code may not be executed. The message names the models and analyses.
     """
     if KIND in tree.attrs:
         raise ArchiveError(f"{path}: holds methods head to head; `uqpen compare` repeats those")
-    named = external_models(str(tree.attrs["study_text"]))
+    named = external_names(str(tree.attrs["study_text"]))
     if named and not trust:
         raise ModelError(
             f"{path}: its study runs code that it names itself: {', '.join(named)}\n"
@@ -100,7 +117,7 @@ def refuse_external_models(tree: xr.DataTree, path: Path, *, trust: bool) -> Non
 
 
 def archived_runs(tree: xr.DataTree) -> dict[str, dict[str, xr.Dataset]]:
-    """The runs of every design by model."""
+    """Return the runs of every design by model."""
     return {
         name: {design: read_group(model, RUNS, design) for design in group_names(model, RUNS)}
         for name, model in model_trees(tree).items()
@@ -108,7 +125,7 @@ def archived_runs(tree: xr.DataTree) -> dict[str, dict[str, xr.Dataset]]:
 
 
 def find_incompatibility(study: Study, runs: Mapping[str, Mapping[str, xr.Dataset]]) -> str:
-    """Why runs cannot be those of a study; empty where they can."""
+    """Reason why runs cannot be those of a study; empty if they can."""
     if set(study.models) != set(runs):
         return f"its text names other models than it holds: {_list_names(study.models)}"
     for name, variant in study.models.items():
@@ -123,7 +140,7 @@ def find_incompatibility(study: Study, runs: Mapping[str, Mapping[str, xr.Datase
 
 
 def _missing_variable(variant: Variant, study: Study, made: xr.Dataset) -> str:
-    """An input or output that runs should have."""
+    """Return the name of an input or output that runs lack."""
     for output in variant.model.outputs:
         kind = "i" if output.categories else "f"
         if output.name not in made or made[output.name].dims != (RUN,):
@@ -138,12 +155,12 @@ def _missing_variable(variant: Variant, study: Study, made: xr.Dataset) -> str:
 
 
 def run_inputs(study: Study, made: xr.Dataset) -> list[str]:
-    """The inputs that runs were made with: the law's, and those that a table or a model gives."""
+    """Return the inputs of runs: of the joint distribution, and given by a table or a model."""
     return [variable.name for variable in study.joint.variables if variable.name in made]
 
 
 def _model_description(reference: object) -> str:
-    """A model as its table names it: a function, a server, or the words of a command."""
+    """Describe a model by its table: a function, a server, or the words of a command."""
     return " ".join(map(str, reference)) if isinstance(reference, list) else str(reference)
 
 

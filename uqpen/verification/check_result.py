@@ -1,4 +1,4 @@
-"""What came of verifying an archive, part by part."""
+"""Results of the verification of an archive, part by part."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["CheckOutcome", "CheckResult"]
 
 
 class CheckOutcome(StrEnum):
-    """What is to be said of a part of an archive."""
+    """Outcome of the check of a part of an archive."""
 
     EQUAL = "equal"
     """To the bit."""
@@ -24,18 +24,18 @@ class CheckOutcome(StrEnum):
 
 @dataclass(frozen=True)
 class CheckResult:
-    """What was found of one part.
+    """Result of the check of one part.
 
     Parameters
     ----------
     name : str
-        What was checked.
+        The part that was checked.
     verdict : CheckOutcome
-        What came of it.
+        The outcome.
     text : str
-        The same in words.
+        The outcome in words.
     details : tuple of str
-        What differs, thing by thing.
+        The differences, one by one.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What two archives do not share, and what of it matters."""
+"""Diff of two archives: their differences, and which of them matter."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uqpen.archive.content import group_hashes
 from uqpen.archive.files import FILES, archived_files, find_file_faults
 from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
 from uqpen.archive.read import read_group
-from uqpen.core.labels import COMPARISON, CONTENT, STATUS
+from uqpen.core.labels import CONTENT, STATUS
 from uqpen.verification.differences import TOLERANCE, find_attribute_differences, find_differences
 from uqpen.verification.disjoint_intervals import disjoint_intervals
 from uqpen.verification.runs_diff import diff_runs
@@ -35,11 +35,11 @@ class DiffSection(NamedTuple):
     Attributes
     ----------
     name : str
-        What differs.
+        The name of the section.
     lines : tuple of str
-        How.
+        The differences.
     verbatim : bool
-        Whether they are lines of the study files.
+        True if they are lines of the study files.
     """
 
     name: str
@@ -48,7 +48,7 @@ class DiffSection(NamedTuple):
 
 
 def diff_archives(first: xr.DataTree, second: xr.DataTree) -> Iterator[DiffSection]:
-    """The differences of two archives, whole or damaged; none where they are the same.
+    """Yield the differences of two archives, intact or damaged; none where they are equal.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def diff_archives(first: xr.DataTree, second: xr.DataTree) -> Iterator[DiffSecti
 
 
 def _file_differences(first: xr.DataTree, second: xr.DataTree) -> Iterator[str]:
-    """The files that differ, of two archives that both keep files."""
+    """Yield the files that differ between two archives that both contain files."""
     both = [tree.children for tree in (first, second)]
     if any(FILES not in each or next(find_file_faults(each), None) for each in both):
         return
@@ -112,20 +112,20 @@ def _is_close(groups: Iterable[tuple[str, xr.Dataset, xr.Dataset]]) -> bool:
 def _group_differences(
     changed: Iterable[tuple[str, xr.Dataset, xr.Dataset]],
 ) -> Iterator[DiffSection]:
-    """What differs in the groups that differ: of runs, of statistics, of anything."""
+    """Yield the differences of changed groups: of runs, of statistics, of anything else."""
     points: list[str] = []
     outputs: list[str] = []
     lines: list[str] = []
     others: list[str] = []
     for path, one, other in changed:
-        if STATUS in one and STATUS in other:
+        # Failures lie along statuses; runs have one each.
+        if STATUS in one.data_vars and STATUS in other.data_vars:
             differences = diff_runs(one, other)
             points += [f"{path}: {line}" for line in differences.points]
             outputs += [f"{path}: {line}" for line in differences.outputs]
             if differences.points or differences.outputs:
                 continue
-        # The comparison holds the figures of all other groups once more.
-        elif path.rpartition("/")[2] != COMPARISON:
+        else:
             lines += [f"{path}: {line}" for line in disjoint_intervals(one, other)]
         others.append(_first_difference(path, one, other))
     for name, found in (("points", points), ("outputs", outputs)):
@@ -139,7 +139,7 @@ def _group_differences(
 
 
 def _root_differences(first: Mapping[Any, Any], second: Mapping[Any, Any]) -> Iterator[DiffSection]:
-    """The study, the seed, what the archives were made with, and what else stands at the root."""
+    """Yield the differences of study, seed, software and other attributes of the root."""
     one, other = (str(each.get("study_text", "")).split("\n") for each in (first, second))
     # Without the two lines that would name the files.
     lines = list(islice(difflib.unified_diff(one, other, lineterm="", n=1), 2, None))
@@ -175,13 +175,13 @@ def _both_values(first: Mapping[Any, Any], second: Mapping[Any, Any], name: str)
 
 
 def _differ(first: Mapping[Any, Any], second: Mapping[Any, Any], name: str) -> bool:
-    """Whether an attribute, of whatever type, is not the same."""
+    """Return True if an attribute, of any type, differs."""
     one, other = ({name: each[name]} if name in each else {} for each in (first, second))
     return next(find_attribute_differences(one, other), None) is not None
 
 
 def _first_difference(path: str, one: xr.Dataset, other: xr.Dataset) -> str:
-    """The first thing that differs in a group."""
+    """Return the first difference in a group."""
     found = _for_two_archives([difference.what for difference in find_differences(one, other)])
     if not found:
         return f"{path}: what is a coordinate in it"
@@ -190,7 +190,7 @@ def _first_difference(path: str, one: xr.Dataset, other: xr.Dataset) -> str:
 
 
 def _for_two_archives(found: list[str]) -> list[str]:
-    """What is told of an archive and a repetition, as told of two archives."""
+    """Reword differences of an archive from a repetition as differences of two archives."""
     words = {"is not found again": "is in the first only", "is missing": "is in the second only"}
     for text, instead in words.items():
         found = [line.replace(text, instead) for line in found]

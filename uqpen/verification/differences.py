@@ -1,4 +1,4 @@
-"""Whether what is found again is what an archive holds: to the bit, nearly, or not."""
+"""Differences between an archive and its repetition: equal to the bit, close, or different."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = [
 # carries along, far less than any interval; relative to the scale of a variable.
 TOLERANCE = 1e-9
 
-# What is left of a sum whose terms cancel is this small beside them; no statistic tells it from 0.
+# Relative rounding error of a sum whose terms cancel; no statistic distinguishes it from 0.
 NEGLIGIBLE = 2.0**-60
 
 # Errors of a fit are what is left of its output. Those that are shares of a variance have the scale
@@ -35,16 +35,16 @@ _IN_THE_OUTPUTS_UNIT = ("fit_noise_mean", "fit_noise_std")
 
 
 class Difference(NamedTuple):
-    """Something of a group that is not the same.
+    """Difference in a group.
 
     Attributes
     ----------
     what : str
-        Which variable or attribute, and how it differs.
+        The variable or attribute, and its difference in words.
     relative : float
-        By how much, relative to the largest value; infinite where that means nothing.
+        Size, relative to the largest value; infinite where it has no meaning.
     is_new : bool
-        Whether it is something that the archive does not have.
+        True if the archive lacks it.
     """
 
     what: str
@@ -53,7 +53,7 @@ class Difference(NamedTuple):
 
 
 def unequal(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
-    """Where two arrays of one shape are not the same to the bit; one NaN is like another."""
+    """Mask of the elements that are not equal to the bit; all NaNs are equal."""
     if one.dtype.kind == "f" and other.dtype.kind == "f":
         same = (one == other) & (np.signbit(one) == np.signbit(other))
         return ~(same | (np.isnan(one) & np.isnan(other)))
@@ -63,19 +63,19 @@ def unequal(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> npt.NDArray[np.bo
 def relative_difference(
     one: npt.NDArray[Any], other: npt.NDArray[Any], scale: float = 0.0
 ) -> float:
-    """The largest difference of two arrays of one shape, relative to their largest value.
+    """Return the largest difference of two arrays of one shape, relative to their largest value.
 
     Parameters
     ----------
     one, other : ndarray
         The two.
     scale : float
-        What differences are relative to where it is larger than their largest value.
+        Replaces their largest value as the reference where it is larger.
 
     Returns
     -------
     float
-        Infinite where something that is no finite number differs.
+        Infinite where values differ that are not finite numbers.
     """
     at = unequal(one, other)
     if not at.any():
@@ -92,9 +92,9 @@ def relative_difference(
 
 
 def difference_text(difference: float) -> str:
-    """A gap in words, after "differ"; empty where it is none of numbers.
+    """Return a relative difference in words, after "differ"; empty where it is not of numbers.
 
-    >>> size_of(2.1e-16)
+    >>> difference_text(2.1e-16)
     ' by up to 2.1e-16 of the largest value'
     """
     return "" if math.isinf(difference) else f" by up to {difference:.2g} of the largest value"
@@ -103,14 +103,14 @@ def difference_text(difference: float) -> str:
 def find_differences(
     archived: xr.Dataset, found: xr.Dataset, *, besides: Container[str] = ()
 ) -> Iterator[Difference]:
-    """All that an archive's group and another made for the same do not share.
+    """Yield the differences between an archive's group and its repetition.
 
     Parameters
     ----------
     archived, found : Dataset
-        The two.
+        The archived group and its repetition.
     besides : container of str
-        Attributes of the group that are not looked at.
+        Attributes of the group that are not compared.
     """
     yield from _missing_keys(archived.variables, found.variables, "")
     scales = _scales(archived)
@@ -139,18 +139,18 @@ def find_attribute_differences(
     besides: Container[str] = (),
     largest: float = 0.0,
 ) -> Iterator[Difference]:
-    """The attributes that two groups or variables do not share.
+    """Yield the attributes that differ between two groups or variables.
 
     Parameters
     ----------
     archived, found : mapping
         The two.
     of : str
-        Where the attributes stand, for the message.
+        Owner of the attributes, for the message.
     besides : container of str
-        Attributes that are not looked at.
+        Attributes that are not compared.
     largest : float
-        The largest value of the variable that they are attributes of.
+        The largest value of the variable with the attributes.
     """
     one, other = (
         {key: np.ravel(np.asarray(value)) for key, value in each.items() if key not in besides}
@@ -204,5 +204,5 @@ def _missing_keys(
 
 
 def _kind(array: Any) -> str:
-    """What an array is of; texts may be kept in several ways."""
+    """Return the data type of an array; ``"text"`` for all types of texts."""
     return "text" if array.dtype.kind in "OUS" else str(array.dtype.name)

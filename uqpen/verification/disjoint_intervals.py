@@ -1,4 +1,4 @@
-"""Figures of two archives that lie outside each other's intervals."""
+"""Estimates of two archives that lie outside each other's intervals."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ __all__ = ["disjoint_intervals"]
 
 
 def disjoint_intervals(one: xr.Dataset, other: xr.Dataset) -> Iterator[str]:
-    """The estimates of two groups that each lie outside the other's interval.
+    """Yield the pairs of estimates of two groups that each lie outside the other's interval.
 
-    Figures of which either has no interval are left out, and those that only one has.
+    Statistics that only one group has, and those without an interval in one of them, are left out.
     """
     for name, variable in one.data_vars.items():
         if name not in other.data_vars or variable.dims[-1:] != (BOUND,):
@@ -35,7 +35,7 @@ def disjoint_intervals(one: xr.Dataset, other: xr.Dataset) -> Iterator[str]:
 
 
 def _outside(estimates: np.ndarray, intervals: np.ndarray) -> np.ndarray:
-    """Where the estimates of one are outside the intervals of the other; NaN bounds nothing."""
+    """Mask of the estimates that are outside the other's intervals; a NaN bound excludes none."""
     value, lower, upper = estimates[:, 0], intervals[:, 1], intervals[:, 2]
     outside: np.ndarray = (value < lower) | (value > upper)
     return outside

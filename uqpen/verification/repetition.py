@@ -1,4 +1,4 @@
-"""Runs of an archive made again, and its statistics worked out again, and held against it."""
+"""Repetition of an archive's runs and statistics, and comparison with the archive."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Positions = npt.NDArray[np.int64]
 Runs = Mapping[str, Mapping[str, xr.Dataset]]
 
 _TO_THE_BIT = "bit-equal"
-# What is told of one part; a damaged archive may differ in thousands of things.
+# Number of differences listed for one part; a damaged archive may have thousands.
 _MOST_LISTED = 8
 
 
@@ -47,7 +47,7 @@ def repeated_runs(
     map: Map,
     progress: Progress,
 ) -> CheckResult:
-    """Runs made again at the archived inputs.
+    """Repeat runs at the archived inputs and compare them with the archived runs.
 
     Parameters
     ----------
@@ -56,13 +56,13 @@ def repeated_runs(
     runs : mapping of str to mapping of str to Dataset
         The archived ones, by model and design.
     number : int or None
-        How many are drawn at random from all; None for all.
+        Number of runs, drawn at random from all; None for all.
     tolerance : float
-        0 where every bit must be the same.
+        Largest relative difference; 0 where every bit must be the same.
     map : callable
-        Like the built-in: where batches of runs are made.
+        Like the built-in; it makes the batches of runs.
     progress : Progress
-        Told how far it is.
+        Receives reports of progress.
     """
     found: list[Difference] = []
     chosen = list(draw_runs(study, runs, number))
@@ -97,7 +97,7 @@ def repeated_statistics(
     *,
     is_earlier: bool = False,
 ) -> CheckResult:
-    """All that the archived runs tell, worked out again.
+    """Repeat the statistics of the archived runs and compare them with the archived ones.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def repeated_statistics(
     besides : sequence of str
         Attributes that may differ.
     is_earlier : bool
-        Whether the archive was made by a uqpen that did not tell yet all that this one tells.
+        True if the archive is of another uqpen, which may lack statistics of this one.
     """
     in_order = {
         model: {design: runs[model][design] for design in study.designs} for model in study.models
@@ -146,16 +146,16 @@ def repeated_statistics(
 
 
 def draw_runs(study: Study, runs: Runs, number: int | None) -> Iterator[tuple[str, str, Positions]]:
-    """Runs drawn at random of all that there are, the same ones each time.
+    """Draw runs at random from all runs, reproducibly.
 
     Parameters
     ----------
     study : Study
-        Whose seed decides.
+        Provides the seed.
     runs : mapping of str to mapping of str to Dataset
         By model and design.
     number : int or None
-        How many; None for all.
+        Number of runs; None for all.
 
     Yields
     ------
@@ -186,7 +186,7 @@ def draw_runs(study: Study, runs: Runs, number: int | None) -> Iterator[tuple[st
 def _run_differences(
     runs_name: str, archived: xr.Dataset, again: xr.Dataset, outputs: Sequence[Output]
 ) -> Iterator[Difference]:
-    """What came out otherwise, with the first run of which it did."""
+    """Yield the variables whose values differ, each with the first run that differs."""
     for name in (STATUS, *(output.name for output in outputs)):
         one, other = archived[name].values, again[name].values
         at = np.flatnonzero(unequal(one, other))
@@ -203,7 +203,7 @@ def _run_differences(
 
 
 def _check_result(name: str, what: str, found: list[Difference], tolerance: float) -> CheckResult:
-    """The verdict on what was repeated, the largest differences first."""
+    """Return the result of a repetition, the largest differences first."""
     found = sorted(found, key=lambda each: -each.relative)
     details = [each.what for each in found[:_MOST_LISTED]]
     if len(found) > len(details):
@@ -221,7 +221,7 @@ def _runs_name(model: str, design: str) -> str:
 
 
 def _statistics_groups(tree: xr.DataTree) -> set[str]:
-    """The paths of all groups but those of runs and files, which are not worked out."""
+    """Return the paths of all groups, except runs and files, which are not computed."""
     split = {node.path: node.path.strip("/").split("/") for node in tree.subtree}
     return {
         path

@@ -1,4 +1,4 @@
-"""The study of an archive with the files that it was made with, as long as it is needed."""
+"""Study of an archive together with its original files, which are temporary."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from uqpen.archive.files import FILES, ArchivedFile, archived_files, files_by_na
 from uqpen.archive.files_extraction import extract_files
 from uqpen.archive.read import read_group
 from uqpen.core.errors import ArchiveError, StudyError, UqpenError
-from uqpen.models.command.model import Command
 from uqpen.study.study import Study
 from uqpen.verification.archived_study import archived_study
 
@@ -29,11 +28,11 @@ class RestoredStudy(NamedTuple):
     Attributes
     ----------
     study : Study
-        Read again.
+        The study, read from the archive.
     has_kept_files : bool
-        Whether the files that it names are those that the archive keeps.
+        True if the files that it names are the archived ones.
     different_files : list of str
-        Of each file that it names and that is another than the archive's, how, in a line.
+        For each file that differs from the archived one, the difference in a line.
     """
 
     study: Study
@@ -45,24 +44,24 @@ class RestoredStudy(NamedTuple):
 def restored_study(
     tree: xr.DataTree, folder: Path | None, *, trust: bool
 ) -> Iterator[RestoredStudy]:
-    """While this lasts, an archive's study can be repeated.
+    """Provide an archive's study such that it can be repeated.
 
     Parameters
     ----------
     tree : DataTree
         The archive, which has no faults.
     folder : Path or None
-        Where to take the files that the study names; None for those that the archive keeps. What
-        it keeps by a hash alone, or not at all, is then looked for in the current folder.
+        Folder with the files that the study names; None for the archived files. Files that the
+        archive has only as hashes, or not at all, are then taken from the current folder.
     trust : bool
         As for `archived_study`.
 
     Raises
     ------
     ArchiveError
-        If its files are not what their hashes say, or cannot be in a folder.
+        If its files do not match their hashes, or cannot be in a folder.
     StudyError
-        If the study cannot be read: a file that it names is not there, say.
+        If the study cannot be read, for example because a file that it names is missing.
     """
     here = Path.cwd()
     files = archived_files(read_group(tree, FILES))
@@ -86,19 +85,17 @@ def restored_study(
 
 
 def with_kept_folders(study: Study, folder: Path) -> Study:
-    """A study whose programs leave in a folder what is kept of their runs.
+    """Return a study whose programs keep the folders of their runs in another folder.
 
     Parameters
     ----------
     study : Study
-        Programs of several models get a folder each within that.
+        Programs of several models get a folder each in that folder.
     folder : Path
-        It is made when there is something to keep.
+        It is made when the first folder of a run is kept.
     """
     models = {
         name: replace(variant, model=variant.model.with_folder(folder / name))
-        if isinstance(variant.model, Command)
-        else variant
         for name, variant in study.models.items()
     }
     return replace(study, models=models)
@@ -107,7 +104,7 @@ def with_kept_folders(study: Study, folder: Path) -> Study:
 def _different_files(
     study: Study, files: Sequence[ArchivedFile], folder: Path | None
 ) -> dict[str, str]:
-    """Of each file that is another than the archive's, how; those in a folder are looked at too."""
+    """Return the difference of each file from the archived one, including files in a folder."""
     kept = {file.name: file.sha256 for file in files}
     read = {name: file.sha256 for name, file in files_by_name(study.files(), study.folder).items()}
     beside = {name: _sha256(folder / name) for name in kept.keys() - read.keys() if folder}
@@ -129,7 +126,7 @@ def _refuse_substitutes(files: Sequence[ArchivedFile], differing: dict[str, str]
 
 
 def _sha256(path: Path) -> str:
-    """The hash of a file; empty where there is none."""
+    """Return the hash of a file; empty where there is none."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
     except (OSError, ValueError):
@@ -137,7 +134,7 @@ def _sha256(path: Path) -> str:
 
 
 def _without_temporary_folder(error: UqpenError, place: Path, missing: Sequence[str]) -> UqpenError:
-    """A mistake told without the folder where files are only for the moment."""
+    """Return an error whose message does not name the temporary folder."""
     message = str(error).partition("\n\nthe files that it names")[0]
     message = message.replace(f"{place}{os.sep}", "")
     advice = "the files that it names are those that the archive keeps (others: --folder)"

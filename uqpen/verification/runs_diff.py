@@ -1,4 +1,4 @@
-"""Where the runs of one design differ between two archives."""
+"""Differences between the runs of one design in two archives."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ __all__ = ["RunsDiff", "diff_runs"]
 
 
 class RunsDiff(NamedTuple):
-    """What differs, a line each.
+    """Differences of runs, a line each.
 
     Attributes
     ----------
     points : list of str
-        Of what went into the runs, and of how many there are.
+        Differences of the inputs, and of the number of runs.
     outputs : list of str
-        Of what came out, where both have a run.
+        Differences of the outputs of runs that both have.
     """
 
     points: list[str]
@@ -30,12 +30,12 @@ class RunsDiff(NamedTuple):
 
 
 def diff_runs(one: xr.Dataset, other: xr.Dataset) -> RunsDiff:
-    """Hold the runs of a design against those of the same design in another archive.
+    """Compare the runs of a design with those of the same design in another archive.
 
     Parameters
     ----------
     one, other : Dataset
-        Along ``run``; of the longer one, the first runs are looked at.
+        Along ``run``. Only the first runs of the longer one are compared.
     """
     sizes = [each.sizes.get(RUN, 0) for each in (one, other)]
     points = [f"{sizes[0]} runs and {sizes[1]}"] if sizes[0] != sizes[1] else []
@@ -57,7 +57,7 @@ def _is_outcome(runs: xr.Dataset, name: str) -> bool:
 
 
 def _difference_lines(one: xr.Dataset, other: xr.Dataset, names: Iterable[str]) -> Iterator[str]:
-    """For each variable where it differs first, and how often."""
+    """Yield a line for each variable that differs: its first difference, and their number."""
     for name in names:
         if name not in other.variables:
             continue
@@ -79,7 +79,7 @@ def _difference_lines(one: xr.Dataset, other: xr.Dataset, names: Iterable[str]) 
 
 
 def _reason_differences(one: xr.Dataset, other: xr.Dataset) -> Iterator[str]:
-    """Whether lost runs were lost for other reasons, where all else is the same."""
+    """Yield a difference if the failure reasons differ, where all else is the same."""
     texts = [
         each[FAILURE_REASON].values.tolist() if FAILURE_REASON in each else []
         for each in (one, other)
@@ -89,5 +89,5 @@ def _reason_differences(one: xr.Dataset, other: xr.Dataset) -> Iterator[str]:
 
 
 def _value_text(value: Any) -> str:
-    """A value in all of its digits."""
+    """Return a value with all of its digits."""
     return repr(float(value)) if isinstance(value, np.floating) else str(value)

@@ -1,10 +1,11 @@
-"""An archive held against its own hashes, its own study and its own runs."""
+"""Check of an archive against its own hashes, its own study and its own runs."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,15 +23,25 @@ from uqpen.archive.provenance import (
 )
 from uqpen.archive.read import model_trees, read_as_written, read_group
 from uqpen.archive.structure import find_faults
-from uqpen.core.errors import ArchiveError, UqpenError
+from uqpen.core.errors import ArchiveError, StudyError, UqpenError
 from uqpen.core.labels import KIND
 from uqpen.execution import Map, Progress
 from uqpen.models import MODELS
 from uqpen.models.source import source_sha256
 from uqpen.study.study import Study
-from uqpen.verification.archived_study import archived_runs, external_models, find_incompatibility
+from uqpen.verification.archived_study import (
+    archived_runs,
+    external_models,
+    external_names,
+    find_incompatibility,
+    outside_analyses,
+)
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.differences import TOLERANCE
+from uqpen.verification.outside_statistics import (
+    outside_statistic_names,
+    without_outside_statistics,
+)
 from uqpen.verification.repetition import repeated_runs, repeated_statistics
 from uqpen.verification.restored_study import restored_study
 
@@ -39,14 +50,16 @@ __all__ = ["environment_differences", "verify"]
 # What is not known of a model unless it is loaded.
 _LOADED_MODEL_ATTRIBUTES = ("model_name",)
 
-# What tells one version of a model from another, which has parts of its own.
+# Attributes that distinguish versions of a model.
 _SOURCE = "model_source_sha256"
 _PROGRAM = "model_program_sha256"
 _VERSION_ATTRIBUTES = ("model_version", _SOURCE, _PROGRAM)
 
+_ADVICE = "if you trust whoever made it, say --trust"
+
 
 class _Tolerances(NamedTuple):
-    """What may differ, as an archive was made elsewhere."""
+    """Permitted differences for an archive that was made elsewhere."""
 
     tolerance: float
     is_earlier: bool
@@ -68,15 +81,15 @@ def verify(
     path : Path
         The archive.
     folder : Path, optional
-        Where to take the files that its study names, in place of those that it keeps.
+        Folder with the files that its study names; by default, the archived files are used.
     runs : int or None
-        How many runs to repeat, drawn at random; None for all.
+        Number of runs to repeat, drawn at random; None for all.
     trust : bool
-        Whether code that the archive names may be executed.
+        True if code that the archive names may be executed.
     map : callable
-        Like the built-in: where batches of runs are made.
+        Like the built-in; it makes the batches of runs.
     progress : Progress, optional
-        Told how far it is.
+        Receives reports of progress.
 
     Raises
     ------
@@ -105,7 +118,7 @@ def verify(
 def environment_differences(tree: xr.DataTree) -> list[str]:
     """List what decides last bits and is otherwise here: versions, the processor, models."""
     # What only Python functions depend on is no difference where there is none of them.
-    is_foreign = bool(external_models(str(tree.attrs.get("study_text", ""))))
+    is_foreign = bool(external_names(str(tree.attrs.get("study_text", ""))))
     here = {**provenance(), **of_python_functions()}
     then = {str(name): value for name, value in tree.attrs.items()}
     then |= {} if is_foreign else of_python_functions()
@@ -124,14 +137,14 @@ def _environment_result(others: list[str]) -> CheckResult:
 
 
 def _is_earlier(tree: xr.DataTree) -> bool:
-    """Whether another uqpen has made an archive, which may not have told all that this one does."""
+    """Check for an archive of another uqpen, which may lack statistics that this one computes."""
     version = "version_uqpen"
     is_other = tree.attrs.get(version) != provenance()[version]
     return is_other or bool(tree.attrs[SCHEMA_ATTRIBUTE] != SCHEMA)
 
 
 def _other_sources(tree: xr.DataTree) -> Iterator[str]:
-    """The built-in models whose source is another here."""
+    """Yield the built-in models whose source differs from the installed one."""
     for model in model_trees(tree).values():
         name, archived_hash = (str(model.attrs.get(key, "")) for key in ("model_name", _SOURCE))
         if name in MODELS and archived_hash:
@@ -141,7 +154,7 @@ def _other_sources(tree: xr.DataTree) -> Iterator[str]:
 
 
 def _check_hashes(tree: xr.DataTree) -> CheckResult:
-    """Whether every group is as it was written."""
+    """Check that every group is as it was written."""
     found, written = group_hashes(tree), recorded_hashes(tree)
     if written is None:
         message = "none: written by a uqpen that did not hash yet"
@@ -164,7 +177,7 @@ def _check_hashes(tree: xr.DataTree) -> CheckResult:
 
 
 def _check_text(tree: xr.DataTree) -> CheckResult:
-    """Whether the study's text is the one whose hash stands beside it."""
+    """Check that the study's text matches the archived hash."""
     text = str(tree.attrs.get("study_text", ""))
     digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
     if digest == str(tree.attrs.get("study_sha256")):
@@ -176,7 +189,7 @@ def _check_text(tree: xr.DataTree) -> CheckResult:
 
 
 def _check_files(tree: xr.DataTree) -> CheckResult:
-    """Whether the files that it keeps have the hashes that stand beside them."""
+    """Check that the archived files match their hashes."""
     files = archived_files(read_group(tree, FILES))
     details = []
     for file in files:
@@ -203,7 +216,7 @@ def _repeat_checks(
     *,
     trust: bool,
 ) -> Iterator[CheckResult]:
-    """What can be made again, made again."""
+    """Repeat the runs and statistics that can be repeated."""
     with contextlib.ExitStack() as stack:
         try:
             restored = stack.enter_context(restored_study(tree, folder, trust=trust))
@@ -243,13 +256,20 @@ def _repeat_checks(
             *_VERSION_ATTRIBUTES,
             *(_LOADED_MODEL_ATTRIBUTES if external else []),
         ]
-        yield repeated_statistics(
-            study, tree, runs, allowed.tolerance, besides, is_earlier=allowed.is_earlier
-        )
+        if not trust and (analyses := outside_analyses(study.text)):
+            yield _not_trusted_analyses(analyses, outside_statistic_names(tree))
+            study, tree = replace(study, analyses=()), without_outside_statistics(tree)
+        try:
+            yield repeated_statistics(
+                study, tree, runs, allowed.tolerance, besides, is_earlier=allowed.is_earlier
+            )
+        except StudyError as error:  # an analysis of the user's own fails here
+            message = "an analysis that its study names fails"
+            yield CheckResult("statistics", CheckOutcome.IMPOSSIBLE, message, (str(error),))
 
 
 def _other_programs(study: Study, tree: xr.DataTree) -> Iterator[str]:
-    """The programs from elsewhere that go by the same name here and are others."""
+    """Yield the external programs of the same name that differ from those on this machine."""
     for name, model_tree in model_trees(tree).items():
         model, archived_hash = study.models[name].model, str(model_tree.attrs.get(_PROGRAM, ""))
         here = model.identity().get(_PROGRAM.removeprefix("model_"), "")
@@ -258,7 +278,7 @@ def _other_programs(study: Study, tree: xr.DataTree) -> Iterator[str]:
 
 
 def _check_sources(study: Study, tree: xr.DataTree) -> Iterator[CheckResult]:
-    """Whether models of the user's own have the source that they had, where it was not kept."""
+    """Check that the source of user-supplied models is unchanged, where it was not archived."""
     details = []
     for name, model_tree in model_trees(tree).items():
         model, made_with = study.models[name].model, model_tree.attrs.get(_SOURCE)
@@ -279,5 +299,11 @@ def _prepare(study: Study, progress: Progress) -> None:
 
 def _not_trusted(models: list[str]) -> CheckResult:
     message = f"not repeated: they execute code that the archive names ({', '.join(models)})"
-    advice = "if you trust whoever made it, say --trust"
-    return CheckResult("runs", CheckOutcome.UNCHECKED, message, (advice,))
+    return CheckResult("runs", CheckOutcome.UNCHECKED, message, (_ADVICE,))
+
+
+def _not_trusted_analyses(analyses: list[str], statistics: list[str]) -> CheckResult:
+    """Return the result for statistics of user-supplied analyses, which are not executed."""
+    named = f"they follow from code that the archive names ({', '.join(analyses)})"
+    message = f"not checked: {', '.join(statistics) or 'none'}; {named}"
+    return CheckResult("analyses", CheckOutcome.UNCHECKED, message, (_ADVICE,))

@@ -1,1 +1,1 @@
-"""A program from outside as a model: one process a run, in a folder of its own."""
+"""External program as a model: one process for each run, in a folder of its own."""

@@ -1,4 +1,4 @@
-"""The folders that runs are made in: a fresh one each, and what is kept of them."""
+"""Folders of runs: a new one for each run, kept or removed at its end."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SHORT = 12
 
 @contextlib.contextmanager
 def working_folder() -> Iterator[Path]:
-    """A fresh folder, removed when this is left unless somebody has moved it.
+    """Make a new folder; remove it at the end of the context unless it has been moved.
 
     Raises
     ------
@@ -31,9 +31,10 @@ def working_folder() -> Iterator[Path]:
 
 
 def folder_name(inputs: Mapping[str, float]) -> str:
-    """What the folder of a run is called: it follows from the bits of its inputs.
+    """Return the name of the folder of a run, a hash of the bits of its inputs.
 
-    >>> called({"a": 1.0}) == called({"a": 1.0}) != called({"a": 1.0 + 1e-15})
+    >>> one, same, other = (folder_name({"a": a}) for a in (1.0, 1.0, 1.0 + 1e-15))
+    >>> one == same != other
     True
     """
     text = "\n".join(f"{name} {value.hex()}" for name, value in sorted(inputs.items()))
@@ -41,9 +42,9 @@ def folder_name(inputs: Mapping[str, float]) -> str:
 
 
 def keep_folder(folder: Path, destination: Path, notes: Mapping[str, str]) -> None:
-    """Move a run's folder, with notes, to where it is kept, in place of one that stands there.
+    """Move a run's folder, with notes, to the kept ones; replace an older one of this name.
 
-    Where that cannot be done (a disk that is full, say) the run still has its reason.
+    If that fails (because a disk is full, say), the run still has its reason.
     """
     with contextlib.suppress(OSError):
         for name, text in notes.items():

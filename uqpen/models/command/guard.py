@@ -1,4 +1,4 @@
-"""A process that outlives this one for a moment, to end what it has left running.
+"""Guard process: it outlives this one briefly, to kill the processes that it has left.
 
 A worker that is killed, or a program that is, cannot end its runs itself. So each has a guard: a
 shell that reads from a pipe what is under way, and finds the pipe's end when nobody is left to
@@ -18,7 +18,7 @@ __all__ = ["guard_folder"]
 
 # What it has read last is what is under way: the number of a process group and its folder; 0 where
 # it has no number yet, as it is being started; or nothing. Other groups of the session are ended
-# too, and, where the system tells, whatever is in the folder.
+# too, and, where the system reports it, every process in the folder.
 _SCRIPT = """\
 trap '' HUP INT TERM
 group= folder=
@@ -41,12 +41,12 @@ rm -rf -- "$folder"
 
 @contextlib.contextmanager
 def guard_folder(folder: Path) -> Iterator[Callable[[int], None]]:
-    """While this lasts, nothing that is started in a folder outlives this process.
+    """Ensure within this context that no process started in a folder outlives this one.
 
     Parameters
     ----------
     folder : Path
-        Of one run; it is removed with what runs there.
+        Folder of one run. If this process dies, the guard removes it and kills the processes in it.
 
     Yields
     ------
@@ -65,7 +65,7 @@ def guard_folder(folder: Path) -> Iterator[Callable[[int], None]]:
 
 
 def _send(what: str) -> None:
-    # Where it cannot be started, or somebody has killed it, runs go on without.
+    # If it cannot be started, or has been killed, runs continue without it.
     with contextlib.suppress(OSError):
         pipe = _process_guard().stdin
         assert pipe is not None
@@ -76,7 +76,7 @@ _guards: dict[int, subprocess.Popen[bytes]] = {}
 
 
 def _process_guard() -> subprocess.Popen[bytes]:
-    """The guard of this process, started where there is none."""
+    """Return the guard of this process; start it if there is none."""
     process = os.getpid()
     if process not in _guards:
         _guards[process] = subprocess.Popen(

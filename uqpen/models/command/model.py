@@ -1,4 +1,4 @@
-"""A model that is a program: for each run it is started anew, in a folder of its own."""
+"""Model that is a program, started for each run in a folder of its own."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ import numpy as np
 
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
-from uqpen.core.labels import STATUS_TEXT, Status
 from uqpen.core.limits import Limits
 from uqpen.core.model import Arrays, Input, Model, Output, Results
+from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import scale
 from uqpen.models.command.folders import folder_name, keep_folder, working_folder
 from uqpen.models.command.placeholders import fill
@@ -30,8 +30,8 @@ from uqpen.models.command.written import RunFiles, UnreadableError
 
 __all__ = ["INPUTS", "OUTCOME", "OUTPUTS", "Command", "FolderPolicy"]
 
-# Files in the folder of a run: its inputs, where a program writes its outputs unless told
-# otherwise, and, in a folder that is kept, what became of it.
+# Files in the folder of a run: its inputs, the default file for its outputs, and,
+# in a folder that is kept, its outcome.
 INPUTS, OUTPUTS, OUTCOME = "inputs.json", "outputs.json", "outcome.txt"
 
 _PATHS = {"inputs": INPUTS, "outputs": OUTPUTS}
@@ -42,14 +42,14 @@ _NO_INTERPRETER = "cannot be started: what its first line names to run it with i
 
 
 class FolderPolicy(NamedTuple):
-    """What is kept of the folders that runs are made in.
+    """Policy for the folders of runs after their end.
 
     Attributes
     ----------
     which : str
-        Those of ``"failed"`` runs, ``"all"`` or ``"none"``.
+        The folders that are kept: those of ``"failed"`` runs, ``"all"`` or ``"none"``.
     folder : Path
-        Where.
+        Folder for the kept ones.
     """
 
     which: Literal["failed", "all", "none"]
@@ -57,7 +57,7 @@ class FolderPolicy(NamedTuple):
 
 
 class _Outcome(NamedTuple):
-    """What became of a run; outputs are in the units that the program gives them in."""
+    """Outcome of a run; outputs are in the units of the program."""
 
     outputs: Mapping[str, float]
     status: Status = Status.OK
@@ -66,28 +66,28 @@ class _Outcome(NamedTuple):
 
 @dataclass(frozen=True)
 class Command(Model):
-    """A model that runs a program.
+    """Model that runs a program.
 
     Parameters
     ----------
     words : tuple of str
         The command as a study has it: the program and its arguments, with placeholders.
     inputs, outputs : tuple
-        As of any model, in SI units.
+        Inputs and outputs of the model, in SI units.
     units : mapping of str to str
         The unit that the program takes each input and gives each output in.
     readings : mapping of str to OutputReader
-        Where each output stands.
+        Reader of each output.
     folder_policy : FolderPolicy
         Which folders of runs are kept, and where.
     program : Program, optional
-        What is executed; where it has not been looked for, the model cannot be run.
+        The program; without it, the model cannot be run.
     templates : mapping of str to str
         By their names in the folder of a run, texts with placeholders.
     copied : tuple of str
         Files beside the study that each run finds in its folder.
     limits : Limits
-        What one run may use.
+        Resource limits of one run.
     """
 
     words: tuple[str, ...]
@@ -132,7 +132,7 @@ class Command(Model):
         return Results(outputs, status, reasons)
 
     def record_files(self, files: frozenset[str]) -> None:
-        # No run tells of files, but between batches is the time to look.
+        # Runs report no files, so they are checked between batches.
         if self.program is not None:
             self.program.check_unchanged()
 
@@ -143,7 +143,7 @@ class Command(Model):
         return {"name": self.name, **(self.program.identity() if self.program else {})}
 
     def with_folder(self, folder: Path) -> Command:
-        """The same, but what is kept of runs is kept in another folder."""
+        """Return a copy that keeps the folders of runs in another folder."""
         return replace(self, folder_policy=self.folder_policy._replace(folder=folder))
 
     def _required_program(self) -> Program:
@@ -152,7 +152,7 @@ class Command(Model):
         return self.program
 
     def _run(self, program: Program, inputs: Mapping[str, float]) -> _Outcome:
-        """One run, whatever becomes of it."""
+        """Make one run; any failure becomes its status."""
         try:
             with working_folder() as folder:
                 self._furnish(folder, program, inputs)
@@ -172,7 +172,7 @@ class Command(Model):
             return _Outcome({}, Status.FAILED, reason)
 
     def _furnish(self, folder: Path, program: Program, inputs: Mapping[str, float]) -> None:
-        """Put into a run's folder what the program is to find there."""
+        """Put the program's input files into a run's folder."""
         for name in self.copied:
             copy = folder / name
             copy.parent.mkdir(parents=True, exist_ok=True)
@@ -184,9 +184,9 @@ class Command(Model):
         (folder / INPUTS).write_text(json.dumps(inputs) + "\n", encoding="utf-8")
 
     def _command(self, program: Program, inputs: Mapping[str, float]) -> list[str]:
-        """The words that are executed: files beside the study by their full paths."""
+        """Return the executed command, with full paths of files beside the study."""
         words = [str(program.executed.read.path)]
-        # What a run finds under a name in its own folder, it is told of by that name.
+        # A file in the folder of a run is passed to it by its name there.
         inside = {*self.templates, *self.copied}
         for word in self.words[1:]:
             if word in program.names and word not in inside:
@@ -196,7 +196,7 @@ class Command(Model):
         return words
 
     def _outcome(self, ending: ProcessEnd, folder: Path, program: Program) -> _Outcome:
-        """What became of a run whose program has ended."""
+        """Return the outcome of a run whose program has ended."""
         if ending.is_late:
             late = self.limits.timeout_reason
             return _Outcome({}, Status.TIMED_OUT, late)
@@ -225,7 +225,7 @@ class Command(Model):
 
 
 def _outcome_note(outcome: _Outcome, words: list[str]) -> str:
-    """What became of a run, and what was executed, for who looks into its folder."""
+    """Return a note for the folder of a run: its outcome and the executed command."""
     lines = [f"{STATUS_TEXT[outcome.status]}: {outcome.reason}".removesuffix(": ")]
     lines += [f"{name} = {value!r}" for name, value in outcome.outputs.items()]
     return "\n".join([*lines, shlex.join(words), ""])

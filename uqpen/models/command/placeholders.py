@@ -19,7 +19,7 @@ _BRACE = "{name} or {name:.6e}, and {{ or }} for a brace"
 
 
 def fill(text: str, values: Mapping[str, float | str]) -> str:
-    """A text with its placeholders replaced.
+    """Replace the placeholders of a text.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def fill(text: str, values: Mapping[str, float | str]) -> str:
         Numbers are written so that reading them gives the same number again, unless the
         placeholder has a format.
 
-    >>> filled("a = {a}; b = {b:.2e}; {{}}", {"a": 0.1, "b": 1234.5})
+    >>> fill("a = {a}; b = {b:.2e}; {{}}", {"a": 0.1, "b": 1234.5})
     'a = 0.1; b = 1.23e+03; {}'
     """
 
@@ -45,14 +45,14 @@ def fill(text: str, values: Mapping[str, float | str]) -> str:
 
 
 def names_in(text: str) -> set[str]:
-    """The names of a text's placeholders."""
+    """Return the names of a text's placeholders."""
     return {token["name"] for token in _TOKEN.finditer(text) if token["name"] is not None}
 
 
 def find_mistakes(
     text: str, numbers: Collection[str], paths: Collection[str]
 ) -> Iterator[tuple[int, str, str]]:
-    """What is wrong with the placeholders of a text.
+    """Yield the mistakes in the placeholders of a text.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def find_mistakes(
     line : int
         Counted from 1.
     found, expected : str
-        What stands there, and what could.
+        The text there, and what was expected.
     """
     for token in _TOKEN.finditer(text):
         expected = _expected(token, numbers, paths)
@@ -76,7 +76,7 @@ def find_mistakes(
 
 
 def _expected(token: re.Match[str], numbers: Collection[str], paths: Collection[str]) -> str:
-    """What could stand in place of a placeholder or brace; empty where it is right."""
+    """Return the expected text in place of a placeholder or brace; empty if it is correct."""
     name, form = token["name"], token["format"]
     if name is None:
         return _BRACE if token[0] in "{}" else ""

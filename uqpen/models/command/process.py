@@ -1,4 +1,4 @@
-"""One process under limits: started, waited for, and ended with all that it has started.
+"""Process under limits: start it, wait for it, and kill it with all its child processes.
 
 It leads a session and a process group of its own, so that a Ctrl-C at the terminal does not reach
 it, and ending it ends its children as well. What it prints goes to files: nothing waits for a pipe
@@ -28,7 +28,7 @@ STDOUT, STDERR = "stdout", "stderr"
 # Sets the limit on address space, in KiB, and becomes the program; no word of it is looked into.
 _WITH_LESS_MEMORY = 'ulimit -v "$0" && exec "$@"'
 
-# How often the end of a process is looked for where the system does not tell of it, in seconds.
+# Interval between checks for the end of a process where the system does not report it, in seconds.
 _GLANCE = 0.005
 
 
@@ -38,7 +38,7 @@ _FOREVER = 2e6
 
 @dataclass(frozen=True)
 class ProcessEnd:
-    """How a process ended.
+    """End of a process.
 
     Parameters
     ----------
@@ -53,9 +53,9 @@ class ProcessEnd:
 
     @property
     def signal(self) -> str:
-        """The name of the signal that ended it; empty where none did.
+        """Name of the signal that ended it; empty if there was none.
 
-        >>> Ending(-11).signal, Ending(3).signal
+        >>> ProcessEnd(-11).signal, ProcessEnd(3).signal
         ('SIGSEGV', '')
         """
         if self.code >= 0:
@@ -67,16 +67,16 @@ class ProcessEnd:
 
 
 def run_process(words: Sequence[str], folder: Path, limits: Limits) -> ProcessEnd:
-    """Run a program in a folder, and leave nothing of it running.
+    """Run a program in a folder, and kill its remaining processes at the end.
 
     Parameters
     ----------
     words : sequence of str
         The program's path and its arguments; no shell looks into them.
     folder : Path
-        Where it runs; `stdout` and `stderr` are written there.
+        Its working folder; `stdout` and `stderr` are written there.
     limits : Limits
-        What it may use.
+        Its resource limits.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def run_process(words: Sequence[str], folder: Path, limits: Limits) -> ProcessEn
 
 
 def _start(words: Sequence[str], folder: Path) -> subprocess.Popen[bytes]:
-    """A process in a session of its own, in a folder that it prints to."""
+    """Start a process in a session of its own; its output goes to files in its folder."""
     with (folder / STDOUT).open("wb") as stdout, (folder / STDERR).open("wb") as stderr:
         return subprocess.Popen(
             words,
@@ -118,7 +118,7 @@ def _with_memory_limit(words: Sequence[str], limits: Limits) -> list[str]:
 
 
 def _end(process: subprocess.Popen[bytes], *, is_forced: bool) -> None:
-    """Kill what is left of a process's group, and wait for the process.
+    """Kill the remaining processes of a process's group, and wait for the process.
 
     A program that does not end by itself may have children in other groups; to look for them
     takes a millisecond or more, so one that does is taken at its word.
@@ -138,7 +138,10 @@ def _kill(group: int) -> None:
 
 
 def _session_groups(leader: int) -> set[int]:
-    """The process groups of a session, where the system tells: MPI launchers make new ones."""
+    """Return the process groups of a session, if the system lists them.
+
+    MPI launchers make new ones.
+    """
     groups = set()
     for entry in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):
@@ -150,7 +153,7 @@ def _session_groups(leader: int) -> set[int]:
 
 
 def _wait(process: subprocess.Popen[bytes], seconds: float | None) -> bool:
-    """Whether a process ends in time; it is not waited for, so that its number stays taken."""
+    """Check that a process ends in time; it is not reaped, so that its number stays taken."""
     if sys.platform != "linux":
         return _poll(process, seconds)
     try:
@@ -167,7 +170,7 @@ def _wait(process: subprocess.Popen[bytes], seconds: float | None) -> bool:
 
 
 def _poll(process: subprocess.Popen[bytes], seconds: float | None) -> bool:
-    """The same, where the system has no descriptor that tells of it."""
+    """Check that a process ends in time, on a system without process descriptors."""
     deadline = time.monotonic() + (float("inf") if seconds is None else seconds)
     while process.poll() is None:
         if time.monotonic() > deadline:

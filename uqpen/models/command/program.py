@@ -1,4 +1,4 @@
-"""The files of a command: the program, and what lies beside the study."""
+"""Files of a command: the program, and files beside the study."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pathlib import Path
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 
-__all__ = ["Program", "ProgramFile", "find_program", "is_beside_study", "locate_program"]
+__all__ = ["Program", "ProgramFile", "find_program", "lies_in_study", "locate_program"]
 
 
 @dataclass(frozen=True)
 class ProgramFile:
-    """A file of a command, as it stood when the study was read.
+    """File of a command, with its content at the time the study was read.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class ProgramFile:
     read : FileSnapshot
         The file.
     stamp : tuple of int
-        What changes when somebody writes to it.
+        Data that change when the file is written.
     """
 
     name: str
@@ -35,7 +35,7 @@ class ProgramFile:
 
     @classmethod
     def from_path(cls, name: str, path: Path) -> ProgramFile:
-        """A file that is there.
+        """Read an existing file.
 
         Raises
         ------
@@ -46,7 +46,7 @@ class ProgramFile:
         return cls(name, FileSnapshot.from_content(path, path.read_bytes()), stamp)
 
     def is_changed(self) -> bool:
-        """Whether somebody has written to it since, something else than stood there."""
+        """Check that its content has changed since it was read."""
         try:
             if _stamp(self.read.path) == self.stamp:
                 return False
@@ -58,14 +58,14 @@ class ProgramFile:
 
 @dataclass(frozen=True)
 class Program:
-    """A program that has been found, and the files that it needs.
+    """Program that has been found, and the files that it needs.
 
     Parameters
     ----------
     folder : Path
-        Where the study lies.
+        Folder of the study.
     executed : ProgramFile
-        What is executed.
+        The executed file.
     beside : tuple of ProgramFile
         The study's own files: what is executed if it is one, words of the command that name one,
         what is copied into the folder of each run, and templates.
@@ -77,18 +77,18 @@ class Program:
 
     @property
     def names(self) -> frozenset[str]:
-        """What the study calls its own files."""
+        """Names of the study's own files."""
         return frozenset(file.name for file in self.beside)
 
     def identity(self) -> dict[str, str]:
-        """Hashes that tell the files from others: the study's own, and a program from elsewhere."""
+        """Return hashes that identify the files: the study's own, and a program from elsewhere."""
         found = {"source_sha256": _hash_files(self.beside)} if self.beside else {}
         if self.executed not in self.beside:
             found["program_sha256"] = self.executed.read.sha256
         return found
 
     def check_unchanged(self) -> None:
-        """Refuse to go on with files that are no longer those that the study was read with.
+        """Check that the files have not changed since the study was read.
 
         Raises
         ------
@@ -105,14 +105,14 @@ class Program:
 
 
 def locate_program(word: str, folder: Path, others: Iterable[str]) -> Program:
-    """The program that the first word of a command names, with the files that belong to it.
+    """Find the program that the first word of a command names, with its files.
 
     Parameters
     ----------
     word : str
         See `find_program`.
     folder : Path
-        Where the study lies.
+        Folder of the study.
     others : iterable of str
         Names of further files that lie there.
 
@@ -123,7 +123,7 @@ def locate_program(word: str, folder: Path, others: Iterable[str]) -> Program:
     """
     try:
         executed = ProgramFile.from_path(str(Path(word)), find_program(word, folder))
-        beside = [executed] if "/" in word and is_beside_study(word, folder) else []
+        beside = [executed] if "/" in word and lies_in_study(word, folder) else []
         names = dict.fromkeys(name for name in others if name not in [each.name for each in beside])
         beside += [ProgramFile.from_path(name, folder / name) for name in names]
     except OSError as error:
@@ -132,14 +132,14 @@ def locate_program(word: str, folder: Path, others: Iterable[str]) -> Program:
 
 
 def find_program(word: str, folder: Path) -> Path:
-    """The program that the first word of a command names.
+    """Find the program that the first word of a command names.
 
     Parameters
     ----------
     word : str
         A path (with a slash), from the study's folder if it is relative, or a name.
     folder : Path
-        Where the study lies.
+        Folder of the study.
 
     Raises
     ------
@@ -149,9 +149,7 @@ def find_program(word: str, folder: Path) -> Path:
     if "/" not in word:
         found = shutil.which(word)
         if found is None:
-            own = (
-                f'; the one beside the study is "./{word}"' if is_beside_study(word, folder) else ""
-            )
+            own = f'; the one beside the study is "./{word}"' if lies_in_study(word, folder) else ""
             raise ModelError(f'there is no program "{word}" in the PATH{own}')
         return Path(found).absolute()
     path = Path(os.path.normpath(folder / word))
@@ -163,8 +161,8 @@ def find_program(word: str, folder: Path) -> Path:
     return path
 
 
-def is_beside_study(word: str, folder: Path) -> bool:
-    """Whether a word is the relative path of a file that lies beside the study, or below."""
+def lies_in_study(word: str, folder: Path) -> bool:
+    """Check that a word is the relative path of a file beside the study, or below."""
     path = Path(word)
     is_inside = bool(path.parts) and not path.is_absolute() and ".." not in path.parts
     return is_inside and "\0" not in word and _is_file(folder / path)

@@ -1,4 +1,4 @@
-"""Where in what a run has written an output stands: one class for each kind of file."""
+"""Location of an output in the files of a run: one class for each kind of file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["CsvReader", "JsonReader", "NetcdfReader", "OutputReader", "TextReade
 
 @dataclass(frozen=True)
 class OutputReader(ABC):
-    """How an output is read.
+    """Reader of an output.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class OutputReader(ABC):
 
     @abstractmethod
     def value(self, written: RunFiles) -> float:
-        """The output, in the unit that the program gives it in.
+        """Return the output, in the program's unit.
 
         Raises
         ------
@@ -42,7 +42,7 @@ class OutputReader(ABC):
 
 @dataclass(frozen=True)
 class JsonReader(OutputReader):
-    """A number in a JSON document.
+    """Reader of a number in a JSON document.
 
     Parameters
     ----------
@@ -65,14 +65,14 @@ class JsonReader(OutputReader):
 
 @dataclass(frozen=True)
 class CsvReader(OutputReader):
-    """A number in a CSV file under a row of headings.
+    """Reader of a number in a CSV file under a row of headings.
 
     Parameters
     ----------
     column : str
         The heading.
     row : int
-        Of those below the headings, from 0; the last is -1.
+        Position among the rows below the headings, from 0; the last is -1.
     """
 
     column: str
@@ -94,14 +94,14 @@ class CsvReader(OutputReader):
 
 @dataclass(frozen=True)
 class NetcdfReader(OutputReader):
-    """A number in a NetCDF file.
+    """Reader of a number in a NetCDF file.
 
     Parameters
     ----------
     variable : str
         Its name, groups before it with slashes between.
     row : int, optional
-        Where the variable lies along one dimension: which of its values, from 0; the last is -1.
+        Position of the value in a one-dimensional variable, from 0; the last is -1.
     """
 
     variable: str
@@ -131,7 +131,7 @@ class NetcdfReader(OutputReader):
         except (TypeError, ValueError):
             raise UnreadableError(f'"{self.variable}" in {self.file} is no number') from None
         except (OSError, RuntimeError, AttributeError):
-            # A group has no values; of a damaged file, the library tells in several ways.
+            # A group has no values; for a damaged file, the library raises several types of errors.
             raise UnreadableError(
                 f'{self.file} is not NetCDF, or has no "{self.variable}"'
             ) from None
@@ -139,7 +139,7 @@ class NetcdfReader(OutputReader):
 
 @dataclass(frozen=True)
 class TextReader(OutputReader):
-    """A number in any text.
+    """Reader of a number in any text.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def _has_part(found: Any, part: str) -> bool:
 
 
 def _to_float(value: float) -> float:
-    """A whole number, which has any size in JSON, as one with a point."""
+    """Convert an integer, which has any size in JSON, to a float."""
     try:
         return float(value)
     except OverflowError:
@@ -179,7 +179,7 @@ def _to_float(value: float) -> float:
 
 
 def _parse_number(text: str, place: str) -> float:
-    """A number as programs print it, Fortran's exponents among them."""
+    """Parse a printed number, which may have a Fortran exponent."""
     written = text.strip().lower()
     try:
         return float(written)

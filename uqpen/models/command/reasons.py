@@ -1,4 +1,4 @@
-"""Why a run was lost, in words that are the same each time it is lost to the same."""
+"""Reason of a failed run, in words that are the same for the same cause."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from uqpen.models.reasons import one_line
 
 __all__ = ["last_line", "remove_variable_parts"]
 
-# How much of the end of a file is looked at for its last line.
+# Size of the end of a file in which its last line is searched.
 _TAIL = 8192
 
-# What changes from run to run in what programs print, and what stands for it.
+# Parts of printed texts that differ between runs, and their replacements.
 _UNSTEADY = (
     (re.compile(r"\b0[xX][0-9a-fA-F]+\b"), "0x…"),  # addresses
     (re.compile(r"\b[0-9]{4}-[0-9]{2}-[0-9]{2}\b"), "…"),  # dates
@@ -25,7 +25,7 @@ _UNSTEADY = (
 
 
 def last_line(path: Path) -> str:
-    """The last line of a file that holds anything; empty where there is none."""
+    """Return the last non-blank line of a file; empty if there is none."""
     try:
         with path.open("rb") as stream:
             stream.seek(0, 2)
@@ -37,16 +37,17 @@ def last_line(path: Path) -> str:
 
 
 def remove_variable_parts(text: str, folders: Iterable[Path]) -> str:
-    """A line without what changes from run to run or from machine to machine.
+    """Remove the parts of a line that differ between runs or machines.
 
     Parameters
     ----------
     text : str
-        What a program printed.
+        Text printed by a program.
     folders : iterable of Path
-        Where it ran, and where its files lie; what lies in them keeps its name.
+        Its working folder, and the folder of its files; names of files in them are kept.
 
-    >>> steady("[812] /usr/lib/solver.so: overflow at 0x7f3a at 12:31:07", [])
+    >>> line = "[812] /usr/lib/solver.so: overflow at 0x7f3a at 12:31:07"
+    >>> remove_variable_parts(line, [])
     '… solver.so: overflow at 0x… at …'
     """
     for folder in folders:

@@ -1,4 +1,4 @@
-"""What a run has written: files that can hold anything, read once each."""
+"""Files that a run has written: they can contain anything, and each is read once."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ _LARGEST = 64 * 1024 * 1024
 
 
 class UnreadableError(Exception):
-    """What was asked for is not there; the message is the reason of a failed run."""
+    """Requested content is not there; the message is the reason of a failed run."""
 
 
 @dataclass
 class RunFiles:
-    """The files of a run's folder.
+    """Files of a run's folder.
 
     Parameters
     ----------
     folder : Path
-        Where the run was made.
+        Folder of the run.
     """
 
     folder: Path
@@ -38,7 +38,7 @@ class RunFiles:
     _tables: dict[str, list[list[str]]] = field(default_factory=dict)
 
     def path(self, name: str) -> Path:
-        """Where a file lies that is there and can be read.
+        """Return the path of a file that exists and can be read.
 
         Raises
         ------
@@ -59,7 +59,7 @@ class RunFiles:
         return path
 
     def text(self, name: str) -> str:
-        """A file as text; bytes that are not UTF-8 become the sign for that."""
+        """Return a file as text; bytes that are not UTF-8 become replacement characters."""
         if name not in self._texts:
             try:
                 content = self.path(name).read_bytes()
@@ -69,7 +69,7 @@ class RunFiles:
         return self._texts[name]
 
     def document(self, name: str) -> Any:
-        """What a JSON file holds."""
+        """Return the content of a JSON file."""
         if name not in self._documents:
             try:
                 self._documents[name] = json.loads(self.text(name))
@@ -79,7 +79,7 @@ class RunFiles:
         return self._documents[name]
 
     def table(self, name: str) -> Sequence[Sequence[str]]:
-        """The rows of a CSV file that hold anything."""
+        """Return the non-empty rows of a CSV file."""
         if name not in self._tables:
             lines = csv.reader(io.StringIO(self.text(name), newline=""))
             try:

@@ -1,1 +1,1 @@
-"""What the page of methods run head to head says."""
+"""Content of the page of a benchmark of methods."""

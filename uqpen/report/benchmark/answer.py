@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import ERRORS, METHODS, NOTE, SINGLE, VERDICTS
+from uqpen.core.labels import METHODS, SINGLE
 from uqpen.report.benchmark.plotted_methods import (
     MOST_CHARTS,
     PlottedMethod,
@@ -92,7 +92,7 @@ def _standing_sentences(tree: xr.DataTree) -> Iterator[str]:
 
 
 def _method_standings(tree: xr.DataTree, found: list[tuple[str, float]]) -> Iterator[str]:
-    """What is said of each method at a number of runs, the best first."""
+    """Yield a statement on each method at a number of runs, the best first."""
     counted = {
         method.source: Counter(
             standing_mark(method.source, *level_and_bound) for level_and_bound in found
@@ -110,12 +110,12 @@ def _method_standings(tree: xr.DataTree, found: list[tuple[str, float]]) -> Iter
 
 
 def _caveat_sentences(tree: xr.DataTree) -> Iterator[str]:
-    """What must be known of the answer, a sentence each."""
+    """Yield the caveats of the answer, a sentence each."""
     yield from _reference_caveats(tree)
     if not has_reference(tree):
         return
     found = list(entries(tree))
-    notes = [str(note) for each in found for note in each.variable(VERDICTS, "_note").values[0]]
+    notes = [str(note) for each in found for note in each.variable("remark").values[0]]
     for note, count in Counter(filter(None, notes)).items():
         yield f"For {count} of {len(notes)} verdicts: {note}."
     marks = [
@@ -135,7 +135,7 @@ def _caveat_sentences(tree: xr.DataTree) -> Iterator[str]:
             "has no estimate, or the reference has none."
         )
     yield from dict.fromkeys(
-        f"Intervals of errors: {note}." for each in found if (note := _note(each))
+        f"Intervals of errors: {note}." for each in found for note in each.error_notes
     )
 
 
@@ -166,15 +166,11 @@ def _absent_methods(tree: xr.DataTree) -> Iterator[str]:
 
 
 def _count_without_error(entry: BenchmarkEntry) -> int:
-    """How many methods made their runs, as single sets, but have no error."""
-    errors = entry.variable(ERRORS).values[..., 0]
+    """Return the number of methods that made their runs, as single sets, but have no error."""
+    errors = entry.variable("error").values[..., 0]
     takes_part = read_group(entry.tree, METHODS)["runs"].values > 0
     single = [method.position for method in plotted_methods(entry.tree, SINGLE)]
     return int((np.isnan(errors) & takes_part)[single].sum())
-
-
-def _note(entry: BenchmarkEntry) -> str:
-    return str(entry.variable(ERRORS).attrs.get(NOTE, ""))
 
 
 def _leaders(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> Chart:
@@ -197,10 +193,10 @@ def _leaders(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> Cha
 
 
 def _leader_markers(method: PlottedMethod, found: list[BenchmarkEntry]) -> Trace:
-    """Where a method leads, or is level."""
+    """Return the markers where a method leads, or is level."""
     marks: list[tuple[float, float, str, float, str]] = []
     for row, entry in enumerate(found):
-        texts = entry.variable(VERDICTS, "_verdict").values[0].tolist()
+        texts = entry.variable("verdict").values[0].tolist()
         for column, (level, lowest) in enumerate(entry.single_set_standings):
             names = level.split()
             mark = standing_mark(method.source, level, lowest)

@@ -1,4 +1,4 @@
-"""How fast errors fall with the runs."""
+"""Rates at which errors fall with the runs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import SINGLE, SLOPES
+from uqpen.core.labels import SINGLE
 from uqpen.report.axes import padded_limits
 from uqpen.report.benchmark.plotted_methods import (
     MOST_CHARTS,
@@ -63,7 +63,9 @@ def convergence_rates(tree: xr.DataTree) -> Iterator[Block]:
 def _slope_bounds(tree: xr.DataTree, variant: str, found: list[BenchmarkEntry]) -> FloatArray:
     """Along statistic, method and bound."""
     positions = [method.position for method in plotted_methods(tree, variant)]
-    return np.array([entry.variable(SLOPES).values[positions] for entry in found], dtype=np.float64)
+    return np.array(
+        [entry.variable("slope").values[positions] for entry in found], dtype=np.float64
+    )
 
 
 def _slope_chart(

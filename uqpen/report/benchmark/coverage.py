@@ -1,4 +1,4 @@
-"""How often the methods' own intervals held the reference."""
+"""Share of the methods' own intervals that held the reference."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import ERRORS, INTERVAL_LEVEL, METHODS, SINGLE
+from uqpen.core.labels import INTERVAL_LEVEL, METHODS, SINGLE
 from uqpen.report.benchmark.plotted_methods import (
     MOST_CHARTS,
     PlottedMethod,
@@ -67,7 +67,7 @@ def coverage(tree: xr.DataTree) -> Iterator[Block]:
 def _shares(tree: xr.DataTree, variant: str, found: list[BenchmarkEntry]) -> FloatArray:
     """Along statistic, method and budget."""
     positions = [method.position for method in plotted_methods(tree, variant)]
-    values = [entry.variable(ERRORS, "_coverage").values[positions] for entry in found]
+    values = [entry.variable("coverage").values[positions] for entry in found]
     return np.array(values, dtype=np.float64)
 
 
@@ -79,7 +79,7 @@ def _lowest_expected_share(level: float, repeats: int) -> float:
 
 
 def _nominal_level(tree: xr.DataTree) -> float:
-    """How often the methods' own intervals should hold: as those of the reference, of one kind."""
+    """Return the nominal level of the methods' own intervals: that of the reference's."""
     truths = (entry.reference for entry in entries(tree))
     levels = (each.attrs[INTERVAL_LEVEL] for each in truths if INTERVAL_LEVEL in each.attrs)
     return float(next(levels, _LEVEL))

@@ -1,4 +1,4 @@
-"""How far off each method is, over the number of runs that it is given."""
+"""Errors of each method, over the number of runs that it is given."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import ERRORS, ESTIMATES, REPLICATED, SINGLE
-from uqpen.figures.texts import capitalized, unit_suffix
+from uqpen.core.labels import REPLICATED, SINGLE
 from uqpen.report.axes import logarithmic_axis
 from uqpen.report.benchmark.plotted_methods import (
     MOST_CHARTS,
@@ -37,6 +36,7 @@ from uqpen.results.benchmark_tables import (
 )
 from uqpen.results.digits import estimate_text, grouped_number
 from uqpen.results.table import NOTHING, OutputTable
+from uqpen.results.texts import capitalized, unit_suffix
 
 __all__ = ["error_charts", "replicate_error_charts"]
 
@@ -55,7 +55,7 @@ def error_charts(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def replicate_error_charts(tree: xr.DataTree) -> Iterator[Block]:
-    """The same in replicates, where any method has them."""
+    """Yield the error charts of replicated sets, where any method has them."""
     if REPLICATED in variants(tree):
         yield from _variant_charts(tree, REPLICATED)
 
@@ -91,7 +91,7 @@ def _variant_charts(tree: xr.DataTree, variant: str) -> Iterator[Block]:
 
 
 def _keys(charts: list[Chart]) -> Iterator[LegendKey]:
-    """What stands in the legend beside the methods."""
+    """Yield the legend entries beside those of the methods."""
     if any(trace.get("name") == _GUIDE for chart in charts for trace in chart.traces):
         yield LegendKey(_GUIDE, "quiet", "line", "dot")
     if any("fillcolor" in trace for chart in charts for trace in chart.traces):
@@ -136,12 +136,12 @@ def _bounds(entry: BenchmarkEntry, method: PlottedMethod) -> FloatArray:
 
     One that is exact has no place on a logarithmic axis.
     """
-    found: FloatArray = 100 * entry.variable(ERRORS).values[method.position].astype(np.float64)
+    found: FloatArray = 100 * entry.variable("error").values[method.position].astype(np.float64)
     return np.where(np.isfinite(found) & (found > 0), found, np.nan)
 
 
 def _guide(known: FloatArray, budgets: FloatArray) -> Iterator[Trace]:
-    """How errors fall that fall with the root of the runs, from the largest of the fewest runs."""
+    """Yield a line that falls with the root of the runs, from the largest error at the fewest."""
     first = next((at for at in range(budgets.size) if np.isfinite(known[:, at]).any()), 0)
     if first + 1 < budgets.size:
         runs = budgets[first:]
@@ -193,7 +193,7 @@ def _notes(
     own: float,
     lower: float,
 ) -> Iterator[str]:
-    """What must be known of the errors, and the verdicts among replicated sets."""
+    """Yield the notes on the errors, and the verdicts among replicated sets."""
     entry = comparison.entry
     yield from (f"{capitalized(note)}." for note in _scale_note(entry))
     if any(
@@ -201,7 +201,7 @@ def _notes(
     ):
         yield "Hollow: no interval, as few of the repeats decide the error."
     for method in told:
-        values = entry.variable(ERRORS).values[method.position, :, 0]
+        values = entry.variable("error").values[method.position, :, 0]
         if where := [
             n for n, v in zip(benchmark_budgets(entry.tree), values, strict=True) if v == 0
         ]:
@@ -219,12 +219,12 @@ def _notes(
 
 
 def _scale_note(entry: BenchmarkEntry) -> Iterator[str]:
-    """What errors are relative to, where that is not the reference."""
-    scale, truth = float(entry.variable(ERRORS, "_scale")), abs(float(entry.reference.values[0]))
+    """Yield a note on what errors are relative to, where that is not the reference."""
+    scale, truth = entry.error_scale, abs(float(entry.reference.values[0]))
     if math.isclose(scale, truth) or not math.isfinite(truth):
         return
     if not truth and scale == 1:
-        unit = unit_suffix(str(entry.variable(ESTIMATES).attrs["units"]))
+        unit = unit_suffix(entry.units)
         yield f"errors are in % of 1{unit}, as the reference is 0"
     else:
         yield "errors are in % of the standard deviation, as the reference is about 0"
@@ -237,7 +237,7 @@ def _table(entry: BenchmarkEntry, variant: str) -> OutputTable:
     if variant == SINGLE:
         title += f"; {WINS} leads, {IS_LEVEL} is level with the best, {IS_DOUBTFUL} leads in doubt"
     table = OutputTable(title, [*map(grouped_number, budgets)])
-    array = entry.variable(ERRORS)
+    array = entry.variable("error")
     for method in plotted_methods(entry.tree, variant):
         cells = []
         for bounds, level_and_bound in zip(

@@ -1,4 +1,4 @@
-"""What all sections about methods head to head go by: the methods, the budgets, the statistics."""
+"""Methods, budgets and statistics that all sections about a benchmark of methods use."""
 
 from __future__ import annotations
 
@@ -12,23 +12,19 @@ import xarray as xr
 from uqpen.archive.benchmark_structure import find_benchmark_faults
 from uqpen.archive.read import read_group
 from uqpen.core.errors import ArchiveError
-from uqpen.core.labels import (
-    BUDGET,
-    ERRORS,
-    ESTIMATES,
-    METHODS,
-    MOMENTS,
-    REFERENCE,
-    REPLICATED,
-    SINGLE,
-)
+from uqpen.core.labels import BUDGET, METHODS, REPLICATED, SINGLE
 from uqpen.figures.requirements import find_level_faults
-from uqpen.figures.texts import title_with_name
 from uqpen.report.blocks import Axis, LegendKey
 from uqpen.report.marks import series_marker
-from uqpen.results.benchmark_entries import BenchmarkEntry, entries
+from uqpen.results.benchmark_entries import (
+    BenchmarkEntry,
+    entries,
+    output_title,
+    reference_attributes,
+)
 from uqpen.results.digits import grouped_number
 from uqpen.results.table import OutputTable
+from uqpen.results.texts import title_with_name
 
 __all__ = [
     "MOST_CHARTS",
@@ -76,12 +72,12 @@ class PlottedMethod:
 
     @property
     def marker(self) -> str:
-        """The same wherever it is drawn."""
+        """Marker of the method, the same in every chart."""
         return series_marker(self.series)
 
 
 def check_benchmark(tree: xr.DataTree) -> None:
-    """Hold an archive of methods head to head against what the report goes by.
+    """Compare the archive of a benchmark of methods with what the report needs.
 
     Raises
     ------
@@ -126,22 +122,20 @@ def entries_by_output(tree: xr.DataTree) -> dict[str, list[BenchmarkEntry]]:
 
 
 def output_heading(tree: xr.DataTree, output: str) -> str:
-    """What an output is called in a heading."""
-    estimates = read_group(tree, ESTIMATES, output)
-    described = str(estimates["mean"].attrs.get("long_name", "")) if "mean" in estimates else ""
-    return title_with_name(described.removeprefix("mean of ") or output, output)
+    """Return an output's title as a heading has it."""
+    return title_with_name(output_title(tree, output), output)
 
 
 def reference_error(entry: BenchmarkEntry) -> float:
     """Half the reference's interval, in per cent of what errors are relative to; NaN for none."""
     _, lower, upper = entry.reference.values.tolist()
-    relative_to = float(entry.variable(ERRORS, "_scale"))
+    relative_to = entry.error_scale
     return 100 * (upper - lower) / 2 / relative_to if relative_to > 0 else math.nan
 
 
 def reference_run_counts(tree: xr.DataTree) -> tuple[int, int]:
-    """How many runs the reference made, and how many of them came back and count."""
-    attributes = read_group(tree, REFERENCE, MOMENTS).attrs
+    """Return the number of runs that the reference made, and the number that it used."""
+    attributes = reference_attributes(tree)
     made = attributes.get("runs", read_group(tree, METHODS).attrs["reference_runs"])
     return int(made), int(attributes["runs_used"])
 

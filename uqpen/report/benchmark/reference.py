@@ -1,4 +1,4 @@
-"""What a comparison of methods cost, its tables, and the reference that errors are held to."""
+"""Cost of a comparison of methods, its tables, and the reference that errors are relative to."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.interval_metadata import interval_metadata
+from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import read_group
-from uqpen.core.labels import BUDGET, ERRORS, ESTIMATES, INTERVAL, METHODS
+from uqpen.core.labels import BUDGET, INTERVAL, METHODS
 from uqpen.core.units import scale
-from uqpen.figures.archive_view import ArchiveView
-from uqpen.figures.texts import unit_suffix
 from uqpen.report.benchmark.plotted_methods import (
     entries_by_output,
     indent_labels,
@@ -24,16 +22,18 @@ from uqpen.report.benchmark.plotted_methods import (
 from uqpen.report.blocks import Block, Table, Text
 from uqpen.report.sections.archive import study_blocks
 from uqpen.report.sections.archive_tables import provenance_table
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.benchmark_entries import BenchmarkEntry
 from uqpen.results.benchmark_tables import LEGEND, entry_comparisons, methods_table, percentage_text
 from uqpen.results.digits import grouped_number
 from uqpen.results.table import NOTHING, OutputTable, estimate_remark
+from uqpen.results.texts import unit_suffix
 
 __all__ = ["cost", "provenance", "reference", "tables"]
 
 
 def cost(tree: xr.DataTree) -> Iterator[Block]:
-    """What each method makes of the runs that it is given."""
+    """Yield the runs that each method makes of those that it is given."""
     yield Table(indent_labels(methods_table(tree)))
     methods = read_group(tree, METHODS)
     charged = int(methods["runs"].sum()) * int(methods.attrs["repeats"])
@@ -79,7 +79,7 @@ def _values(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> Outp
             value,
             _reference_error_text(entry),
             _error_scale_text(entry),
-            interval_metadata(truth, INTERVAL) or NOTHING,
+            interval_text(truth, INTERVAL) or NOTHING,
         ]
         table.rows.append((entry.label, cells))
     return table
@@ -92,11 +92,9 @@ def _reference_error_text(entry: BenchmarkEntry) -> str:
 
 
 def _error_scale_text(entry: BenchmarkEntry) -> str:
-    """What errors are relative to, in the unit that is shown."""
-    unit = str(entry.variable(ESTIMATES).attrs["display_units"])
-    value = float(
-        np.asarray(scale(unit).difference_from_si(float(entry.variable(ERRORS, "_scale"))))
-    )
+    """Return the text of what errors are relative to, in the unit that is shown."""
+    unit = entry.display_units
+    value = float(np.asarray(scale(unit).difference_from_si(entry.error_scale)))
     if not math.isfinite(value + float(entry.reference.values[0])):
         return NOTHING
     return f"{value:.4g}{unit_suffix(unit)}"

@@ -1,4 +1,4 @@
-"""Charts of methods head to head that have a row for each statistic, and the methods in it."""
+"""Charts of a benchmark of methods, with a row for each statistic and the methods in it."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ _ROW_HEIGHT, _METHOD_HEIGHT, _FRAME = 10, 11, 80
 
 
 def variant_text(tree: xr.DataTree, variant: str) -> str:
-    """What a title says of how points are taken, where methods have replicates."""
+    """Return the words of a title for how points are taken, where methods have replicates."""
     return f", {_VARIANT_TEXTS[variant]}" if len(variants(tree)) > 1 else ""
 
 
 def method_positions(at: int, methods: int, rows: int) -> npt.NDArray[np.float64]:
-    """Where the markers of a method stand, one below the other in each row."""
+    """Return the positions of a method's markers, one below the other in each row."""
     shift = (at - (methods - 1) / 2) * 0.8 / methods
     return np.arange(rows, dtype=np.float64) + shift
 
 
 def chart_height(methods: int, rows: int) -> int:
-    """How high a chart is, in CSS pixels."""
+    """Return the height of a chart, in CSS pixels."""
     return _FRAME + (_ROW_HEIGHT + _METHOD_HEIGHT * max(2, methods)) * rows
 
 
 def omitted_charts_note(charts: Sequence[Chart]) -> Iterator[str]:
-    """What is said where there are more charts than are shown."""
+    """Yield a note where there are more charts than are shown."""
     if len(charts) > MOST_CHARTS:
         yield f"The first {MOST_CHARTS} of {len(charts)} charts; more outputs are not drawn."

@@ -1,1 +1,1 @@
-"""What the page of a study says, section by section, and what these share."""
+"""Content of the page of a study, section by section, and what the sections share."""

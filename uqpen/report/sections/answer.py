@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import MOMENTS, RUN, RUNS, STATUS_TEXT, SURROGATES, Sampling, Status
+from uqpen.core.labels import RUN, RUNS, SURROGATES
+from uqpen.core.sampling import Sampling
+from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import status_counts
-from uqpen.figures.archive_view import ArchiveView
-from uqpen.figures.texts import plain_text
 from uqpen.report.blocks import Block, Quote, Remarks, Text
 from uqpen.report.sections.caveats import caveats
 from uqpen.report.sections.leading_design import leading_design
@@ -20,8 +20,10 @@ from uqpen.report.sections.quoted_statistics import (
     requested_statistics,
 )
 from uqpen.report.sections.sentences import OutputSentences, output_sentences
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.failed_runs import FailedRuns, failed_runs
+from uqpen.results.texts import plain_text
 from uqpen.statistics.sample import input_sample
 
 __all__ = ["answer"]
@@ -67,7 +69,7 @@ def _ordered_outputs(view: ArchiveView, design: str) -> list[str]:
 
 
 def _omissions_note(shown: Sequence[OutputSentences], outputs: int) -> str:
-    """What has no sentence, though the archive tells it."""
+    """Return a note on the figures that the archive states, but that have no sentence."""
     omitted = sum(entry.omitted for entry in shown)
     parts = []
     if omitted:
@@ -107,7 +109,7 @@ def _leading_reason(view: ArchiveView, design: str) -> str:
 
 
 def _agreement_remarks(shown: Sequence[OutputSentences], design: str) -> Iterator[str]:
-    """How far other designs agree, in what was asked first."""
+    """Yield how far other designs agree, for the first quantities of the answer."""
     for quantity in [each for entry in shown for each in entry.quantities][:_MOST_COMPARED]:
         others = other_design_estimates(quantity, design)
         own = quantity.estimate(design)
@@ -120,7 +122,7 @@ def _agreement_remarks(shown: Sequence[OutputSentences], design: str) -> Iterato
 
 
 def _blocks_without_sample(view: ArchiveView) -> Iterator[Block]:
-    """What is to be said where no run of a sample came back."""
+    """Yield the blocks for a study where no run of a sample completed."""
     means = list(_quadrature_means(view))
     failed = [each for design in view.designs for each in failed_runs(view.tree, design)]
     if not any(_has_completed_runs(view, design) for design in view.designs):
@@ -147,7 +149,7 @@ def _quadrature_means(view: ArchiveView) -> Iterator[str]:
     """Means by integration rules, which have no interval."""
     rules = [each for each in view.designs if view.sampling(each) is Sampling.QUADRATURE]
     for output in view.numeric_outputs[:_MOST_OUTPUTS]:
-        quantity = QuotedStatistic(view, output, MOMENTS)
+        quantity = QuotedStatistic(view, output, "mean")
         for design in rules:
             array = quantity.estimate(design)
             if array is not None:
@@ -158,7 +160,7 @@ def _quadrature_means(view: ArchiveView) -> Iterator[str]:
 
 
 def _has_completed_runs(view: ArchiveView, design: str) -> bool:
-    """Whether any run did, not of a sample alone."""
+    """Return whether any run completed, not of a sample alone."""
     return bool(status_counts(read_group(view.tree, RUNS, design))[Status.OK])
 
 
@@ -176,7 +178,7 @@ def _no_completed_runs_text(view: ArchiveView, failed: Sequence[FailedRuns]) -> 
 
 
 def _failure_reasons(failed: Sequence[FailedRuns]) -> str:
-    """What runs were lost to most often."""
+    """Return the most frequent reasons that runs failed."""
     counts: Counter[tuple[Status, str]] = Counter()
     for each in failed:
         counts[each.status, each.reason] += each.runs

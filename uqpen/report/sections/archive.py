@@ -8,8 +8,6 @@ from uqpen.archive.content import recorded_hashes
 from uqpen.archive.files import FILES, ArchivedFile, archived_files
 from uqpen.archive.read import read_group
 from uqpen.core.labels import CONTENT
-from uqpen.figures.archive_view import ArchiveView
-from uqpen.figures.texts import plain_text
 from uqpen.report.blocks import Block, Heading, Listing, Remarks, Table, Text
 from uqpen.report.sections.archive_notes import archive_notes
 from uqpen.report.sections.archive_tables import (
@@ -18,8 +16,10 @@ from uqpen.report.sections.archive_tables import (
     model_table,
     provenance_table,
 )
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.table import OutputTable
+from uqpen.results.texts import plain_text
 
 __all__ = ["archive", "study_blocks"]
 
@@ -90,10 +90,10 @@ def _file_table(files: list[ArchivedFile]) -> OutputTable:
 
 
 def _check_blocks(view: ArchiveView) -> Iterator[Block]:
-    """How the archive is checked and repeated."""
+    """Yield how the archive is checked and repeated."""
     yield Text(
         "With these commands the archive that this page was made of is checked and repeated. A "
-        "model of its author's own is executed only if they are given --trust."
+        "model or an analysis of its author's own is executed only if they are given --trust."
     )
     yield Listing("Commands", _COMMANDS)
     if recorded_hashes(view.archive):

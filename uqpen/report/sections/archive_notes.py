@@ -1,39 +1,40 @@
-"""What an archive warns of anywhere: notes of its figures, and how many bear each."""
+"""Warnings of an archive: notes of its figures, and the number of figures with each."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.interval_metadata import metadata_prefix
 from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     BOUND,
     CHECKED,
+    DIFFERENCES,
     INTERVAL_LABEL,
+    MISSING,
     NOTE,
     REFUSED,
     RUNS,
-    STATUSES,
     SURROGATES,
     UNCHECKED,
 )
-from uqpen.figures.texts import plain_text
+from uqpen.report.sections.view_statistics import STATISTIC_FAMILIES, all_outputs
 from uqpen.results.digits import grouped_number
+from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.texts import plain_text
 
 __all__ = ["archive_notes"]
 
 # Distinct notes that are listed.
 _MOST_NOTES = 20
 
-# Groups whose figures stand in others, too, or are none.
-_SKIPPED_GROUPS = ("comparison", "trajectory", "files", RUNS)
 # These tell of other figures, and have notes that say so.
-_DIAGNOSES = ("_kurtosis", "_effective_runs")
+_DIAGNOSES = ("kurtosis", "effective_runs")
 # Heavy tails are one warning, however heavy.
 _NUMBERS = re.compile(r" \(kurtosis [^()]*\)")
 _NOT_FITTED = "_not_fitted"
@@ -48,10 +49,12 @@ def archive_notes(tree: xr.DataTree) -> tuple[str, ...]:
         The whole archive.
     """
     counts: Counter[tuple[str, str]] = Counter()
-    for node in tree.subtree:
-        # What is published elsewhere has no interval, and says so in its place.
-        if not set(node.path.split("/")) & set(_SKIPPED_GROUPS) and "source" not in node.attrs:
-            counts.update(_group_notes(node.to_dataset(inherit=False)))
+    for model in model_trees(tree).values():
+        counts.update(_estimate_notes(SourceStatistics(model), all_outputs(model)))
+        counts.update(_failure_notes(model))
+    for name in group_names(tree, DIFFERENCES):
+        statistics = SourceStatistics.of_differences(tree, name)
+        counts.update(_estimate_notes(statistics, all_outputs(model_trees(tree)[name])))
     first = counts.most_common(_MOST_NOTES)
     lines = [_note_line(label, note, count) for (label, note), count in first]
     if more := counts.total() - sum(count for _, count in first):
@@ -59,29 +62,39 @@ def archive_notes(tree: xr.DataTree) -> tuple[str, ...]:
     return (*_model_notes(tree), *lines)
 
 
-def _group_notes(dataset: xr.Dataset) -> Iterator[tuple[str, str]]:
-    """The verdict and note of each figure that bears a warning."""
-    # Arrays with their coordinates take long to put together where outputs are many.
-    for key, variable in dataset.variables.items():
-        if key in dataset.coords or BOUND not in variable.dims or str(key).endswith(_DIAGNOSES):
-            continue
-        labels, notes = _labels_and_notes(dataset, str(key))
-        for label, note in zip(labels, notes, strict=True):
-            if note and label != CHECKED:
-                yield label if label in (REFUSED, UNCHECKED) else "", _NUMBERS.sub("", note)
+def _estimate_notes(
+    statistics: SourceStatistics, outputs: Sequence[str]
+) -> Iterator[tuple[str, str]]:
+    """Yield the verdict and note of each estimate that bears a warning."""
+    # What is published elsewhere has no interval, and says so in its place.
+    sources = [name for name in statistics.sources if not statistics.citation(name)]
+    every = [statistics.statistics(source, output) for source in sources for output in outputs]
+    for names in STATISTIC_FAMILIES.values():
+        for arrays in every:
+            for name in names:
+                if name in arrays and name not in _DIAGNOSES:
+                    yield from _notes(arrays[name], is_whole=CATALOGUE[name].is_function)
 
 
-def _labels_and_notes(dataset: xr.Dataset, name: str) -> tuple[list[str], list[str]]:
-    """The labels and the notes of a variable's figures."""
-    variable = dataset.variables[name]
-    prefix = metadata_prefix(name, [str(dimension) for dimension in variable.dims], dataset.coords)
-    if not prefix:
-        return [str(variable.attrs.get(INTERVAL_LABEL, ""))], [str(variable.attrs.get(NOTE, ""))]
-    labels, notes = (
-        [str(text) for text in np.ravel(dataset.variables[f"{prefix}_{what}"].values)]
-        for what in (INTERVAL_LABEL, NOTE)
-    )
-    return labels, notes
+def _failure_notes(model: xr.DataTree) -> Iterator[tuple[str, str]]:
+    """Yield the notes of the statistics of runs that did not complete."""
+    statistics = SourceStatistics(model)
+    found = [statistics.failures(source) for source in statistics.sources]
+    for name in ("probability", "larger", "further_out"):
+        for arrays in found:
+            if name in arrays:
+                yield from _notes(arrays[name])
+
+
+def _notes(array: xr.DataArray, *, is_whole: bool = False) -> Iterator[tuple[str, str]]:
+    """Yield the verdicts and notes of an array's entries, or of the whole once."""
+    if BOUND not in array.dims:
+        return
+    labels, notes = (np.ravel(array.coords[text].values) for text in (INTERVAL_LABEL, NOTE))
+    entries = zip(labels.tolist(), notes.tolist(), strict=True)
+    for label, note in list(entries)[: 1 if is_whole else None]:
+        if note and label != CHECKED:
+            yield label if label in (REFUSED, UNCHECKED) else "", _NUMBERS.sub("", note)
 
 
 def _note_line(label: str, note: str, count: int) -> str:
@@ -91,11 +104,13 @@ def _note_line(label: str, note: str, count: int) -> str:
 
 
 def _model_notes(tree: xr.DataTree) -> Iterator[str]:
-    """Runs that are missing, surrogates that could not be fitted, laws that do not fit."""
+    """Yield missing runs, surrogates that are not fitted, and distributions that do not fit."""
     for name, model in model_trees(tree).items():
         head = f"{name}: " if name else ""
-        for design in group_names(model, STATUSES):
-            if missing := read_group(model, STATUSES, design).attrs.get("missing"):
+        statistics = SourceStatistics(model)
+        for design in statistics.sources:
+            ends = statistics.failures(design).get("probability")
+            if ends is not None and (missing := ends.attrs.get(MISSING)):
                 yield f"{head}{design}: {missing} did not come back."
         for surrogate in group_names(model, SURROGATES):
             for key, reason in read_group(model, SURROGATES, surrogate).attrs.items():

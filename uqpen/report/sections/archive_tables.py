@@ -11,13 +11,15 @@ import numpy.typing as npt
 from uqpen.archive.provenance import SCHEMA_ATTRIBUTE
 from uqpen.archive.read import read_group
 from uqpen.core.errors import StudyError
-from uqpen.core.labels import CONTENT, REPLICATE, ROLE, RUN, RUNS, SURROGATES, Sampling, Status
+from uqpen.core.labels import CONTENT, REPLICATE, ROLE, RUN, RUNS, SURROGATES
+from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
 from uqpen.execution import status_counts
-from uqpen.figures.archive_view import ArchiveView
-from uqpen.figures.texts import plain_text, title_with_unit
 from uqpen.report.sections.leading_design import leading_design
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.table import NOTHING, OutputTable
+from uqpen.results.texts import plain_text, title_with_unit
 from uqpen.study.document import parse_document
 
 __all__ = ["designs_table", "inputs_table", "model_table", "provenance_table"]
@@ -79,7 +81,7 @@ def _spread(values: npt.NDArray[np.float64]) -> list[str]:
 
 
 def _inputs_as_written(view: ArchiveView) -> dict[str, str]:
-    """What the study says of each input, as near as TOML leaves it to how it was written."""
+    """Return the study's entry for each input, as near to its original text as TOML allows."""
     try:
         content = parse_document(str(view.archive.attrs["study_text"]), "study").content
     except StudyError:
@@ -136,7 +138,7 @@ def _surrogate_uses(view: ArchiveView, design: str) -> Iterator[str]:
 
 
 def model_table(view: ArchiveView) -> OutputTable:
-    """What is told of a model: its name, version, source, settings."""
+    """Return a table of a model: its name, version, source, settings."""
     table = OutputTable("Model", ["value"])
     _add(table, _model_attributes(view.tree.attrs))
     return table
@@ -151,7 +153,7 @@ def _model_attributes(attributes: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def provenance_table(view: ArchiveView) -> OutputTable:
-    """What made the archive: study, seed, model, versions, platform."""
+    """Return a table of what made the archive: study, seed, model, versions, platform."""
     table = OutputTable("What made this archive", ["value"])
     attributes = view.archive.attrs
     known = {text: attributes[name] for name, text in _NAMES.items() if name in attributes}
@@ -176,4 +178,6 @@ def _attribute_name(name: Any) -> str:
 
 
 def _add(table: OutputTable, entries: Mapping[str, Any]) -> None:
-    table.rows += [(name, [plain_text(str(value), _LONGEST_VALUE)]) for name, value in entries.items()]
+    table.rows += [
+        (name, [plain_text(str(value), _LONGEST_VALUE)]) for name, value in entries.items()
+    ]

@@ -1,4 +1,4 @@
-"""What must be kept in mind with every answer of a design."""
+"""Caveats of every answer of a design."""
 
 from __future__ import annotations
 
@@ -7,26 +7,18 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import model_trees, read_group
-from uqpen.core.labels import (
-    CONDITIONAL,
-    DEPENDENCE,
-    INTERVAL_LEVEL,
-    MISSING,
-    NOTE,
-    RUN,
-    RUNS,
-    STATUS_TEXT,
-    STATUSES,
-    Sampling,
-    Status,
-)
+from uqpen.core.labels import CONDITIONAL, DEPENDENCE, INTERVAL_LEVEL, MISSING, NOTE, RUN, RUNS
+from uqpen.core.sampling import Sampling
+from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import status_counts
-from uqpen.figures.archive_view import ArchiveView
-from uqpen.figures.texts import capitalized
 from uqpen.report.counting import percent_texts
 from uqpen.report.sections.quoted_statistics import no_break
+from uqpen.report.sections.view_statistics import failure_probabilities, status_probability
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.texts import capitalized
 from uqpen.statistics.sample import input_sample
 
 __all__ = ["caveats"]
@@ -40,21 +32,22 @@ _GENERAL = (
 
 
 def caveats(view: ArchiveView, design: str) -> Iterator[str]:
-    """What the answers of a design depend on, one sentence or two each.
+    """Yield the things that the answers of a design depend on, one or two sentences each.
 
     Parameters
     ----------
     view : ArchiveView
     design : str
-        Whose runs are a sample of the input law.
+        Its runs are a sample of the joint distribution of the inputs.
     """
-    accounts = read_group(view.tree, STATUSES, design)
+    ends = failure_probabilities(view, design)
+    accounts = {} if ends is None else ends.attrs
     runs = read_group(view.tree, RUNS, design)
-    if CONDITIONAL in accounts.attrs:
-        yield _inadmissible_caveat(view, design, accounts)
-    if MISSING in accounts.attrs:
+    if CONDITIONAL in accounts:
+        yield _inadmissible_caveat(view, design, str(accounts[CONDITIONAL]))
+    if MISSING in accounts:
         yield (
-            f"{capitalized(str(accounts.attrs[MISSING]))} did not come back "
+            f"{capitalized(str(accounts[MISSING]))} did not come back "
             f"({', '.join(_missing_run_counts(view, design))}). All estimates are of those that "
             "did, and are "
             "off as far as the others would have given other results."
@@ -72,7 +65,7 @@ def caveats(view: ArchiveView, design: str) -> Iterator[str]:
 
 
 def _missing_run_counts(view: ArchiveView, design: str) -> list[str]:
-    """How many runs of a design's sample were lost to what, inadmissible ones left out."""
+    """Return counts of failed runs of a design's sample by status, without inadmissible ones."""
     counts = status_counts(input_sample(read_group(view.tree, RUNS, design)))
     left_out = (Status.OK, Status.INADMISSIBLE)
     return [
@@ -88,15 +81,15 @@ def _probability_text(array: xr.DataArray) -> str:
     if np.isfinite(array.values).all():
         level = no_break(percent_text(array.attrs[INTERVAL_LEVEL]))
         return f"{value} ({lower} to {upper}, {level} interval)"
-    return f"{value} (without an interval: {array.attrs.get(NOTE, '')})"
+    return f"{value} (without an interval: {interval_text(array, NOTE)})"
 
 
-def _inadmissible_caveat(view: ArchiveView, design: str, accounts: xr.Dataset) -> str:
+def _inadmissible_caveat(view: ArchiveView, design: str, condition: str) -> str:
     runs = input_sample(read_group(view.tree, RUNS, design))
     count = status_counts(runs)[Status.INADMISSIBLE]
     some = f"{grouped_number(count)} of the {grouped_number(runs.sizes[RUN])} points of {design}"
     were = "was" if count == 1 else "were"
-    probability = accounts.get(Status.INADMISSIBLE.meaning)
+    probability = status_probability(view, design, Status.INADMISSIBLE)
     likely = (
         ""
         if probability is None
@@ -104,12 +97,12 @@ def _inadmissible_caveat(view: ArchiveView, design: str, accounts: xr.Dataset) -
     )
     return (
         f"{some} {were} inadmissible, so outside of what the model or the study allows{likely}. "
-        f"All figures are conditional on {accounts.attrs[CONDITIONAL]}."
+        f"All figures are conditional on {condition}."
     )
 
 
 def _measured_input_caveats(view: ArchiveView, design: str) -> Iterator[str]:
-    """Inputs whose laws come from measurements, which are uncertain themselves."""
+    """Yield the inputs whose distributions come from measurements, which are uncertain."""
     measured = [
         f"{name} ({view.attributes(name)['fit_measurements']})"
         for name in view.random_inputs(design)

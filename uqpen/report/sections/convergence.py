@@ -1,4 +1,4 @@
-"""How estimates settle as runs are added."""
+"""Convergence of estimates as runs are added."""
 
 from __future__ import annotations
 
@@ -10,19 +10,9 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import (
-    EXCEEDANCE,
-    INTERVAL_LEVEL,
-    MOMENTS,
-    QUANTILES,
-    REPLICATE,
-    RUN,
-    RUNS,
-    SHARES,
-)
+from uqpen.core.catalogue import CATEGORY, PROBABILITY, THRESHOLD
+from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUN, RUNS
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.figures.archive_view import ArchiveView
-from uqpen.figures.texts import capitalized, title_with_unit, unit_suffix
 from uqpen.report.axes import logarithmic_axis, padded_limits
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Remarks, Text
 from uqpen.report.counting import count_text
@@ -34,7 +24,9 @@ from uqpen.report.sections.leading_design import (
     output_title,
     requested_quantity,
 )
+from uqpen.report.sections.quoted_statistics import share_label
 from uqpen.report.shapes import horizontal_line
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.table import (
     Conversion,
@@ -44,6 +36,7 @@ from uqpen.results.table import (
     identity,
     quantile_label,
 )
+from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
 from uqpen.statistics.convergence import RUNS_SO_FAR, reason_without_parts
 from uqpen.statistics.convergence import convergence as by_parts
 from uqpen.statistics.sample import input_sample
@@ -106,11 +99,12 @@ def convergence(view: ArchiveView) -> Iterator[Block]:
         return
     outputs = [*view.numeric_outputs, *view.categorical_outputs]
     shown = outputs[:_MOST_OUTPUTS]
-    statistics = by_parts(runs, [requested_quantity(view, output, design) for output in shown])
+    quantities = [requested_quantity(view, output, design) for output in shown]
+    statistics = by_parts(runs, quantities)
     yield Text(_design_sentence(view, design))
     yield Remarks("How to read it", (_SHARED, _FIXED))
     for output in shown:
-        if histories := list(_estimate_histories(view, output, statistics)):
+        if histories := list(_estimate_histories(view, output, statistics.get(output, {}))):
             yield Heading(output_heading(view, output))
             yield _history_charts(view, output, design, histories)
     if left := outputs[_MOST_OUTPUTS:]:
@@ -144,31 +138,27 @@ def _design_sentence(view: ArchiveView, design: str) -> str:
 
 
 def _estimate_histories(
-    view: ArchiveView, output: str, told: Mapping[str, xr.Dataset]
+    view: ArchiveView, output: str, statistics: Mapping[str, xr.DataArray]
 ) -> Iterator[_EstimateHistory]:
-    """The statistics of an output that are followed."""
+    """Yield the statistics of an output that are followed."""
     unit, convert = view.unit(output), view.scale(output).from_si
-    groups = {kind: told.get(kind, xr.Dataset()) for kind in (QUANTILES, EXCEEDANCE, SHARES)}
-    means = told.get(MOMENTS, xr.Dataset())
     found = []
-    if f"{output}_mean" in means:
-        found.append(_EstimateHistory("mean", unit, convert, means[f"{output}_mean"]))
-    if output in groups[QUANTILES]:
-        array = groups[QUANTILES][output]
-        asked = array[f"{output}_probability"].values.tolist()
+    if (array := statistics.get("mean")) is not None:
+        found.append(_EstimateHistory("mean", unit, convert, array))
+    if (array := statistics.get("quantile")) is not None:
+        asked = array[PROBABILITY].values.tolist()
         for p in [0.5] if 0.5 in asked else dict.fromkeys([asked[0], asked[-1]]):
-            entry = array[:, asked.index(p)]
+            entry = array[{PROBABILITY: asked.index(p)}]
             found.append(_EstimateHistory(quantile_label(p), unit, convert, entry))
-    if output in groups[EXCEEDANCE]:
-        array = groups[EXCEEDANCE][output]
-        label = exceedance_label(str(array[f"{output}_threshold"].values[0]))
-        found.append(_EstimateHistory(label, DIMENSIONLESS, identity, array[:, 0]))
-    if output in groups[SHARES]:
-        array = groups[SHARES][output]
-        labels = array[f"{output}_category_label"].values.tolist()
+    if (array := statistics.get("exceedance")) is not None:
+        label = exceedance_label(str(array[THRESHOLD].values[0]))
+        entry = array[{THRESHOLD: 0}]
+        found.append(_EstimateHistory(label, DIMENSIONLESS, identity, entry))
+    if (array := statistics.get("share")) is not None:
+        labels = array["category_label"].values.tolist()
         for position, label in enumerate(labels[:_MOST_KINDS]):
-            entry = array[:, position]
-            found.append(_EstimateHistory(f"share {label}", DIMENSIONLESS, identity, entry))
+            entry = array[{CATEGORY: position}]
+            found.append(_EstimateHistory(share_label(label), DIMENSIONLESS, identity, entry))
     yield from (each for each in found if np.isfinite(each.bounds[:, 0]).any())
 
 
@@ -225,7 +215,7 @@ def _chart(view: ArchiveView, output: str, design: str, course: _EstimateHistory
 
 
 def _axis_limits(bounds: FloatArray) -> tuple[float, float, bool]:
-    """Where the axis ends, by all estimates and what is not too wide; whether it cuts any off."""
+    """Return the axis limits, and whether they cut off any wide interval; all estimates fit."""
     estimates = bounds[np.isfinite(bounds[:, 0]), 0]
     last = bounds[-1]
     half = np.nanmax(np.abs(last[1:] - last[0])) if np.isfinite(last[1:]).any() else np.inf
@@ -239,7 +229,7 @@ def _axis_limits(bounds: FloatArray) -> tuple[float, float, bool]:
 def _table(
     view: ArchiveView, output: str, design: str, histories: Sequence[_EstimateHistory]
 ) -> OutputTable:
-    """What the points are."""
+    """Return a table of the points."""
     columns = [title_with_unit(history.label, history.unit) for history in histories]
     table = OutputTable(f"{output_title(view, output)} by {design}, by its runs so far", columns)
     for number, runs in enumerate(histories[0].runs):

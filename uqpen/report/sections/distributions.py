@@ -1,4 +1,4 @@
-"""How each output is distributed: its distribution function, its histogram, its quantiles."""
+"""Distribution of each output: its distribution function, its histogram, its quantiles."""
 
 from __future__ import annotations
 
@@ -8,12 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.archive.read import read_group
-from uqpen.core.labels import INTERVAL_LEVEL, SHARES
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import CUT, distribution_curves, exceedance_span, thresholds
-from uqpen.figures.texts import capitalized, unit_suffix
 from uqpen.report.blocks import (
     Axis,
     Block,
@@ -42,9 +39,12 @@ from uqpen.report.sections.leading_design import (
     output_title,
     quantity_with_quantiles,
 )
+from uqpen.report.sections.view_statistics import view_statistics
 from uqpen.report.shapes import vertical_line
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.table import OutputTable, quantile_label
+from uqpen.results.texts import capitalized, unit_suffix
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
 
 __all__ = ["distributions"]
@@ -70,13 +70,14 @@ def distributions(view: ArchiveView) -> Iterator[Block]:
             yield Charts((runs, *exceedance(view, output, curves[0])))
             yield Table(_quantile_table(view, output, design))
     for output in view.categorical_outputs:
-        if output in read_group(view.tree, SHARES, design):
+        probabilities = view_statistics(view).get(design, output, "share")
+        if probabilities is not None:
             yield Heading(output_heading(view, output))
-            yield shares(view, output, design)
+            yield shares(view, output, design, probabilities)
 
 
 def _curves(view: ArchiveView, output: str, design: str) -> list[Curve]:
-    """The functions that all sources tell, that of the leading design first."""
+    """Return the functions that all sources give, that of the leading design first."""
     found = distribution_curves(view, output)
     return sorted(found, key=lambda curve: curve.name != design)
 
@@ -153,7 +154,7 @@ def _cdf_table(view: ArchiveView, output: str, curve: Curve) -> OutputTable:
 def _threshold_readout(
     view: ArchiveView, output: str, curve: Curve, grid: Grid, begin: float
 ) -> ThresholdReadout:
-    """What is read off at thresholds that are round numbers."""
+    """Return the values read off at thresholds that are round numbers."""
     return ThresholdReadout(
         output=output,
         unit=unit_suffix(view.unit(output)).lstrip(),

@@ -1,4 +1,4 @@
-"""How likely an output is to go beyond a value: its tail, by logarithms."""
+"""Probability that an output exceeds a value: its tail, by logarithms."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.read import read_group
-from uqpen.core.labels import EXCEEDANCE
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.core.catalogue import THRESHOLD
 from uqpen.figures.curves import Curve
-from uqpen.figures.texts import unit_suffix
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.marks import Trace, band_traces, dot_trace, escape_text, line_trace
 from uqpen.report.notes import interval_notes
 from uqpen.report.sections.leading_design import missing_runs_note, output_sample, output_title
+from uqpen.report.sections.view_statistics import view_statistics
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, percent_text
 from uqpen.results.table import OutputTable, exceedance_label
+from uqpen.results.texts import unit_suffix
 from uqpen.statistics.distribution_function.cdfs import cdf_at_values
 
 __all__ = ["exceedance"]
@@ -45,7 +45,7 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
         return
     least = _BELOW / max(curve.runs, 10)
     traces, keys = _tail_traces(view, output, curve, values, np.maximum(tail, least))
-    probabilities = read_group(view.tree, EXCEEDANCE, curve.name).get(output)
+    probabilities = view_statistics(view).get(curve.name, output, "exceedance")
     notes = missing_runs_note(view, curve.name)
     if probabilities is not None:
         is_shown = _is_threshold_shown(view, output, probabilities, values)
@@ -55,17 +55,17 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
         notes = [
             *interval_notes([probabilities[is_shown]]),
             *notes,
-            *_hidden_thresholds_note(output, probabilities[~is_shown]),
+            *_hidden_thresholds_note(probabilities[~is_shown]),
         ]
     yield Chart(
         title=f"Probability that {output_title(view, output)} is more than x",
-        summary=_summary(output, probabilities, curve),
+        summary=_summary(probabilities, curve),
         x=Axis(view.axis_label(output)),
         y=Axis("P(more than x)", (np.log10(least).item(), 0.0), is_logarithmic=True),
         traces=tuple(traces),
         keys=tuple(keys),
         notes=tuple(notes),
-        tables=_tables(curve, output, probabilities),
+        tables=_tables(curve, probabilities),
         height=280,
     )
 
@@ -73,7 +73,7 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
 def _tail_traces(
     view: ArchiveView, output: str, curve: Curve, values: FloatArray, tail: FloatArray
 ) -> tuple[list[Trace], list[LegendKey]]:
-    """What exceeds each value, with its band."""
+    """Return the traces of the probability that each value is exceeded, with its band."""
     series = view.sources.index(curve.name)
     unit = unit_suffix(view.unit(output))
     function = line_trace(
@@ -94,9 +94,10 @@ def _tail_traces(
 
 
 def _tail(view: ArchiveView, output: str, curve: Curve) -> tuple[FloatArray, FloatArray]:
-    """Values that lie as far apart as the logarithms of what exceeds them, and that with its band.
+    """Return values, and the probability that each is exceeded, with its band.
 
-    The archive's function has equally spaced ranks, of which few lie in the tail.
+    The values are spaced evenly by the logarithm of that probability. The archive's function has
+    equally spaced ranks, and few of them lie in the tail.
     """
     sample = output_sample(view, curve.name, output)
     left = np.arange(1, sample.size + 1)
@@ -113,8 +114,8 @@ def _tail(view: ArchiveView, output: str, curve: Curve) -> tuple[FloatArray, Flo
 def _is_threshold_shown(
     view: ArchiveView, output: str, probabilities: xr.DataArray, values: FloatArray
 ) -> BoolArray:
-    """Which of the probabilities asked for have a logarithm, and lie where the tail can be seen."""
-    places = view.scale(output).from_si(probabilities[f"{output}_threshold_value"].values)
+    """Return for each requested probability whether it has a logarithm, and lies near the tail."""
+    places = view.scale(output).from_si(probabilities["threshold_value"].values)
     lower, upper = (values.min(), values.max()) if values.size else (-np.inf, np.inf)
     limit = _FAR * (upper - lower) or np.inf
     is_near = (places >= lower - limit) & (places <= upper + limit)
@@ -123,37 +124,35 @@ def _is_threshold_shown(
 
 def _threshold_trace(view: ArchiveView, output: str, probabilities: xr.DataArray) -> Trace:
     """The probabilities that the study asks for."""
-    places = view.scale(output).from_si(probabilities[f"{output}_threshold_value"].values)
-    hovers = [f"{label} = {cells[0]}" for label, cells in _rows(output, probabilities)]
+    places = view.scale(output).from_si(probabilities["threshold_value"].values)
+    hovers = [f"{label} = {cells[0]}" for label, cells in _rows(probabilities)]
     # An end at 0 has no logarithm.
     bounds = np.where(probabilities.values > 0, probabilities.values, np.nan)
     return dot_trace(bounds, places, "ink", hovers=hovers, name="asked", along="y")
 
 
-def _hidden_thresholds_note(output: str, probabilities: xr.DataArray) -> list[str]:
-    """Which of them are no dots, as a note; none where all are."""
-    labels = [label for label, _ in _rows(output, probabilities)]
+def _hidden_thresholds_note(probabilities: xr.DataArray) -> list[str]:
+    """Return a note on the probabilities that are no dots, if any."""
+    labels = [label for label, _ in _rows(probabilities)]
     return [f"In the table alone: {', '.join(labels)}."] if labels else []
 
 
-def _summary(output: str, probabilities: xr.DataArray | None, curve: Curve) -> str:
+def _summary(probabilities: xr.DataArray | None, curve: Curve) -> str:
     if probabilities is None:
         return f"It falls from 1 to what {count_text(curve.runs, 'run')} of {curve.name} can tell."
-    return "; ".join(f"{label}: {cells[0]}" for label, cells in _rows(output, probabilities)) + "."
+    return "; ".join(f"{label}: {cells[0]}" for label, cells in _rows(probabilities)) + "."
 
 
-def _rows(output: str, probabilities: xr.DataArray) -> list[tuple[str, list[str]]]:
-    labels = [exceedance_label(str(text)) for text in probabilities[f"{output}_threshold"].values]
+def _rows(probabilities: xr.DataArray) -> list[tuple[str, list[str]]]:
+    labels = [exceedance_label(str(text)) for text in probabilities[THRESHOLD].values]
     return [
         (label, [estimate_text(*row)])
         for label, row in zip(labels, probabilities.values, strict=True)
     ]
 
 
-def _tables(
-    curve: Curve, output: str, probabilities: xr.DataArray | None
-) -> tuple[OutputTable, ...]:
+def _tables(curve: Curve, probabilities: xr.DataArray | None) -> tuple[OutputTable, ...]:
     if probabilities is None:
         return ()
     title = f"Probabilities asked for, by {curve.name}"
-    return (OutputTable(title, [curve.name], _rows(output, probabilities)),)
+    return (OutputTable(title, [curve.name], _rows(probabilities)),)

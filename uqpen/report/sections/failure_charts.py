@@ -1,4 +1,4 @@
-"""Charts of lost runs: how likely they are, and where among the inputs they lie."""
+"""Charts of failed runs: how likely they are, and where among the inputs they lie."""
 
 from __future__ import annotations
 
@@ -8,18 +8,23 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import INPUT, RUN, RUNS, STATUS_TEXT, STATUSES, Status
+from uqpen.core.labels import INPUT, RUN, RUNS
+from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import status_counts
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.failure_panels import ASSOCIATIONS, failed_run_counts
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import percent_texts
 from uqpen.report.marks import Trace, dot_trace, series_marker
 from uqpen.report.notes import hollow_note, interval_notes
+from uqpen.report.sections.view_statistics import (
+    failure_probabilities,
+    status_probability,
+    view_statistics,
+)
 from uqpen.report.shapes import vertical_line
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, grouped_number
 from uqpen.results.table import OutputTable, identity
-from uqpen.statistics.failure_analysis import FAILURES
 
 __all__ = ["failure_association_chart", "failure_probability_chart"]
 
@@ -33,7 +38,7 @@ _NO_SAMPLE = "the share of its runs, which are no sample of the inputs: no inter
 
 
 def failure_probability_chart(view: ArchiveView, designs: Sequence[str]) -> Chart:
-    """The probability of losing a run in each way that some were lost in, by design."""
+    """Return the chart of the probability of each status of failed runs, by design."""
     every = [failed_run_counts(view, design) for design in designs]
     statuses = [status for status in Status if any(status in each for each in every)]
     table = OutputTable("Probability of losing a run", [STATUS_TEXT[each] for each in statuses])
@@ -63,7 +68,7 @@ def _failure_probability(
     view: ArchiveView, design: str, status: Status, table: OutputTable
 ) -> tuple[FloatArray, str]:
     """The probability of a status, or else the share of runs that ended with it."""
-    probability = read_group(view.tree, STATUSES, design).get(status.meaning)
+    probability = status_probability(view, design, status)
     if probability is not None:
         return np.asarray(probability.values, dtype=np.float64), table.cell(probability, identity)
     runs = read_group(view.tree, RUNS, design)
@@ -108,16 +113,16 @@ def _status_traces(
 
 
 def _notes(view: ArchiveView, designs: Sequence[str], bounds: FloatArray) -> Iterator[str]:
-    yield from interval_notes(
-        each for name in designs for each in read_group(view.tree, STATUSES, name).values()
-    )
+    found = (failure_probabilities(view, name) for name in designs)
+    yield from interval_notes(each for each in found if each is not None)
     yield from hollow_note(bounds)
 
 
 def _sample_notes(view: ArchiveView, designs: Sequence[str]) -> Iterator[str]:
-    """Designs of which only some runs are a sample."""
+    """Yield a note on each design where only some runs are a sample."""
     for design in designs:
-        used = read_group(view.tree, STATUSES, design).attrs.get("runs")
+        ends = failure_probabilities(view, design)
+        used = None if ends is None else ends.attrs.get("runs")
         if used is not None and used != read_group(view.tree, RUNS, design).sizes[RUN]:
             yield (
                 f"{design}: of those {grouped_number(int(used))} runs that are a sample of the "
@@ -126,23 +131,23 @@ def _sample_notes(view: ArchiveView, designs: Sequence[str]) -> Iterator[str]:
 
 
 def failure_association_chart(view: ArchiveView, design: str, table: OutputTable) -> Chart | None:
-    """Which inputs go with the loss of a design's runs; None where nothing tells.
+    """Return the inputs associated with a design's failed runs; None without an estimate.
 
     Parameters
     ----------
     view : ArchiveView
     design : str
     table : OutputTable
-        The numbers behind it, a row for each input, those first that go with the losses most.
+        The numbers behind it, a row for each input; the strongest associations come first.
     """
-    associations = read_group(view.tree, FAILURES, design)
+    associations = view_statistics(view).failures(design)
     bounds = np.stack([associations[name].values for name, _ in ASSOCIATIONS])
     if not np.isfinite(bounds[..., 0]).any():
         return None
     strength = np.nan_to_num(np.abs(bounds[..., 0] - 0.5)).max(axis=0)
     order = np.argsort(-strength, kind="stable")
     bounds = bounds[:, order[:_MOST_INPUTS]]
-    rows = tuple(str(name) for name in associations[INPUT].values[order[:_MOST_INPUTS]])
+    rows = tuple(str(name) for name in associations["larger"][INPUT].values[order[:_MOST_INPUTS]])
     left_out = len(order) - len(rows)
     return Chart(
         title=f"Which inputs go with the lost runs of {design}",

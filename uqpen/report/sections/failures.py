@@ -1,4 +1,4 @@
-"""How many runs were lost, to what, and where among the inputs."""
+"""Number of failed runs, the reasons, and where among the inputs they lie."""
 
 from __future__ import annotations
 
@@ -7,22 +7,23 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from uqpen.archive.read import group_names, read_group
-from uqpen.core.labels import INTERVAL_LEVEL, RUN, RUNS, STATUS_TEXT, STATUSES, Status
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.archive.read import read_group
+from uqpen.core.labels import INTERVAL_LEVEL, RUN, RUNS
+from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.figures.failure_panels import failed_run_counts
-from uqpen.figures.texts import plain_text
 from uqpen.report.blocks import Block, Table, Text
 from uqpen.report.counting import count_text, percent_texts
 from uqpen.report.sections.failure_charts import (
     failure_association_chart,
     failure_probability_chart,
 )
+from uqpen.report.sections.view_statistics import status_probability, view_statistics
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.failed_runs import failed_runs as losses_of
 from uqpen.results.failure_tables import failure_tables
 from uqpen.results.table import NOTHING, OutputTable
-from uqpen.statistics.failure_analysis import FAILURES
+from uqpen.results.texts import plain_text
 
 __all__ = ["failures"]
 
@@ -32,7 +33,7 @@ _MOST_CHARTS = 6
 
 
 def failures(view: ArchiveView) -> Iterator[Block]:
-    """Which runs were lost, to what, and where among the inputs."""
+    """Yield the failed runs, the reasons, and where among the inputs they lie."""
     failed = [design for design in view.designs if failed_run_counts(view, design)]
     if not failed:
         yield Text(_no_failure_text(view))
@@ -43,13 +44,13 @@ def failures(view: ArchiveView) -> Iterator[Block]:
 
 
 def _no_failure_text(view: ArchiveView) -> str:
-    """That nothing was lost, and how likely it is at most."""
+    """Return the text that no run failed, with the upper limit of the failure probability."""
     runs = sum(read_group(view.tree, RUNS, design).sizes[RUN] for design in view.designs)
     text = f"None of the {grouped_number(runs)} runs was lost."
     if runs == 1:
         text = "The only run came back."
     for design in view.sample_designs:
-        chance = read_group(view.tree, STATUSES, design).get(Status.FAILED.meaning)
+        chance = status_probability(view, design, Status.FAILED)
         if chance is not None and np.isfinite(chance.values[2]):
             upper = percent_texts(*chance.values)[2]
             level = percent_text(float(chance.attrs[INTERVAL_LEVEL]))
@@ -61,7 +62,7 @@ def _no_failure_text(view: ArchiveView) -> str:
 
 
 def _reason_table(view: ArchiveView, designs: Sequence[str]) -> OutputTable:
-    """How many runs of each design were lost to each reason, the most frequent first."""
+    """Return the number of failed runs by design and reason, the most frequent reason first."""
     counts: dict[tuple[Status, str], Counter[str]] = {}
     for design in designs:
         for each in losses_of(view.tree, design):
@@ -93,8 +94,10 @@ def _add(table: OutputTable, label: str, counts: Sequence[int]) -> None:
 
 
 def _association_blocks(view: ArchiveView) -> Iterator[Block]:
-    """Where among the inputs the lost runs lie, of each design that lost some."""
-    pairs = list(zip(group_names(view.tree, FAILURES), failure_tables(view.tree), strict=True))
+    """Yield where among the inputs the failed runs lie, for each design that has some."""
+    statistics = view_statistics(view)
+    designs = [each for each in view.designs if "larger" in statistics.failures(each)]
+    pairs = list(zip(designs, failure_tables(view.tree), strict=True))
     for design, table in pairs[:_MOST_CHARTS]:
         yield failure_association_chart(view, design, table) or Table(table)
     if more := pairs[_MOST_CHARTS:]:

@@ -1,29 +1,28 @@
-"""The runs of one design: in bins, by kinds, with what is told of them."""
+"""Runs of one design: in bins, by kinds, with their statistics."""
 
 from __future__ import annotations
 
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import read_group
-from uqpen.core.labels import INTERVAL_LEVEL, SHARES
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.histogram import bin_values, marked_estimates
-from uqpen.figures.texts import capitalized, unit_suffix
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.marks import bar_trace, dot_trace
 from uqpen.report.sections.leading_design import output_sample, output_title
 from uqpen.report.shapes import Shape, shaded_interval, vertical_line
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, percent_text
 from uqpen.results.statistics_rows import add_shares
 from uqpen.results.table import OutputTable
+from uqpen.results.texts import capitalized, unit_suffix
 
 __all__ = ["histogram", "shares"]
 
 
 def histogram(view: ArchiveView, output: str, design: str) -> Chart:
-    """The runs of a design that came back, in bins."""
+    """Return the chart of a design's completed runs, in bins."""
     values = view.scale(output).from_si(output_sample(view, design, output).values)
     counts, edges = bin_values(values)
     outside = values.size - int(counts.sum())
@@ -80,10 +79,17 @@ def _estimate_marks(
     return shapes, keys, lacks
 
 
-def shares(view: ArchiveView, output: str, design: str) -> Chart:
-    """How likely each kind of an output is."""
-    probabilities = read_group(view.tree, SHARES, design)[output]
-    labels = tuple(map(str, probabilities[f"{output}_category_label"].values))
+def shares(view: ArchiveView, output: str, design: str, probabilities: xr.DataArray) -> Chart:
+    """Return a chart of how likely each kind of an output is.
+
+    Parameters
+    ----------
+    view : ArchiveView
+    output, design : str
+    probabilities : DataArray
+        The shares, an estimate array along ``category``.
+    """
+    labels = tuple(map(str, probabilities["category_label"].values))
     table = OutputTable(f"Shares by {design}", [design])
     add_shares(table, view.tree, output)
     texts = [f"{label}: {cells[0]}" for label, cells in table.rows]

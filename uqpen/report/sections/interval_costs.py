@@ -1,4 +1,4 @@
-"""What an interval costs: its width against the runs that a source took."""
+"""Cost of an interval: its width against the runs that a source took."""
 
 from __future__ import annotations
 
@@ -10,18 +10,29 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import EXCEEDANCE, MOMENTS, RUN, RUNS, SHARES, Sampling
+from uqpen.core.catalogue import THRESHOLD
+from uqpen.core.labels import RUN, RUNS
+from uqpen.core.sampling import Sampling
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.source_comparison import ComparedStatistic
-from uqpen.figures.texts import title_with_unit, unit_suffix
 from uqpen.report.axes import logarithmic_axis
 from uqpen.report.blocks import Block, Chart, Charts, LegendKey, Table
 from uqpen.report.counting import count_text
 from uqpen.report.marks import Trace, escape_text, line_trace, point_trace, series_marker
+from uqpen.report.sections.quoted_statistics import share_label
+from uqpen.report.sections.view_statistics import view_statistics
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.statistics_rows import runs_spent
-from uqpen.results.table import NOTHING, OutputTable, estimate_remark, identity, quantile_label
+from uqpen.results.table import (
+    NOTHING,
+    OutputTable,
+    estimate_remark,
+    exceedance_label,
+    identity,
+    quantile_label,
+)
+from uqpen.results.texts import title_with_unit, unit_suffix
 from uqpen.statistics.sample import input_sample
 
 __all__ = ["interval_costs"]
@@ -60,7 +71,9 @@ def interval_costs(
     view: ArchiveView, output: str, found: Sequence[ComparedStatistic]
 ) -> Iterator[Block]:
     """Widths of intervals against runs, where there are several to be compared."""
-    every = [_ComparedWidths(each, _widths(view, each)) for each in _main_statistics(found)]
+    every = [
+        _ComparedWidths(each, _widths(view, each)) for each in _main_statistics(view, output, found)
+    ]
     compared = [each for each in every if len(each.widths) > 1]
     if not compared:
         return
@@ -87,13 +100,27 @@ def interval_costs(
         yield Table(_table(view, output, compared, sources, plain))
 
 
-def _main_statistics(found: Sequence[ComparedStatistic]) -> list[ComparedStatistic]:
-    """Mean, median, and the first probabilities among statistics."""
-    middle = quantile_label(0.5)
-    first = [each for each in found if each.kind == EXCEEDANCE][:1]
-    shares = [each for each in found if each.kind == SHARES][:_MOST_SHARES]
-    means = [each for each in found if each.kind == MOMENTS and each.label == "mean"]
-    return [*means, *(each for each in found if each.label == middle), *first, *shares]
+def _main_statistics(
+    view: ArchiveView, output: str, found: Sequence[ComparedStatistic]
+) -> list[ComparedStatistic]:
+    """Return mean, median, and the first probabilities among statistics."""
+    by_label = {each.label: each for each in found}
+    thresholds = [
+        exceedance_label(text) for text in _entries(view, output, "exceedance", THRESHOLD)
+    ]
+    shares = [share_label(text) for text in _entries(view, output, "share", "category_label")]
+    first = [label for label in thresholds if label in by_label][:1]
+    kinds = [label for label in shares if label in by_label][:_MOST_SHARES]
+    labels = ("mean", quantile_label(0.5), *first, *kinds)
+    return [by_label[label] for label in labels if label in by_label]
+
+
+def _entries(view: ArchiveView, output: str, statistic: str, along: str) -> list[str]:
+    """Return the labels of a statistic's entries, by the first source that has it."""
+    statistics = view_statistics(view)
+    arrays = (statistics.get(source, output, statistic) for source in view.sources)
+    first = next((array for array in arrays if array is not None), None)
+    return [] if first is None else [str(each) for each in first[along].values.tolist()]
 
 
 def _widths(view: ArchiveView, statistic: ComparedStatistic) -> list[_Width]:
@@ -172,7 +199,7 @@ def _two_digits(half: float) -> str:
 
 
 def _unit(view: ArchiveView, output: str, statistic: ComparedStatistic) -> str:
-    """What a width of a statistic is shown in."""
+    """Return the unit that a width of a statistic is shown in."""
     return DIMENSIONLESS if statistic.convert is identity else view.unit(output)
 
 

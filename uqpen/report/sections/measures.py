@@ -10,19 +10,19 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.interval_metadata import interval_metadata
+from uqpen.archive.estimates import interval_text
 from uqpen.core.labels import CHECKED, INPUT, INTERVAL_LABEL, REFUSED, UNCHECKED
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.measures import MeasureSeries, largest_inputs
-from uqpen.figures.texts import unit_suffix
 from uqpen.report.axes import padded_limits
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.marks import Trace, cross_trace, dot_trace, series_marker
 from uqpen.report.notes import has_interval, interval_notes
 from uqpen.report.shapes import Shape, horizontal_line, vertical_line
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
 from uqpen.results.table import Conversion, OutputTable, estimate_remark
+from uqpen.results.texts import unit_suffix
 
 __all__ = ["MeasureChartSpec", "measures_chart"]
 
@@ -38,7 +38,7 @@ _MOST_REASONS = 3
 
 @dataclass(frozen=True)
 class MeasureChartSpec:
-    """What a chart is to show.
+    """Content of a chart of measures.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ class MeasureChartSpec:
     convert : callable
         Out of SI units, estimate and bounds.
     summary_order : tuple of str
-        The labels of measures of which the summary may say which input's is the largest, the
-        better ones first.
+        The labels of measures, the better ones first. For these, the summary may name the input
+        with the largest estimate.
     unit : str
         Of the estimates.
     notes : tuple of str
@@ -62,7 +62,7 @@ class MeasureChartSpec:
 
 
 class _InputEstimate(NamedTuple):
-    """What a series says of an input, in the unit that is shown."""
+    """Estimate of a series for an input, in the unit that is shown."""
 
     name: str
     bounds: FloatArray
@@ -123,7 +123,7 @@ def _estimates(
         _InputEstimate(
             name,
             np.asarray(convert(estimate.values), dtype=np.float64),
-            interval_metadata(estimate, INTERVAL_LABEL),
+            interval_text(estimate, INTERVAL_LABEL),
             estimate_remark(estimate),
         )
         for name in inputs
@@ -191,7 +191,7 @@ def _keys(
 def _notes(
     found: Sequence[MeasureSeries], estimates: Sequence[Sequence[_InputEstimate]]
 ) -> Iterator[str]:
-    """What a reader must know of bars, of hollow markers and of crosses."""
+    """Yield notes on bars, on hollow markers and on crosses."""
     every = [
         (_series_name(each), one)
         for each, input_estimates in zip(found, estimates, strict=True)
@@ -213,7 +213,7 @@ def _notes(
 
 
 def _names_by_text(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
-    """The names that each text is told of, each once."""
+    """Return the names that each text applies to, each once."""
     found: dict[str, list[str]] = {}
     for name, text in pairs:
         names = found.setdefault(text, [])
@@ -233,7 +233,7 @@ def _summary(
     estimates: Sequence[Sequence[_InputEstimate]],
     spec: MeasureChartSpec,
 ) -> str:
-    """Which input's estimate is the largest, and whether intervals tell it from the others."""
+    """Return which input has the largest estimate, and whether intervals overlap with it."""
     input_estimates, each, label = _summary_series(found, estimates, spec)
     ordered = sorted(input_estimates, key=lambda one: -float(one.bounds[0]))
     first, *others = ordered
@@ -249,7 +249,7 @@ def _summary_series(
     estimates: Sequence[Sequence[_InputEstimate]],
     spec: MeasureChartSpec,
 ) -> tuple[Sequence[_InputEstimate], MeasureSeries, str]:
-    """What is spoken of: what has an interval if anything does, else what is not refused."""
+    """Return the series for the summary: one with intervals if any has, else one not refused."""
     ranked = []
     for position, (each, input_estimates) in enumerate(zip(found, estimates, strict=True)):
         label = each.label or spec.summary_order[0]
@@ -262,7 +262,7 @@ def _summary_series(
 
 
 def _order_certainty(first: _InputEstimate, others: Sequence[_InputEstimate]) -> str:
-    """What the intervals tell of the order of the first and all others."""
+    """Return what the intervals say of the order of the first and all others."""
     every = (first, *others)
     if not others:
         return ""

@@ -1,15 +1,13 @@
-"""How several models differ at the same points."""
+"""Differences of several models at the same points."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
 
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.curves import Curve, axis_span
 from uqpen.figures.distributions import CUT
 from uqpen.figures.model_comparison import model_curves
-from uqpen.figures.texts import capitalized, unit_suffix
 from uqpen.report.blocks import Axis, Block, Chart, Heading, LegendKey, Table
 from uqpen.report.marks import Trace, series_dash
 from uqpen.report.sections.distribution_curves import (
@@ -20,8 +18,10 @@ from uqpen.report.sections.distribution_curves import (
     curve_trace,
 )
 from uqpen.report.sections.leading_design import leading_design, output_heading, output_title
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.output_tables import difference_tables
+from uqpen.results.texts import capitalized, unit_suffix
 
 __all__ = ["model_comparison"]
 

@@ -10,9 +10,10 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import MATRIX, RUN, RUNS, STATUS, Status
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.core.labels import MATRIX, RUN, RUNS, STATUS
+from uqpen.core.status import Status
 from uqpen.figures.scatter import thin_runs
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 
 __all__ = ["PlottedRuns"]
@@ -26,13 +27,13 @@ _MOST_RUNS, _MOST_LOST = 400, 100
 
 @dataclass(frozen=True)
 class PlottedRuns:
-    """The runs of a design that are shown.
+    """Runs of a design that are shown.
 
     Parameters
     ----------
     view : ArchiveView
     design : str
-        One of which some runs came back.
+        It has some completed runs.
     """
 
     view: ArchiveView
@@ -40,7 +41,7 @@ class PlottedRuns:
 
     @cached_property
     def runs(self) -> xr.Dataset:
-        """Those that are a sample of the law, each with its place among all runs of the design."""
+        """Sample of the joint distribution, each run with its place among all of the design."""
         every = read_group(self.view.tree, RUNS, self.design)
         places = np.arange(every.sizes[RUN])
         if MATRIX in every:
@@ -55,7 +56,7 @@ class PlottedRuns:
 
     @cached_property
     def shown_completed(self) -> xr.Dataset:
-        """Some of those that came back."""
+        """Some of the completed runs."""
         return _sample_runs(self.runs, self.completed, _MOST_RUNS)
 
     @cached_property
@@ -65,12 +66,12 @@ class PlottedRuns:
 
     @property
     def inputs(self) -> list[str]:
-        """Those that are not the same in all runs."""
+        """Inputs that are not the same in all runs."""
         return self.view.random_inputs(self.design)
 
     @property
     def thinning_note(self) -> str:
-        """How many of the runs are shown."""
+        """Number of the runs that are shown."""
         whole = int(self.completed.sum())
         counts = [_count_text(self.shown_completed, whole, "that came back")]
         if failed := len(self.completed) - whole:

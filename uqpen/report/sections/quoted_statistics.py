@@ -11,21 +11,15 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import (
-    EXCEEDANCE,
-    INTERVAL_LEVEL,
-    MOMENTS,
-    QUANTILES,
-    RUNS,
-    SHARES,
-    TOLERANCE_LIMITS,
-    Sampling,
-)
-from uqpen.figures.archive_view import ArchiveView
-from uqpen.figures.texts import capitalized, plain_text, unit_suffix
+from uqpen.core.catalogue import CATALOGUE, UnitRule
+from uqpen.core.labels import INTERVAL_LEVEL, RUNS
+from uqpen.core.sampling import Sampling
 from uqpen.report.counting import percent_texts
+from uqpen.report.sections.view_statistics import view_statistics
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_texts, percent_text
 from uqpen.results.table import estimate_remark, exceedance_label, output_names, quantile_label
+from uqpen.results.texts import capitalized, plain_text, unit_suffix
 
 __all__ = [
     "QuotedStatistic",
@@ -34,17 +28,10 @@ __all__ = [
     "other_design_estimates",
     "output_name",
     "requested_statistics",
+    "share_label",
 ]
 
 FloatArray = npt.NDArray[np.float64]
-
-# What the entries of a group lie along: how the coordinate's name goes on after the output's.
-_COORDINATES = {
-    TOLERANCE_LIMITS: "hold",
-    EXCEEDANCE: "threshold",
-    QUANTILES: "probability",
-    SHARES: "category",
-}
 
 
 @dataclass(frozen=True)
@@ -55,29 +42,27 @@ class QuotedStatistic:
     ----------
     view : ArchiveView
     output : str
-    kind : str
-        The group that its estimates stand in.
+    statistic : str
+        Its name in the catalogue.
     entry : str or float or None
-        What tells it from others of the group: a probability, a threshold as written, a kind.
+        Of a statistic with several entries the one: a probability, a threshold as written, a kind.
     """
 
     view: ArchiveView
     output: str
-    kind: str
+    statistic: str
     entry: Any = None
 
     def estimate(self, design: str) -> xr.DataArray | None:
-        """What a design tells of it, along ``bound``; None where it tells nothing."""
-        dataset = read_group(self.view.tree, self.kind, design)
-        name = f"{self.output}_mean" if self.kind == MOMENTS else self.output
-        if name not in dataset:
+        """Return a design's estimate of it, along ``bound``; None where there is none."""
+        array = view_statistics(self.view).get(design, self.output, self.statistic)
+        if array is None:
             return None
-        array = dataset[name]
-        if self.kind in _COORDINATES:
-            entries = dataset[f"{self.output}_{_COORDINATES[self.kind]}"].values.tolist()
+        for along in CATALOGUE[self.statistic].dims:
+            entries = array[along].values.tolist()
             if self.entry not in entries:
                 return None
-            array = array[entries.index(self.entry)]
+            array = array[{along: entries.index(self.entry)}]
         return array if np.isfinite(array.values[0]) else None
 
     def bounds(self, array: xr.DataArray) -> FloatArray:
@@ -94,7 +79,7 @@ class QuotedStatistic:
         return tuple(no_break(f"{text}{self._unit}") for text in estimate_texts(*values))
 
     def interval(self, array: xr.DataArray) -> str:
-        """What stands behind an estimate, in brackets: its interval, or why it has none."""
+        """Return the text in brackets after an estimate: its interval, or why it has none."""
         _, lower, upper = self.texts(array)
         has_lower, has_upper = np.isfinite(self.bounds(array)[1:]).tolist()
         level = f"{no_break(percent_text(array.attrs.get(INTERVAL_LEVEL, np.nan)))} interval"
@@ -112,15 +97,17 @@ class QuotedStatistic:
 
     @property
     def _label(self) -> str:
-        if self.kind == TOLERANCE_LIMITS:
+        if self.statistic == "tolerance_limit":
             return f"value not exceeded in {no_break(percent_text(self.entry))} of cases"
-        if self.kind == QUANTILES:
+        if self.statistic == "quantile":
             return quantile_label(self.entry)
-        return exceedance_label(plain_text(self.entry)) if self.kind == EXCEEDANCE else "mean"
+        if self.statistic == "exceedance":
+            return exceedance_label(plain_text(self.entry))
+        return CATALOGUE[self.statistic].title
 
     @property
     def _is_probability(self) -> bool:
-        return self.kind in (EXCEEDANCE, SHARES)
+        return CATALOGUE[self.statistic].unit is UnitRule.NONE
 
     @property
     def _unit(self) -> str:
@@ -128,11 +115,16 @@ class QuotedStatistic:
 
 
 def output_name(view: ArchiveView, output: str) -> str:
-    """What an output is called in a sentence."""
+    """Return the name of an output in a sentence."""
     runs = read_group(view.tree, RUNS, view.designs[0])
     titles = [str(runs[name].attrs.get("long_name", name)) for name in output_names(runs)]
     title = str(runs[output].attrs.get("long_name", output))
     return plain_text(title if titles.count(title) == 1 else f"{title} ({output})")
+
+
+def share_label(category: str) -> str:
+    """Return what the probability of a kind is called in a chart or table."""
+    return f"share {category}"
 
 
 def no_break(text: str) -> str:
@@ -141,10 +133,10 @@ def no_break(text: str) -> str:
 
 
 def requested_statistics(view: ArchiveView, output: str, design: str) -> list[QuotedStatistic]:
-    """What the study asked of an output by itself, the first value held before thresholds."""
+    """Return the requested statistics of an output: a tolerance limit, thresholds, other limits."""
     limits, thresholds = (
-        [each for each in _entries(view, output, design, kind) if each.estimate(design) is not None]
-        for kind in (TOLERANCE_LIMITS, EXCEEDANCE)
+        [each for each in _entries(view, output, design, name) if each.estimate(design) is not None]
+        for name in ("tolerance_limit", "exceedance")
     )
     return [*limits[:1], *thresholds, *limits[1:]]
 
@@ -152,8 +144,8 @@ def requested_statistics(view: ArchiveView, output: str, design: str) -> list[Qu
 def default_statistic(view: ArchiveView, output: str, design: str) -> QuotedStatistic | None:
     """The median of an output, or else its mean."""
     for each in (
-        QuotedStatistic(view, output, QUANTILES, 0.5),
-        QuotedStatistic(view, output, MOMENTS),
+        QuotedStatistic(view, output, "quantile", 0.5),
+        QuotedStatistic(view, output, "mean"),
     ):
         if each.estimate(design) is not None:
             return each
@@ -161,7 +153,7 @@ def default_statistic(view: ArchiveView, output: str, design: str) -> QuotedStat
 
 
 def other_design_estimates(quantity: QuotedStatistic, leading: str) -> dict[str, xr.DataArray]:
-    """What other designs, which drew points of their own, tell of the same quantity."""
+    """Return estimates of the same quantity by other designs, which drew their own points."""
     view = quantity.view
     found = {}
     for design in view.sample_designs:
@@ -172,11 +164,11 @@ def other_design_estimates(quantity: QuotedStatistic, leading: str) -> dict[str,
     return found
 
 
-def _entries(view: ArchiveView, output: str, design: str, kind: str) -> Iterator[QuotedStatistic]:
-    dataset = read_group(view.tree, kind, design)
-    coordinate = f"{output}_{_COORDINATES[kind]}"
-    if coordinate in dataset:
-        yield from (
-            QuotedStatistic(view, output, kind, each)
-            for each in dataset[coordinate].values.tolist()
-        )
+def _entries(
+    view: ArchiveView, output: str, design: str, statistic: str
+) -> Iterator[QuotedStatistic]:
+    array = view_statistics(view).get(design, output, statistic)
+    if array is not None:
+        (along,) = CATALOGUE[statistic].dims
+        for entry in array[along].values.tolist():
+            yield QuotedStatistic(view, output, statistic, entry)

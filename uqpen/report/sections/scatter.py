@@ -8,20 +8,21 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.read import read_group
-from uqpen.core.labels import INPUT, RUN, SENSITIVITY, STATUS, STATUS_TEXT, Status
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.core.labels import INPUT, RUN, STATUS
+from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.figures.curves import axis_span
 from uqpen.figures.scatter import category_labels, jitter
-from uqpen.figures.texts import title_with_unit, unit_suffix
 from uqpen.report.axes import padded_limits
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.marks import Trace, escape_text, point_trace
 from uqpen.report.sections.leading_design import leading_design, output_heading
 from uqpen.report.sections.plotted_runs import PlottedRuns
+from uqpen.report.sections.view_statistics import view_statistics
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
 from uqpen.results.table import NOTHING, OutputTable, identity
+from uqpen.results.texts import title_with_unit, unit_suffix
 
 __all__ = ["scatter"]
 
@@ -87,14 +88,15 @@ def _chosen_inputs(cloud: PlottedRuns, output: str, most: int) -> tuple[list[str
 
 
 def _input_importance(cloud: PlottedRuns, output: str) -> tuple[dict[str, float], str]:
-    """How much each input counts, and by what that is told; empty where it is not."""
-    dataset = read_group(cloud.view.tree, SENSITIVITY, cloud.design)
-    for suffix, why in _CHOICE_TEXTS:
-        if (name := f"{output}_{suffix}") in dataset:
-            estimates = np.abs(np.nan_to_num(dataset[name].values[..., 0]))
+    """Return how much each input counts, and the words for it; empty without an estimate."""
+    statistics = view_statistics(cloud.view)
+    for statistic, why in _CHOICE_TEXTS:
+        array = statistics.get(cloud.design, output, statistic)
+        if array is not None:
+            estimates = np.abs(np.nan_to_num(array.values[..., 0]))
             largest = estimates.max(axis=0) if estimates.ndim > 1 else estimates
             if largest.any():
-                return dict(zip(dataset[INPUT].values.tolist(), largest.tolist(), strict=True)), why
+                return dict(zip(array[INPUT].values.tolist(), largest.tolist(), strict=True)), why
     return {}, ""
 
 
@@ -135,7 +137,7 @@ def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
 
 
 def _short_title(view: ArchiveView, name: str, longest: int) -> str:
-    """What a short axis says: the name in place of what is long."""
+    """Return the title of a short axis: the name in place of a long title."""
     long = view.axis_label(name)
     return long if len(long) <= longest else title_with_unit(name, view.unit(name))
 
@@ -146,14 +148,14 @@ def _hover_line(view: ArchiveView, name: str, along: str) -> str:
 
 
 def _axis_limits(values: FloatArray) -> tuple[float, float]:
-    """Where an axis of an input begins and ends, so that no run lies on its frame."""
+    """Return the limits of an input's axis, so that no run lies on its frame."""
     finite = values[np.isfinite(values)]
     lower, upper = float(finite.min()), float(finite.max())
     return padded_limits(lower, upper)
 
 
 def _vertical_axis(cloud: PlottedRuns, output: str) -> tuple[FloatArray, Axis]:
-    """Where the runs stand along the vertical axis, and that."""
+    """Return the positions of the runs along the vertical axis, and the axis."""
     if output in cloud.view.numeric_outputs:
         lower, upper, _ = _span(cloud, output)
         title = _short_title(cloud.view, output, _HIGHEST)
@@ -174,7 +176,7 @@ def _cut_note(cloud: PlottedRuns, output: str) -> str:
 
 
 def _failed_run_trace(cloud: PlottedRuns, name: str, axis: Axis) -> Trace:
-    """Lost runs, which have no output, at the foot of a chart."""
+    """Return the failed runs, which have no output, at the foot of a chart."""
     foot = len(axis.rows) - 0.58 if axis.ends is None else _foot_position(*axis.ends)
     statuses = [Status(code) for code in cloud.shown_failed[STATUS].values.tolist()]
     x = cloud.values(name, cloud.shown_failed)
@@ -199,17 +201,16 @@ def _foot_position(lower: float, upper: float) -> float:
 def _association_estimates(
     cloud: PlottedRuns, output: str, name: str
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """What the design tells of how an output goes along with an input."""
-    dataset = read_group(cloud.view.tree, SENSITIVITY, cloud.design)
-    for suffix, label in _ASSOCIATIONS:
-        if (variable := f"{output}_{suffix}") in dataset:
-            known = dataset[INPUT].values.tolist()
-            if name in known:
-                yield label, dataset[variable][known.index(name)]
+    """Yield the design's estimates of how an output goes along with an input."""
+    statistics = view_statistics(cloud.view)
+    for statistic, label in _ASSOCIATIONS:
+        array = statistics.get(cloud.design, output, statistic)
+        if array is not None and name in (known := array[INPUT].values.tolist()):
+            yield label, array[{INPUT: known.index(name)}]
 
 
 def _summary(cloud: PlottedRuns, output: str, name: str) -> str:
-    """How they go along, where that is told; else where the runs lie."""
+    """Return the association of output and input where there is one, else the input's range."""
     for label, array in _association_estimates(cloud, output, name):
         if np.isfinite(array.values[0]):
             what = "rank correlation" if label == "Spearman" else label
@@ -225,7 +226,7 @@ def _range(cloud: PlottedRuns, name: str, which: BoolArray) -> str:
 
 
 def _table(cloud: PlottedRuns, output: str) -> OutputTable:
-    """Measures of association where they are told, else where the runs lie."""
+    """Return a table of measures of association where there are any, else of ranges."""
     first = [label for label, _ in _association_estimates(cloud, output, (cloud.inputs or [""])[0])]
     if not first:
         return _range_table(cloud, output)
@@ -237,7 +238,7 @@ def _table(cloud: PlottedRuns, output: str) -> OutputTable:
 
 
 def _range_table(cloud: PlottedRuns, output: str) -> OutputTable:
-    """Between which values each lies: in all runs that came back, or by the output's kind."""
+    """Return a table of ranges: in all completed runs, and by the output's kind if it has any."""
     view = cloud.view
     which = {"all runs that came back": cloud.completed}
     names: Sequence[str] = [*cloud.inputs, output]

@@ -1,4 +1,4 @@
-"""Where the uncertainty comes from: shares of the variance, effects, responses."""
+"""Sources of the uncertainty: shares of the variance, effects, responses."""
 
 from __future__ import annotations
 
@@ -8,29 +8,37 @@ from itertools import chain
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import INPUT, SENSITIVITY
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.core.catalogue import CATEGORY
+from uqpen.core.labels import INPUT
 from uqpen.figures.measures import MeasureSeries, measure_series
 from uqpen.figures.responses import RESPONSES, magnitudes
 from uqpen.figures.sensitivity import EFFECTS, INDICES, best_sources
-from uqpen.figures.texts import capitalized, title_with_unit
 from uqpen.report.blocks import Block, Chart, Charts, Heading, Table
 from uqpen.report.sections.leading_design import output_heading
 from uqpen.report.sections.measures import MeasureChartSpec, measures_chart
+from uqpen.report.sections.view_statistics import view_statistics
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.sensitivity_tables import named_tables
 from uqpen.results.table import NOTHING, OutputTable, identity
+from uqpen.results.texts import capitalized, title_with_unit
 
 __all__ = ["sensitivity"]
 
 # Of which the summary of a chart speaks, the first that is told.
 _SUMMARY_ORDER = ("total order", "first order", "Shapley effect")
 _SHARE = "share of the variance"
+# The same shares where an output has kinds: of whether it is of one. Name, words and marker.
+_CATEGORY_INDICES = (
+    ("category_first_order", "first order", "o"),
+    ("category_total_order", "total order", "s"),
+    ("category_shapley", "Shapley effect", "D"),
+)
 # Kinds of an output that have a chart of their own.
 _MOST_CATEGORIES = 6
 
 
 def sensitivity(view: ArchiveView) -> Iterator[Block]:
-    """Where the uncertainty comes from: shares of the variance, effects, responses."""
+    """Yield the sources of the uncertainty: shares of the variance, effects, responses."""
     for output in view.numeric_outputs:
         if blocks := list(_numeric_output_blocks(view, output)):
             yield Heading(output_heading(view, output))
@@ -66,7 +74,7 @@ def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
 
 
 def _has_estimates(table: OutputTable) -> bool:
-    """Whether there is any figure in it."""
+    """Return whether there is any figure in a table."""
     return any(not cell.startswith(NOTHING) for _, cells in table.rows for cell in cells)
 
 
@@ -97,28 +105,37 @@ def _categorical_output_blocks(view: ArchiveView, output: str) -> Iterator[Block
 
 
 def _category_labels(view: ArchiveView, output: str) -> list[str]:
-    for _, dataset in view.source_groups(SENSITIVITY):
-        if (name := f"{output}_category_label") in dataset.coords:
-            return list(map(str, dataset[name].values.tolist()))
+    for _, _, _, array in _category_indices(view, output):
+        return list(map(str, array["category_label"].values.tolist()))
     return []
 
 
+def _category_indices(
+    view: ArchiveView, output: str
+) -> Iterator[tuple[str, str, str, xr.DataArray]]:
+    """Yield the source, words and marker of each array along categories and inputs."""
+    statistics = view_statistics(view)
+    for source in view.sources:
+        for statistic, label, marker in _CATEGORY_INDICES:
+            array = statistics.get(source, output, statistic)
+            if array is not None and view.source in (None, source):
+                yield source, label, marker, array
+
+
 def _category_series(view: ArchiveView, output: str, position: int) -> list[MeasureSeries]:
-    """What all sources tell of one kind."""
+    """Return the estimates of all sources for one kind."""
     return [
-        MeasureSeries(source, label, marker, dataset[name][{f"{output}_category": position}])
-        for source, dataset in view.source_groups(SENSITIVITY)
-        for suffix, label, marker in INDICES
-        if (name := f"{output}_category_{suffix}") in dataset
+        MeasureSeries(source, label, marker, array[{CATEGORY: position}])
+        for source, label, marker, array in _category_indices(view, output)
     ]
 
 
 def _group_categories(
     view: ArchiveView, output: str, labels: Sequence[str]
 ) -> list[tuple[list[str], list[MeasureSeries]]]:
-    """Kinds, and what is told of them; those together of which the same is told.
+    """Return kinds and their measures; kinds with the same measures are grouped.
 
-    Where there are two, one comes about whenever the other does not.
+    Where there are two kinds, one occurs whenever the other does not.
     """
     kept: list[tuple[list[str], list[MeasureSeries]]] = []
     for position, label in enumerate(labels):

@@ -8,19 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import read_group
-from uqpen.core.labels import (
-    CONDITIONAL,
-    EXCEEDANCE,
-    INTERVAL_LEVEL,
-    MISSING,
-    QUANTILES,
-    SHARES,
-    STATUSES,
-    TOLERANCE_LIMITS,
-)
-from uqpen.figures.archive_view import ArchiveView
-from uqpen.figures.texts import capitalized, plain_text
+from uqpen.core.catalogue import CATEGORY
+from uqpen.core.labels import CONDITIONAL, INTERVAL_LEVEL, MISSING
 from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted_statistics import (
     QuotedStatistic,
@@ -29,8 +18,11 @@ from uqpen.report.sections.quoted_statistics import (
     output_name,
     requested_statistics,
 )
+from uqpen.report.sections.view_statistics import failure_probabilities, view_statistics
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.table import estimate_remark
+from uqpen.results.texts import capitalized, plain_text
 
 __all__ = ["OutputSentences", "output_sentences"]
 
@@ -40,17 +32,17 @@ _MOST_CATEGORIES = 4
 
 
 class OutputSentences(NamedTuple):
-    """What is said of an output.
+    """Sentences about an output.
 
     Attributes
     ----------
     sentences : tuple of str
     quantities : tuple of QuotedStatistic
-        What they tell.
+        What they state.
     remarks : tuple of str
-        What must be known of the very estimates.
+        What a reader must know of these estimates.
     missing_runs_note : int
-        How many of the quantities asked have no sentence.
+        Number of requested quantities that have no sentence.
     """
 
     sentences: tuple[str, ...]
@@ -60,14 +52,14 @@ class OutputSentences(NamedTuple):
 
 
 def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSentences | None:
-    """What a design tells of an output; None for nothing.
+    """Return what a design says of an output; None for nothing.
 
     Parameters
     ----------
     view : ArchiveView
     output : str
     design : str
-        Whose runs are a sample of the input law.
+        Its runs are a sample of the joint distribution of the inputs.
     """
     if output in view.categorical_outputs:
         return _category_sentences(view, output, design)
@@ -90,13 +82,13 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
 
 def _sentence(quantity: QuotedStatistic, array: xr.DataArray, of: _Population) -> str:
     name = output_name(quantity.view, quantity.output)
-    if quantity.kind == TOLERANCE_LIMITS:
+    if quantity.statistic == "tolerance_limit":
         return f"{_tolerance_limit_sentence(quantity, array, name, of)}{of.omission_sentence}"
     stated = f"{quantity.texts(array)[0]} {quantity.interval(array)}"
-    if quantity.kind == QUANTILES:
+    if quantity.statistic == "quantile":
         half = f"half of {of.name} stay at or below it"
         return f"The median of {name} is {stated}: {half}.{of.omission_sentence}"
-    if quantity.kind == EXCEEDANCE:
+    if quantity.statistic == "exceedance":
         name = f"{name} exceeds {no_break(plain_text(quantity.entry))}"
         return (
             f"The probability that {name}{of.condition} is "
@@ -123,18 +115,18 @@ def _tolerance_limit_sentence(
 
 
 class _Population(NamedTuple):
-    """What a design's figures are of, in the words of a sentence that stands by itself.
+    """Population of a design's figures, in the words of a sentence that stands by itself.
 
     Attributes
     ----------
     name : str
-        Those that quantiles are of, and values that hold: none that did not come back.
+        The cases that quantiles and tolerance limits refer to: only those with a result.
     every : str
-        All of them, which the interval of a probability allows for.
+        All cases, which the interval of a probability allows for.
     condition : str
-        What a probability is given; empty for nothing.
+        Condition of a probability; empty for none.
     missing : str
-        What did not come back; empty for nothing.
+        Runs that did not complete; empty for none.
     """
 
     name: str
@@ -144,8 +136,9 @@ class _Population(NamedTuple):
 
     @classmethod
     def from_design(cls, view: ArchiveView, design: str) -> _Population:
-        """Those of a design's statistics."""
-        accounts = read_group(view.tree, STATUSES, design).attrs
+        """Return the population of a design's statistics."""
+        ends = failure_probabilities(view, design)
+        accounts = {} if ends is None else ends.attrs
         given, missing = accounts.get(CONDITIONAL), accounts.get(MISSING)
         every = "all admissible cases" if given else "all cases"
         return cls(
@@ -161,7 +154,7 @@ class _Population(NamedTuple):
         return f" This leaves out {self.missing}, which did not come back." * bool(self.missing)
 
     def missing_run_sentence(self, array: xr.DataArray) -> str:
-        """The same of a probability, the interval of which counts lost runs both ways."""
+        """Return the sentence for a probability, whose interval counts failed runs both ways."""
         if not self.missing or not has_interval(array.values):
             return self.omission_sentence
         return (
@@ -198,24 +191,24 @@ def _category_sentences(view: ArchiveView, output: str, design: str) -> OutputSe
 def _category_statistics(
     view: ArchiveView, output: str, design: str
 ) -> Iterator[tuple[str, QuotedStatistic, xr.DataArray]]:
-    """What each kind is called, and its share."""
-    estimates = read_group(view.tree, SHARES, design)
-    if output in estimates:
-        flags = estimates[f"{output}_category"].values.tolist()
-        labels = estimates[f"{output}_category_label"].values.tolist()
+    """Yield the name of each kind, and its share."""
+    shares = view_statistics(view).get(design, output, "share")
+    if shares is not None:
+        flags = shares[CATEGORY].values.tolist()
+        labels = shares["category_label"].values.tolist()
         for flag, label in zip(flags, labels, strict=True):
-            quantity = QuotedStatistic(view, output, SHARES, flag)
+            quantity = QuotedStatistic(view, output, "share", flag)
             if (array := quantity.estimate(design)) is not None:
                 yield f"“{plain_text(str(label), 40)}”", quantity, array
 
 
 def _remarks(told: list[tuple[QuotedStatistic, xr.DataArray]]) -> Iterator[str]:
-    """What must be known of the estimates, where their sentences do not say it."""
+    """Yield remarks on the estimates, where their sentences do not say it."""
     for quantity, array in told:
         if note := _estimate_remark(array):
             yield f"{quantity.heading}: {note}."
 
 
 def _estimate_remark(array: xr.DataArray) -> str:
-    """What must be known of an estimate; why there is no interval stands in its place."""
+    """Return a remark on an estimate; the reason for no interval stands in the interval's place."""
     return estimate_remark(array) if has_interval(array.values) else ""

@@ -1,4 +1,4 @@
-"""What all sources say of the same statistics, side by side, and what it cost."""
+"""Estimates of the same statistics by all sources, side by side, and their cost."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.interval_metadata import interval_metadata
+from uqpen.archive.estimates import interval_text
 from uqpen.core.labels import INTERVAL_LABEL, REFUSED
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.figures.archive_view import ArchiveView
 from uqpen.figures.estimate_dots import REFUSED_NOTE
 from uqpen.figures.source_comparison import ComparedStatistic, compared_statistics
-from uqpen.figures.texts import title_with_unit, unit_suffix
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Table, Text
 from uqpen.report.marks import Trace, cross_trace, dot_trace, series_marker
 from uqpen.report.notes import has_interval, interval_notes
 from uqpen.report.sections.interval_costs import interval_costs
 from uqpen.report.sections.leading_design import output_heading, output_title
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.output_tables import statistics_table
 from uqpen.results.table import estimate_with_verdict, identity
+from uqpen.results.texts import title_with_unit, unit_suffix
 
 __all__ = ["source_comparison"]
 
@@ -52,12 +52,12 @@ def source_comparison(view: ArchiveView) -> Iterator[Block]:
 
 
 def _available_statistics(view: ArchiveView, output: str) -> list[ComparedStatistic]:
-    """The statistics that any source tells."""
+    """Return the statistics that any source gives."""
     return [each for each in compared_statistics(view, output) if each.available_estimates]
 
 
 def _rows(view: ArchiveView, found: Sequence[ComparedStatistic]) -> tuple[str, ...]:
-    """The sources that tell any of some statistics."""
+    """Return the sources that give any of some statistics."""
     return tuple(
         name for name in view.sources if any(name in each.available_estimates for each in found)
     )
@@ -117,4 +117,4 @@ def _chart(
 
 
 def _is_refused(estimate: xr.DataArray) -> bool:
-    return interval_metadata(estimate, INTERVAL_LABEL) == REFUSED
+    return interval_text(estimate, INTERVAL_LABEL) == REFUSED

@@ -1,34 +1,23 @@
-"""What independent runs say of the figures of a surrogate."""
+"""Validation of a surrogate's figures by independent runs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.interval_metadata import metadata_prefix, select_variable
-from uqpen.archive.read import read_group
-from uqpen.core.labels import (
-    BOUND,
-    CDFS,
-    CHECKED,
-    EXCEEDANCE,
-    INTERVAL_LABEL,
-    MOMENTS,
-    NOTE,
-    QUANTILES,
-    REFUSED,
-    SENSITIVITY,
-    SHARES,
-    STATUSES,
-    TOLERANCE_LIMITS,
-    UNCHECKED,
-)
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.core.catalogue import CATALOGUE, PROBABILITY, THRESHOLD
+from uqpen.core.labels import CHECKED, INTERVAL_LABEL, NOTE, REFUSED, UNCHECKED
 from uqpen.report.blocks import Block, Remarks, Table, Text
+from uqpen.report.sections.view_statistics import (
+    STATISTIC_FAMILIES,
+    all_outputs,
+    failure_probabilities,
+    view_statistics,
+)
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.table import OutputTable, exceedance_label, quantile_label
 
@@ -37,34 +26,38 @@ __all__ = ["surrogate_validation"]
 # Refusals that are listed at the most.
 _MOST_LISTED = 12
 
-# What is told of a surrogate, and what a person reads.
-_GROUPS = {
-    MOMENTS: "moments",
-    QUANTILES: "quantiles",
-    TOLERANCE_LIMITS: "values that hold",
-    EXCEEDANCE: "probabilities of exceeding",
-    CDFS: "distribution functions",
-    SHARES: "shares of kinds",
-    STATUSES: "probabilities of losses",
-    SENSITIVITY: "measures of sensitivity",
-}
+_LOSSES, _SENSITIVITY = "probabilities of losses", "measures of sensitivity"
+# What is told of a surrogate, as a person reads it.
+_FAMILIES = (
+    *(family for family in STATISTIC_FAMILIES if family != _SENSITIVITY),
+    _LOSSES,
+    _SENSITIVITY,
+)
 _VERDICTS = (CHECKED, REFUSED, UNCHECKED)
 # The same function, point by point; and what only says how heavy a tail is.
-_NOT_COUNTED = ("_probability", "_effective_runs")
+_NOT_COUNTED = ("cdf", "effective_runs")
 
 
 class _ValidatedEstimate(NamedTuple):
     """A figure of a surrogate, and the verdict on it."""
 
-    group: str
+    family: str
     name: str
     verdict: str
     note: str
 
 
 def surrogate_validation(view: ArchiveView, name: str) -> Iterator[Block]:
-    """How many of its figures independent runs bear out, and which ones they contradict."""
-    every = [each for kind in _GROUPS for each in _validated_estimates(view, kind, name)]
+    """Yield the number of figures that validation runs confirm, and those they contradict."""
+    statistics = view_statistics(view)
+    found = {output: statistics.statistics(name, output) for output in all_outputs(view.tree)}
+    every = [
+        each
+        for family in _FAMILIES
+        for each in (
+            _failure_rows(view, name) if family == _LOSSES else _family_verdicts(family, found)
+        )
+    ]
     if not every:
         return
     counts = {label: sum(each.verdict == label for each in every) for label in _VERDICTS}
@@ -85,50 +78,56 @@ def surrogate_validation(view: ArchiveView, name: str) -> Iterator[Block]:
     yield Table(_validation_table(name, every), is_folded=True)
 
 
-def _validated_estimates(view: ArchiveView, kind: str, name: str) -> Iterator[_ValidatedEstimate]:
-    """The verdicts on the figures of a group; a distribution function is one figure."""
-    dataset = read_group(view.tree, kind, name)
-    for variable in map(str, dataset.data_vars):
-        array = select_variable(dataset, variable)
-        if BOUND not in array.dims or variable.endswith(_NOT_COUNTED):
-            continue
-        labels, notes = (_texts(array, what) for what in (INTERVAL_LABEL, NOTE))
-        for place in np.ndindex(labels.shape):
-            if labels[place] in _VERDICTS and np.isfinite(array.values[place][..., 0]).any():
-                label = _estimate_name(array, variable, place)
-                yield _ValidatedEstimate(kind, label, str(labels[place]), str(notes[place]))
+def _failure_rows(view: ArchiveView, name: str) -> Iterator[_ValidatedEstimate]:
+    """Yield the verdicts on how likely the model loses a run."""
+    ends = failure_probabilities(view, name)
+    if ends is not None:
+        yield from _verdicts(_LOSSES, ends, "")
 
 
-def _texts(array: xr.DataArray, what: str) -> npt.NDArray[np.object_]:
-    """What is said of each figure, or of all of them at once."""
-    dimensions = [str(each) for each in array.dims if each != BOUND]
-    prefix = metadata_prefix(str(array.name), dimensions, array.coords)
-    said = array.coords[f"{prefix}_{what}"].values if prefix else array.attrs.get(what, "")
-    return np.asarray(said, dtype=object)
+def _family_verdicts(
+    family: str, found: Mapping[str, Mapping[str, xr.DataArray]]
+) -> Iterator[_ValidatedEstimate]:
+    """Yield the verdicts on the figures of a family, given all arrays by output and name."""
+    names = [each for each in STATISTIC_FAMILIES[family] if each not in _NOT_COUNTED]
+    for output, arrays in found.items():
+        for name in names:
+            if name in arrays:
+                is_function = CATALOGUE[name].is_function
+                title = f"distribution function of {output}" * is_function
+                yield from _verdicts(family, arrays[name], title)
 
 
-def _estimate_name(array: xr.DataArray, variable: str, place: tuple[int, ...]) -> str:
-    """What a figure is called in a list."""
-    if variable.endswith("_band"):
-        return f"distribution function of {variable.removesuffix('_band')}"
+def _verdicts(family: str, array: xr.DataArray, title: str) -> Iterator[_ValidatedEstimate]:
+    """Yield the verdict on each entry, or on an array with a title as a whole."""
+    labels, notes = (array.coords[text].values for text in (INTERVAL_LABEL, NOTE))
+    for place in [(0,) * labels.ndim] if title else np.ndindex(labels.shape):
+        estimates = array.values[..., 0] if title else array.values[place][..., 0]
+        if labels[place] in _VERDICTS and np.isfinite(estimates).any():
+            label = title or _estimate_name(array, place)
+            yield _ValidatedEstimate(family, label, str(labels[place]), str(notes[place]))
+
+
+def _estimate_name(array: xr.DataArray, place: tuple[int, ...]) -> str:
+    """Return what a figure is called in a list."""
     entries = []
     for dimension, position in zip(array.dims, place, strict=False):
         entry = array[dimension].values.tolist()[position]
-        if str(dimension).endswith("_probability"):
+        if dimension == PROBABILITY:
             entry = quantile_label(entry)
-        elif str(dimension).endswith("_threshold"):
+        elif dimension == THRESHOLD:
             entry = exceedance_label(entry)
         entries.append(str(entry))
-    return ", ".join([str(array.attrs.get("long_name", variable)), *entries])
+    return ", ".join([str(array.attrs["long_name"]), *entries])
 
 
 def _validation_table(name: str, every: list[_ValidatedEstimate]) -> OutputTable:
-    """How many figures of each group there are, by verdict."""
+    """Return how many figures of each family there are, by verdict."""
     table = OutputTable(f"{name}: verdicts on its figures", list(_VERDICTS))
-    for kind, label in _GROUPS.items():
-        found = [each.verdict for each in every if each.group == kind]
+    for family in _FAMILIES:
+        found = [each.verdict for each in every if each.family == family]
         if found:
             table.rows.append(
-                (label, [grouped_number(found.count(verdict)) for verdict in _VERDICTS])
+                (family, [grouped_number(found.count(verdict)) for verdict in _VERDICTS])
             )
     return table

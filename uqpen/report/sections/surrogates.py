@@ -1,4 +1,4 @@
-"""How good surrogates are, by runs that they have not seen."""
+"""Accuracy of surrogates, by runs that they have not seen."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import group_names, read_group
-from uqpen.core.labels import RUN, RUNS, STATUS, SURROGATES, Status
-from uqpen.figures.archive_view import ArchiveView
+from uqpen.core.labels import RUN, RUNS, STATUS, SURROGATES
+from uqpen.core.status import Status
 from uqpen.figures.scatter import thin_runs
 from uqpen.figures.surrogate import fit_quality, predict, test_design
-from uqpen.figures.texts import title_with_unit, unit_suffix
 from uqpen.report.axes import padded_limits
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Table
 from uqpen.report.marks import Trace, escape_text, line_trace, point_trace
 from uqpen.report.sections.surrogate_validation import surrogate_validation
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.output_tables import fit_table
 from uqpen.results.table import OutputTable
+from uqpen.results.texts import title_with_unit, unit_suffix
 
 __all__ = ["surrogates"]
 
@@ -34,7 +35,7 @@ _WORST = 10
 
 
 def surrogates(view: ArchiveView) -> Iterator[Block]:
-    """How good surrogates are, by runs that they have not seen."""
+    """Yield the accuracy of surrogates, by runs that they have not seen."""
     for name in group_names(view.tree, SURROGATES):
         dataset = read_group(view.tree, SURROGATES, name)
         yield Heading(name)
@@ -49,7 +50,7 @@ def surrogates(view: ArchiveView) -> Iterator[Block]:
 
 
 class _Predictions(NamedTuple):
-    """What the model and its surrogate say of the same runs, in the unit that is shown."""
+    """Results of the model and its surrogate for the same runs, in the unit that is shown."""
 
     runs: npt.NDArray[np.int64]
     observed: FloatArray
@@ -164,7 +165,7 @@ def _axis_limits(values: FloatArray) -> tuple[float, float]:
 def _difference_table(
     view: ArchiveView, design: str, whole: int, compared: dict[str, _Predictions]
 ) -> OutputTable:
-    """How far a surrogate is from the model, run by run."""
+    """Return a table of the differences of a surrogate from the model, run by run."""
     size = next(iter(compared.values())).observed.size
     of = (
         grouped_number(size)

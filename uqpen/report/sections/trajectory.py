@@ -8,8 +8,6 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.figures.archive_view import ArchiveView
-from uqpen.figures.texts import capitalized, title_with_unit, unit_suffix
 from uqpen.figures.trajectory import (
     find_trajectories,
     quantity_name,
@@ -19,7 +17,9 @@ from uqpen.figures.trajectory import (
 )
 from uqpen.report.blocks import Axis, Block, Chart, Charts, LegendKey
 from uqpen.report.marks import Trace, escape_text, line_trace, series_dash
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.table import NOTHING, OutputTable
+from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
 
 __all__ = ["trajectory"]
 
@@ -103,7 +103,7 @@ def _line(
 def _shown_values(
     view: ArchiveView, told: xr.Dataset, name: str
 ) -> tuple[FloatArray, FloatArray, str]:
-    """What lies along, a quantity, and what stands behind its numbers."""
+    """Return the values along the axis, those of a quantity, and the suffix of its unit."""
     along = str(next(iter(told.dims)))
     unit, factor = readable_unit(told[name])
     x = np.asarray(view.scale(along).from_si(told[along].values), dtype=np.float64)
@@ -111,12 +111,12 @@ def _shown_values(
 
 
 def _spread_positions(size: int, most: int) -> npt.NDArray[np.int64]:
-    """So many positions at the most, the first and the last among them."""
+    """Return at most a given number of positions, with the first and the last among them."""
     return np.unique(np.round(np.linspace(0, size - 1, min(size, most))).astype(np.int64))
 
 
 def _ends_sentence(view: ArchiveView, model: str, told: xr.Dataset, names: list[str]) -> str:
-    """Where each quantity begins and ends."""
+    """Return a sentence on where each quantity begins and ends."""
     texts = []
     for name in (each for each in names if each in told):
         _, y, unit = _shown_values(view, told, name)

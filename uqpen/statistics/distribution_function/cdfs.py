@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import BOUND, BOUNDS, INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE, RANK
-from uqpen.statistics.distribution_function.quantiles import has_enough_runs_beside, sample_quantile
+from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
+from uqpen.core.labels import INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE, RANK
+from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import clopper_pearson, dkw_half_width, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -20,7 +21,7 @@ __all__ = ["RANKS", "cdf", "cdf_at_values"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-# Estimate, lower and upper bound at each value, and what to say of them.
+# Estimate, lower and upper bound at each value, and their attributes.
 Band = tuple[FloatArray, dict[str, str | float]]
 
 # A distribution function is kept at this many equally spaced probabilities.
@@ -28,37 +29,38 @@ RANKS = 1001
 
 
 def cdf(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
-    """The distribution function at equally spaced ranks, with two bands.
+    """Estimate the distribution function at equally spaced ranks, with two bands.
 
-    The pointwise band is for a value fixed beforehand; the simultaneous one covers the whole
-    function at once, so it is right for a value chosen after looking.
+    The pointwise band is for a value fixed beforehand. The simultaneous band covers the whole
+    function at once, so it is valid for a value chosen after looking at the data.
 
     Yields
     ------
     name : str
-        ``<output>``: the values along ``rank``; ``<output>_probability`` and ``<output>_band``:
-        the function there, with pointwise and with simultaneous bounds.
+        ``cdf_value``: values of the output; ``cdf`` and ``cdf_band``: the distribution function
+        at these values, with pointwise and with simultaneous bounds.
     estimate : DataArray
+        Along ``rank``; ``cdf`` and ``cdf_band`` also along ``bound``.
     """
     if quantity.output.categories:
         return
-    name, title = quantity.output.name, quantity.output.title
+    title = quantity.output.title
     ranks = np.linspace(0.0, 1.0, RANKS)
     coordinate = {RANK: (RANK, ranks, {"units": "1", "long_name": "probability of lying below"})}
     values = sample_quantile(sample, ranks)
     described = {"units": quantity.output.unit, "long_name": f"values of {title}"}
-    yield name, xr.DataArray(values, coordinate, (RANK,), attrs=described)
-    for suffix, which, (estimate, attributes) in zip(
-        ("probability", "band"), ("pointwise", "simultaneous"), _bands(sample, values), strict=True
+    yield "cdf_value", xr.DataArray(values, coordinate, (RANK,), attrs=described)
+    pointwise, simultaneous = _bands(sample, values)
+    for statistic, which, band in (
+        ("cdf", "pointwise", pointwise),
+        ("cdf_band", "simultaneous", simultaneous),
     ):
-        attributes |= {"units": "1"}
-        attributes["long_name"] = f"probability that {title} lies below a value, {which}"
-        array = xr.DataArray(estimate, {BOUND: list(BOUNDS)}, (RANK, BOUND), attrs=attributes)
-        yield f"{name}_{suffix}", array.assign_coords(coordinate)
+        long_name = f"probability that {title} lies below a value, {which}"
+        yield statistic, _band_array(band, RANK, long_name).assign_coords(coordinate)
 
 
 def cdf_at_values(sample: Sample, values: FloatArray) -> xr.DataArray:
-    """The distribution function at values of one's own, with the simultaneous band there.
+    """Estimate the distribution function at given values, with the simultaneous band there.
 
     Parameters
     ----------
@@ -71,12 +73,22 @@ def cdf_at_values(sample: Sample, values: FloatArray) -> xr.DataArray:
     DataArray
         Along ``value`` and ``bound``: what the archive's function is at those of its ranks.
     """
-    _, (estimate, attributes) = _bands(sample, values)
-    return xr.DataArray(estimate, {BOUND: list(BOUNDS)}, ("value", BOUND), attrs=attributes)
+    _, simultaneous = _bands(sample, values)
+    return _band_array(simultaneous, "value", "probability of lying below a value, simultaneous")
+
+
+def _band_array(band: Band, dimension: str, long_name: str) -> xr.DataArray:
+    """Return a band as an estimate array along a dimension and ``bound``."""
+    values, attributes = band
+    texts = {name: str(attributes.get(name, "")) for name in INTERVAL_TEXTS}
+    level = {key: value for key, value in attributes.items() if key == INTERVAL_LEVEL}
+    return estimate_array(
+        values, {dimension: len(values)}, texts, units="1", long_name=long_name, attributes=level
+    )
 
 
 def _bands(sample: Sample, values: FloatArray) -> tuple[Band, Band]:
-    """The pointwise and the simultaneous band at some values."""
+    """Return the pointwise and the simultaneous band at some values."""
     if not sample.size:
         missing = np.full(values.shape, np.nan)
         return _without_bounds(sample, missing), _without_bounds(sample, missing)
@@ -88,7 +100,7 @@ def _bands(sample: Sample, values: FloatArray) -> tuple[Band, Band]:
 
 
 def _counts(sample: Sample, values: FloatArray) -> IntArray:
-    """How many runs lie at or below each value, a row for each replicate."""
+    """Count the runs at or below each value, a row for each replicate."""
     parts = [
         np.sort(sample.values[sample.replicate == number])
         for number in range(sample.replicate_count)
@@ -104,7 +116,7 @@ def _pointwise(sample: Sample, counts: IntArray, estimate: FloatArray) -> Band:
         label = "discrete"
     elif sample.error_model is ErrorModel.REPLICATED:
         half = student_quantile(sample.degrees_of_freedom, LEVEL) * _errors(sample, counts)
-        regular = has_enough_runs_beside(sample, total)
+        regular = has_enough_runs_around(sample, total)
         lower = np.where(regular, np.maximum(estimate - half, 0.0), lower)
         upper = np.where(regular, np.minimum(estimate + half, 1.0), upper)
         method = "Student t over replicates; Clopper-Pearson with fewer than 10 runs on a side"

@@ -9,8 +9,10 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import STATUS_TEXT, Status
-from uqpen.statistics.distribution_function.quantiles import has_enough_runs_beside
+from uqpen.core.catalogue import CATEGORY, THRESHOLD
+from uqpen.core.labels import STATUS
+from uqpen.core.status import Status
+from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import clopper_pearson, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -31,105 +33,101 @@ BoolArray = npt.NDArray[np.bool_]
 def exceedance_probabilities(
     sample: Sample, quantity: QuantityOfInterest
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """Probability that an output exceeds each of the values asked.
+    """Probability that an output exceeds each of the requested thresholds.
 
     Yields
     ------
     name : str
-        The output's.
+        ``exceedance``.
     estimate : DataArray
-        Along ``<output>_threshold`` (as written; ``<output>_threshold_value`` in SI) and
+        Along ``threshold`` (as written; the coordinate ``threshold_value`` in SI units) and
         ``bound``.
     """
     if not quantity.thresholds:
         return
-    name = quantity.output.name
-    dimension = f"{name}_threshold"
     array = Estimate.stack(
         [
             _probability_with_missing(sample, sample.values > threshold.value)
             for threshold in quantity.thresholds
         ],
-        dimension,
+        THRESHOLD,
         units="1",
         long_name=f"probability that {quantity.output.title} exceeds a value",
     )
-    yield name, array.assign_coords(threshold_coordinates(quantity))
+    yield "exceedance", array.assign_coords(threshold_coordinates(quantity))
 
 
 def threshold_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
-    """The coordinates along ``<output>_threshold``: the values asked, as written and in SI."""
-    dimension = f"{quantity.output.name}_threshold"
+    """Return the coordinates along ``threshold``: the thresholds as written and in SI units."""
     written = np.array([threshold.text for threshold in quantity.thresholds], dtype=object)
     values = np.array([threshold.value for threshold in quantity.thresholds])
     described = {"units": quantity.output.unit, "long_name": "value exceeded"}
     return {
-        dimension: (dimension, written, {"long_name": "value exceeded, as written"}),
-        f"{dimension}_value": (dimension, values, described),
+        THRESHOLD: (THRESHOLD, written, {"long_name": "value exceeded, as written"}),
+        f"{THRESHOLD}_value": (THRESHOLD, values, described),
     }
 
 
 def category_probabilities(
     sample: Sample, quantity: QuantityOfInterest
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """Probability of each kind of an output that has kinds.
+    """Probability of each category of a categorical output.
 
     Yields
     ------
     name : str
-        The output's.
+        ``share``.
     estimate : DataArray
-        Along ``<output>_category`` and ``bound``.
+        Along ``category`` and ``bound``.
     """
     categories = quantity.output.categories
     if not categories:
         return
-    name = quantity.output.name
-    dimension = f"{name}_category"
     array = Estimate.stack(
         [
             _probability_with_missing(sample, sample.values == kind)
             for kind in range(len(categories))
         ],
-        dimension,
+        CATEGORY,
         units="1",
         long_name=f"share of {quantity.output.title}",
     )
-    yield name, array.assign_coords(category_coordinates(quantity))
+    yield "share", array.assign_coords(category_coordinates(quantity))
 
 
 def category_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
-    """The coordinates along ``<output>_category``: the kinds, as flags and to be read."""
-    dimension = f"{quantity.output.name}_category"
+    """Return the coordinates along ``category``: the flags and the labels of the categories."""
     flags = np.array([category.flag for category in quantity.output.categories], dtype=object)
     labels = np.array([category.label for category in quantity.output.categories], dtype=object)
     return {
-        dimension: (dimension, flags, {"long_name": "kind"}),
-        f"{dimension}_label": (dimension, labels, {"long_name": "kind, to be read"}),
+        CATEGORY: (CATEGORY, flags, {"long_name": "kind"}),
+        f"{CATEGORY}_label": (CATEGORY, labels, {"long_name": "kind, to be read"}),
     }
 
 
-def status_probabilities(runs: xr.Dataset) -> Iterator[tuple[str, xr.DataArray]]:
-    """Probability of each way in which runs of a design can be lost, whether or not one was.
+def status_probabilities(runs: xr.Dataset) -> xr.DataArray:
+    """Estimate the probability of each way in which a run can fail, whether or not one did.
 
     Parameters
     ----------
     runs : Dataset
         With ``status(run)``.
 
-    Yields
-    ------
-    name : str
-        The status.
-    estimate : DataArray
-        Along ``bound``.
+    Returns
+    -------
+    DataArray
+        Along ``status`` and ``bound``.
     """
     sample = Sample.from_statuses(runs)
-    for status in Status:
-        if status is not Status.OK:
-            estimate = _probability(sample, sample.values == status)
-            long_name = f"probability that a run is {STATUS_TEXT[status]}"
-            yield status.meaning, estimate.to_array(units="1", long_name=long_name)
+    ends = [status for status in Status if status is not Status.OK]
+    array = Estimate.stack(
+        [_probability(sample, sample.values == status) for status in ends],
+        STATUS,
+        units="1",
+        long_name="probability that a run ends so",
+    )
+    names = np.array([status.meaning for status in ends], dtype=object)
+    return array.assign_coords({STATUS: (STATUS, names, {"long_name": "end of a run"})})
 
 
 def _probability(sample: Sample, events: BoolArray) -> Estimate:
@@ -140,7 +138,7 @@ def _probability(sample: Sample, events: BoolArray) -> Estimate:
     value = count / sample.size
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(value, reason)
-    if sample.error_model is not ErrorModel.INDEPENDENT and has_enough_runs_beside(sample, count):
+    if sample.error_model is not ErrorModel.INDEPENDENT and has_enough_runs_around(sample, count):
         error, freedom, is_rounded = probability_error(sample, events)
         half = student_quantile(freedom, LEVEL) * error
         ends = max(value - half, 0.0), min(value + half, 1.0)

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.catalogue import CONTENT_LEVEL, PROBABILITY
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import (
     order_statistic_ranks,
@@ -22,7 +23,7 @@ from uqpen.statistics.standard_errors import cdf_error
 
 __all__ = [
     "TOO_ONE_SIDED",
-    "has_enough_runs_beside",
+    "has_enough_runs_around",
     "quantile_estimates",
     "sample_quantile",
     "tolerance_limits",
@@ -30,7 +31,7 @@ __all__ = [
 
 FloatArray = npt.NDArray[np.float64]
 
-# With fewer runs than this on a side of a value, replicates do not tell the error there.
+# With fewer runs than this on one side of a value, replicates do not show the error there.
 _FEWEST_BEYOND = 10
 TOO_ONE_SIDED = "fewer than ten runs lie on one side"
 
@@ -41,50 +42,47 @@ _WOODRUFF = "Woodruff, over replicates"
 def quantile_estimates(
     sample: Sample, quantity: QuantityOfInterest
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """The quantiles asked of an output.
+    """Estimate the requested quantiles of an output.
 
     Yields
     ------
     name : str
-        The output's.
+        ``quantile``.
     estimate : DataArray
-        Along ``<output>_probability`` and ``bound``.
+        Along ``probability`` and ``bound``.
     """
     if quantity.output.categories:
         return
-    name = quantity.output.name
-    dimension = f"{name}_probability"
     array = Estimate.stack(
         [_quantile_estimate(sample, p) for p in quantity.quantiles],
-        dimension,
+        PROBABILITY,
         units=quantity.output.unit,
         long_name=f"quantiles of {quantity.output.title}",
     )
     described = {"units": "1", "long_name": "probability of lying below the quantile"}
     probabilities = np.array(quantity.quantiles)
-    yield name, array.assign_coords({dimension: (dimension, probabilities, described)})
+    yield "quantile", array.assign_coords({PROBABILITY: (PROBABILITY, probabilities, described)})
 
 
 def tolerance_limits(
     sample: Sample, quantity: QuantityOfInterest
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """The values not exceeded with the probabilities asked, each with an upper tolerance bound.
+    """Estimate one-sided upper tolerance limits of an output for the requested contents.
 
     Yields
     ------
     name : str
-        The output's.
+        ``tolerance_limit``.
     estimate : DataArray
-        Along ``<output>_hold`` and ``bound``, the lower bound being NaN; the coordinate
-        ``<output>_hold_runs_needed`` says how many independent runs an upper bound takes.
+        Along ``content`` and ``bound``. The upper bound is the tolerance limit, and the lower
+        bound is NaN. The coordinate ``content_runs_needed`` is the least number of independent
+        runs with an upper bound.
     """
     if quantity.output.categories or not quantity.tolerance_contents:
         return
-    name = quantity.output.name
-    dimension = f"{name}_hold"
     array = Estimate.stack(
         [_tolerance_limit(sample, p) for p in quantity.tolerance_contents],
-        dimension,
+        CONTENT_LEVEL,
         units=quantity.output.unit,
         long_name=f"value that {quantity.output.title} does not exceed with a probability",
     )
@@ -92,11 +90,11 @@ def tolerance_limits(
     described = {"units": "1", "long_name": "probability of not exceeding the value"}
     fewest = {"units": "1", "long_name": "independent runs that an upper bound takes at least"}
     yield (
-        name,
+        "tolerance_limit",
         array.assign_coords(
             {
-                dimension: (dimension, np.array(quantity.tolerance_contents), described),
-                f"{dimension}_runs_needed": (dimension, needed, fewest),
+                CONTENT_LEVEL: (CONTENT_LEVEL, np.array(quantity.tolerance_contents), described),
+                f"{CONTENT_LEVEL}_runs_needed": (CONTENT_LEVEL, needed, fewest),
             }
         ),
     )
@@ -117,15 +115,15 @@ def sample_quantile(sample: Sample, probability: npt.ArrayLike) -> FloatArray:
     return between
 
 
-def has_enough_runs_beside(sample: Sample, counts_below: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Whether enough runs lie on either side of a value for their scatter to tell the error.
+def has_enough_runs_around(sample: Sample, counts_below: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    """Check that enough runs lie on either side of a value to estimate the error by their scatter.
 
     Parameters
     ----------
     sample : Sample
         The runs.
     counts_below : array_like
-        How many of them lie below.
+        Numbers of runs below the value.
     """
     # A probability times a number of runs is a whole number but for rounding.
     beyond = np.minimum(counts_below, sample.size - np.asarray(counts_below))
@@ -137,11 +135,11 @@ def _quantile_estimate(sample: Sample, p: float) -> Estimate:
     value = float(sample_quantile(sample, p))
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(value, reason)
-    if sample.error_model is ErrorModel.REPLICATED and has_enough_runs_beside(
+    if sample.error_model is ErrorModel.REPLICATED and has_enough_runs_around(
         sample, sample.size * p
     ):
         step, is_rounded = _woodruff_step(sample, p, value, LEVEL)
-        # So many runs, a whole number, lie below the quantile at least, and at most.
+        # Least and largest whole number of runs below the quantile.
         fewest = math.ceil(sample.size * (p - step))
         most = math.floor(sample.size * (p + step))
         if fewest >= 1 and most < sample.size:
@@ -160,11 +158,11 @@ def _quantile_estimate(sample: Sample, p: float) -> Estimate:
 
 
 def _tolerance_limit(sample: Sample, p: float) -> Estimate:
-    """A quantile with a one-sided upper bound."""
+    """Estimate a quantile with a one-sided upper bound."""
     value = float(sample_quantile(sample, p))
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(value, reason)
-    if sample.error_model is ErrorModel.REPLICATED and has_enough_runs_beside(
+    if sample.error_model is ErrorModel.REPLICATED and has_enough_runs_around(
         sample, sample.size * p
     ):
         # A one-sided bound at 95 % is the upper end of a two-sided interval at 90 %.
@@ -183,7 +181,7 @@ def _tolerance_limit(sample: Sample, p: float) -> Estimate:
 
 
 def _woodruff_step(sample: Sample, p: float, value: float, level: float) -> tuple[float, bool]:
-    """How far the distribution function at a quantile may be off, and whether that is by counting.
+    """Return the half-width of the cdf's interval at a quantile, and True if counting limits it.
 
     Woodruff, R. S. (1952). J. Am. Stat. Assoc. 47, 635-646; with the scatter over replicates.
     """
@@ -192,7 +190,7 @@ def _woodruff_step(sample: Sample, p: float, value: float, level: float) -> tupl
 
 
 def _order_statistic(sample: Sample, rank: float) -> float:
-    """The value at a rank counted from 1; NaN where there is no such rank."""
+    """Return the value at a rank counted from 1; NaN where there is no such rank."""
     if not 1 <= rank <= sample.size:
         return math.nan
     return float(sample.sorted_values[int(rank) - 1])

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import QUADRATURE_WEIGHT, STATUS, Status
+from uqpen.core.labels import QUADRATURE_WEIGHT, STATUS
+from uqpen.core.status import Status
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
@@ -37,9 +38,9 @@ def quadrature_moments(
     Yields
     ------
     name : str
-        ``<output>_mean``, ``_std``, ``_skewness``, ``_kurtosis``.
+        ``mean``, ``std``, ``skewness``, ``kurtosis``.
     estimate : DataArray
-        Along ``bound``, without bounds: nothing in a rule tells how far off it is.
+        Along ``bound``, without bounds: a quadrature rule gives no estimate of its error.
     """
     if quantity.output.categories:
         return
@@ -56,23 +57,23 @@ def quadrature_moments(
             value, "; ".join(filter(None, [reason, integrals.missing_runs_note]))
         )
         yield (
-            f"{name}_{statistic}",
+            statistic,
             estimate.to_array(units=units, long_name=f"{long_name} of {title}"),
         )
 
 
 @dataclass(frozen=True, eq=False)
 class _Integrals:
-    """The runs of a rule that came back, their weights made to add up to 1 again.
+    """Completed runs of a quadrature rule, with weights scaled to a sum of 1.
 
     Parameters
     ----------
     values, weights : ndarray, shape (run,)
-        Of those that came back.
+        Of the completed runs.
     missing_runs_note : str
-        What was lost, and what that does; empty for nothing.
+        Note on the failed runs and their effect; empty where no run failed.
     total : float
-        What their weights add up to before; 1 where none was lost.
+        Sum of the weights before scaling; 1 where no run failed.
     """
 
     values: FloatArray
@@ -82,7 +83,7 @@ class _Integrals:
 
     @classmethod
     def from_runs(cls, runs: xr.Dataset, name: str) -> _Integrals:
-        """The integrals of an output."""
+        """Compute the integrals of an output."""
         weights = runs[QUADRATURE_WEIGHT].values
         used = runs[STATUS].values == Status.OK
         missing_runs_note = ""
@@ -97,7 +98,7 @@ class _Integrals:
         return cls(values, weights[used] / (total or math.nan), missing_runs_note, total)
 
     def statistic_with_reason(self, statistic: str) -> tuple[float, str]:
-        """A statistic with the reason why it has no interval, or is none at all."""
+        """Return a statistic with the reason why it has no interval, or is NaN."""
         if not len(self.values):
             return math.nan, "no run came back"
         if not self.total > _ROUNDING:
@@ -112,7 +113,7 @@ class _Integrals:
             return math.sqrt(self._moment(2)) * self.scale, _NO_SCATTER
         if statistic == "skewness":
             return self.skewness, _NO_SCATTER
-        # No law has less (Pearson 1916, Phil. Trans. R. Soc. A 216, 429-457).
+        # No distribution has less (Pearson 1916, Phil. Trans. R. Soc. A 216, 429-457).
         if self.kurtosis < (1 + self.skewness**2) * (1 - _ROUNDING):
             return math.nan, _IMPOSSIBLE_MOMENT.format("kurtosis")
         return self.kurtosis, _NO_SCATTER

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.statistics.distribution_function.quantiles import has_enough_runs_beside, sample_quantile
+from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -28,10 +28,10 @@ BoolArray = npt.NDArray[np.bool_]
 
 # Means over replicates covered less than said on heavy tails below this many runs.
 _FEWEST_RUNS_FOR_HEAVY_MEANS = 5000
-# With fewer effective runs than this the law may well have no variance, or not even a mean.
+# With fewer effective runs than this, the distribution may have no variance, or not even a mean.
 _FEWEST_RUNS_FOR_A_MEAN = 20
 
-# About one standard deviation either side of the median, for a normal law.
+# About one standard deviation on either side of the median, for a normal distribution.
 _LOW, _HIGH = 0.16, 0.84
 
 _DIAGNOSIS = "a diagnosis of the tail, not an estimate"
@@ -50,14 +50,13 @@ def sample_moments(
     Yields
     ------
     name : str
-        ``<output>_mean``, ``_std``, ``_half_spread``, ``_skewness``, ``_kurtosis``,
-        ``_effective_runs``.
+        ``mean``, ``std``, ``half_spread``, ``skewness``, ``kurtosis``, ``effective_runs``.
     estimate : DataArray
         Along ``bound``.
     """
     if quantity.output.categories:
         return
-    name, title = quantity.output.name, quantity.output.title
+    title = quantity.output.title
     shape = SampleShape(sample)
     for statistic, estimate, long_name in (
         ("mean", _mean(sample, shape), "mean"),
@@ -65,7 +64,7 @@ def sample_moments(
         ("half_spread", _half_spread(sample), "half the 16 % to 84 % range"),
     ):
         array = estimate.to_array(units=quantity.output.unit, long_name=f"{long_name} of {title}")
-        yield f"{name}_{statistic}", array
+        yield statistic, array
     for statistic, value, reason in (
         ("skewness", shape.skewness, "no interval was found that covers"),
         ("kurtosis", shape.kurtosis, _DIAGNOSIS),
@@ -75,7 +74,7 @@ def sample_moments(
         why = _CONSTANT if is_constant else sample.reason_without_intervals or reason
         long_name = f"{statistic.replace('_', ' ')} of {title}"
         estimate = Estimate.without_bounds(value, why)
-        yield f"{name}_{statistic}", estimate.to_array(units="1", long_name=long_name)
+        yield statistic, estimate.to_array(units="1", long_name=long_name)
 
 
 def _mean(sample: Sample, shape: SampleShape) -> Estimate:
@@ -97,7 +96,7 @@ def _mean(sample: Sample, shape: SampleShape) -> Estimate:
 
 
 def _mean_warning(sample: Sample, shape: SampleShape) -> str:
-    """Why the interval of a mean may cover less often than it says; empty for no reason."""
+    """Reason why the interval of a mean may not have its nominal coverage; empty for none."""
     if sample.is_constant:
         return ""
     may_hide = (
@@ -131,7 +130,7 @@ def _std(sample: Sample, shape: SampleShape) -> Estimate:
     if shape.is_heavy:
         reason = f"heavy tail ({shape.tail_note}): no interval covers; see half the 16–84 % range"
         return Estimate.without_bounds(std * shape.scale, reason)
-    # The delta method on log(std), whose law is closer to normal than that of std itself.
+    # The delta method on log(std), whose distribution is closer to normal than that of std itself.
     error, freedom = standard_error(sample, shape.deviations**2)
     if _is_falsely_exact(sample, error):
         return Estimate.without_bounds(std * shape.scale, _REPLICATES_AGREE)
@@ -146,22 +145,23 @@ def _std(sample: Sample, shape: SampleShape) -> Estimate:
 
 
 def _is_falsely_exact(sample: Sample, error: float) -> bool:
-    """Whether an error is none, of an output that varies: of one with few values over strata."""
+    """Check for a zero error of a varying output, as one with few values over strata may have."""
     return not sample.is_constant and error < _ROUNDING
 
 
 def _half_spread(sample: Sample) -> Estimate:
     """Half the distance from the 16 % to the 84 % quantile.
 
-    For a normal law it is the standard deviation all but for half a per cent; unlike that, it has
-    an interval on a heavy tail too. Its ends are as far off as Woodruff's of both quantiles, by the
-    correlation of their errors (Zou, G. Y. (2007). Psychol. Methods 12, 399-413).
+    For a normal distribution it agrees with the standard deviation to half a per cent. Unlike the
+    standard deviation, it has an interval on a heavy tail too. The interval combines Woodruff's
+    intervals of both quantiles with the correlation of their errors (Zou, G. Y. (2007). Psychol.
+    Methods 12, 399-413).
     """
     probabilities = np.array([_LOW, _HIGH])
     ends = sample_quantile(sample, probabilities)
     value = float(ends[1] / 2 - ends[0] / 2) if sample.size > 1 else math.nan
     reason = sample.reason_without_intervals
-    if not reason and not has_enough_runs_beside(sample, sample.size * _LOW):
+    if not reason and not has_enough_runs_around(sample, sample.size * _LOW):
         reason = sample.too_few_runs
     if reason:
         return Estimate.without_bounds(value, reason)
@@ -180,7 +180,7 @@ def _half_spread(sample: Sample) -> Estimate:
 
 
 def _correlation(sample: Sample, one: BoolArray, other: BoolArray) -> float:
-    """Correlation of the errors of two shares, as far as their scatter tells it."""
+    """Correlation of the errors of two shares, estimated from their scatter; else 0."""
     first_events, second_events = one.astype(np.float64), other.astype(np.float64)
     first, second = (
         standard_error(sample, first_events)[0],
@@ -194,7 +194,7 @@ def _correlation(sample: Sample, one: BoolArray, other: BoolArray) -> float:
 
 
 def _combined_error(low: float, high: float, correlation: float) -> float:
-    """How far off a difference may be whose terms may be off so far."""
+    """Error of a difference from the errors of its terms and their correlation."""
     largest = max(abs(low), abs(high))
     if not largest > 0:
         return 0.0

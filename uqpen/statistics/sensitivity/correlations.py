@@ -48,17 +48,17 @@ def correlations(
     Yields
     ------
     name : str
-        ``<output>_pearson``, ``_spearman``; ``_partial`` and ``_partial_rank``: of what is left of
-        both when the other inputs have explained what they can by straight lines.
+        ``pearson``, ``spearman``; ``partial`` and ``partial_rank``: correlation of the residuals
+        of output and input after linear regression on the other inputs.
     estimate : DataArray
         Along ``input`` and ``bound``.
     """
     if quantity.output.categories or not sample.inputs:
         return
-    name, title = quantity.output.name, quantity.output.title
+    title = quantity.output.title
     values = _CorrelatedColumns(sample, is_ranked=False)
     ranks = _CorrelatedColumns(sample, is_ranked=True)
-    for suffix, columns, is_partial, adjective in (
+    for statistic, columns, is_partial, adjective in (
         ("pearson", values, False, "Pearson correlations"),
         ("spearman", ranks, False, "Spearman rank correlations"),
         ("partial", values, True, "partial correlations"),
@@ -72,9 +72,8 @@ def correlations(
             INPUT,
             units="1",
             long_name=long_name,
-            name=f"{name}_{suffix}",
         )
-        yield f"{name}_{suffix}", array.assign_coords(input_coordinate(sample))
+        yield statistic, array.assign_coords(input_coordinate(sample))
 
 
 @dataclass(frozen=True)
@@ -90,7 +89,7 @@ class _CorrelatedColumns:
 
     @cached_property
     def levels(self) -> list[IntArray]:
-        """For each column, the output last, which of its values, ascending, each run has."""
+        """Level of each run's value among the ascending values of each column, the output last."""
         columns = [*self.sample.points[self.sample.used].T, self.sample.values]
         return [np.unique(column, return_inverse=True)[1] for column in columns]
 
@@ -105,7 +104,7 @@ class _CorrelatedColumns:
 
     @cached_property
     def _varying(self) -> IntArray:
-        """Which columns vary."""
+        """Numbers of the columns that vary."""
         return np.flatnonzero(self.standardized.any(axis=1))
 
     @cached_property
@@ -117,7 +116,7 @@ class _CorrelatedColumns:
         return products
 
     def correlation(self, i: int, *, is_partial: bool) -> Estimate:
-        """The correlation of the output with input `i`."""
+        """Estimate the correlation of the output with input `i`."""
         if reason := reason_without_measure(self.sample, i, _FEWEST_RUNS):
             return Estimate.without_bounds(math.nan, reason)
         weights = self._partial_weights(i) if is_partial else self._simple_weights(i)
@@ -135,7 +134,7 @@ class _CorrelatedColumns:
         return unit[i], unit[-1]
 
     def _partial_weights(self, i: int) -> tuple[FloatArray, FloatArray] | None:
-        """How the residuals of input and output over the other inputs are made of the columns."""
+        """Weights of the columns in the residuals of input and output over the other inputs."""
         kept, matrix = self._varying, self._products
         if np.linalg.cond(matrix) > 1 / _ROUNDING:
             return None
@@ -159,7 +158,7 @@ class _CorrelatedColumns:
     def _influence(
         self, one: FloatArray, other: FloatArray, weights: tuple[FloatArray, FloatArray]
     ) -> FloatArray:
-        """Each run's influence on the correlation of two combinations of the columns."""
+        """Return each run's influence on the correlation of two combinations of the columns."""
         value = float((one * other).mean())
         influence: FloatArray = one * other - value / 2 * (one**2 + other**2)
         if not self.is_ranked:
@@ -175,7 +174,7 @@ class _CorrelatedColumns:
         return influence
 
     def _rank_influence(self, k: int, target: FloatArray) -> FloatArray:
-        """What each run adds to a column's mean product with `target` by moving others' ranks."""
+        """Influence of each run on a column's mean product with `target` by others' ranks."""
         level = self.levels[k]
         at = np.bincount(level, target)
         above = np.cumsum(at[::-1])[::-1] - at
@@ -184,7 +183,7 @@ class _CorrelatedColumns:
         return moved
 
     def _with_bounds(self, value: float, influence: FloatArray) -> Estimate:
-        """A correlation with its bounds, by the delta method on Fisher's transform."""
+        """Return a correlation with its bounds, by the delta method on Fisher's transform."""
         error, freedom = standard_error(self.sample, influence)
         if 1 - abs(value) < _ROUNDING or not error > _ROUNDING:
             return Estimate.without_bounds(value, "the runs leave no scatter that tells the error")

@@ -38,12 +38,12 @@ _NO_INTERVAL = "no interval covers: its bias may exceed its scatter"
 
 
 def delta(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
-    """Delta, the moment-independent measure: 0 for no influence, 1 where the input decides all.
+    """Moment-independent measure delta: 0 for no influence, 1 where the input decides all.
 
     Yields
     ------
     name : str
-        ``<output>_delta``.
+        ``delta``.
     estimate : DataArray
         Along ``input`` and ``bound``, without bounds.
 
@@ -54,7 +54,7 @@ def delta(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, x
     """
     if quantity.output.categories or not sample.inputs:
         return
-    name, title = quantity.output.name, quantity.output.title
+    title = quantity.output.title
     long_name = f"delta of {title}: how far knowing an input moves its distribution"
     if sample.dependence:
         long_name = f"{long_name}, {INCLUDES_CORRELATION}"
@@ -64,9 +64,8 @@ def delta(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, x
         INPUT,
         units="1",
         long_name=long_name,
-        name=f"{name}_delta",
     )
-    yield f"{name}_delta", array.assign_coords(input_coordinate(sample))
+    yield "delta", array.assign_coords(input_coordinate(sample))
 
 
 def _estimate(sample: Sample, cells: IntArray, column: int) -> Estimate:
@@ -80,7 +79,7 @@ def _estimate(sample: Sample, cells: IntArray, column: int) -> Estimate:
 
 
 def _cells(values: FloatArray) -> IntArray:
-    """The cell of each value's normal score.
+    """Return the cell of each value's normal score.
 
     Delta does not depend on the scale that the output is measured on; on that of normal scores a
     heavy tail is as well resolved as the bulk.
@@ -92,7 +91,7 @@ def _cells(values: FloatArray) -> IntArray:
 
 
 def _counts(values: FloatArray, cells: IntArray) -> FloatArray:
-    """How many runs lie in each cell, a row for each class of the input's ranks."""
+    """Count the runs in each cell, a row for each class of the input's ranks."""
     runs = len(values)
     # The number of classes by Plischke et al.
     exponent = 2 / (7 + math.tanh((1500 - runs) / 500))
@@ -105,7 +104,7 @@ def _counts(values: FloatArray, cells: IntArray) -> FloatArray:
 
 
 def _empirical_cdf(values: FloatArray) -> FloatArray:
-    """The share of the runs below each, of which it is half a run itself."""
+    """Share of the runs below each value, where a run itself counts half."""
     level = np.unique(values, return_inverse=True)[1]
     shares: FloatArray = (mean_ranks(level) - 0.5) / max(len(values), 1)
     return shares

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import BLOCK_NUMBER, INPUT, MOVED_BY, MOVED_INPUT, POSITION, STATUS, Status
+from uqpen.core.labels import BLOCK_NUMBER, INPUT, MOVED_BY, MOVED_INPUT, POSITION, STATUS
+from uqpen.core.status import Status
 from uqpen.designs.moves import moved_input_numbers
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
@@ -37,17 +38,16 @@ _NO_SCATTER = "the effects do not scatter, so nothing tells their error"
 def elementary_effects(
     runs: xr.Dataset, quantity: QuantityOfInterest
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """Mean, mean size and scatter of each input's elementary effects.
+    """Mean, mean absolute value and standard deviation of each input's elementary effects.
 
-    An effect is the change of the output over the change of the input's probability: a unit of it
-    is from the one end of the input's law to the other. Effects are of pairs of runs, so that a
-    lost run takes away no more than the two steps that touch it.
+    An effect is the change of the output divided by the change of the input's probability. A
+    change of 1 in probability spans the whole distribution of the input. An effect is computed
+    from a pair of runs, so a failed run removes at most the two effects of the steps next to it.
 
     Yields
     ------
     name : str
-        ``<output>_mu``: the mean; ``_mu_star``: the mean of the absolute effects; ``_sigma``: the
-        standard deviation.
+        ``mu``: mean; ``mu_star``: mean of the absolute effects; ``sigma``: standard deviation.
     estimate : DataArray
         Along ``input`` and ``bound``.
 
@@ -73,13 +73,12 @@ def elementary_effects(
             INPUT,
             units=quantity.output.unit,
             long_name=f"{long_name} on {title}, for the whole of an input's probability",
-            name=f"{name}_{measure}",
         )
-        yield f"{name}_{measure}", array.assign_coords(input_names_coordinate(list(effects)))
+        yield measure, array.assign_coords(input_names_coordinate(list(effects)))
 
 
 def effects_by_input(runs: xr.Dataset, name: str) -> dict[str, FloatArray]:
-    """Every input's effects, NaN where a run of the two was lost."""
+    """Return every input's effects; NaN where one of the two runs failed."""
     order = np.lexsort((runs[POSITION].values, runs[BLOCK_NUMBER].values))
     values = np.where(runs[STATUS].values == Status.OK, runs[name].values, np.nan)[order]
     moved = runs[MOVED_INPUT].values[order]
@@ -94,7 +93,7 @@ def effects_by_input(runs: xr.Dataset, name: str) -> dict[str, FloatArray]:
 
 
 def mean_effect(effects: FloatArray) -> Estimate:
-    """The mean of an input's effects, or of their sizes, which are independent of each other.
+    """Estimate the mean of an input's independent effects, or of their absolute values.
 
     Parameters
     ----------
@@ -132,7 +131,7 @@ def _sigma(effects: FloatArray) -> Estimate:
 
 
 def _note_missing_effects(estimate: Estimate, effects: FloatArray) -> Estimate:
-    """The estimate with a note of how many effects were lost."""
+    """Return the estimate with a note of the number of missing effects."""
     failed = int(np.isnan(effects).sum())
     if not failed:
         return estimate
@@ -141,7 +140,7 @@ def _note_missing_effects(estimate: Estimate, effects: FloatArray) -> Estimate:
 
 
 def _deviation(effects: FloatArray) -> float:
-    """Their standard deviation, of which the squares alone would overflow."""
+    """Standard deviation of effects, scaled so that their squares do not overflow."""
     largest = float(np.abs(effects).max()) or 1.0
     # A power of two, so that no digit changes.
     is_extreme = not 1e-100 < largest < 1e100

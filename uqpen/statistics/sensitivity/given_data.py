@@ -1,4 +1,4 @@
-"""First-order indices from any sample of the input law."""
+"""First-order indices from any sample of the joint distribution."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from uqpen.statistics.distribution_function.probabilities import (
     category_coordinates,
     threshold_coordinates,
 )
-from uqpen.statistics.distribution_function.quantiles import TOO_ONE_SIDED, has_enough_runs_beside
+from uqpen.statistics.distribution_function.quantiles import TOO_ONE_SIDED, has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -32,7 +32,7 @@ __all__ = ["first_order"]
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-# Three bins: with fewer a mean that bends cannot be told from noise.
+# Three bins: with fewer, a curved mean cannot be distinguished from noise.
 _FEWEST_RUNS = 48
 # Below, what a jump of the output hides in a bin is little beside the error.
 _LARGE = 0.5
@@ -44,37 +44,36 @@ _ROUNDING = 1e-12
 
 
 def first_order(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
-    """First-order indices: the share of an output's variance that an input explains by itself.
+    """First-order indices: share of an output's variance that an input explains by itself.
 
     Yields
     ------
     name : str
-        ``<output>_first_order``; ``_log_first_order``, of the logarithm, where all values are
-        positive; ``_exceedance_first_order``, of exceeding a value, where that is asked. Of an
-        output with kinds, ``_category_first_order``.
+        ``first_order``; ``log_first_order``, of the logarithm, where all values are positive;
+        ``exceedance_first_order``, of the event that a threshold is exceeded, where thresholds are
+        requested. For a categorical output, ``category_first_order`` alone.
     estimate : DataArray
-        Along ``input`` and ``bound``; before them, ``<output>_threshold`` or ``<output>_category``.
+        Along ``input`` and ``bound``; ``exceedance_first_order`` first along ``threshold``,
+        ``category_first_order`` first along ``category``.
     """
     if not sample.inputs:
         return
-    name, title = quantity.output.name, quantity.output.title
+    title = quantity.output.title
     neighbours = _LocalRegressions(sample)
     if kinds := quantity.output.categories:
         events = [sample.values == kind for kind in range(len(kinds))]
         coordinates = category_coordinates(quantity)
-        yield neighbours.event_indices(
-            events, coordinates, f"{name}_category", f"the kind of {title}"
-        )
+        yield neighbours.event_indices(events, coordinates, "category_", f"the kind of {title}")
         return
-    yield neighbours.variable_indices(sample.values, name, title)
+    yield neighbours.variable_indices(sample.values, "", title)
     if sample.size and sample.sorted_values[0] > 0:
         logarithm = np.log(sample.values)
-        yield neighbours.variable_indices(logarithm, f"{name}_log", f"the logarithm of {title}")
+        yield neighbours.variable_indices(logarithm, "log_", f"the logarithm of {title}")
     if quantity.thresholds:
         events = [sample.values > threshold.value for threshold in quantity.thresholds]
         coordinates = threshold_coordinates(quantity)
         what = f"whether {title} exceeds a value"
-        yield neighbours.event_indices(events, coordinates, f"{name}_exceedance", what)
+        yield neighbours.event_indices(events, coordinates, "exceedance_", what)
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ class _LocalRegressions:
 
     @cached_property
     def halved_bins(self) -> list[RegressionBins]:
-        """The same, cut in two."""
+        """Bins of each input, each cut into two."""
         inputs = range(len(self.sample.inputs))
         return [RegressionBins.from_sample(self.sample, column, halved=True) for column in inputs]
 
@@ -109,7 +108,7 @@ class _LocalRegressions:
         return SampleShape(self.sample)
 
     def variable_indices(
-        self, values: FloatArray, stem: str, title: str
+        self, values: FloatArray, prefix: str, title: str
     ) -> tuple[str, xr.DataArray]:
         """Indices of a variable over the runs, along ``input``."""
         has_doubtful_source = self.shape.is_doubtful
@@ -118,12 +117,11 @@ class _LocalRegressions:
             INPUT,
             units="1",
             long_name=self._long_name(title),
-            name=f"{stem}_first_order",
         )
-        return f"{stem}_first_order", array.assign_coords(input_coordinate(self.sample))
+        return f"{prefix}first_order", array.assign_coords(input_coordinate(self.sample))
 
     def event_indices(
-        self, events: Sequence[BoolArray], coordinates: Mapping[str, Any], stem: str, title: str
+        self, events: Sequence[BoolArray], coordinates: Mapping[str, Any], prefix: str, title: str
     ) -> tuple[str, xr.DataArray]:
         """Indices of what happened in which runs, a row for each event."""
         along = next(iter(coordinates))
@@ -133,9 +131,8 @@ class _LocalRegressions:
             (along, INPUT),
             units="1",
             long_name=self._long_name(title),
-            name=f"{stem}_first_order",
         )
-        return f"{stem}_first_order", array.assign_coords(
+        return f"{prefix}first_order", array.assign_coords(
             {**coordinates, **input_coordinate(self.sample)}
         )
 
@@ -153,7 +150,7 @@ class _LocalRegressions:
         ]
 
     def _index(self, variable: _Variable, column: int) -> Estimate:
-        """The share of a variable's variance that goes when an input is known."""
+        """Estimate the share of a variable's variance that an input explains."""
         if self.sample.size < _FEWEST_RUNS:
             return Estimate.without_bounds(math.nan, self.sample.too_few_runs)
         if variable.sample.is_constant:
@@ -172,16 +169,16 @@ class _LocalRegressions:
 
 @dataclass(frozen=True)
 class _Variable:
-    """A variable over runs, and how much of its variance an input explains.
+    """A variable over runs, and the share of its variance that an input explains.
 
     Parameters
     ----------
     sample : Sample
         Its values.
     has_doubtful_source : bool
-        Whether the output that it is made of may have a heavy tail.
+        True if the output that it derives from may have a heavy tail.
     is_event : bool
-        Whether it says, by 0 and 1, what happened in which run.
+        True if it is the indicator (0 or 1) of an event.
     """
 
     sample: Sample
@@ -200,7 +197,7 @@ class _Variable:
 
     @cached_property
     def variance(self) -> float:
-        """The law's variance: about its own mean, which the sample's misses by its error."""
+        """Variance of the distribution about its own mean, which differs from the sample mean."""
         error, freedom = standard_error(self.sample, self.standardized)
         return 1 + error**2 if freedom else 1 + 1 / self.sample.size
 
@@ -209,11 +206,11 @@ class _Variable:
         return "it is the same in all runs" if self.is_event else "the output does not vary"
 
     def explained_share(self, bins: RegressionBins) -> float:
-        """The share of the variance that the lines of an input's bins explain."""
+        """Return the share of the variance that the lines of an input's bins explain."""
         return 1 - ResidualVariance(bins, self.standardized).variance / self.variance
 
     def index(self, bins: RegressionBins) -> Estimate:
-        """The same, with its bounds."""
+        """Estimate the index, with its bounds."""
         value = self.explained_share(bins)
         if reason := self.sample.reason_without_intervals or self._reason_without_bounds:
             return Estimate.without_bounds(value, reason)
@@ -223,7 +220,7 @@ class _Variable:
         return self._with_bounds(value, error, freedom, left.pair_noise / self.variance)
 
     def _with_bounds(self, value: float, error: float, freedom: float, noise: float) -> Estimate:
-        """An index with its bounds.
+        """Return an index with its bounds.
 
         Leaving out runs, or replicates, counts the noise of pairs of runs twice.
         """
@@ -264,6 +261,6 @@ class _Variable:
     def _reason_without_bounds(self) -> str:
         if self.sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET and self.sample.optimized_by:
             return "neighbours in an input avoid each other in the others: replicates would tell"
-        if self.is_event and not has_enough_runs_beside(self.sample, self.sample.values.sum()):
+        if self.is_event and not has_enough_runs_around(self.sample, self.sample.values.sum()):
             return TOO_ONE_SIDED
         return ""

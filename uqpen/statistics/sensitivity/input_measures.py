@@ -1,4 +1,4 @@
-"""What measures of sensitivity say of the inputs that they are of, and when they are none."""
+"""Coordinates of sensitivity measures along the inputs, and reasons for missing measures."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ __all__ = [
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-# Of inputs that depend on each other, what one explains is partly what another does.
+# Dependent inputs explain the same part of the variance in common.
 INCLUDES_CORRELATION = "includes correlation"
 
 
 def input_coordinate(sample: Sample) -> dict[str, Any]:
-    """The coordinate along ``input`` of what is told of a sample's inputs."""
+    """Return the coordinate along ``input`` of statistics of a sample's inputs."""
     return input_names_coordinate(sample.inputs)
 
 
 def input_names_coordinate(names: Sequence[str]) -> dict[str, Any]:
-    """The coordinate along ``input``: the names of inputs."""
+    """Return the coordinate along ``input``: the names of inputs."""
     return {INPUT: (INPUT, np.array(names, dtype=object), {"long_name": "input"})}
 
 
 def reason_without_measure(sample: Sample, column: int, fewest: int) -> str:
-    """Why nothing can be said of an input's part in an output; empty where it can.
+    """Reason why a sensitivity measure of an input cannot be estimated; empty if it can.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def mean_ranks(level: IntArray) -> FloatArray:
     Parameters
     ----------
     level : ndarray of int, shape (run,)
-        Which of the values, ascending, each run has.
+        Number of each run's value among the ascending distinct values.
     """
     count = np.bincount(level)
     ranks: FloatArray = (np.cumsum(count) - (count - 1) / 2)[level]

@@ -40,11 +40,11 @@ class RegressionBins:
 
     @classmethod
     def from_sample(cls, sample: Sample, column: int, *, halved: bool = False) -> RegressionBins:
-        """The bins of an input.
+        """Return the bins of an input.
 
         Over replicates a bin is a stratum, which has one point of each replicate, or a part of one.
         Points of one replicate avoid each other in the other inputs too, and in a low-discrepancy
-        set those that are neighbours in one input are anything but independent in the others.
+        set, neighbours in one input are far from independent in the others.
 
         Parameters
         ----------
@@ -53,7 +53,7 @@ class RegressionBins:
         column : int
             The input, by its number in `Sample.inputs`.
         halved : bool
-            Whether to cut the bins in two, where a line through each half is left.
+            True to cut the bins into two, where each half has runs enough for a line.
         """
         values = sample.points[:, column]
         rank = _ranks(values)
@@ -68,7 +68,7 @@ class RegressionBins:
         else:
             in_a_bin, block = _RUNS_IN_A_BIN / (2 if halved else 1), rank
         count = np.bincount(block[sample.used], minlength=len(rank))
-        # Where runs were lost, strata are taken together until they fill a bin.
+        # Where runs failed, strata are merged until they fill a bin.
         full = np.floor((np.cumsum(count) - count) / in_a_bin + 1e-9).astype(np.int64)
         label = full[block[sample.used]]
         label = _separate_atoms(label, values[sample.used], in_a_bin)
@@ -76,7 +76,7 @@ class RegressionBins:
 
     @cached_property
     def size(self) -> FloatArray:
-        """How many runs are in each bin."""
+        """Number of runs in each bin."""
         return np.bincount(self.label).astype(np.float64)
 
     @cached_property
@@ -86,7 +86,7 @@ class RegressionBins:
 
     @cached_property
     def leverage(self) -> FloatArray:
-        """How far each run draws the line of its bin to itself: from 0 to 1."""
+        """Leverage of each run on the line of its bin: from 0 to 1."""
         leverage: FloatArray = 1 / self.size[self.label] + self.place**2
         return leverage
 
@@ -96,7 +96,7 @@ class RegressionBins:
         return sums
 
     def residual(self, values: FloatArray) -> FloatArray:
-        """What the lines leave of a variable."""
+        """Residuals of a variable from the lines of the bins."""
         centred = values - (self.total(values) / self.size)[self.label]
         left: FloatArray = centred - self.place * self.total(self.place * centred)[self.label]
         return left
@@ -104,7 +104,7 @@ class RegressionBins:
 
 @dataclass(frozen=True)
 class ResidualVariance:
-    """How far runs lie from the lines of their bins: what an input does not explain.
+    """Variance of the runs about the lines of their bins, which an input does not explain.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class ResidualVariance:
 
     @cached_property
     def _scale(self) -> FloatArray:
-        """What makes a bin's sum of squares unbiased; 0 where one run is a bin by itself."""
+        """Factor that makes a bin's sum of squares unbiased; 0 for a bin of one run."""
         freedom = self.bins.freedom
         scale: FloatArray = np.where(freedom > 0, self.bins.size / np.maximum(freedom, 1), 0)
         return scale

@@ -1,4 +1,4 @@
-"""The blocks of a pick-freeze design that came back whole, and Sobol' indices from them."""
+"""Complete blocks of a pick-freeze design, and Sobol' indices from them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import REPLICATE, ROUND, STATUS, Sampling, Status
+from uqpen.core.labels import REPLICATE, ROUND, STATUS
+from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B, BlockLayout
-from uqpen.statistics.distribution_function.quantiles import TOO_ONE_SIDED, has_enough_runs_beside
+from uqpen.statistics.distribution_function.quantiles import TOO_ONE_SIDED, has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import ratio_jackknife_error, student_quantile
 from uqpen.statistics.sample import Sample
@@ -34,8 +36,8 @@ _ENOUGH_FOR_EVENTS = 500
 _FEW_BLOCKS_WITH_EVENTS = (
     f"with fewer than {_ENOUGH_FOR_EVENTS} blocks it may cover less often than it says"
 )
-# With fewer blocks that say anything of an index, replicates do not tell its error: of a value that
-# is exceeded in 0.8 % of the runs, first-order indices were covered in 28 % with 2 048 blocks.
+# With fewer blocks that contribute to an index, replicates do not show its error: for a threshold
+# exceeded in 0.8 % of the runs, the coverage of first-order indices was 28 % with 2 048 blocks.
 _FEWEST_INFORMATIVE = 10
 _NO_SCATTER = "the strata leave no scatter, so nothing tells the error"
 
@@ -45,18 +47,19 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class PickFreezeBlocks:
-    """The blocks all of whose parts came back.
+    """Complete blocks: those whose runs all completed.
 
     Parameters
     ----------
     layout : BlockLayout
-        What a block consists of.
+        The parts of a block.
     rows : dict of int to ndarray of int, shape (block,)
-        The run that stands for each part, by the part's matrix.
+        The number of the run of each part, by the part's matrix.
     replicate : ndarray of int, shape (block,)
-        The replicate of each block, numbered through those that are not empty.
+        The replicate of each block. Only replicates with a block are numbered.
     attributes : dict of str to int or str
-        What is said of indices from them: how many were used and dropped, and of what law they are.
+        Attributes of indices from these blocks: numbers of used and dropped blocks, and the joint
+        distribution that the indices refer to.
     """
 
     layout: BlockLayout
@@ -66,7 +69,7 @@ class PickFreezeBlocks:
 
     @classmethod
     def from_runs(cls, runs: xr.Dataset) -> PickFreezeBlocks:
-        """The blocks in the runs of a design."""
+        """Return the complete blocks in the runs of a design."""
         layout = BlockLayout.from_runs(runs)
         rows = layout.run_numbers(runs)
         status = runs[STATUS].values
@@ -95,12 +98,12 @@ class PickFreezeBlocks:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of complete blocks."""
         return len(self.replicate)
 
     @property
     def replicate_count(self) -> int:
-        """How many replicates have any."""
+        """Number of replicates with a complete block."""
         return int(self.replicate.max(initial=-1)) + 1
 
 
@@ -115,7 +118,7 @@ class BlockVariable:
     values : ndarray, shape (run,)
         The variable, in any unit.
     is_event : bool
-        Whether it says, by 0 and 1, what happened in which run.
+        True if it is the indicator (0 or 1) of an event.
     """
 
     blocks: PickFreezeBlocks
@@ -143,13 +146,13 @@ class BlockVariable:
         return SampleShape(self.sample)
 
     def logarithm(self) -> BlockVariable:
-        """The same of the logarithms; lost runs have none."""
+        """Return the variable's logarithm; NaN for failed runs."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return BlockVariable(self.blocks, np.log(self.values))
 
     @property
     def is_positive(self) -> bool:
-        """Whether every value is above zero, in all parts."""
+        """True if every value is above zero, in all parts."""
         rows = self.blocks.rows.values()
         return self.blocks.count > 0 and all((self.values[part] > 0).all() for part in rows)
 
@@ -162,7 +165,7 @@ class BlockVariable:
         numerator = B * (AB - A)
         telling = numerator != 0
         if self.is_event:
-            # That two points which share an input both see what is rare is what tells of the input.
+            # Only pairs of points that share the input and both see the rarer case inform on it.
             side = 1 if self.sample.values.mean() < 0.5 else -1
             telling = (side * B > 0) & (side * AB > 0)
         return self._estimate(salib_estimators.first_order(A, AB, B), numerator, telling)
@@ -193,7 +196,7 @@ class BlockVariable:
 
     @cached_property
     def _reason_without_indices(self) -> str:
-        """Why there are no indices at all; empty where there are."""
+        """Reason why there are no indices; empty if there are."""
         if not self.blocks.count:
             return "no block came back whole"
         if self.sample.is_constant:
@@ -209,11 +212,11 @@ class BlockVariable:
 
     @cached_property
     def _denominator(self) -> FloatArray:
-        """What each block adds to the variance."""
+        """Contribution of each block to the variance."""
         return (self._values_at(MATRIX_A) ** 2 + self._values_at(MATRIX_B) ** 2) / 2
 
     def _estimate(self, value: float, numerator: FloatArray, informative: BoolArray) -> Estimate:
-        """An index with its interval; `informative` are the blocks that say anything of it."""
+        """Return an index with its interval; `informative` marks the blocks that contribute."""
         if reason := self._reason_without_bounds(informative):
             return Estimate.without_bounds(value, reason)
         blocks = self.blocks
@@ -225,7 +228,7 @@ class BlockVariable:
         half = student_quantile(freedom, LEVEL) * error
         if not self._warning:
             estimate = Estimate(value, value - half, value + half, _JACKKNIFE, "nominal")
-            return estimate.with_note(self._doubt)
+            return estimate.with_note(self._reservation)
         influence = numerator - value * self._denominator
         over_blocks = float(influence.std(ddof=1)) / math.sqrt(blocks.count)
         half = max(half, student_quantile(blocks.count - 1, LEVEL) * over_blocks)
@@ -234,14 +237,14 @@ class BlockVariable:
 
     @property
     def _warning(self) -> str:
-        """What keeps the scatter of replicates from telling the error; empty for nothing."""
+        """Warning that the scatter of replicates does not show the error; empty for none."""
         if self.sample.size < FEWEST_RUNS_FOR_TAILS:
             return f"only {self.blocks.count} blocks"
         return f"heavy tail ({self.shape.tail_note})" if self.shape.is_heavy else ""
 
     @property
-    def _doubt(self) -> str:
-        """What may keep it from that without showing; empty for nothing."""
+    def _reservation(self) -> str:
+        """Warning of an effect that may do so but does not show in the runs; empty for none."""
         if self.is_event:
             # It has no tail that could be hidden.
             return _FEW_BLOCKS_WITH_EVENTS if self.blocks.count < _ENOUGH_FOR_EVENTS else ""
@@ -250,7 +253,7 @@ class BlockVariable:
     def _reason_without_bounds(self, informative: BoolArray) -> str:
         if self.blocks.replicate_count < 2:
             return "the blocks that came back whole are all of one replicate"
-        if self.is_event and not has_enough_runs_beside(self.sample, self.sample.values.sum()):
+        if self.is_event and not has_enough_runs_around(self.sample, self.sample.values.sum()):
             return TOO_ONE_SIDED
         if np.count_nonzero(informative) < _FEWEST_INFORMATIVE:
             return "fewer than ten blocks tell of it"

@@ -16,8 +16,8 @@ from uqpen.core.labels import (
     MOVED_UNCERTAINTY,
     RELATIVE_TO_SPREAD,
     STATUS,
-    Status,
 )
+from uqpen.core.status import Status
 from uqpen.designs.moves import moved_input_numbers
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -28,22 +28,22 @@ __all__ = ["relative_responses"]
 _ONE_POINT = "a derivative at one point; the model has no scatter"
 _FIXED = "a fixed input has no uncertainty"
 
-# From here on a reader must know that the steps up and down tell different derivatives: their
-# difference, relative to the larger.
+# Difference of the derivatives of the steps up and down, relative to the larger one, above which a
+# note states it.
 _CURVED = 0.1
 
 
 def relative_responses(
     runs: xr.Dataset, quantity: QuantityOfInterest
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """Relative derivatives of an output, and what each input's uncertainty contributes to its own.
+    """Relative derivatives of an output, and contributions of the inputs to its uncertainty.
 
     Yields
     ------
     name : str
-        ``<output>_response``: the relative change of the output over that of the input, by central
-        differences; ``<output>_contribution``: its size times the input's standard deviation over
-        its nominal value.
+        ``response``: relative change of the output divided by that of the input, by central
+        differences; ``contribution``: absolute response times the input's standard deviation
+        divided by its nominal value.
     estimate : DataArray
         Along ``input`` and ``bound``, without bounds.
     """
@@ -60,15 +60,13 @@ def relative_responses(
         ("response", found, f"relative response of {title}"),
         ("contribution", contributions, f"contribution to the relative uncertainty of {title}"),
     ):
-        array = Estimate.stack(
-            estimates, INPUT, units="1", long_name=long_name, name=f"{name}_{statistic}"
-        )
-        yield f"{name}_{statistic}", array.assign_coords(input_names_coordinate(list(inputs)))
+        array = Estimate.stack(estimates, INPUT, units="1", long_name=long_name)
+        yield statistic, array.assign_coords(input_names_coordinate(list(inputs)))
 
 
 @dataclass(frozen=True)
 class _Slopes:
-    """Relative changes of an output over those of one input; NaN where a run was lost.
+    """Relative changes of an output over those of one input; NaN where a run failed.
 
     Parameters
     ----------
@@ -92,7 +90,7 @@ class _Slopes:
 
     @property
     def note(self) -> str:
-        """What a reader must know of it."""
+        """Note on a one-sided or a curved response; empty for none."""
         if not self.is_central:
             side = "up" if math.isfinite(self.up) else "down"
             return f"of the step {side} alone; the other run was lost"
@@ -122,7 +120,7 @@ def _response(runs: xr.Dataset, name: str, entry: str) -> Estimate:
 
 
 def _reference(runs: xr.Dataset, entry: str) -> str:
-    """What a change of an input is relative to, where that is not its nominal value."""
+    """Return a note on the reference of an input's change if it is not the nominal value."""
     if entry in str(runs[MOVED_BY].attrs.get(RELATIVE_TO_SPREAD, "")).split():
         return "relative to half the input's 16–84 % range, as its nominal value is 0"
     return ""

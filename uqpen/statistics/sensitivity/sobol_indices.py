@@ -26,7 +26,7 @@ _ORDERS = {"first_order": "first-order", "total_order": "total-order"}
 def sobol_indices(
     runs: xr.Dataset, quantity: QuantityOfInterest
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """Sobol' indices of an output, of its logarithm and of its exceeding a value.
+    """Sobol' indices of an output, of its logarithm and of its exceedance of thresholds.
 
     Parameters
     ----------
@@ -38,13 +38,13 @@ def sobol_indices(
     Yields
     ------
     name : str
-        ``<output>_first_order``, ``_total_order`` and, of a design with second order,
-        ``_second_order``; ``_log_first_order``, ``_log_total_order`` where all values are positive;
-        ``_exceedance_first_order``, ``_exceedance_total_order`` where exceedance is asked. Of an
-        output with kinds, ``_category_first_order`` and ``_category_total_order``.
+        ``first_order``, ``total_order`` and, for a design with second order, ``second_order``;
+        ``log_first_order``, ``log_total_order`` where all values are positive;
+        ``exceedance_first_order``, ``exceedance_total_order`` where thresholds are requested. For a
+        categorical output, ``category_first_order`` and ``category_total_order`` alone.
     estimate : DataArray
-        Along ``input`` (or ``pair``) and ``bound``; before them, ``<output>_threshold`` or
-        ``<output>_category``.
+        Along ``input`` (``second_order`` along ``pair``) and ``bound``; the indices of exceedance
+        first along ``threshold``, those of categories first along ``category``.
     """
     blocks = PickFreezeBlocks.from_runs(runs)
     name, title = quantity.output.name, quantity.output.title
@@ -54,66 +54,63 @@ def sobol_indices(
             BlockVariable(blocks, values == kind, is_event=True) for kind in range(len(kinds))
         ]
         coordinates = category_coordinates(quantity)
-        yield from _event_indices(events, f"{name}_category", f"the kind of {title}", coordinates)
+        yield from _event_indices(events, "category_", f"the kind of {title}", coordinates)
         return
     column = BlockVariable(blocks, values)
-    yield from _variable_indices(column, name, title)
+    yield from _variable_indices(column, "", title)
     if blocks.layout.pairs:
-        yield _pair_indices(column, f"{name}_second_order", title)
+        yield _pair_indices(column, title)
     if column.is_positive:
-        yield from _variable_indices(column.logarithm(), f"{name}_log", f"the logarithm of {title}")
+        yield from _variable_indices(column.logarithm(), "log_", f"the logarithm of {title}")
     if quantity.thresholds:
         events = [
             BlockVariable(blocks, values > each.value, is_event=True)
             for each in quantity.thresholds
         ]
         what = f"whether {title} exceeds a value"
-        yield from _event_indices(
-            events, f"{name}_exceedance", what, threshold_coordinates(quantity)
-        )
+        yield from _event_indices(events, "exceedance_", what, threshold_coordinates(quantity))
 
 
 def _variable_indices(
-    column: BlockVariable, stem: str, title: str
+    column: BlockVariable, prefix: str, title: str
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """First- and total-order indices along ``input``."""
     inputs = column.blocks.layout.inputs
     for order, adjective in _ORDERS.items():
-        name = f"{stem}_{order}"
         array = Estimate.stack(
             _input_estimates(column, order),
             INPUT,
             units="1",
             long_name=f"{adjective} Sobol' indices of {title}",
-            name=name,
         )
-        yield name, _with_attributes(array, column.blocks, input_names_coordinate(inputs))
+        yield (
+            f"{prefix}{order}",
+            _with_attributes(array, column.blocks, input_names_coordinate(inputs)),
+        )
 
 
 def _event_indices(
-    events: Sequence[BlockVariable], stem: str, title: str, coordinates: Mapping[str, Any]
+    events: Sequence[BlockVariable], prefix: str, title: str, coordinates: Mapping[str, Any]
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """First- and total-order indices of several events, a row for each."""
     blocks = events[0].blocks
     along = next(iter(coordinates))
     for order, adjective in _ORDERS.items():
-        name = f"{stem}_{order}"
         array = Estimate.table(
             [_input_estimates(event, order) for event in events],
             (along, INPUT),
             units="1",
             long_name=f"{adjective} Sobol' indices of {title}",
-            name=name,
         )
         yield (
-            name,
+            f"{prefix}{order}",
             _with_attributes(
                 array, blocks, {**coordinates, **input_names_coordinate(blocks.layout.inputs)}
             ),
         )
 
 
-def _pair_indices(column: BlockVariable, name: str, title: str) -> tuple[str, xr.DataArray]:
+def _pair_indices(column: BlockVariable, title: str) -> tuple[str, xr.DataArray]:
     """Second-order indices along ``pair``."""
     layout = column.blocks.layout
     names = [(layout.inputs[i], layout.inputs[j]) for i, j in layout.pairs]
@@ -122,7 +119,6 @@ def _pair_indices(column: BlockVariable, name: str, title: str) -> tuple[str, xr
         PAIR,
         units="1",
         long_name=f"second-order Sobol' indices of {title}",
-        name=name,
     )
     texts = {
         PAIR: ([f"{one}, {other}" for one, other in names], "pair of inputs"),
@@ -133,7 +129,7 @@ def _pair_indices(column: BlockVariable, name: str, title: str) -> tuple[str, xr
         coordinate: (PAIR, np.array(entries, dtype=object), {"long_name": long_name})
         for coordinate, (entries, long_name) in texts.items()
     }
-    return name, _with_attributes(array, column.blocks, coordinates)
+    return "second_order", _with_attributes(array, column.blocks, coordinates)
 
 
 def _input_estimates(column: BlockVariable, order: str) -> list[Estimate]:
@@ -144,5 +140,5 @@ def _input_estimates(column: BlockVariable, order: str) -> list[Estimate]:
 def _with_attributes(
     array: xr.DataArray, blocks: PickFreezeBlocks, coordinates: Mapping[str, Any]
 ) -> xr.DataArray:
-    """Indices with their coordinates, and of what law and how many blocks they are."""
+    """Return indices with their coordinates and the attributes of their blocks."""
     return array.assign_coords(coordinates).assign_attrs(blocks.attributes)

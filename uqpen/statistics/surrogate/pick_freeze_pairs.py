@@ -1,9 +1,9 @@
-"""Pairs of draws that share some of their inputs, of a model that costs next to nothing.
+"""Pairs of draws that share some of their inputs, of a cheap model.
 
 For a set J of inputs, Var E[Y | X_J] is the covariance of the output at two draws that share X_J
-and are independent in the rest given that. With all sets of inputs these are what Sobol' indices
-and Shapley effects are made of, whether or not the inputs depend on each other, and of the law
-given admissible draws where not all are.
+and whose other inputs are conditionally independent given X_J. Sobol' indices and Shapley effects
+follow from these variances of all sets of inputs, for independent and for dependent inputs. Where
+some draws are inadmissible, they refer to the distribution conditional on admissible draws.
 
 References
 ----------
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.core.labels import Status
+from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.quasi_monte_carlo import sobol_points
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -35,8 +35,8 @@ __all__ = [
 
 FloatArray = npt.NDArray[np.float64]
 
-# Pairs for each set of inputs: so many, fewer where there are many sets; in replicates, whose
-# scatter tells the error.
+# Number of pairs for each set of inputs, smaller where there are many sets. They are drawn in
+# replicates, whose scatter gives the error.
 _MOST_PAIRS = 2**16
 _FEWEST_PAIRS = 2**12
 _EVALUATIONS = 2**20
@@ -44,18 +44,18 @@ _REPLICATES = 16
 # With more inputs than this, only sets of one input and of all but one are drawn.
 MOST_INPUTS_FOR_ALL_SETS = 10
 
-# After so many redraws, a pair whose second draw stays inadmissible is left out.
+# Number of redraws after which a pair whose second draw is still inadmissible is left out.
 _MOST_REDRAWS = 100
 
 
 @dataclass(frozen=True, eq=False)
 class VarianceShares:
-    """What sets of inputs explain of one variable's variance.
+    """Shares of one variable's variance that sets of inputs explain.
 
     Parameters
     ----------
     dimension : int
-        How many inputs there are.
+        Number of inputs.
     explained : mapping of int to float
         Var E[Y | X_J] / Var Y, by the set J as the bits of a number.
     replicates : tuple of VarianceShares
@@ -74,12 +74,12 @@ class VarianceShares:
 
     @property
     def first_order(self) -> list[float]:
-        """What each input explains alone."""
+        """Share that each input explains by itself."""
         return [self.explained[1 << i] for i in range(self.dimension)]
 
     @property
     def total_order(self) -> list[float]:
-        """What all others leave unexplained, for each input."""
+        """Share that all other inputs do not explain, for each input."""
         whole = (1 << self.dimension) - 1
         return [1 - self.explained[whole ^ 1 << i] for i in range(self.dimension)]
 
@@ -104,7 +104,7 @@ class PickFreezePairs:
     Parameters
     ----------
     dimension : int
-        How many random inputs there are.
+        Number of random inputs.
     first : mapping of str to ndarray, shape (pair,)
         The outputs at the first draw of each pair.
     second : mapping of int to mapping of str to ndarray, shape (pair,)
@@ -118,7 +118,7 @@ class PickFreezePairs:
     def variance_shares(
         self, output: str, function: Callable[[FloatArray], FloatArray]
     ) -> VarianceShares | None:
-        """What the inputs explain of a function of an output; None where it does not vary."""
+        """Variance shares of a function of an output; None where it does not vary."""
         with np.errstate(all="ignore"):
             first = function(self.first[output])
             usable = np.isfinite(first)
@@ -159,13 +159,13 @@ def draw_pick_freeze_pairs(
     Parameters
     ----------
     evaluator : Evaluator
-        A model that costs next to nothing, with the constraints of the law.
+        A cheap model, with the constraints of the joint distribution.
     joint : JointDistribution
         Its inputs.
     given : mapping of str to float
-        Values that fixed inputs have in place of the law's.
+        Values of fixed inputs that replace those of the joint distribution.
     stream : Stream
-        Where the random numbers come from.
+        Source of the random numbers.
     """
     draws = _ConditionalDraws(evaluator, joint, given, stream)
     dimension = len(joint.random)
@@ -187,7 +187,7 @@ def draw_pick_freeze_pairs(
 
 
 def _input_subsets(dimension: int) -> Iterator[int]:
-    """The sets of inputs, but for all of them."""
+    """Yield the sets of inputs, except the set of all."""
     whole = (1 << dimension) - 1
     if dimension <= MOST_INPUTS_FOR_ALL_SETS:
         yield from range(whole)
@@ -199,7 +199,7 @@ def _input_subsets(dimension: int) -> Iterator[int]:
 
 @dataclass(frozen=True)
 class _ConditionalDraws:
-    """Draws from a law given some inputs and that the draw is admissible."""
+    """Draws from a joint distribution, conditional on some inputs and on being admissible."""
 
     evaluator: Evaluator
     joint: JointDistribution
@@ -209,10 +209,11 @@ class _ConditionalDraws:
     def draw_admissible(
         self, unit: FloatArray, shared: Mapping[int, FloatArray], purpose: str
     ) -> tuple[FloatArray, dict[str, FloatArray]]:
-        """The draws, as probabilities, and the outputs there.
+        """Return the draws, as probabilities, and the outputs there.
 
-        What is inadmissible is proposed again from the law given what is shared, until it is not:
-        that makes it a draw of the law given both. Outputs of what never was are not a number.
+        An inadmissible draw is drawn again from the distribution conditional on the shared inputs,
+        until it is admissible (rejection sampling). The result is a draw conditional on both.
+        Outputs of draws that never become admissible are NaN.
         """
         points = self.joint.conditional_probabilities(unit, shared)
         outputs, is_open = self._outputs(points)

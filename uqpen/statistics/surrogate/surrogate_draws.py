@@ -8,7 +8,8 @@ from functools import cached_property
 
 import xarray as xr
 
-from uqpen.core.labels import SAMPLING, STATUS, Status
+from uqpen.core.labels import SAMPLING, STATUS
+from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.distributions.constraints import Constraint
@@ -27,7 +28,7 @@ FROM_COEFFICIENTS = "from the coefficients"
 
 @dataclass(frozen=True)
 class SurrogateDraws:
-    """A fitted surrogate under the law of its inputs.
+    """A fitted surrogate with the joint distribution of its inputs.
 
     Parameters
     ----------
@@ -36,11 +37,11 @@ class SurrogateDraws:
     joint : JointDistribution
         The inputs.
     constraints : sequence of Constraint
-        Where the law ends.
+        The constraints that bound the joint distribution.
     given : mapping of str to float
-        Values that fixed inputs have in place of the law's.
+        Values of fixed inputs that replace those of the joint distribution.
     stream : Stream
-        Where the random numbers come from.
+        Source of the random numbers.
     """
 
     model: FittedSurrogate
@@ -51,7 +52,7 @@ class SurrogateDraws:
 
     @cached_property
     def runs(self) -> xr.Dataset:
-        """A sample of the law, run through the surrogate."""
+        """Runs of the surrogate at a sample of the joint distribution."""
         points = next(_SAMPLE.rounds(self.joint, self.stream.child("sample"))).assign(self.given)
         runs = evaluate(self._evaluator, points, {})
         return runs.assign_attrs({SAMPLING: str(_SAMPLE.sampling)})
@@ -63,28 +64,28 @@ class SurrogateDraws:
 
     @cached_property
     def all_are_admissible(self) -> bool:
-        """Whether no draw of the sample was inadmissible."""
+        """True if no draw of the sample is inadmissible."""
         return not bool((self.runs[STATUS].values == Status.INADMISSIBLE).any())
 
     def has_closed_form(self, output: str) -> bool:
-        """Whether moments and indices of an output follow from the coefficients."""
+        """Return True if moments and indices of an output follow from the coefficients."""
         return self.all_are_admissible and self.model.has_closed_form(output)
 
     @property
     def sampling_estimator(self) -> str:
-        """How a figure comes from the sample."""
+        """Text on the estimation of statistics from the sample."""
         drawn = int((self.runs[STATUS].values == Status.OK).sum())
         return f"by sampling the surrogate at {drawn} admissible draws"
 
     @property
     def pairs_estimator(self) -> str:
-        """How an index comes from the pairs."""
+        """Text on the estimation of indices from the pairs."""
         pairs = len(next(iter(self.pairs.first.values())))
         return f"by sampling the surrogate at {pairs} pairs of draws for each set of inputs"
 
     @property
     def estimand(self) -> str:
-        """What law the indices are of, and what they hold."""
+        """Text on the joint distribution of the indices, and on what first-order ones include."""
         admissible = "" if self.all_are_admissible else " given admissible draws"
         correlated = (
             "" if self.joint.is_independent else "; first-order indices include correlation"

@@ -1,4 +1,4 @@
-"""Sobol' indices and Shapley effects of a model, as its surrogate tells them."""
+"""Sobol' indices and Shapley effects of a model, estimated from its surrogate."""
 
 from __future__ import annotations
 
@@ -39,36 +39,35 @@ _ORDERS = {
 def surrogate_indices(
     draws: SurrogateDraws, quantity: QuantityOfInterest
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """Indices of an output, of its logarithm where that was fitted, of its exceeding a value.
+    """Indices of an output, of its logarithm if that was fitted, and of exceedance of thresholds.
 
     Yields
     ------
     name : str
-        ``<output>_first_order``, ``_total_order``, ``_shapley``; ``<output>_log_first_order`` and
-        so on; ``<output>_exceedance_first_order`` and so on.
+        ``first_order``, ``total_order``, ``shapley``; ``log_first_order``, ``log_total_order``,
+        ``log_shapley``; ``exceedance_first_order``, ``exceedance_total_order``,
+        ``exceedance_shapley``.
     estimate : DataArray
-        Along ``input`` and ``bound``; before them ``<output>_threshold`` for exceedance.
+        Along ``input`` and ``bound``; the indices of exceedance first along ``threshold``.
     """
     yield from _SurrogateIndices(draws, quantity).all_indices()
 
 
 @dataclass(frozen=True)
 class _SurrogateIndices:
-    """Asks a surrogate for the indices of one output."""
+    """Indices of one output of a surrogate."""
 
     draws: SurrogateDraws
     quantity: QuantityOfInterest
 
     def all_indices(self) -> Iterator[tuple[str, xr.DataArray]]:
-        """Of all that is asked."""
+        """Yield the indices of the output, of its logarithm and of exceedance."""
         name, title = self.quantity.output.name, self.quantity.output.title
         if self.draws.has_closed_form(name):
-            yield from self._index_arrays(
-                name, title, self._closed_form_indices(), FROM_COEFFICIENTS
-            )
+            yield from self._index_arrays("", title, self._closed_form_indices(), FROM_COEFFICIENTS)
         else:
             indices = self._sampled_indices(lambda values: values)
-            yield from self._index_arrays(name, title, indices, self.draws.pairs_estimator)
+            yield from self._index_arrays("", title, indices, self.draws.pairs_estimator)
         if self.draws.model.expansions[name].is_logarithm:
             yield from self._logarithm_indices(name, title)
         if self.quantity.thresholds:
@@ -78,7 +77,7 @@ class _SurrogateIndices:
         is_closed = self.draws.all_are_admissible and self.draws.joint.is_independent
         indices = self._closed_form_indices() if is_closed else self._sampled_indices(np.log)
         how = FROM_COEFFICIENTS if is_closed else self.draws.pairs_estimator
-        yield from self._index_arrays(f"{name}_log", f"the logarithm of {title}", indices, how)
+        yield from self._index_arrays("log_", f"the logarithm of {title}", indices, how)
 
     def _exceedance_indices(self, name: str, title: str) -> Iterator[tuple[str, xr.DataArray]]:
         coordinates = threshold_coordinates(self.quantity)
@@ -87,16 +86,17 @@ class _SurrogateIndices:
             self._sampled_indices(_exceedance_event(threshold.value)) for threshold in thresholds
         ]
         for position, (ending, adjective) in enumerate(_ORDERS.items()):
-            variable = f"{name}_exceedance_{ending}"
             array = Estimate.table(
                 [self._estimates(row[position], ending) for row in rows],
                 (next(iter(coordinates)), INPUT),
                 units="1",
                 long_name=f"{adjective} of whether {title} exceeds a value",
-                name=variable,
             )
             described = array.assign_coords({**coordinates, **self._inputs})
-            yield variable, described.assign_attrs({ESTIMATOR: self.draws.pairs_estimator})
+            yield (
+                f"exceedance_{ending}",
+                described.assign_attrs({ESTIMATOR: self.draws.pairs_estimator}),
+            )
 
     def _closed_form_indices(self) -> Indices:
         expansion = self.draws.model.expansions[self.quantity.output.name]
@@ -120,18 +120,19 @@ class _SurrogateIndices:
         return found
 
     def _index_arrays(
-        self, stem: str, title: str, indices: Indices, estimator: str
+        self, prefix: str, title: str, indices: Indices, estimator: str
     ) -> Iterator[tuple[str, xr.DataArray]]:
         for (ending, adjective), values in zip(_ORDERS.items(), indices, strict=True):
-            variable = f"{stem}_{ending}"
             array = Estimate.stack(
                 self._estimates(values, ending),
                 INPUT,
                 units="1",
                 long_name=f"{adjective} of {title}",
-                name=variable,
             )
-            yield variable, array.assign_coords(self._inputs).assign_attrs({ESTIMATOR: estimator})
+            yield (
+                f"{prefix}{ending}",
+                array.assign_coords(self._inputs).assign_attrs({ESTIMATOR: estimator}),
+            )
 
     def _estimates(self, values: list[Index] | None, ending: str) -> list[Estimate]:
         if values is None:
@@ -163,7 +164,7 @@ def _estimate_with_noise(value: float, error: float, note: str) -> Estimate:
 
 
 def _exceedance_event(value: float) -> Callable[[FloatArray], FloatArray]:
-    """Whether an output exceeds a value; of one that is not a number, nothing."""
+    """Return a function for the event that an output exceeds a value; NaN for an output of NaN."""
 
     def event(values: FloatArray) -> FloatArray:
         return np.where(np.isnan(values), np.nan, values > value)

@@ -1,6 +1,7 @@
-"""What a surrogate tells of the model that it stands for.
+"""Statistics of a model, estimated from its surrogate.
 
-From its coefficients where those are all that is needed; else by sampling it over admissible draws.
+They follow from the coefficients of the surrogate where these suffice, else from a sample of
+admissible draws.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import CDFS, ESTIMATOR, EXCEEDANCE, MOMENTS, QUANTILES, SENSITIVITY
-from uqpen.statistics.analyze import analyze
+from uqpen.statistics.analyze import OutputStatistics, analyze, in_catalogue_order
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.surrogate_draws import FROM_COEFFICIENTS, SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_indices import surrogate_indices
@@ -26,7 +27,7 @@ _SAMPLED = (MOMENTS, QUANTILES, EXCEEDANCE, CDFS)
 
 @dataclass(frozen=True)
 class TrainingRange:
-    """How far the runs reach that an output's surrogate was fitted to.
+    """Range of an output in the training runs of its surrogate.
 
     Parameters
     ----------
@@ -41,23 +42,23 @@ class TrainingRange:
     variance_beyond: float
 
     def contains(self, value: float) -> bool:
-        """Whether a value of the output was reached."""
+        """Return True if a value of the output is in the range."""
         return self.lowest <= value <= self.highest
 
 
 @dataclass(frozen=True)
 class SurrogateStatistics:
-    """What a surrogate tells, before anything vouches for it.
+    """Statistics from a surrogate, before its validation.
 
     Parameters
     ----------
-    groups : mapping of str to Dataset
-        Figures, group by group as designs have them.
+    outputs : mapping of str to mapping of str to DataArray
+        Estimate arrays by output and statistic, as of a design.
     training_ranges : mapping of str to TrainingRange
         By output.
     """
 
-    groups: Mapping[str, xr.Dataset]
+    outputs: Mapping[str, OutputStatistics]
     training_ranges: Mapping[str, TrainingRange]
 
 
@@ -67,16 +68,16 @@ def surrogate_statistics(
     *,
     only: Collection[str] | None = None,
 ) -> SurrogateStatistics:
-    """All that a fitted surrogate tells.
+    """Estimate all statistics of a fitted surrogate.
 
     Parameters
     ----------
     draws : SurrogateDraws
-        The surrogate under the law of its inputs.
+        The surrogate with the joint distribution of its inputs.
     quantities : sequence of QuantityOfInterest
-        Those to outputs that it has no expansion of are passed over.
+        Those of outputs without an expansion are left out.
     only : collection of str, optional
-        The groups that are wanted, where not all are.
+        The requested groups; all by default.
     """
     requested = [
         replace(quantity, tolerance_contents=())
@@ -88,42 +89,38 @@ def surrogate_statistics(
     training_ranges = {
         quantity.output.name: _training_range(draws, quantity.output.name) for quantity in requested
     }
-    return SurrogateStatistics(dict(_groups(draws, requested, only)), training_ranges)
+    return SurrogateStatistics(_by_output(draws, requested, only), training_ranges)
 
 
-def _groups(
+def _by_output(
     draws: SurrogateDraws, quantities: Sequence[QuantityOfInterest], only: Collection[str] | None
-) -> Iterator[tuple[str, xr.Dataset]]:
-    sampled = [group for group in _SAMPLED if only is None or group in only]
-    for group, dataset in analyze(draws.runs, quantities, only=sampled).items():
-        marked = {
-            name: array.assign_attrs({ESTIMATOR: draws.sampling_estimator})
-            for name, array in dataset.data_vars.items()
-        }
-        if group == MOMENTS:
-            marked |= dict(_closed_forms(draws, quantities, dataset))
-        yield group, dataset.assign(marked)
-    if only is not None and SENSITIVITY not in only:
-        return
-    indices = {
-        name: array for quantity in quantities for name, array in surrogate_indices(draws, quantity)
-    }
-    yield SENSITIVITY, xr.Dataset(indices, attrs={"estimand": draws.estimand})
+) -> dict[str, OutputStatistics]:
+    """Return the statistics of each output: sampled, in closed form, and its indices."""
+    sampled = [name for name in _SAMPLED if only is None or name in only]
+    found = analyze(draws.runs, quantities, only=sampled)
+    for quantity in quantities:
+        statistics = found[quantity.output.name]
+        for name, array in statistics.items():
+            statistics[name] = array.assign_attrs({ESTIMATOR: draws.sampling_estimator})
+        statistics.update(_closed_forms(draws, quantity.output.name, statistics))
+        if only is None or SENSITIVITY in only:
+            for name, array in surrogate_indices(draws, quantity):
+                statistics[name] = array.assign_attrs({"estimand": draws.estimand})
+        found[quantity.output.name] = in_catalogue_order(statistics)
+    return found
 
 
 def _closed_forms(
-    draws: SurrogateDraws, quantities: Sequence[QuantityOfInterest], moments: xr.Dataset
+    draws: SurrogateDraws, output: str, statistics: OutputStatistics
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """The exact mean and standard deviation of each expansion where they are the output's."""
-    for quantity in quantities:
-        name = quantity.output.name
-        if draws.has_closed_form(name):
-            expansion = draws.model.expansions[name]
-            terms = expansion.indices, expansion.coefficients
-            for statistic, value in (("mean", mean(*terms)), ("std", standard_deviation(*terms))):
-                array = moments[f"{name}_{statistic}"]
-                exact = array.copy(data=[value, math.nan, math.nan])
-                yield f"{name}_{statistic}", exact.assign_attrs({ESTIMATOR: FROM_COEFFICIENTS})
+    """Yield the exact mean and standard deviation of an expansion where they are the output's."""
+    if not draws.has_closed_form(output) or "mean" not in statistics:
+        return
+    expansion = draws.model.expansions[output]
+    terms = expansion.indices, expansion.coefficients
+    for name, value in (("mean", mean(*terms)), ("std", standard_deviation(*terms))):
+        exact = statistics[name].copy(data=[value, math.nan, math.nan])
+        yield name, exact.assign_attrs({ESTIMATOR: FROM_COEFFICIENTS})
 
 
 def _training_range(draws: SurrogateDraws, output: str) -> TrainingRange:

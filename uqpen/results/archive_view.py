@@ -11,24 +11,18 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.core.catalogue import CATALOGUE, UnitRule
 from uqpen.core.errors import UnknownNameError
-from uqpen.core.labels import (
-    MOMENTS,
-    ROLE,
-    RUNS,
-    SAMPLING,
-    SENSITIVITY,
-    SHARES,
-    STATUS,
-    SURROGATES,
-    Sampling,
-    Status,
-)
+from uqpen.core.labels import ROLE, RUNS, SAMPLING, STATUS
 from uqpen.core.lookup import choices
+from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
 from uqpen.core.units import DIMENSIONLESS, Scale, scale
-from uqpen.figures.style import SourceStyle, source_style
-from uqpen.figures.texts import title_with_unit
-from uqpen.results.table import output_names
+from uqpen.results.best_sources import is_sample_design
+from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.source_style import SourceStyle, source_style
+from uqpen.results.table import Conversion, identity, output_names
+from uqpen.results.texts import title_with_unit
 from uqpen.statistics.sample import input_sample
 
 __all__ = ["ArchiveView", "select_view"]
@@ -39,7 +33,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class ArchiveView:
-    """What is drawn of an archive.
+    """The part of an archive that is drawn.
 
     Parameters
     ----------
@@ -58,28 +52,32 @@ class ArchiveView:
 
     @property
     def tree(self) -> xr.DataTree:
-        """What is told of the model."""
+        """The groups of the model."""
         return model_trees(self.archive)[self.model]
 
     @property
     def model_views(self) -> list[ArchiveView]:
-        """The same of each of the models."""
+        """One view of each model, with the same output and source."""
         return [replace(self, model=name) for name in model_trees(self.archive)]
 
     @property
     def designs(self) -> list[str]:
-        """Those that runs were made of."""
+        """The designs of the runs."""
         return group_names(self.tree, RUNS)
+
+    @property
+    def statistics(self) -> SourceStatistics:
+        """The statistics of the model."""
+        return SourceStatistics(self.tree)
 
     @property
     def sources(self) -> list[str]:
         """Designs, then surrogates, then publications."""
-        kinds = (RUNS, SURROGATES, MOMENTS, SENSITIVITY, SHARES)
-        return list(dict.fromkeys(name for kind in kinds for name in group_names(self.tree, kind)))
+        return self.statistics.sources
 
     @property
     def sample_designs(self) -> list[str]:
-        """The designs whose runs are a sample of the input law, the one asked for alone if any."""
+        """The designs that sample the input distribution, the one asked for alone if any."""
         return [
             name
             for name in self.designs
@@ -87,11 +85,26 @@ class ArchiveView:
         ]
 
     def look(self, source: str) -> SourceStyle:
-        """How what a source tells is drawn, in every figure of the archive."""
+        """Return how a source is drawn, in every figure of the archive."""
         return source_style(self.sources.index(source))
 
+    def estimates(self, output: str, statistic: str) -> dict[str, xr.DataArray]:
+        """Return a statistic by source, of the one asked for alone if any."""
+        statistics = self.statistics
+        asked = statistics.sources if self.source is None else [self.source]
+        found = {source: statistics.get(source, output, statistic) for source in asked}
+        return {source: array for source, array in found.items() if array is not None}
+
+    def conversion(self, output: str, statistic: str) -> Conversion:
+        """Return how a statistic is brought from SI to the unit that is shown."""
+        rule = CATALOGUE[statistic].unit
+        if rule is UnitRule.NONE:
+            return identity
+        shown = self.scale(output)
+        return shown.from_si if rule is UnitRule.VALUE else shown.difference_from_si
+
     def source_groups(self, kind: str) -> Iterator[tuple[str, xr.Dataset]]:
-        """What each source tells in a group, of the one asked for alone if any."""
+        """Yield a group of each source, as `estimates` does; for the report, until it moves."""
         for source in self.sources:
             if self.source in (None, source) and source in group_names(self.tree, kind):
                 yield source, read_group(self.tree, kind, source)
@@ -124,7 +137,7 @@ class ArchiveView:
         return scale(self.unit(name))
 
     def axis_label(self, name: str) -> str:
-        """What an axis of an input or output says."""
+        """The label of an axis of an input or output."""
         return title_with_unit(str(self.attributes(name).get("long_name", name)), self.unit(name))
 
     def title(self, text: str) -> str:
@@ -132,11 +145,11 @@ class ArchiveView:
         return f"{self.model}: {text}" if self.model else text
 
     def runs(self, design: str) -> xr.Dataset:
-        """The runs of a design that are a sample of the input law, lost ones among them."""
+        """Return the runs of a design that sample the input distribution, failed ones too."""
         return input_sample(read_group(self.tree, RUNS, design))
 
     def has_completed_runs(self, design: str) -> bool:
-        """Whether any of those did."""
+        """Return whether a run of a design completed."""
         return bool((self.runs(design)[STATUS].values == Status.OK).any())
 
     def random_inputs(self, design: str) -> list[str]:
@@ -146,21 +159,18 @@ class ArchiveView:
         return [name for name in named if runs[name].dims]
 
     def is_sample_design(self, source: str) -> bool:
-        """Whether a source is a design that was made for no question in particular."""
-        if source not in self.designs:
-            return False
-        sampling = self.sampling(source)
-        return sampling.is_sample and sampling is not Sampling.PICK_FREEZE
+        """Return whether a source is a design for no quantity of interest in particular."""
+        return is_sample_design(self.tree, source)
 
     def sampling(self, design: str) -> Sampling:
-        """How the points of a design were chosen."""
+        """Return the way in which the points of a design were chosen."""
         return Sampling(read_group(self.tree, RUNS, design).attrs[SAMPLING])
 
 
 def select_view(
     tree: xr.DataTree, output: str | None, source: str | None, model: str | None
 ) -> ArchiveView:
-    """What is asked for of an archive.
+    """Return the part of an archive that is asked for.
 
     Raises
     ------

@@ -48,7 +48,7 @@ def plain_text(text: str, longest: int = _LONGEST) -> str:
 def typeset_unit(unit: str) -> str:
     """A unit with its powers raised.
 
-    >>> typeset("kg m-3"), typeset("g/cm^3")
+    >>> typeset_unit("kg m-3"), typeset_unit("g/cm^3")
     ('kg m⁻³', 'g/cm³')
     """
     return _POWER.sub(lambda match: match[1].translate(SUPERSCRIPTS), unit)
@@ -57,22 +57,22 @@ def typeset_unit(unit: str) -> str:
 def title_with_name(title: str, name: str) -> str:
     """A title and, in brackets, the name that a study gives it, unless that says the same.
 
-    >>> named("wall heat flux", "wall_heat_flux"), named("depth", "h")
+    >>> title_with_name("wall heat flux", "wall_heat_flux"), title_with_name("depth", "h")
     ('wall heat flux', 'depth (h)')
     """
     return title if title.replace(" ", "_") == name else f"{title} ({name})"
 
 
 def unit_suffix(unit: str) -> str:
-    """What stands behind a number in a text: a space and its unit, if it has one.
+    """Return the text behind a number: a space and its unit, if it has one.
 
-    >>> after_number("kg m-3"), after_number("1")
+    >>> unit_suffix("kg m-3"), unit_suffix("1")
     (' kg m⁻³', '')
     """
     return "" if unit == DIMENSIONLESS else f" {plain_text(typeset_unit(unit), 30)}"
 
 
 def title_with_unit(title: str, unit: str) -> str:
-    """What an axis says: a quantity and, in brackets, its unit, if it has one."""
+    """Return the title of an axis: a quantity and, in brackets, its unit, if it has one."""
     head = plain_text(title, 50)
     return head if unit == DIMENSIONLESS else f"{head} [{plain_text(typeset_unit(unit), 30)}]"

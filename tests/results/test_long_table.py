@@ -1,0 +1,165 @@
+"""All estimates of an archive in one table, which agrees with what the archive holds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.archive.estimates import estimate_array, pack
+from uqpen.results.json import archive_json
+from uqpen.results.long_table import long_table
+from uqpen.results.source_statistics import SourceStatistics
+
+STUDY = """
+    seed = 3
+    [models.one]
+    use = "ishigami"
+    [models.two]
+    use = "ishigami"
+    a = 6
+    [inputs]
+    x1 = { uniform = { lower = -3, upper = 3 } }
+    x2 = { uniform = { lower = -3, upper = 3 } }
+    x3 = { uniform = { lower = -3, upper = 3 } }
+    [outputs.y]
+    exceeds = ["4"]
+    hold = [0.9]
+    [designs.plain]
+    kind = "monte-carlo"
+    runs = 200
+    [published.paper]
+    source = "A paper"
+    [published.paper.y]
+    mean = 3.5
+"""
+
+COLUMNS = [
+    *("model", "source", "kind", "output", "statistic", "coordinates"),
+    *("probability", "content", "threshold", "input", "status"),
+    *("estimate", "lower", "upper", "unit", "interval", "interval_label", "note"),
+]
+
+
+@pytest.fixture(scope="module")
+def tree() -> xr.DataTree:
+    return uqpen.run(uqpen.parse_study(STUDY))
+
+
+@pytest.fixture(scope="module")
+def table(tree: xr.DataTree) -> pd.DataFrame:
+    return long_table(tree)
+
+
+def _rows(table: pd.DataFrame, **wanted: str) -> pd.DataFrame:
+    for column, value in wanted.items():
+        table = table[table[column] == value]
+    return table
+
+
+def test_its_columns_say_what_of_what_and_how_sure(table: pd.DataFrame) -> None:
+    assert list(table.columns) == COLUMNS
+    assert list(dict.fromkeys(table["kind"])) == ["design", "publication", "difference"]
+    assert list(dict.fromkeys(table["model"])) == ["one", "two", "two minus one"]
+
+
+def test_it_agrees_with_the_json(tree: xr.DataTree, table: pd.DataFrame) -> None:
+    told = archive_json(tree)["models"]["two"]["designs"]["plain"]["outputs"]["y"]
+    of_model = _rows(table, model="two", source="plain", output="y")
+    for statistic, coordinates, expected in (
+        ("mean", "", told["mean"]),
+        ("quantile", "probability=0.95", told["quantiles"]["0.95"]),
+        ("tolerance_limit", "content=0.9", told["hold"]["0.9"]),
+        ("exceedance", "threshold=4", told["exceedance"]["4"]),
+        ("first_order", "input=x2", told["sensitivity"]["x2"]["first_order"]),
+        (
+            "exceedance_first_order",
+            "threshold=4, input=x1",
+            told["sensitivity_of_exceedance"]["4"]["x1"]["first_order"],
+        ),
+    ):
+        (row,) = _rows(of_model, statistic=statistic, coordinates=coordinates).to_dict("records")
+        for key in ("estimate", "lower", "upper"):
+            assert row[key] == expected[key] or (math.isnan(row[key]) and expected[key] is None)
+        assert row["interval"] == expected["interval"]
+        assert row["interval_label"] == expected["interval_label"]
+        assert row["note"] == expected.get("note", "")
+
+
+def test_an_entry_is_told_by_its_coordinates(table: pd.DataFrame) -> None:
+    quantiles = _rows(table, model="one", source="plain", statistic="quantile")
+    assert quantiles["probability"].tolist() == [0.05, 0.5, 0.95]
+    assert quantiles["input"].isna().all()
+
+
+def test_a_publication_and_a_difference_are_sources(table: pd.DataFrame) -> None:
+    (paper,) = _rows(table, model="one", kind="publication").to_dict("records")
+    assert (paper["statistic"], paper["estimate"]) == ("mean", 3.5)
+    assert math.isnan(paper["lower"])
+    difference = _rows(table, kind="difference")
+    assert set(difference["source"]) == {"plain"}
+    assert {"mean", "std", "quantile"} <= set(difference["statistic"])
+
+
+def test_ends_of_runs_are_of_no_output(table: pd.DataFrame) -> None:
+    ends = _rows(table, model="one", source="plain", output="")
+    assert set(ends["statistic"]) == {"probability"}
+    assert "crashed" in set(ends["status"])
+
+
+def test_distribution_functions_are_listed_on_demand(
+    tree: xr.DataTree, table: pd.DataFrame
+) -> None:
+    assert not {"cdf", "cdf_band", "cdf_value"} & set(table["statistic"])
+    everything = long_table(tree, functions=True)
+    places = _rows(everything, model="one", source="plain", statistic="cdf_value")
+    assert len(places) > 100
+    assert places["lower"].isna().all()
+    assert len(_rows(everything, model="one", source="plain", statistic="cdf")) == len(places)
+
+
+def test_one_model_has_a_table_of_its_own(tree: xr.DataTree, table: pd.DataFrame) -> None:
+    own = SourceStatistics(tree["models/two"]).to_frame("two")
+    listed = _rows(table, model="two").reset_index(drop=True)
+    pd.testing.assert_frame_equal(own, listed[own.columns.tolist()])
+
+
+def test_a_statistic_that_an_archive_lacks_is_absent(tree: xr.DataTree) -> None:
+    pruned = tree["models/one"].copy()
+    node = pruned["statistics/plain/y"]
+    node.dataset = node.to_dataset().drop_vars("quantile")
+    statistics = SourceStatistics(pruned)
+    assert statistics.get("plain", "y", "quantile") is None
+    assert "quantile" not in set(statistics.to_frame()["statistic"])
+
+
+def test_a_statistic_of_somebody_elses_is_described_by_its_own_attributes(
+    tree: xr.DataTree,
+) -> None:
+    ranges = estimate_array(
+        [[2.0, 1.0, 3.0], [4.0, np.nan, np.nan]],
+        {"share": 2},
+        {"interval": ["bootstrap", "none"], "interval_label": ["nominal", "none"], "note": ""},
+        units="m",
+        long_name="range that holds a share",
+    ).assign_coords(share=[0.5, 0.9])
+    extended = tree["models/one"].copy()
+    extended["statistics/plain/y"] = xr.DataTree(pack({"central_range": ranges}))
+    statistics = SourceStatistics(extended)
+    assert list(statistics.statistics("plain", "y"))[-1] == "central_range"
+    found = _rows(statistics.to_frame(), statistic="central_range")
+    assert found["share"].tolist() == [0.5, 0.9]
+    assert found["coordinates"].tolist() == ["share=0.5", "share=0.9"]
+    assert found["estimate"].tolist() == [2.0, 4.0]
+    assert found["unit"].tolist() == ["m", "m"]
+    assert found["interval"].tolist() == ["bootstrap", "none"]
+
+
+def test_an_archive_without_estimates_has_an_empty_table() -> None:
+    found = SourceStatistics(xr.DataTree()).to_frame()
+    assert len(found) == 0
+    assert {"estimate", "statistic"} <= set(found.columns)

@@ -1,0 +1,390 @@
+"""A statistic from a file of the user's own: in an archive and all that is made of it."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.checkpoints.make_archive import make_archive
+from uqpen.core.errors import StudyError
+from uqpen.results.json import archive_json
+from uqpen.results.long_table import long_table
+from uqpen.results.output_tables import output_tables
+from uqpen.study.fingerprint import run_fingerprint
+from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.verify import verify
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+SPREAD = re.findall(r"```python\n(.*?)```", PAGE.partition("## A statistic")[2], re.DOTALL)[0]
+KEY = re.findall(r"```toml\n(.*?)```", PAGE.partition("## A statistic")[2], re.DOTALL)[0].strip()
+
+RODS = (ROOT / "tests" / "data" / "rods.toml").read_text(encoding="utf-8").split("[inputs]")[1]
+STUDY = f"""\
+seed = 1
+{KEY}
+[model]
+use = "rigid-penetration"
+[inputs]{RODS}
+[outputs.penetration_depth]
+unit = "cm"
+[designs.plain]
+kind = "monte-carlo"
+runs = 300
+[designs.latin]
+kind = "latin-hypercube"
+runs = 200
+[designs.steps]
+kind = "one-at-a-time"
+"""
+# The same with few runs, and without the design that is no sample.
+SMALL = STUDY.partition("[designs.latin]")[0].replace("300", "10")
+BESIDE = """
+import numpy as np
+from uqpen.statistics.estimate import Estimate
+
+FOUND = Estimate.without_bounds(1.0, "none")
+
+def array(units="1", **attributes):
+    return FOUND.to_array(units=units, long_name="a title").assign_attrs(attributes)
+
+def along(dimension, *labels):
+    found = Estimate.stack([FOUND] * 2, dimension, units="m2", long_name="along")
+    return found.assign_coords({dimension: list(labels)}) if labels else found
+
+def analysis(sample, quantity):
+    YIELDS
+"""
+COUNTS = ("runs", "runs_used", "runs_inadmissible", "conditional_on")
+
+Command = Callable[..., Any]
+
+
+def _write(folder: Path, yields: str) -> None:
+    (folder / "own.py").write_text(BESIDE.replace("YIELDS", yields))
+
+
+def _study(text: str, folder: Path) -> Any:
+    return uqpen.parse_study(
+        text.replace("spread.py:interquartile_range", "own.py:analysis"), folder=folder
+    )
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the archive of a study, where the analysis is no longer."""
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "spread.py").write_text(SPREAD)
+    (folder / "study.toml").write_text(STUDY)
+    uqpen.write(uqpen.run(uqpen.load_study(folder / "study.toml")), folder / "a.nc")
+    (folder / "spread.py").unlink()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def tree(made: Path) -> xr.DataTree:
+    return uqpen.open_archive(made / "a.nc")
+
+
+@pytest.fixture
+def uqpen_beside(made: Path, command_line: Command) -> Command:
+    """The command line beside a copy of the archive alone."""
+    Path("a.nc").write_bytes((made / "a.nc").read_bytes())
+    return command_line
+
+
+def _checks(path: Path, **options: Any) -> dict[str, CheckResult]:
+    return {check.name: check for check in verify(path, **options)}
+
+
+class TestInAnArchive:
+    def test_it_is_what_the_runs_tell(self, tree: xr.DataTree) -> None:
+        depths = tree["runs/plain"]["penetration_depth"].values
+        found = tree["statistics/plain/penetration_depth"]["interquartile_range"]
+        lower, upper = np.quantile(depths[np.isfinite(depths)], [0.25, 0.75])
+        assert found.values[0] == upper - lower
+        assert np.isnan(found.values[1:]).all()
+        assert found.attrs["units"] == "m"
+
+    def test_it_has_the_counts_of_runs_of_all_others(self, tree: xr.DataTree) -> None:
+        group = tree["statistics/plain/penetration_depth"]
+        found, mean = (group[name].attrs for name in ("interquartile_range", "mean"))
+        assert found["runs_used"] < found["runs"] == 300
+        assert {key: found[key] for key in COUNTS} == {key: mean[key] for key in COUNTS}
+
+    def test_each_sample_has_it_and_no_other_design(self, tree: xr.DataTree) -> None:
+        outputs = ("penetration_depth", "projectile_residue")
+        for output in outputs:
+            assert "trimmed_range" in tree[f"statistics/latin/{output}"]
+        assert "interquartile_range" not in tree["statistics/steps/penetration_depth"]
+
+    def test_its_file_is_kept(self, tree: xr.DataTree) -> None:
+        assert tree["files"]["name"].values.tolist() == ["spread.py"]
+        assert tree["files"]["content"].values.tolist() == [SPREAD]
+
+    def test_workers_change_no_byte(self, made: Path, tmp_path: Path) -> None:
+        (tmp_path / "spread.py").write_text(SPREAD)
+        (tmp_path / "study.toml").write_text(STUDY)
+        for workers in ("1", "2"):
+            command = ["study", "study.toml", "-o", f"{workers}.nc", "--workers", workers]
+            call = [sys.executable, "-m", "uqpen", *command]
+            subprocess.run(call, cwd=tmp_path, check=True, capture_output=True)
+        written = {(tmp_path / f"{workers}.nc").read_bytes() for workers in (1, 2)}
+        assert written == {(made / "a.nc").read_bytes()}
+
+    def test_it_decides_no_run(self, tmp_path: Path) -> None:
+        prints = []
+        for number in range(2):
+            _write(tmp_path, f"yield 'own', array(number={number})")
+            prints.append(run_fingerprint(_study(STUDY, tmp_path), "", "plain"))
+        assert (
+            prints[0]
+            == prints[1]
+            == run_fingerprint(uqpen.parse_study(STUDY.replace(KEY, "")), "", "plain")
+        )
+
+    def test_runs_are_kept_when_it_fails(self, tmp_path: Path) -> None:
+        _write(tmp_path, "yield 'own', array() / 0 + None")
+        with pytest.raises(StudyError, match="TypeError"):
+            make_archive(_study(SMALL, tmp_path), tmp_path / "a.nc")
+        assert list((tmp_path / "a.nc.parts").iterdir())
+        _write(tmp_path, "yield 'own', array()")
+        archive = make_archive(_study(SMALL, tmp_path), tmp_path / "a.nc")
+        assert "own" in archive["statistics/plain/penetration_depth"]
+
+    def test_it_sees_no_sample_without_runs(self, tmp_path: Path) -> None:
+        _write(tmp_path, "yield 'own', array(least=float(sample.values.min()))")
+        text = f'{SMALL}[constraints]\nkeep = ["crater_radius > plasticity_radius"]\n'
+        tree = uqpen.run(_study(text, tmp_path))
+        assert not (tree["runs/plain"]["status"].values == 0).any()
+        assert "own" not in tree["statistics/plain/penetration_depth"]
+
+
+class TestShown:
+    def test_in_the_table_in_the_output_s_unit(self, tree: xr.DataTree) -> None:
+        table = next(output_tables(tree))
+        assert table.title == "penetration_depth [cm]"
+        labels = [label for label, _ in table.rows]
+        ending = ["interquartile range", "trimmed range (trim=0.1) [m]"]
+        assert labels[-3:-1] == ending
+        cells = dict(table.rows)
+        archived = tree["statistics/plain/penetration_depth"]
+        in_cm = 100 * archived["interquartile_range"].values[0]
+        assert cells["interquartile range"][0].split()[0] == f"{in_cm:.4g}"
+        in_m = archived["trimmed_range"].values[1, 0]
+        assert cells["trimmed range (trim=0.2) [m]"][0].split()[0] == f"{in_m:.4g}"
+
+    def test_by_the_command_line(self, uqpen_beside: Command) -> None:
+        done = uqpen_beside("show", "a.nc")
+        assert done.code == 0, done.err
+        assert "interquartile range " in done.out
+        done = uqpen_beside("show", "a.nc", "--json")
+        told = json.loads(done.out)["designs"]["plain"]["outputs"]["penetration_depth"]["other"]
+        assert list(told) == ["interquartile_range", "trimmed_range"]
+
+    def test_in_the_json(self, tree: xr.DataTree) -> None:
+        told = archive_json(tree)["designs"]["plain"]["outputs"]
+        other = told["penetration_depth"]["other"]
+        archived = tree["statistics/plain/penetration_depth"]
+        assert other["interquartile_range"] == {
+            "estimate": archived["interquartile_range"].values[0],
+            "lower": None,
+            "upper": None,
+            "interval": "none",
+            "interval_label": "none",
+            "note": "no interval was worked out",
+            "units": "m",
+            "long_name": "interquartile range",
+        }
+        assert list(other["trimmed_range"]) == ["0.1", "0.2"]
+        assert other["trimmed_range"]["0.2"]["estimate"] == archived["trimmed_range"].values[1, 0]
+        assert "other" not in told["termination"]
+
+    def test_on_the_page(self, uqpen_beside: Command) -> None:
+        assert uqpen_beside("report", "a.nc").code == 0
+        page = Path("a.html").read_text(encoding="utf-8")
+        row = re.search(r"<tr[^>]*>(?:(?!</tr>).)*interquartile range.*?</tr>", page, re.DOTALL)
+        assert row is not None
+        assert "trimmed range (trim=0.1) [m]" in page
+
+    def test_in_the_long_table(self, tree: xr.DataTree) -> None:
+        table = long_table(tree)
+        table = table[(table["statistic"] == "trimmed_range") & (table["source"] == "latin")]
+        table = table[table["output"] == "penetration_depth"]
+        assert table["coordinates"].tolist() == ["trim=0.1", "trim=0.2"]
+        assert table["unit"].tolist() == ["m", "m"]
+        archived = tree["statistics/latin/penetration_depth"]["trimmed_range"].values[:, 0]
+        assert table["estimate"].tolist() == archived.tolist()
+
+    def test_of_a_category_and_along_two_dimensions(self, tmp_path: Path) -> None:
+        table = "Estimate.table([[FOUND] * 2], ('a', 'b'), units='1', long_name='both')"
+        _write(tmp_path, f"yield 'own', {table}.assign_coords(a=['x'], b=[1, 2])")
+        tree = uqpen.run(_study(SMALL, tmp_path))
+        told = archive_json(tree)["designs"]["plain"]["outputs"]["termination"]["other"]["own"]
+        assert told["x"]["2"]["estimate"] == 1
+        tables = {table.title: table for table in output_tables(tree)}
+        assert [label for label, _ in tables["termination"].rows][-2:] == [
+            "both (a=x, b=1)",
+            "both (a=x, b=2)",
+        ]
+
+
+class TestTrust:
+    """Code that an archive names is executed only on demand."""
+
+    def test_without_it_all_the_rest_is_verified(self, made: Path) -> None:
+        checks = _checks(made / "a.nc", runs=None)
+        assert checks["analyses"].verdict is CheckOutcome.UNCHECKED
+        assert "not checked: interquartile_range, trimmed_range;" in checks["analyses"].text
+        assert "(spread.py:interquartile_range)" in checks["analyses"].text
+        others = [check.verdict for name, check in checks.items() if name != "analyses"]
+        assert others == [CheckOutcome.EQUAL] * len(others)
+        assert {"runs", "statistics"} <= checks.keys()
+
+    def test_a_fresh_process_needs_no_file(self, made: Path, tmp_path: Path) -> None:
+        (tmp_path / "a.nc").write_bytes((made / "a.nc").read_bytes())
+        for command in (["show"], ["verify"], ["verify", "--trust"]):
+            call = [sys.executable, "-m", "uqpen", *command, "a.nc"]
+            done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
+            assert done.returncode == 0, done.stderr
+            assert ("interquartile" in done.stdout) == ("--trust" not in command)
+
+    def test_with_it_they_are_repeated(self, made: Path) -> None:
+        checks = _checks(made / "a.nc", trust=True)
+        assert "analyses" not in checks
+        assert {check.verdict for check in checks.values()} == {CheckOutcome.EQUAL}
+
+    def test_what_it_did_not_yield_is_told(self, made: Path, tmp_path: Path) -> None:
+        groups = uqpen.open_archive(made / "a.nc").to_dict()
+        path = "/statistics/plain/penetration_depth"
+        for name, trusted in (("interquartile_range", True), ("mean", False)):
+            changed = groups[path].copy(deep=True)
+            changed[name].values[0] += 1
+            tree = xr.DataTree.from_dict({**groups, path: changed})
+            uqpen.write(tree, tmp_path / "changed.nc")
+            checks = _checks(tmp_path / "changed.nc", trust=trusted)
+            assert checks["statistics"].verdict is CheckOutcome.DIFFERENT
+            assert f"{path}: {name}: " in checks["statistics"].details[0]
+
+    def test_it_is_never_executed_without(self, tmp_path: Path) -> None:
+        trace = tmp_path / "executed"
+        (tmp_path / "own.py").write_text(
+            f"import pathlib\npathlib.Path({str(trace)!r}).touch()\n"
+            + BESIDE.replace("YIELDS", "yield 'own', array()")
+        )
+        study = _study(SMALL, tmp_path)
+        uqpen.write(uqpen.run(study), tmp_path / "a.nc")
+        trace.unlink()
+        for command in (["show"], ["verify"], ["report"], ["diff", "a.nc"], ["rerun"]):
+            call = [sys.executable, "-m", "uqpen", *command, "a.nc"]
+            done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
+            assert done.returncode == (2 if command == ["rerun"] else 0), done.stderr
+            assert not trace.exists(), command
+        assert "own.py:analysis" in done.stderr
+        assert "--trust" in done.stderr
+
+    def test_with_it_the_study_is_repeated(self, uqpen_beside: Command) -> None:
+        assert uqpen_beside("rerun", "a.nc", "--trust").code == 0
+        assert Path("a_rerun.nc").read_bytes() == Path("a.nc").read_bytes()
+
+    def test_one_that_fails_now_is_told(self, uqpen_beside: Command) -> None:
+        Path("spread.py").write_text("def interquartile_range(sample, quantity):\n    1 / 0\n")
+        done = uqpen_beside("verify", "a.nc", "--trust", "--folder", ".")
+        assert done.code == 4
+        assert "an analysis that its study names fails" in done.out
+        assert "ZeroDivisionError: division by zero (line 2)" in done.said
+
+
+class TestMistakesInTheStudy:
+    @pytest.mark.parametrize(
+        ("value", "key", "found", "expected"),
+        [
+            ('"own.py:analysis"', "analyses", '"own.py:analysis"', "a list in square brackets"),
+            ("[1]", "analyses[0]", "1", 'a function such as "spread.py:interquartile_range"'),
+            ('["own.py:other"]', "analyses[0]", 'has no function "other"', "a function that"),
+            ('["other.py:f"]', "analyses[0]", 'no file "other.py" beside', "a function that"),
+            ('["no_such.module:f"]', "analyses[0]", "No module named", "a function that"),
+            ('["own.py"]', "analyses[0]", "is not of the form", "a function that"),
+            ('["own.py:analysis", "own.py:few"]', "analyses[1]", "few(sample)", "a sample and a"),
+            (
+                '["own.py:analysis", "own.py:analysis"]',
+                "analyses[1]",
+                "again",
+                "each function once",
+            ),
+        ],
+    )
+    def test_is_told_with_line_key_found_and_expected(
+        self, tmp_path: Path, value: str, key: str, found: str, expected: str
+    ) -> None:
+        _write(tmp_path, "yield\ndef few(sample):\n    yield\n")
+        with pytest.raises(StudyError) as raised:
+            uqpen.parse_study(STUDY.replace(KEY, f"analyses = {value}"), folder=tmp_path)
+        assert f"study.toml:2  {key}\n" in str(raised.value)
+        (problem,) = raised.value.problems
+        assert found in problem.found
+        assert expected in problem.expected
+
+
+@pytest.mark.parametrize(
+    ("yields", "found", "expected"),
+    [
+        ("yield 'mean', array()", "'mean'", "no built-in statistic has"),
+        ("yield 'a b', array()", "'a b'", "letters, digits and _"),
+        ("yield 3, array()", "the statistic 3", "letters, digits and _"),
+        ("yield 'bound', array()", "'bound'", "archives do not use themselves"),
+        ("yield 'a_interval', array()", "'a_interval'", "archives do not use themselves"),
+        ("yield 'a', array(); yield 'a', array()", "'a'", "not yielded before"),
+        ("yield array()", "of type DataArray", "a name and an estimate array"),
+        ("return [3.0]", "of type float", "a name and an estimate array"),
+        ("return 3.0", "TypeError", "statistics"),
+        ("sample.values.sort()", "read-only (line 15)", "statistics"),
+        ("import os; raise SystemExit(3)", "SystemExit: 3", "statistics"),
+        ("yield 'a', 3.0", "a of type float", "an estimate array"),
+        ("yield 'a', array()[:2]", "without estimate, lower, upper", "an estimate array"),
+        ("yield 'a', array().drop_vars('note')", "without texts note", "an estimate array"),
+        ("yield 'a', array().drop_attrs()", "without units", "an estimate array"),
+        ("yield 'a', array('parsec')", "", ""),
+        ("yield 'a', array('frobs')", "units that are none", "an estimate array"),
+        ("yield 'a', array(unit_rule='none')", "unit_rule 'none'", "an estimate array"),
+        ("yield 'a', array(more=None)", "attribute 'more'", "an estimate array"),
+        ("yield 'a', array(order='x')", "order is no number", "an estimate array"),
+        ("yield 'a', along('d')", "a dimension d", "a coordinate along it"),
+        ("yield 'a', along('d', 1, 1)", "a dimension d", "a coordinate along it"),
+        ("yield 'a', along('run', 1, 2)", "'run'", "archives do not use themselves"),
+        ("yield 'a', along('kind', 1, 2)", "'kind'", "archives do not use themselves"),
+        ("yield 'a', along('probability', 0.1, 0.2)", "another probability", "the same"),
+        ("yield 'a', along('threshold', 'x', 'y')", "a dimension threshold", "built-in"),
+        ("yield 'a', along('input', 0, 1)", "another input", "the same, or another"),
+        (
+            "yield 'a', along('d', 1, 2); yield 'b', along('d', 1, 3)",
+            "b with another d",
+            "the same, or another",
+        ),
+        ("yield 'a', array(); yield 'b', along('a', 1, 2)", "a is a statistic", "an estimate"),
+    ],
+)
+def test_what_it_must_not_yield_is_told(
+    tmp_path: Path, yields: str, found: str, expected: str
+) -> None:
+    _write(tmp_path, yields)
+    study = _study(SMALL, tmp_path)
+    if not found:
+        uqpen.run(study)
+        return
+    with pytest.raises(StudyError) as raised:
+        uqpen.run(study)
+    (problem,) = raised.value.problems
+    assert problem.found.startswith("own.py:analysis of penetration_depth: ")
+    assert found in problem.found
+    assert expected in problem.expected

@@ -1,0 +1,154 @@
+"""Every block of Python, TOML or uqpen's commands in the documentation runs, or parses.
+
+A block that cannot run has a comment before it, `<!-- not run: reason -->`, and is parsed only. A
+block that is a file has `<!-- file: name -->` before it, or starts with its name in a comment.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import shlex
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+import pytest
+
+import uqpen
+from uqpen.cli.main import COMMANDS
+from uqpen.core.lookup import resolve
+from uqpen.study.load import parse_study
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+# The concrete study with fewer runs: a page shows how to call it, not what it finds.
+FEWER = {
+    "runs = 10_000": "runs = 200",
+    "runs = 8_192": "runs = 256",
+    "base = 8_192": "base = 64",
+    "trajectories = 50": "trajectories = 6",
+    "runs = 500": "runs = 80",
+}
+
+
+class Block(NamedTuple):
+    """A block of a page."""
+
+    page: Path
+    line: int
+    language: str
+    text: str
+    reason: str
+    """Why it is not run; empty if it is."""
+    file: str
+    """The name of the file that it is, if it is one."""
+
+    def __str__(self) -> str:
+        return f"{self.page.relative_to(ROOT)}:{self.line}"
+
+
+def _blocks(page: Path) -> Iterator[Block]:
+    text = page.read_text(encoding="utf-8")
+    pattern = r"(?:^<!-- (not run|file): ([^>]+?) -->\n\n)?^( *)```(\w+)\n(.*?)^ *```$"
+    for match in re.finditer(pattern, text, re.MULTILINE | re.DOTALL):
+        mark, words, indent, language, body = match.groups(default="")
+        body = "".join(line.removeprefix(indent) for line in body.splitlines(keepends=True))
+        reason = words if mark == "not run" else ""
+        title = re.match(r"# (\w+\.py)\n", body)
+        file = words if mark == "file" else title[1] if title else ""
+        line = text.count("\n", 0, match.start(4)) + 1
+        yield Block(page, line, language, body, reason, file)
+
+
+BLOCKS = [block for page in PAGES for block in _blocks(page)]
+
+
+def _of(language: str) -> list[Block]:
+    return [block for block in BLOCKS if block.language == language]
+
+
+def _commands() -> Iterator[tuple[str, list[str]]]:
+    """The calls of uqpen in blocks of a shell, and those shown with their output."""
+    for block in [*_of("sh"), *_of("text")]:
+        for line in block.text.splitlines():
+            if block.language == "text" and not line.startswith("$ "):
+                continue
+            for call in line.removeprefix("$ ").split("&&"):
+                if re.match(r"\s*(\S*/)?uqpen\s", call):
+                    words = shlex.split(call, comments=True)[1:]
+                    yield f"{block} {' '.join(words)}", words
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with what the pages name."""
+    folder = tmp_path_factory.mktemp("documentation")
+    for name in ("studies", "archives", "docs"):
+        (folder / name).mkdir()
+    text = (ROOT / "studies" / "concrete.toml").read_text(encoding="utf-8")
+    for many, few in FEWER.items():
+        assert many in text
+        text = text.replace(many, few)
+    (folder / "studies" / "concrete.toml").write_text(text, encoding="utf-8")
+    return folder
+
+
+def test_a_block_that_is_not_run_says_why() -> None:
+    marks = sum(page.read_text(encoding="utf-8").count("<!-- not run:") for page in PAGES)
+    assert marks == sum(bool(block.reason) for block in BLOCKS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_its_python_runs(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The blocks of a page in their order; those with prompts have a test of their own."""
+    blocks = [block for block in _of("python") if block.page == page and ">>>" not in block.text]
+    if not any(not block.reason for block in blocks):
+        return
+    monkeypatch.chdir(folder)
+    archive = folder / "archives" / "concrete.nc"
+    if not archive.exists():
+        uqpen.make_archive(uqpen.load_study("studies/concrete.toml"), archive)
+    names: dict[str, object] = {}
+    for block in blocks:
+        tree = compile(block.text, str(block), "exec")
+        if not block.reason:
+            exec(tree, names)
+
+
+def test_python_that_is_not_run_parses() -> None:
+    for block in _of("python"):
+        if ">>>" not in block.text:
+            ast.parse(block.text, str(block))
+
+
+@pytest.mark.parametrize("block", _of("toml"), ids=str)
+def test_its_toml_parses_and_a_whole_study_is_one(block: Block, tmp_path: Path) -> None:
+    content = tomllib.loads(block.text)
+    if {"seed", "model", "inputs", "designs"} <= content.keys() and not block.reason:
+        for other in BLOCKS:
+            if other.page == block.page and other.file:
+                (tmp_path / other.file).write_text(other.text, encoding="utf-8")
+                (tmp_path / other.file).chmod(0o755)
+        parse_study(block.text, folder=tmp_path)
+
+
+@pytest.mark.parametrize(
+    "words", [words for _, words in _commands()], ids=[name for name, _ in _commands()]
+)
+def test_its_commands_parse(
+    words: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    if words == ["--version"]:
+        return
+    command = resolve(COMMANDS[words[0]])
+    for word in words[1:]:
+        if word.endswith((".toml", ".nc", ".json")) and not Path(word).exists():
+            Path(word).touch()
+    assert isinstance(command, click.Command)
+    command.make_context(words[0], words[1:])

@@ -1,0 +1,31 @@
+"""How the points of a design relate to each other."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+__all__ = ["Sampling"]
+
+
+class Sampling(StrEnum):
+    """Relation between the points of a design; it determines the error bars."""
+
+    INDEPENDENT = "independent"
+    """Each point is drawn by itself."""
+    STRATIFIED = "stratified"
+    """The points of a replicate are spread over strata, so they avoid each other."""
+    USER_SUPPLIED = "given"
+    """Points of the user's own, about which nothing more is known."""
+    PICK_FREEZE = "pick-freeze"
+    """Blocks of points that share coordinates; the first two matrices are stratified samples."""
+    QUADRATURE = "integration rule"
+    """Nodes with weights; no sample."""
+    TRAJECTORIES = "trajectories"
+    """Inputs moved one after the other from random starts; no sample."""
+    ONE_AT_A_TIME = "steps"
+    """Inputs moved one at a time from the nominal point; no sample."""
+
+    @property
+    def is_sample(self) -> bool:
+        """True if the points, or some of them, are a sample of the joint distribution."""
+        return self not in (Sampling.QUADRATURE, Sampling.TRAJECTORIES, Sampling.ONE_AT_A_TIME)

@@ -1,0 +1,61 @@
+"""Estimates as rows of a long table: one entry of one statistic a row."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from uqpen.archive.estimates import INTERVAL_TEXTS
+from uqpen.core.catalogue import DIMENSIONS
+from uqpen.core.labels import BOUND, BOUNDS
+
+__all__ = ["estimate_rows", "rows_frame"]
+
+Row = dict[str, Any]
+
+_BEFORE = ("model", "source", "kind", "output", "statistic", "coordinates")
+_BEHIND = (*BOUNDS, "unit", *INTERVAL_TEXTS)
+
+
+def estimate_rows(array: xr.DataArray, **described: str) -> Iterator[Row]:
+    """Yield the entries of an estimate array, or of an array without bounds.
+
+    Parameters
+    ----------
+    array : DataArray
+        As `SourceStatistics.get` returns it.
+    **described : str
+        The columns that are the same in all rows, such as ``source`` and ``statistic``.
+    """
+    dims = [str(dim) for dim in array.dims if dim != BOUND]
+    labels = [array[dim].values.tolist() for dim in dims]
+    texts = {key: array.coords[key].values for key in INTERVAL_TEXTS if key in array.coords}
+    unit = str(array.attrs.get("units", ""))
+    for index in np.ndindex(*(array.sizes[dim] for dim in dims)):
+        at = {dim: of_dim[i] for dim, of_dim, i in zip(dims, labels, index, strict=True)}
+        yield {
+            **described,
+            "coordinates": ", ".join(f"{dim}={label}" for dim, label in at.items()),
+            **at,
+            **dict(zip(BOUNDS, np.ravel(array.values[index]).tolist(), strict=False)),
+            "unit": unit,
+            **{key: str(values[index]) for key, values in texts.items()},
+        }
+
+
+def rows_frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return the table of rows, with a column for each dimension that is used."""
+    listed = list(rows)
+    used = {key for row in listed for key in row} - {*_BEFORE, *_BEHIND}
+    dims = [*(name for name in DIMENSIONS if name in used), *sorted(used - DIMENSIONS.keys())]
+    columns: dict[str, list[Any]] = {
+        name: [row.get(name, np.nan if name in BOUNDS else "") for row in listed]
+        for name in (*_BEFORE, *_BEHIND)
+    }
+    entries = {name: [row.get(name) for row in listed] for name in dims}
+    behind = {name: columns.pop(name) for name in _BEHIND}
+    return pd.DataFrame({**columns, **entries, **behind})

@@ -1,0 +1,270 @@
+"""User-supplied analyses: functions in a study's files that yield statistics."""
+
+from __future__ import annotations
+
+import contextlib
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqpen.archive.estimates import INTERVAL_TEXTS, pack
+from uqpen.archive.layout import find_attribute_faults, find_dataset_faults
+from uqpen.core.catalogue import (
+    CATALOGUE,
+    CATEGORY,
+    CONTENT_LEVEL,
+    DIMENSIONS,
+    PROBABILITY,
+    THRESHOLD,
+)
+from uqpen.core.errors import Problem, QuantityError, StudyError
+from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import BOUND, BOUNDS, INPUT, INTERVAL, NAME, RESERVED
+from uqpen.core.units import scale
+from uqpen.models.reasons import one_line
+from uqpen.models.surroundings import ModelFolder
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import Sample
+
+__all__ = ["OutsideAnalysis", "outside_statistics"]
+
+Analysis = Callable[[Sample, QuantityOfInterest], Iterable[tuple[str, xr.DataArray]]]
+
+_UNIT_RULES = ("value", "difference")
+
+# The entries of these are what the study asks for, the same for all sources of an output.
+_ASKED = (PROBABILITY, CONTENT_LEVEL, THRESHOLD, CATEGORY)
+
+# A dimension is a column of the long table, beside these.
+_COLUMNS = ("model", "source", "kind", "output", "statistic", "coordinates", "unit", *BOUNDS)
+_USED_DIMENSIONS = RESERVED.union(_COLUMNS, INTERVAL_TEXTS) - {INPUT}
+_USED_NAMES = RESERVED.union(
+    _COLUMNS,
+    INTERVAL_TEXTS,
+    DIMENSIONS,
+    *(dimension.companions for dimension in DIMENSIONS.values()),
+)
+
+_ESTIMATE_ARRAY = "an estimate array, as Estimate.to_array and Estimate.stack make it"
+
+
+@dataclass(frozen=True)
+class OutsideAnalysis:
+    """User-supplied function that yields statistics of an output.
+
+    Parameters
+    ----------
+    reference : str
+        ``"file.py:function"`` or ``"package.module:function"``, as the study has it.
+    function : callable
+        Takes a `Sample` and a `QuantityOfInterest`, and yields names with estimate arrays.
+    surroundings : ModelFolder, optional
+        The context in which the function must be called.
+    """
+
+    reference: str
+    function: Analysis = field(compare=False)
+    surroundings: ModelFolder | None = field(default=None, repr=False, compare=False)
+
+    def files(self) -> tuple[FileSnapshot, ...]:
+        """Return the files that it has been loaded from, as they were."""
+        return self.surroundings.files() if self.surroundings else ()
+
+    def __call__(self, sample: Sample, quantity: QuantityOfInterest) -> list[Any]:
+        """Return what the function yields, whatever that is.
+
+        Raises
+        ------
+        StudyError
+            If it raises anything.
+        """
+        place = self.surroundings.on_import_path() if self.surroundings else None
+        try:
+            with place or contextlib.nullcontext():
+                return list(self.function(_read_only(sample), quantity))
+        except (Exception, SystemExit) as error:  # a user's function can raise anything
+            found = f"{type(error).__name__}: {error}{self._line(error)}"
+            raise self.error(quantity, one_line(found), "statistics") from None
+
+    def error(self, quantity: QuantityOfInterest, found: str, expected: str) -> StudyError:
+        """Return the error that says what is wrong with its statistics of an output."""
+        what = f"{self.reference} of {quantity.output.name}: {found}"
+        problem = Problem(("analyses",), what, expected)
+        return StudyError(str(problem), [problem])
+
+    def _line(self, error: BaseException) -> str:
+        """Return the line of the function's file that an exception comes from."""
+        file = getattr(getattr(self.function, "__code__", None), "co_filename", None)
+        frames = traceback.extract_tb(error.__traceback__)
+        lines = [each.lineno for each in frames if each.filename == file]
+        return f" (line {lines[-1]})" if lines else ""
+
+
+def outside_statistics(
+    analyses: Iterable[OutsideAnalysis],
+    sample: Sample,
+    quantity: QuantityOfInterest,
+    known: Mapping[str, xr.DataArray],
+) -> dict[str, xr.DataArray]:
+    """Compute the statistics that user-supplied analyses yield for an output.
+
+    Parameters
+    ----------
+    analyses : iterable of OutsideAnalysis
+        In the order of the study.
+    sample : Sample
+        Of the output. Without a completed run, there are no statistics.
+    quantity : QuantityOfInterest
+        The quantity of interest of the output.
+    known : mapping of str to DataArray
+        The statistics that the output already has. Their coordinates take precedence.
+
+    Returns
+    -------
+    dict of str to DataArray
+        Estimate arrays that an archive can contain in addition to the known ones.
+
+    Raises
+    ------
+    StudyError
+        If an analysis fails, or yields a statistic that cannot be in an archive.
+    """
+    found: dict[str, xr.DataArray] = {}
+    if sample.size == 0:
+        return found
+    for analysis in analyses:
+        for statistic in analysis(sample, quantity):
+            if fault := _statistic_fault(statistic, known, found):
+                raise analysis.error(quantity, *fault)
+            name, array = statistic
+            # A coordinate that other statistics have already keeps their attributes.
+            shared = _coordinates({**found, **known})
+            own = {key: shared[str(key)] for key in array.coords if key in shared}
+            found[name] = array.assign_coords(own)
+    return found
+
+
+def _statistic_fault(
+    statistic: object, known: Mapping[str, xr.DataArray], found: Mapping[str, xr.DataArray]
+) -> tuple[str, str] | None:
+    """Return what is wrong with what an analysis yields, and what would be right."""
+    if not (isinstance(statistic, tuple) and len(statistic) == 2):
+        return f"something of type {type(statistic).__name__}", "a name and an estimate array"
+    name, array = statistic
+    if expected := _name_fault(name, found):
+        return f"the statistic {name!r}", expected
+    if wrong := _array_fault(array):
+        return f"{name} {wrong}", _ESTIMATE_ARRAY
+    others = {**found, **known}
+    if fault := _coordinate_fault(array, others):
+        return f"{name} with {fault[0]}", fault[1]
+    wrong = next(_archive_faults({**others, name: array}), "")
+    return (wrong, _ESTIMATE_ARRAY) if wrong else None
+
+
+def _read_only(sample: Sample) -> Sample:
+    """Return a sample whose arrays an analysis cannot change for those after it."""
+    views = {
+        name: getattr(sample, name).view()
+        for name in ("values", "used", "missing", "points", "replicates")
+    }
+    for view in views.values():
+        view.flags.writeable = False
+    return replace(sample, **views)
+
+
+def _name_fault(name: object, found: Mapping[str, object]) -> str:
+    """Return what a name should be in place of what it is; empty where it is right."""
+    if not isinstance(name, str) or not NAME.match(name):
+        return "a name of letters, digits and _, at most 100"
+    if name in CATALOGUE:
+        return "a name that no built-in statistic has"
+    if name in _USED_NAMES or name.endswith(f"_{INTERVAL}"):
+        return "a name that archives do not use themselves"
+    return "a name that it has not yielded before, nor another analysis" if name in found else ""
+
+
+def _array_fault(array: object) -> str:
+    """Return why something is no estimate array; empty where it is one."""
+    if not isinstance(array, xr.DataArray):
+        return f"of type {type(array).__name__}"
+    if array.dims[-1:] != (BOUND,) or array.dtype != np.float64 or not array.size:
+        return f"an array of {array.dtype} along {', '.join(map(str, array.dims)) or 'nothing'}"
+    if BOUND not in array.coords or array[BOUND].values.tolist() != list(BOUNDS):
+        return f"without {', '.join(BOUNDS)} along {BOUND}"
+    for name in INTERVAL_TEXTS:
+        if name not in array.coords or not _is_text(array.coords[name].values):
+            return f"without texts {name} of its intervals"
+        if array.coords[name].dims != array.dims[:-1]:
+            return f"without a text {name} for each entry"
+    return _attribute_fault(array.attrs)
+
+
+def _attribute_fault(attributes: Mapping[Any, Any]) -> str:
+    """Return what is wrong with the attributes of an array; empty for nothing."""
+    for name in ("units", "long_name"):
+        if not isinstance(attributes.get(name), str) or not attributes[name]:
+            return f"without {name}"
+    try:
+        scale(attributes["units"])
+    except QuantityError as error:
+        return f"in units that are none ({error})"
+    rule = attributes.get("unit_rule", _UNIT_RULES[0])
+    if rule not in _UNIT_RULES:
+        return f'with the unit_rule {rule!r}, neither "value" nor "difference"'
+    for name, value in attributes.items():
+        if not isinstance(name, str) or np.asarray(value).dtype.kind not in "Uiuf":
+            return f"with an attribute {name!r} that is neither text nor number"
+    return ""
+
+
+def _is_text(values: Any) -> bool:
+    return all(isinstance(each, str) for each in np.ravel(np.asarray(values, dtype=object)))
+
+
+def _coordinates(arrays: Mapping[str, xr.DataArray]) -> dict[str, xr.Variable]:
+    """Return the coordinates of arrays but those that each has of its own."""
+    return {
+        str(name): coordinate.variable
+        for array in arrays.values()
+        for name, coordinate in array.coords.items()
+        if name not in INTERVAL_TEXTS
+    }
+
+
+def _coordinate_fault(
+    array: xr.DataArray, known: Mapping[str, xr.DataArray]
+) -> tuple[str, str] | None:
+    """Return what is wrong with an array's coordinates, and what would be right."""
+    shared = _coordinates(known)
+    for dimension in map(str, array.dims[:-1]):
+        if not NAME.match(dimension) or dimension in _USED_DIMENSIONS or dimension in CATALOGUE:
+            return f"a dimension {dimension!r}", "a name that archives do not use themselves"
+        if dimension not in array.coords or not array.indexes[dimension].is_unique:
+            return f"a dimension {dimension}", "a coordinate along it that tells its entries apart"
+        if dimension in _ASKED and dimension not in shared:
+            return f"a dimension {dimension}", "one that built-in statistics of the output have"
+    for name, coordinate in _coordinates({"": array}).items():
+        if name in shared and not _is_same(shared[name], coordinate):
+            return f"another {name} than other statistics", "the same, or another dimension"
+        if not (coordinate.dtype.kind in "iuf" or _is_text(coordinate.values)):
+            return f"a coordinate {name} of {coordinate.dtype}", "texts or numbers"
+    return None
+
+
+def _is_same(one: xr.Variable, other: xr.Variable) -> bool:
+    return one.dims == other.dims and np.array_equal(one.values, other.values)
+
+
+def _archive_faults(arrays: Mapping[str, xr.DataArray]) -> Iterator[str]:
+    """Yield why an archive with these statistics could not be opened."""
+    if both := sorted(arrays.keys() & _coordinates(arrays).keys()):
+        yield f"{both[0]} is a statistic and a coordinate"
+        return
+    dataset = pack(arrays)
+    yield from find_dataset_faults(dataset, CATALOGUE)
+    yield from find_attribute_faults(xr.DataTree(dataset))

@@ -1,0 +1,73 @@
+"""``analyses = […]``: user-supplied functions that compute statistics."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from uqpen.core.errors import ModelError, toml_text
+from uqpen.models.python_function import load_function
+from uqpen.statistics.outside import OutsideAnalysis
+from uqpen.study.table_reader import TableReader
+
+__all__ = ["ANALYSES_KEY", "read_analyses"]
+
+ANALYSES_KEY = "analyses"
+
+_REFERENCE = 'a function such as "spread.py:interquartile_range"'
+_CALLED = "a function that can be called with a sample and a quantity of interest"
+
+
+def read_analyses(root: TableReader, folder: Path, *, trust: bool) -> tuple[OutsideAnalysis, ...]:
+    """Read the user-supplied analyses, without those for which a mistake was noted.
+
+    Parameters
+    ----------
+    root : TableReader
+        Of the whole study.
+    folder : Path
+        Folder of the study.
+    trust : bool
+        True if they may be executed. Otherwise they cannot be called.
+    """
+    analyses: dict[str, OutsideAnalysis] = {}
+    for position, reference in enumerate(root.entries(ANALYSES_KEY)):
+        place = (ANALYSES_KEY, position)
+        if not isinstance(reference, str) or not reference.strip():
+            root.add_problem(place, toml_text(reference), _REFERENCE)
+        elif reference in analyses:
+            root.add_problem(place, f"{toml_text(reference)} again", "each function once")
+        else:
+            try:
+                analyses[reference] = _load_analysis(reference, folder, trust=trust)
+            except ModelError as error:
+                root.add_problem(place, str(error), _CALLED)
+    return tuple(analyses.values())
+
+
+def _load_analysis(reference: str, folder: Path, *, trust: bool) -> OutsideAnalysis:
+    """Return the analysis behind a reference; one that is not trusted is not loaded."""
+    if not trust:
+        return OutsideAnalysis(reference, _refuse)
+    function, surroundings = load_function(reference, folder)
+    _check_call(function)
+    return OutsideAnalysis(reference, function, surroundings)
+
+
+def _refuse(*arguments: object) -> Iterator[Any]:
+    raise ModelError("analyses of the user's own are not executed without --trust")
+
+
+def _check_call(function: Callable[..., Any]) -> None:
+    """Refuse a function that does not take a sample and a quantity."""
+    try:
+        signature = inspect.signature(function)
+    except ValueError:  # some compiled functions have none; the first call will tell
+        return
+    try:
+        signature.bind(None, None)
+    except TypeError as error:
+        label = getattr(function, "__name__", "the function")
+        raise ModelError(f"{label}{signature}: {error}") from None

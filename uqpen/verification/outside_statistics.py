@@ -1,0 +1,73 @@
+"""Statistics of an archive that user-supplied analyses have yielded."""
+
+from __future__ import annotations
+
+import xarray as xr
+
+from uqpen.archive.estimates import interval_codes_name, statistic_names
+from uqpen.core.catalogue import CATALOGUE, DIMENSIONS
+from uqpen.core.labels import BOUND, MODELS, SOURCE_KIND, STATISTICS_GROUP
+
+__all__ = ["outside_statistic_names", "without_outside_statistics"]
+
+_BUILT_IN_COORDINATES = {
+    BOUND,
+    *DIMENSIONS,
+    *(name for dimension in DIMENSIONS.values() for name in dimension.companions),
+}
+
+
+def outside_statistic_names(tree: xr.DataTree) -> list[str]:
+    """Return the statistics of designs that are not built in, each once.
+
+    Parameters
+    ----------
+    tree : DataTree
+        An archive of a study.
+    """
+    return sorted({name for node in _output_nodes(tree) for name in _outside(node.dataset)})
+
+
+def without_outside_statistics(tree: xr.DataTree) -> xr.DataTree:
+    """Return an archive without the statistics of designs that are not built in.
+
+    Parameters
+    ----------
+    tree : DataTree
+        An archive of a study. It is not modified.
+    """
+    groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}
+    for node in _output_nodes(tree):
+        groups[node.path] = _built_in(groups[node.path])
+    return xr.DataTree.from_dict(groups)
+
+
+def _output_nodes(tree: xr.DataTree) -> list[xr.DataTree]:
+    """Return the groups of each design's statistics of an output."""
+    models = tree.children[MODELS].children.values() if MODELS in tree.children else [tree]
+    return [
+        output
+        for model in models
+        if STATISTICS_GROUP in model.children
+        for source in model.children[STATISTICS_GROUP].children.values()
+        if source.attrs.get(SOURCE_KIND) == "design"
+        for output in source.children.values()
+    ]
+
+
+def _outside(dataset: xr.Dataset) -> list[str]:
+    return [name for name in statistic_names(dataset) if name not in CATALOGUE]
+
+
+def _built_in(dataset: xr.Dataset) -> xr.Dataset:
+    """Return a group without user-supplied statistics and the coordinates that only they need."""
+    outside = _outside(dataset)
+    codes = map(interval_codes_name, outside)
+    kept = dataset.drop_vars([*outside, *codes], errors="ignore")
+    used = {dim for name in kept.data_vars for dim in kept[name].dims}
+    unneeded = [
+        name
+        for name, coordinate in kept.coords.items()
+        if name not in _BUILT_IN_COORDINATES or not used.issuperset(coordinate.dims)
+    ]
+    return kept if not outside else kept.drop_vars(unneeded)
