@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -33,10 +32,6 @@ _BY_ENTRY: dict[str, tuple[str, Callable[[Any], str]]] = {
 }
 # The labels of axes of statistics without a unit.
 _AXES = {"exceedance": "probability", "share": "share"}
-# The groups of archives of schema 2, by which the report still asks for a kind.
-_KINDS = MappingProxyType(
-    {"mean": "moments", "std": "moments", "quantile": "quantiles", "share": "shares"}
-)
 
 
 def source_panels(view: ArchiveView) -> Iterator[Panel]:
@@ -75,11 +70,6 @@ class ComparedStatistic(NamedTuple):
     axis: str
     convert: Conversion
     estimates: Mapping[str, xr.DataArray]
-
-    @property
-    def kind(self) -> str:
-        """Its group by schema 2; for the report, until that asks for `statistic`."""
-        return _KINDS.get(self.statistic, self.statistic)
 
     @property
     def available_estimates(self) -> dict[str, xr.DataArray]:
