@@ -178,7 +178,7 @@ def test_a_surrogate_over_admissible_draws_is_sampled_and_says_so(study_of: Make
 
 def test_a_surrogate_that_cannot_be_fitted_says_why(study_of: MakeStudy) -> None:
     tree = uqpen.run(study_of("0 * a + 2.0", DESIGNS.format(training=50), a=(0, 1)))
-    assert "does not vary" in tree["surrogates/pce"].attrs["y_not_fitted"]
+    assert "does not vary" in tree["surrogates/pce/y"].attrs["not_fitted"]
     assert "pce/y" not in tree["statistics"]
 
 

@@ -234,7 +234,9 @@ def _model_groups(study: Study, variant: Variant, runs: Runs) -> Groups:
         sources[design] = _Source(attributes, outputs)
     for name in study.surrogates:
         fitted, sources[name] = _fit_surrogate(study, variant, name, runs, sources)
-        yield f"/{SURROGATES}/{name}", fitted
+        for node in fitted.subtree:
+            path = f"/{SURROGATES}/{name}{node.path}".rstrip("/")
+            yield path, node.to_dataset(inherit=False)
     for name, source in sources.items():
         yield from source.groups(f"/{STATISTICS_GROUP}/{name}")
     for name, publication in study.published.items():
@@ -258,7 +260,7 @@ def _publication_groups(publication: Publication, path: str) -> Groups:
 
 def _fit_surrogate(
     study: Study, variant: Variant, name: str, runs: Runs, sources: Mapping[str, _Source]
-) -> tuple[xr.Dataset, _Source]:
+) -> tuple[xr.DataTree, _Source]:
     """Fit a surrogate to its design, and compare its estimates with those of other designs."""
     surrogate = study.surrogates[name]
     stream = Stream(study.seed, "surrogates", name)
@@ -279,7 +281,9 @@ def _fit_surrogate(
         "check": validation_runs[0] if validation_runs else "none",
     }
     source = _Source({SOURCE_KIND: "surrogate", **attributes}, outputs)
-    return checked.to_dataset().assign_attrs(attributes), source
+    tree = checked.to_tree()
+    tree.attrs |= attributes
+    return tree, source
 
 
 def _difference_groups(study: Study, runs: Mapping[str, Runs]) -> Groups:

@@ -25,7 +25,7 @@ from flat_archive.content import (
 )
 from flat_archive.runs import models_of, outputs_of, put_model_apart, put_root, put_runs
 
-__all__ = ["flat_of_schema_2", "put_statistics", "put_surrogate"]
+__all__ = ["flat_of_schema_2", "put_statistics"]
 
 _MOMENTS = ("mean", "std", "half_spread", "skewness", "kurtosis", "effective_runs")
 _SHARES = ("first_order", "total_order", "shapley")
@@ -99,7 +99,7 @@ def _put_model(flat: Flat, tree: Tree, model: str, path: str, outputs: Sequence[
     publications = _put_sources(flat, tree, Key(model, "statistics"), path, outputs, blocks)
     _put_failures(flat, tree, model, path)
     for name in tree.children(f"{path}/surrogates"):
-        put_surrogate(flat, tree.take(f"{path}/surrogates/{name}"), Key(model, "surrogates", name))
+        _put_surrogate(flat, tree.take(f"{path}/surrogates/{name}"), Key(model, "surrogates", name))
     put_model_apart(flat, tree, model, path)
     sources = _put_comparison(flat, tree.take(f"{path}/comparison"), model, outputs)
     put(flat.facts, Key(model, "sources", what="order"), (*sources, *publications))
@@ -317,7 +317,7 @@ def _put_status(flat: Flat, key: Key, status: str, variable: Variable) -> None:
         put(flat.facts, each, fact)
 
 
-def put_surrogate(flat: Flat, group: Group, key: Key) -> None:
+def _put_surrogate(flat: Flat, group: Group, key: Key) -> None:
     """Put a surrogate at its place: what is of one output apart from what is of all."""
     attributes = dict(group.attributes)
     for what in ("check", "runs_spent"):

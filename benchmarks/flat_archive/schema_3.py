@@ -23,7 +23,7 @@ from flat_archive.content import (
     put_estimates,
 )
 from flat_archive.runs import models_of, put_model_apart, put_root, put_runs
-from flat_archive.schema_2 import put_fit, put_surrogate
+from flat_archive.schema_2 import put_fit
 
 __all__ = ["entry_texts", "flat_of_schema_3", "put_output"]
 
@@ -155,27 +155,24 @@ def _listed(value: Any) -> tuple[Any, ...]:
 
 
 def _put_surrogate(flat: Flat, tree: Tree, key: Key, path: str) -> None:
-    """Put a surrogate at its place: as schema 2 had it, or with a group for each output.
-
-    In those groups, diagnostics are attributes or variables of no dimension.
-    """
-    if not tree.children(path):
-        put_surrogate(flat, tree.take(path), key)
-        return
+    """Put a surrogate at its place: the polynomials of all outputs, then the fit to each."""
     group = tree.take(path)
+    if group.variables:
+        raise NoPlaceError(f"{path}: variables of no output")
     attributes = dict(group.attributes)
     for what in ("check", "runs_spent"):
         if what in attributes:
             put(flat.facts, key._replace(kind="sources", what=what), attributes.pop(what))
     describe(flat, key, attributes)
-    for name, variable in group.variables.items():
+    polynomials = tree.take(f"{path}/input")
+    for name, variable in polynomials.variables.items():
         put_fit(flat, key._replace(name=name), variable)
     for output in tree.children(path):
         inside = tree.take(f"{path}/{output}")
         place = key._replace(output=output)
         describe(flat, place, inside.attributes)
         for name, variable in inside.variables.items():
-            if variable.dimensions:
+            if name != "input":
                 put_fit(flat, place._replace(name=name), variable)
-            else:
-                describe(flat, place, {name: variable.values.item()})
+            elif variable.values.tolist() != polynomials.variables[name].values.tolist():
+                raise NoPlaceError(f"{path}/{output}: other inputs than the polynomials")

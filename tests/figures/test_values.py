@@ -196,7 +196,7 @@ class TestRuns:
         tree = archives["schema_2"]
         (axes,) = drawn(tree, "surrogate")
         truth, guess = axes.lines[1].get_data()
-        told = tree["surrogates/chaos"]["y_coefficient"].attrs["check_q2_of_output"]
+        told = tree["surrogates/chaos/y"].attrs["check_q2_of_output"]
         unexplained = np.mean((truth - guess) ** 2) / np.var(truth, ddof=1)
         assert 1 - unexplained == pytest.approx(told)
         assert len(truth) == (tree["runs/monte_carlo"]["status"].values == 0).sum()

@@ -70,7 +70,7 @@ def test_points_are_the_model_and_its_surrogate(tree: xr.DataTree) -> None:
         "Shown are 400 of 2\u202f000 runs of many, and the 10 with the largest differences; "
         "it was not fitted to them.",
     )
-    q2 = float(tree["surrogates/flat"]["y_coefficient"].attrs["check_q2_of_output"])
+    q2 = float(tree["surrogates/flat/y"].attrs["check_q2_of_output"])
     assert chart.title == f"y: Q² {q2:.5g} (check runs)"
     assert chart.summary.startswith(
         f"Half of the 2\u202f000 runs differ by at most {np.median(off):.3g}, 95 % by at most "

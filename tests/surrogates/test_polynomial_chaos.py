@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from uqpen.core.errors import UnknownNameError
 from uqpen.core.labels import STATUS
 from uqpen.core.model import Arrays, BoolArray, Category, Input, Model, Output, Results
 from uqpen.core.status import Status
@@ -288,7 +289,7 @@ def test_what_cannot_be_fitted_says_why() -> None:
     again = surrogate.fit("pce", broken, model, joint, Stream(1, "s"))
     assert again.reasons["good"] == "it is not finite in 2 runs that came back"
     assert again.outputs == ()
-    assert again.to_dataset().attrs["good_not_fitted"] == again.reasons["good"]
+    assert again.to_tree()["good"].attrs["not_fitted"] == again.reasons["good"]
 
 
 @pytest.mark.parametrize(
@@ -369,9 +370,10 @@ def test_it_comes_back_from_an_archive(tmp_path: Path) -> None:
     surrogate = PolynomialChaos(design="training", transform={"y": "log"})
     found = surrogate.fit("pce", runs, model, joint, Stream(1, "s")).with_check(runs)
     path = tmp_path / "pce.nc"
-    found.to_dataset().to_netcdf(path, engine="netcdf4")
-    with xr.open_dataset(path) as dataset:
-        again = restore_surrogate(dataset.load(), "pce")
+    found.to_tree().to_netcdf(path, engine="netcdf4")
+    with xr.open_datatree(path) as tree:
+        again = restore_surrogate(tree.load(), "pce")
+    assert isinstance(again, PolynomialChaosModel)
     inputs = {name: runs[name].values for name in ("x1", "x2")}
     for name, values in found.evaluate(inputs).outputs.items():
         np.testing.assert_array_equal(again.evaluate(inputs).outputs[name], values)
@@ -387,7 +389,7 @@ def test_it_comes_back_from_an_archive(tmp_path: Path) -> None:
         )
         assert other.q2 == expansion.q2
         assert other.output.unit == "m"
-    assert again.to_dataset().identical(found.to_dataset())
+    assert again.to_tree().identical(found.to_tree())
     assert again.identity()["coefficients_sha256"] == found.identity()["coefficients_sha256"]
 
 
@@ -407,8 +409,25 @@ def test_dependent_inputs_have_no_closed_form() -> None:
     assert found.closed_form_problem("y") == ""
     dependent = replace(found, is_independent=False)
     assert dependent.closed_form_problem("y") == "the random inputs depend on each other"
-    again = restore_surrogate(dependent.to_dataset(), "pce")
+    again = restore_surrogate(dependent.to_tree(), "pce")
     assert not again.has_closed_form("y")
+
+
+def test_an_output_may_have_any_name() -> None:
+    names = ("x1_recurrence", "fixed_c", "x1_degree", "term", "kind", "coefficient")
+    joint = law_of(Uniform(0.0, 1.0), c=3.0)
+    model = Formula({name: lambda x: x["x1"] ** 2 for name in names}, joint.variables)
+    runs = runs_of(model, joint, LatinHypercube(40, 1))
+    found = PolynomialChaos(design="training").fit("pce", runs, model, joint, Stream(1, "s"))
+    assert set(names) < set(found.to_tree().children)
+
+
+def test_the_kind_that_is_named_decides_what_is_restored() -> None:
+    tree = fitted(rosenbrock, SQUARE, LatinHypercube(60, 1), order=4).to_tree()
+    assert list(SURROGATES) == [tree.attrs["kind"]]
+    tree.attrs["kind"] = "polynomial-caos"
+    with pytest.raises(UnknownNameError, match='no kind of surrogate "polynomial-caos"; did you'):
+        restore_surrogate(tree, "pce")
 
 
 def test_the_family_has_it() -> None:

@@ -29,6 +29,7 @@ from uqpen.core.labels import (
     INTERVAL_LABEL,
     LARGEST_CONTRIBUTION,
     MISSING,
+    NOT_FITTED,
     NOTE,
     ROLE,
     RUNS_SPENT,
@@ -48,11 +49,10 @@ _ATTRIBUTES = {
         "text",
     ),
     **dict.fromkeys(("source", "minus", "outputs", "check", "flag_meanings"), "text"),
-    **dict.fromkeys((SOURCE_KIND, CITED), "text"),
+    **dict.fromkeys((SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED), "text"),
     **dict.fromkeys((RUNS_SPENT, "runs", "runs_used", "repeats", "reference_runs"), "count"),
     **dict.fromkeys(("order", "terms", "q2", "check_q2_of_output"), "number"),
 }
-_TEXT_SUFFIXES = (LARGEST_CONTRIBUTION, "_not_fitted")
 
 _KINDS = {"text": "OUS", "count": "iu", "number": "iuf"}
 
@@ -70,8 +70,7 @@ def find_attribute_faults(tree: xr.DataTree) -> Iterator[str]:
         owners |= {f"{node.path}/{key}": v.attrs for key, v in dataset.variables.items()}
         for place, attributes in owners.items():
             for name, value in attributes.items():
-                is_text = str(name).endswith(_TEXT_SUFFIXES)
-                kind = "text" if is_text else _ATTRIBUTES.get(str(name))
+                kind = _ATTRIBUTES.get(str(name))
                 if kind and not (np.ndim(value) == 0 and has_kind(value, kind)):
                     yield f"{place}: {name} is no {kind}"
             if not _is_unit(attributes.get("display_units", "1")):

@@ -21,6 +21,7 @@ from uqpen.core.labels import (
     INTERVAL_LEVEL,
     LARGEST_CONTRIBUTION,
     MODELS,
+    NOT_FITTED,
     ROLE,
     RUN,
     RUNS,
@@ -98,7 +99,9 @@ def _model_groups(model: xr.DataTree) -> Iterator[tuple[str, xr.Dataset]]:
     for design in designs:
         if failures := _read_failures(model, design):
             yield f"/{FAILURES_GROUP}/{design}", pack(failures)
-    yield from _unchanged(model, SURROGATES)
+    for name in surrogates:
+        for path, dataset in _surrogate_groups(read_group(model, SURROGATES, name)):
+            yield f"/{SURROGATES}/{name}{path}", dataset
     named = (name for kind in _GROUPS for name in group_names(model, kind))
     for source in dict.fromkeys([*designs, *surrogates, *named]):
         path = f"/{STATISTICS_GROUP}/{source}"
@@ -114,6 +117,27 @@ def _unchanged(model: xr.DataTree, kind: str) -> Iterator[tuple[str, xr.Dataset]
         for node in model.children[kind].subtree:
             below = node.path.removeprefix(model.children[kind].path)
             yield f"/{kind}{below}", node.to_dataset(inherit=False)
+
+
+def _surrogate_groups(made: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
+    """Yield the groups of a surrogate, whose variables for outputs were named after them."""
+    ending = f"_{NOT_FITTED}"
+    reasons = {key: text for key, text in made.attrs.items() if str(key).endswith(ending)}
+    yield "", xr.Dataset(attrs={k: v for k, v in made.attrs.items() if k not in reasons})
+    fits = {}
+    for output in str(made.attrs["outputs"]).split():
+        old = {f"{output}_{name}": name for name in ("degree", "coefficient", "fit_noise")}
+        fit = made[list(old)].rename({**old, f"{output}_term": "term"})
+        told = fit["coefficient"].attrs
+        own = {key: told[key] for key in ("long_name", "units")}
+        fit.attrs = {key: value for key, value in told.items() if key not in own}
+        fit["coefficient"].attrs = own
+        fits[f"/{output}"] = fit
+        made = made.drop_vars(list(old))
+    yield f"/{INPUT}", made.drop_attrs(deep=False)
+    yield from fits.items()
+    for name, reason in reasons.items():
+        yield f"/{str(name).removesuffix(ending)}", xr.Dataset(attrs={NOT_FITTED: reason})
 
 
 def _source_attributes(model: xr.DataTree, source: str) -> dict[str, Any]:

@@ -130,8 +130,7 @@ def _surrogate_faults(made: xr.DataTree) -> Iterator[str]:
         if name not in made.attrs:
             yield f"no {name}"
     for output in str(made.attrs.get("outputs", "")).split():
-        name = f"{output}_coefficient"
-        attributes = made.variables[name].attrs if name in made.variables else {}
+        attributes = made.children[output].attrs if output in made.children else {}
         if not all(each in attributes for each in ("order", "terms", "q2", "check_q2_of_output")):
             yield f"does not say how well it fits {output}"
 

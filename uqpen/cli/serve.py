@@ -156,16 +156,16 @@ def _surrogate_offer(
     tree: xr.DataTree, study: Study, label: str, model: str, name: str, named: tuple[str, ...]
 ) -> ServedModel:
     """A surrogate: what it was fitted in makes up the vector, the rest is as in those runs."""
-    from uqpen.archive.read import model_trees, read_group
+    from uqpen.archive.read import model_trees
     from uqpen.core.labels import SURROGATES
     from uqpen.execution import Evaluator
     from uqpen.server import ServedModel
     from uqpen.surrogates.restoring import restore_surrogate
 
     variant = study.models[model]
-    dataset = read_group(model_trees(tree)[model], SURROGATES, name)
-    surrogate = restore_surrogate(dataset, label, variant.model)
-    varied = named or surrogate.basis.names
+    group = model_trees(tree)[model].children[SURROGATES].children[name]
+    surrogate = restore_surrogate(group, label, variant.model)
+    varied = named or surrogate.random_inputs
     fixed = {**study.joint.nominal(), **variant.given, **surrogate.fixed}
     evaluator = Evaluator(surrogate, study.constraints)
     return ServedModel(label, evaluator, varied, _fixed_values(fixed, varied))

@@ -44,6 +44,7 @@ __all__ = [
     "MOVED_UNCERTAINTY",
     "NAME",
     "NOTE",
+    "NOT_FITTED",
     "OPTIMIZED_BY",
     "PAIR",
     "POSITION",
@@ -135,6 +136,8 @@ MISSING = "missing"
 RUNS_SPENT = "runs_spent"
 ESTIMATOR = "estimator"
 LARGEST_CONTRIBUTION = "largest_contribution"
+# Of an output that a surrogate could not be fitted to: the reason.
+NOT_FITTED = "not_fitted"
 DEPENDENCE = "dependence"
 # The criterion by which points were moved apart.
 OPTIMIZED_BY = "points_optimized_by"

@@ -18,7 +18,7 @@ from uqpen.figures.scatter import thin_runs
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_style import GREY
-from uqpen.results.surrogate_fits import fit_diagnostics
+from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs
 from uqpen.results.texts import title_with_unit
 from uqpen.surrogates.restoring import restore_surrogate
 
@@ -37,29 +37,29 @@ def surrogate_panels(view: ArchiveView) -> Iterator[Panel]:
     the archive are evaluated, no model.
     """
     for name in group_names(view.tree, SURROGATES):
-        dataset = read_group(view.tree, SURROGATES, name)
-        design = test_design(view, dataset)
+        made = view.tree.children[SURROGATES].children[name]
+        design = test_design(view, made)
         if view.source not in (None, name) or not view.has_completed_runs(design):
             continue
-        for output in str(dataset.attrs["outputs"]).split():
+        for output in fitted_outputs(made):
             if output in view.numeric_outputs:
-                title = view.title(f"{output} by {name}: {fit_quality(dataset, output)}")
+                title = view.title(f"{output} by {name}: {fit_quality(made, output)}")
                 yield Panel(title, partial(_draw, view, name, design, output), height=3.0)
 
 
-def test_design(view: ArchiveView, made: xr.Dataset) -> str:
+def test_design(view: ArchiveView, made: xr.DataTree) -> str:
     """The design that a surrogate is compared with: its check, or that it was fitted to."""
     check = str(made.attrs.get("check", ""))
     return check if check in view.designs else str(made.attrs["design"])
 
 
 def _draw(view: ArchiveView, name: str, design: str, output: str, axes: Axes) -> Iterator[str]:
-    dataset = read_group(view.tree, SURROGATES, name)
+    made = view.tree.children[SURROGATES].children[name]
     runs = read_group(view.tree, RUNS, design)
     runs = runs.isel({RUN: np.flatnonzero(runs[STATUS].values == Status.OK)})
     shown = thin_runs(runs, _MOST_RUNS)
     truth = view.scale(output).from_si(shown[output].values)
-    guess = view.scale(output).from_si(predict(dataset, name, shown, output))
+    guess = view.scale(output).from_si(predict(made, name, shown, output))
     ends = np.array([min(truth.min(), guess.min()), max(truth.max(), guess.max())])
     colour = view.look(name).colour
     axes.plot(ends, ends, color=GREY, linewidth=0.9, label="surrogate = model")
@@ -68,13 +68,13 @@ def _draw(view: ArchiveView, name: str, design: str, output: str, axes: Axes) ->
     axes.set(
         xlabel=title_with_unit("run of the model", unit), ylabel=title_with_unit("surrogate", unit)
     )
-    is_fitted_to = design == str(dataset.attrs["design"])
+    is_fitted_to = design == str(made.attrs["design"])
     whose = "the very runs it was fitted to" if is_fitted_to else "which it was not fitted to"
     counted = f"{grouped_number(shown.sizes[RUN])} of {grouped_number(runs.sizes[RUN])}"
     yield f"{name}: {counted} runs of {design}, {whose}"
 
 
-def predict(made: xr.Dataset, name: str, runs: xr.Dataset, output: str) -> np.ndarray:
+def predict(made: xr.DataTree, name: str, runs: xr.Dataset, output: str) -> np.ndarray:
     """Return a surrogate's predictions of runs, in the SI unit of the output.
 
     Raises
@@ -87,11 +87,13 @@ def predict(made: xr.Dataset, name: str, runs: xr.Dataset, output: str) -> np.nd
     except (KeyError, TypeError, ValueError) as error:
         reason = f"{type(error).__name__}: {error}"
         raise ArchiveError(f"/{SURROGATES}/{name}: is damaged: {reason}") from None
-    inputs = {key: np.broadcast_to(runs[key].values, runs.sizes[RUN]) for key in model.basis.names}
+    inputs = {
+        key: np.broadcast_to(runs[key].values, runs.sizes[RUN]) for key in model.random_inputs
+    }
     return model.evaluate(inputs).outputs[output]
 
 
-def fit_quality(made: xr.Dataset, output: str) -> str:
+def fit_quality(made: xr.DataTree, output: str) -> str:
     """Return the quality of the fit, as the surrogate's table has it."""
     attributes = fit_diagnostics(made, output)
     for of, key in (("check runs", "check_q2_of_output"), ("runs left out", "q2")):

@@ -30,7 +30,7 @@ from uqpen.results.failed_runs import failed_runs
 from uqpen.results.outside_rows import outside_json
 from uqpen.results.sensitivity_json import sensitivity_json
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs
+from uqpen.results.surrogate_fits import fit_diagnostics, fit_settings, fitted_outputs
 from uqpen.results.table import output_names
 
 __all__ = ["archive_identity", "archive_json", "estimate_json"]
@@ -142,20 +142,19 @@ def _output_variables(runs: xr.Dataset) -> list[tuple[str, xr.DataArray]]:
 
 def _surrogate_json(statistics: SourceStatistics, name: str) -> dict[str, Any]:
     """A surrogate's figures, and what it was made of."""
-    dataset = read_group(statistics.tree, SURROGATES, name)
+    group = statistics.tree.children[SURROGATES].children[name]
     return {
-        "runs": int(dataset.attrs[RUNS_SPENT]),
-        "made_of": {key: _json_value(value) for key, value in dataset.attrs.items()},
+        "runs": int(group.attrs[RUNS_SPENT]),
+        "made_of": {key: _json_value(value) for key, value in fit_settings(group).items()},
         "outputs": {
             output: {
                 **_output_json(statistics, name, array),
                 "fit": {
-                    key: _json_value(value)
-                    for key, value in fit_diagnostics(dataset, output).items()
+                    key: _json_value(value) for key, value in fit_diagnostics(group, output).items()
                 },
             }
             for output, array in _output_variables(_first_runs(statistics.tree))
-            if output in fitted_outputs(dataset)
+            if output in fitted_outputs(group)
         },
     }
 

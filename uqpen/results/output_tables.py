@@ -51,7 +51,7 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
         for table in failure_tables(model):
             yield replace(table, title=head + table.title)
         for surrogate in group_names(model, SURROGATES):
-            table = fit_table(surrogate, read_group(model, SURROGATES, surrogate))
+            table = fit_table(surrogate, model.children[SURROGATES].children[surrogate])
             yield replace(table, title=head + table.title)
     yield from difference_tables(tree)
 
@@ -133,7 +133,7 @@ _FIT_ROWS = (
 )
 
 
-def fit_table(name: str, made: xr.Dataset) -> OutputTable:
+def fit_table(name: str, made: xr.DataTree) -> OutputTable:
     """Return the fit of a surrogate to each output, or why it could not be fitted."""
     title = f"{name}: fit to {made.attrs['runs_used']} runs, check by {made.attrs['check']}"
     table = OutputTable(title, [label for _, label in _FIT_ROWS])

@@ -1,4 +1,7 @@
-"""The fits of a surrogate to its outputs: their diagnostics, and why one could not be made."""
+"""Fits of a surrogate to its outputs: their diagnostics, and the reasons for those that failed.
+
+A surrogate is its group of an archive, a DataTree.
+"""
 
 from __future__ import annotations
 
@@ -6,52 +9,34 @@ from typing import Any
 
 import xarray as xr
 
-from uqpen.surrogates.storage import REASON
+from uqpen.core.labels import NOT_FITTED, RUNS_SPENT
 
-__all__ = ["fit_diagnostics", "fitted_outputs", "unfitted_outputs"]
-
-# Attributes of the array that the diagnostics stand at, which are of the array and the output.
-_OF_THE_ARRAY = ("of_", "units", "long_name")
+__all__ = ["fit_diagnostics", "fit_settings", "fitted_outputs", "unfitted_outputs"]
 
 
-def fitted_outputs(surrogate: xr.Dataset) -> list[str]:
-    """Return the outputs that a surrogate was fitted to.
-
-    Parameters
-    ----------
-    surrogate : Dataset
-        Its group of an archive.
-    """
+def fitted_outputs(surrogate: xr.DataTree) -> list[str]:
+    """Return the outputs that a surrogate was fitted to."""
     return str(surrogate.attrs["outputs"]).split()
 
 
-def unfitted_outputs(surrogate: xr.Dataset) -> dict[str, str]:
+def unfitted_outputs(surrogate: xr.DataTree) -> dict[str, str]:
     """Return the outputs that it could not be fitted to, each with the reason."""
     return {
-        str(name).removesuffix(REASON): str(reason)
-        for name, reason in surrogate.attrs.items()
-        if str(name).endswith(REASON)
+        str(output): str(group.attrs[NOT_FITTED])
+        for output, group in surrogate.children.items()
+        if NOT_FITTED in group.attrs
     }
 
 
-def fit_diagnostics(surrogate: xr.Dataset, output: str) -> dict[str, Any]:
-    """Return how the fit to an output was found, and how good it is.
+def fit_settings(surrogate: xr.DataTree) -> dict[str, Any]:
+    """Return the kind, design and runs of a surrogate, and ``<output>_not_fitted`` with reasons."""
+    reasons = {f"{key}_{NOT_FITTED}": reason for key, reason in unfitted_outputs(surrogate).items()}
+    last = {key: surrogate.attrs[key] for key in (RUNS_SPENT, "check")}
+    first = {str(key): value for key, value in surrogate.attrs.items() if key not in last}
+    return {**first, **reasons, **last}
 
-    Parameters
-    ----------
-    surrogate : Dataset
-        Its group of an archive.
-    output : str
-        One of `fitted_outputs`.
 
-    Returns
-    -------
-    dict
-        ``order``, ``terms``, ``q2``, ``check_q2_of_output`` and more, as the archive has them.
-    """
-    attributes = surrogate[f"{output}_coefficient"].attrs
-    return {
-        str(name): value
-        for name, value in attributes.items()
-        if not str(name).startswith(_OF_THE_ARRAY)
-    }
+def fit_diagnostics(surrogate: xr.DataTree, output: str) -> dict[str, Any]:
+    """Return the diagnostics of the fit to an output: ``order``, ``terms``, ``q2`` and others."""
+    attributes = surrogate.children[output].attrs
+    return {str(key): value for key, value in attributes.items() if not str(key).startswith("of_")}

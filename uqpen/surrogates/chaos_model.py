@@ -5,19 +5,25 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import RUN, STATUS
+from uqpen.archive.tree import read_group
+from uqpen.core.labels import INPUT, NOT_FITTED, ROLE, RUN, STATUS
 from uqpen.core.model import Arrays, BoolArray, FloatArray, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.expansion import Expansion
-from uqpen.surrogates.storage import to_dataset
+from uqpen.surrogates.storage import describe, description
 from uqpen.surrogates.surrogate import FittedSurrogate
+from uqpen.surrogates.univariate_basis import UnivariateBasis
 
 __all__ = ["PolynomialChaosModel"]
+
+# The names of variables of the group ``input``.
+_RECURRENCE, _FIXED = "_recurrence", "fixed_"
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +70,11 @@ class PolynomialChaosModel(FittedSurrogate):
     counts: Mapping[Status, int]
     is_independent: bool
     original: Model | None = None
+
+    @property
+    def random_inputs(self) -> tuple[str, ...]:
+        """Names of the inputs that varied in the training runs."""
+        return self.basis.names
 
     def evaluate(self, inputs: Arrays) -> Results:
         """Evaluate the expansions; see `Model.evaluate`."""
@@ -126,9 +137,89 @@ class PolynomialChaosModel(FittedSurrogate):
             return "its logarithm was expanded"
         return ""
 
-    def to_dataset(self) -> xr.Dataset:
-        """Return a dataset for evaluation, with the errors of the fit; see `storage`."""
-        return to_dataset(self)
+    def to_tree(self) -> xr.DataTree:
+        """Return the group of an archive; see `FittedSurrogate.to_tree`.
+
+        The group ``input`` has the polynomials of random inputs and the values of fixed ones. Its
+        name is reserved, so no output has it.
+        """
+        given = {variable.name: variable for variable in self.inputs}
+        inputs: dict[str, Any] = {
+            f"{basis.name}{_RECURRENCE}": basis.to_variable(given[basis.name])
+            for basis in self.basis.univariate_bases
+        }
+        for name, value in self.fixed.items():
+            inputs[f"{_FIXED}{name}"] = ((), value, describe(given[name]) | {ROLE: "input"})
+        names = np.array(self.random_inputs, dtype=object)
+        attributes = {
+            "kind": "polynomial-chaos",
+            "design": self.design,
+            "outputs": " ".join(self.expansions),
+            "truncation": self.truncation,
+            "inputs": "independent" if self.is_independent else "dependent",
+            "runs": sum(self.counts.values()),
+            "runs_used": self.counts[Status.OK],
+            **{f"runs_{status.meaning}": count for status, count in self.counts.items()},
+        }
+        return xr.DataTree.from_dict(
+            {
+                "/": xr.Dataset(attrs=attributes),
+                f"/{INPUT}": xr.Dataset(
+                    inputs, {INPUT: (INPUT, names, {"long_name": "random input"})}
+                ),
+                **{
+                    f"/{output}": expansion.to_dataset(self.random_inputs)
+                    for output, expansion in self.expansions.items()
+                },
+                **{
+                    f"/{output}": xr.Dataset(attrs={NOT_FITTED: reason})
+                    for output, reason in self.reasons.items()
+                },
+            }
+        )
+
+    @classmethod
+    def from_tree(cls, tree: xr.DataTree, name: str, original: Model | None) -> Self:
+        """Restore it from `to_tree`."""
+        group, told = read_group(tree, INPUT), tree.attrs
+        bases = [
+            UnivariateBasis.from_variable(entry, group[f"{entry}{_RECURRENCE}"])
+            for entry in map(str, group[INPUT].values)
+        ]
+        fixed = {
+            str(entry).removeprefix(_FIXED): variable
+            for entry, variable in group.data_vars.items()
+            if variable.attrs.get(ROLE) == "input"
+        }
+        inputs = [
+            *(
+                Input(b.name, *description(group[f"{b.name}{_RECURRENCE}"].attrs, "of_"))
+                for b in bases
+            ),
+            *(Input(entry, *description(each.attrs)) for entry, each in fixed.items()),
+        ]
+        expansions = {
+            output: Expansion.from_dataset(output, read_group(tree, output))
+            for output in str(told["outputs"]).split()
+        }
+        return cls(
+            name=name,
+            inputs=original.inputs if original else tuple(inputs),
+            outputs=tuple(expansion.output for expansion in expansions.values()),
+            basis=ProductBasis(tuple(bases)),
+            expansions=expansions,
+            reasons={
+                str(output): str(each.attrs[NOT_FITTED])
+                for output, each in tree.children.items()
+                if NOT_FITTED in each.attrs
+            },
+            fixed={entry: float(variable.values) for entry, variable in fixed.items()},
+            truncation=float(told["truncation"]),
+            design=str(told["design"]),
+            counts={status: int(told[f"runs_{status.meaning}"]) for status in Status},
+            is_independent=told["inputs"] == "independent",
+            original=original,
+        )
 
     def _fitted_values(self, inputs: Arrays) -> dict[str, FloatArray]:
         """Return the variables that were fitted, at some points."""

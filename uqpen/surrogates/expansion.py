@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+import xarray as xr
 
+from uqpen.core.labels import INPUT
 from uqpen.core.model import Output
 from uqpen.surrogates.basis import NestedSums, nested_sums
 from uqpen.surrogates.fit_noise import FitNoise
+from uqpen.surrogates.storage import describe, description
 
 __all__ = ["Expansion", "PredictionCheck"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+
+_LOGARITHM, _NO_TRANSFORM = "logarithm", "none"
 
 
 @dataclass(frozen=True)
@@ -112,6 +118,79 @@ class Expansion:
             return PredictionCheck(len(truth), of_output, of_output)
         with np.errstate(divide="ignore", invalid="ignore"):
             return PredictionCheck(len(truth), _q2(fitted, np.log(truth)), of_output)
+
+    def to_dataset(self, inputs: Sequence[str]) -> xr.Dataset:
+        """Return the group of an archive: the terms, and the diagnostics of the fit.
+
+        Parameters
+        ----------
+        inputs : sequence of str
+            The random inputs, in the order of the degrees.
+        """
+        output, noise, check = self.output, self.noise, self.check
+        logarithm = "the logarithm of " if self.is_logarithm else ""
+        degrees = {"long_name": f"degrees of the terms of {output.title}", "units": "1"}
+        coefficients = {
+            "long_name": f"coefficients of {logarithm}{output.title}",
+            "units": "1" if self.is_logarithm else output.unit,
+        }
+        scatter = {"long_name": f"fit noise of {output.title}'s first-order indices", "units": "1"}
+        names = np.array(inputs, dtype=object)
+        return xr.Dataset(
+            {
+                "degree": (("term", INPUT), self.indices.astype(np.int32), degrees),
+                "coefficient": ("term", self.coefficients, coefficients),
+                "fit_noise": (INPUT, noise.first, scatter),
+            },
+            {INPUT: (INPUT, names, {"long_name": "random input"})},
+            {
+                **describe(output, "of_"),
+                "transform": _LOGARITHM if self.is_logarithm else _NO_TRANSFORM,
+                "order": self.order,
+                "terms": len(self.coefficients),
+                "method": self.method,
+                "leave_one_out_error": self.leave_one_out,
+                "cross_validation_error": self.cross_validation,
+                "q2": self.q2,
+                "check_runs": check.runs,
+                "check_q2": check.q2,
+                "check_q2_of_output": check.q2_of_output,
+                "training_minimum": self.smallest,
+                "training_maximum": self.largest,
+                "fit_noise_refits": noise.refits,
+                "fit_noise_mean": noise.mean,
+                "fit_noise_std": noise.std,
+            },
+        )
+
+    @classmethod
+    def from_dataset(cls, name: str, dataset: xr.Dataset) -> Expansion:
+        """Restore the expansion of an output from `to_dataset`."""
+        told = dataset.attrs
+        first = np.asarray(dataset["fit_noise"].values, dtype=np.float64)
+        return cls(
+            output=Output(name, *description(told, "of_")),
+            indices=dataset["degree"].values.astype(np.int64),
+            coefficients=np.asarray(dataset["coefficient"].values, dtype=np.float64),
+            is_logarithm=told["transform"] == _LOGARITHM,
+            order=int(told["order"]),
+            method=str(told["method"]),
+            leave_one_out=float(told["leave_one_out_error"]),
+            cross_validation=float(told["cross_validation_error"]),
+            smallest=float(told["training_minimum"]),
+            largest=float(told["training_maximum"]),
+            noise=FitNoise(
+                int(told["fit_noise_refits"]),
+                float(told["fit_noise_mean"]),
+                float(told["fit_noise_std"]),
+                first,
+            ),
+            check=PredictionCheck(
+                int(told["check_runs"]),
+                float(told["check_q2"]),
+                float(told["check_q2_of_output"]),
+            ),
+        )
 
 
 def _q2(found: FloatArray, truth: FloatArray) -> float:

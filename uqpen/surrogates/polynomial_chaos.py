@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +66,8 @@ class PolynomialChaos(Surrogate):
     Xiu, D. & Karniadakis, G. E. (2002). SIAM J. Sci. Comput. 24, 619-644.
     Blatman, G. & Sudret, B. (2011). J. Comput. Phys. 230, 2345-2367.
     """
+
+    fitted_class: ClassVar = PolynomialChaosModel
 
     design: str = name()
     order: int | None = count(maximum=_HIGHEST_ORDER_GIVEN, default=None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
+from typing import ClassVar, Self
 
 import xarray as xr
 
@@ -29,10 +30,18 @@ class FittedSurrogate(Model):
         One for each of its outputs.
     reasons : mapping of str to str
         The reason why each missing output could not be fitted.
+    fixed : mapping of str to float
+        The values that the inputs without a distribution had in all training runs.
     """
 
     expansions: Mapping[str, Expansion]
     reasons: Mapping[str, str]
+    fixed: Mapping[str, float]
+
+    @property
+    @abstractmethod
+    def random_inputs(self) -> tuple[str, ...]:
+        """Names of the inputs that varied in the training runs."""
 
     @abstractmethod
     def with_check(self, runs: xr.Dataset) -> FittedSurrogate:
@@ -47,8 +56,18 @@ class FittedSurrogate(Model):
         return not self.closed_form_problem(output)
 
     @abstractmethod
-    def to_dataset(self) -> xr.Dataset:
-        """Return a dataset for evaluation, with the errors of the fit."""
+    def to_tree(self) -> xr.DataTree:
+        """Return the group of an archive: enough to evaluate it, and the errors of the fit.
+
+        Its attribute ``kind`` is the key of `SURROGATES`. It has no variables, but a group for each
+        output, with the diagnostics of the fit as attributes, or the reason why there is none.
+        Other groups in it have reserved names.
+        """
+
+    @classmethod
+    @abstractmethod
+    def from_tree(cls, tree: xr.DataTree, name: str, original: Model | None) -> Self:
+        """Restore it from `to_tree`; see `restore_surrogate`."""
 
 
 class Surrogate(ABC):
@@ -62,8 +81,11 @@ class Surrogate(ABC):
         The name of another design, whose runs show how good it is.
     transform : mapping of str to str
         By output, the function of it that is fitted in its place.
+    fitted_class : type
+        The class of the fitted surrogate.
     """
 
+    fitted_class: ClassVar[type[FittedSurrogate]]
     design: str
     check: str | None
     transform: Mapping[str, str]

@@ -10,18 +10,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import xarray as xr
 
+from uqpen.core.model import Input
 from uqpen.distributions.continuous import Lognormal, LogUniform, Normal, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.orthogonal_polynomials import recurrence
 from uqpen.distributions.truncated import Truncated
+from uqpen.surrogates.storage import describe
 
 __all__ = ["UnivariateBasis", "univariate_basis"]
 
 FloatArray = npt.NDArray[np.float64]
+
+_LINEAR, _LOGARITHM = "linear", "logarithm"
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +88,27 @@ class UnivariateBasis:
                 following -= roots[n] * table[n - 1]
             table[n + 1] = following / roots[n + 1]
         return table
+
+    def to_variable(self, variable: Input) -> tuple[tuple[str, str], FloatArray, dict[str, Any]]:
+        """Return dimensions, values and attributes of a variable of an archive."""
+        attributes = {
+            "long_name": f"recurrence coefficients of the polynomials in {variable.title}",
+            "units": "1",
+            "germ": _LOGARITHM if self.is_logarithm else _LINEAR,
+            "location": self.location,
+            "scale": self.scale,
+            **describe(variable, "of_"),
+        }
+        dimensions = (f"{self.name}_coefficient", f"{self.name}_degree")
+        return dimensions, np.stack([self.centres, self.ratios]), attributes
+
+    @classmethod
+    def from_variable(cls, name: str, array: xr.DataArray) -> UnivariateBasis:
+        """Restore it from `to_variable`."""
+        centres, ratios = np.asarray(array.values, dtype=np.float64)
+        is_logarithm = array.attrs["germ"] == _LOGARITHM
+        location, scale = float(array.attrs["location"]), float(array.attrs["scale"])
+        return cls(name, is_logarithm, location, scale, centres, ratios)
 
 
 def univariate_basis(

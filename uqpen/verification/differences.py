@@ -28,8 +28,8 @@ TOLERANCE = 1e-9
 # Relative rounding error of a sum whose terms cancel; no statistic distinguishes it from 0.
 NEGLIGIBLE = 2.0**-60
 
-# Errors of a fit are what is left of its output. Those that are shares of a variance have the scale
-# 1, others that of the coefficients that they are attributes of.
+# Errors of a surrogate's fit are what is left of its output. Those that are shares of a variance
+# have the scale 1, others that of the coefficients.
 _SHARES_OF_VARIANCE = ("leave_one_out_error", "cross_validation_error")
 _IN_THE_OUTPUTS_UNIT = ("fit_noise_mean", "fit_noise_std")
 
@@ -124,11 +124,11 @@ def find_differences(
             counted = f"{entries} of {one.size} entries" if one.size > 1 else "the value"
             differ = "differ" if entries > 1 else "differs"
             yield Difference(f"{name}: {counted} {differ}{difference_text(difference)}", difference)
-        largest = _largest(one)
-        yield from find_attribute_differences(
-            one.attrs, other.attrs, of=f" of {name}", largest=largest
-        )
-    yield from find_attribute_differences(archived.attrs, found.attrs, besides=besides)
+        yield from find_attribute_differences(one.attrs, other.attrs, of=f" of {name}")
+    coefficients = archived.variables.get("coefficient", xr.Variable((), 0))
+    yield from find_attribute_differences(
+        archived.attrs, found.attrs, besides=besides, largest=_largest(coefficients)
+    )
 
 
 def find_attribute_differences(
@@ -150,7 +150,7 @@ def find_attribute_differences(
     besides : container of str
         Attributes that are not compared.
     largest : float
-        The largest value of the variable with the attributes.
+        The largest coefficient of a surrogate's fit.
     """
     one, other = (
         {key: np.ravel(np.asarray(value)) for key, value in each.items() if key not in besides}

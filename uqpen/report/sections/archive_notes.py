@@ -26,6 +26,7 @@ from uqpen.core.labels import (
 from uqpen.report.sections.view_statistics import STATISTIC_FAMILIES, all_outputs
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.surrogate_fits import unfitted_outputs
 from uqpen.results.texts import plain_text
 
 __all__ = ["archive_notes"]
@@ -37,7 +38,6 @@ _MOST_NOTES = 20
 _DIAGNOSES = ("kurtosis", "effective_runs")
 # Heavy tails are one warning, however heavy.
 _NUMBERS = re.compile(r" \(kurtosis [^()]*\)")
-_NOT_FITTED = "_not_fitted"
 
 
 def archive_notes(tree: xr.DataTree) -> tuple[str, ...]:
@@ -113,13 +113,10 @@ def _model_notes(tree: xr.DataTree) -> Iterator[str]:
             if ends is not None and (missing := ends.attrs.get(MISSING)):
                 yield f"{head}{design}: {missing} did not come back."
         for surrogate in group_names(model, SURROGATES):
-            for key, reason in read_group(model, SURROGATES, surrogate).attrs.items():
-                if str(key).endswith(_NOT_FITTED):
-                    output = str(key).removesuffix(_NOT_FITTED)
-                    yield (
-                        f"{head}{surrogate} is not fitted to {output}: "
-                        f"{plain_text(str(reason), 240)}."
-                    )
+            group = model.children[SURROGATES].children[surrogate]
+            for output, reason in unfitted_outputs(group).items():
+                reason_text = plain_text(reason, 240)
+                yield f"{head}{surrogate} is not fitted to {output}: {reason_text}."
         for text in dict.fromkeys(_rejected_fits(model)):
             yield f"{head}{text}"
 

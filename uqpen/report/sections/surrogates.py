@@ -21,6 +21,7 @@ from uqpen.report.sections.surrogate_validation import surrogate_validation
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.output_tables import fit_table
+from uqpen.results.surrogate_fits import fitted_outputs
 from uqpen.results.table import OutputTable
 from uqpen.results.texts import title_with_unit, unit_suffix
 
@@ -37,13 +38,11 @@ _WORST = 10
 def surrogates(view: ArchiveView) -> Iterator[Block]:
     """Yield the accuracy of surrogates, by runs that they have not seen."""
     for name in group_names(view.tree, SURROGATES):
-        dataset = read_group(view.tree, SURROGATES, name)
+        made = view.tree.children[SURROGATES].children[name]
         yield Heading(name)
-        yield Table(fit_table(name, dataset))
-        design = test_design(view, dataset)
-        outputs = [
-            each for each in str(dataset.attrs["outputs"]).split() if each in view.numeric_outputs
-        ]
+        yield Table(fit_table(name, made))
+        design = test_design(view, made)
+        outputs = [each for each in fitted_outputs(made) if each in view.numeric_outputs]
         if outputs and view.has_completed_runs(design):
             yield _comparison(view, name, design, outputs)
         yield from surrogate_validation(view, name)
@@ -63,7 +62,7 @@ class _Predictions(NamedTuple):
 
 
 def _comparison(view: ArchiveView, name: str, design: str, outputs: list[str]) -> Charts:
-    dataset = read_group(view.tree, SURROGATES, name)
+    made = view.tree.children[SURROGATES].children[name]
     runs = read_group(view.tree, RUNS, design)
     places = np.flatnonzero(runs[STATUS].values == Status.OK)
     chosen = thin_runs(xr.Dataset({"place": (RUN, places)}), _MOST_COMPARED)["place"].values
@@ -74,11 +73,11 @@ def _comparison(view: ArchiveView, name: str, design: str, outputs: list[str]) -
         output: _Predictions(
             chosen,
             view.scale(output).from_si(taken[output].values),
-            view.scale(output).from_si(predict(dataset, name, taken, output)),
+            view.scale(output).from_si(predict(made, name, taken, output)),
         )
         for output in outputs
     }
-    is_fitted_to = design == str(dataset.attrs["design"])
+    is_fitted_to = design == str(made.attrs["design"])
     whose = "it was fitted to these very runs" if is_fitted_to else "it was not fitted to them"
     drawn = f"{grouped_number(int(shown.sum()))} of {grouped_number(places.size)} runs of {design}"
     keys = [LegendKey("run", view.sources.index(name), "circle")]
@@ -113,9 +112,9 @@ def _chart(
         traces.append(
             _prediction_trace(compared, worst, "ink", unit_text, trace_name, "diamond-open")
         )
-    dataset = read_group(view.tree, SURROGATES, name)
+    made = view.tree.children[SURROGATES].children[name]
     return Chart(
-        title=f"{output}: {fit_quality(dataset, output)}",
+        title=f"{output}: {fit_quality(made, output)}",
         summary=f"Half of the {grouped_number(off.size)} runs differ by at most "
         f"{middle:.3g}{unit_text}, "
         f"95 % by at most {most:.3g}{unit_text}, and the largest difference is "
