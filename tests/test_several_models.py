@@ -205,3 +205,15 @@ def test_an_input_that_a_model_does_not_take_has_no_part_in_it(tmp_path: Path) -
     assert interval_text(blocks["total_order"].sel(input="b"), "note")
     write(tree, tmp_path / "lacking.nc")
     assert list(archive_json(open_archive(tmp_path / "lacking.nc"))["models"]) == ["both", "one"]
+
+
+def test_a_surrogate_of_a_model_that_lacks_a_fixed_input_of_another(tmp_path: Path) -> None:
+    source = "def both(a, b): return {'y': a + b}\ndef one(a): return {'y': a**2}\n"
+    (tmp_path / "models.py").write_text(source)
+    old = "b = { uniform = { lower = 0, upper = 1 } }"
+    tree = uqpen.run(uqpen.parse_study(LACKING.replace(old, 'b = "2"'), folder=tmp_path))
+    fitted = {name: tree[f"models/{name}/surrogates/pce/input"] for name in ("both", "one")}
+    assert float(fitted["both"]["fixed_b"]) == 2.0
+    assert list(fitted["one"].data_vars) == ["a_recurrence"]
+    means = tree["models/one/statistics/pce/y"]["mean"]
+    assert float(means.sel(bound="estimate")) == pytest.approx(1 / 3)

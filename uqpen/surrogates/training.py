@@ -52,6 +52,7 @@ class TrainingRuns:
     def from_runs(cls, runs: xr.Dataset, model: Model, joint: JointDistribution) -> TrainingRuns:
         """Select the completed runs of a design."""
         came_back = runs[STATUS].values == Status.OK
+        taken = {variable.name for variable in model.inputs}
         random = {entry.variable.name for entry in joint.random}
         inputs: dict[str, FloatArray] = {}
         fixed: dict[str, float] = {}
@@ -62,6 +63,8 @@ class TrainingRuns:
             values = np.broadcast_to(variable.values, runs.sizes[RUN])
             if name in random:
                 inputs[str(name)] = values[came_back]
+            elif name not in taken:
+                continue  # only other models of the study take it
             elif (values == values[0]).all():
                 fixed[str(name)] = float(values[0])
             else:
