@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.estimates import estimate_array, interval_text
@@ -29,11 +28,11 @@ from uqpen.core.labels import (
     REFUSED,
     UNCHECKED,
 )
+from uqpen.core.model import FloatArray
 from uqpen.statistics.surrogate.surrogate_statistics import TrainingRange
 
 __all__ = ["ValidationRuns", "validate_surrogate"]
 
-FloatArray = npt.NDArray[np.float64]
 Outputs = Mapping[str, Mapping[str, xr.DataArray]]
 
 # A spread without validation runs is extrapolated where more than this share of the variance comes
@@ -44,15 +43,7 @@ _SPREADS = ("std", "skewness", "kurtosis")
 
 
 class ValidationRuns(NamedTuple):
-    """Validation runs: independent runs that a surrogate is compared with.
-
-    Attributes
-    ----------
-    name : str
-        The name of the design.
-    outputs : mapping of str to mapping of str to DataArray
-        Its estimate arrays by output and statistic.
-    """
+    """A design's runs that a surrogate is compared with, by their estimate arrays."""
 
     name: str
     outputs: Outputs
@@ -70,6 +61,9 @@ def validate_surrogate(
 ) -> dict[str, dict[str, xr.DataArray]]:
     """Label each estimate of a surrogate by comparison with independent runs.
 
+    The result has the same estimates without bounds, labelled ``checked`` (inside the runs'
+    interval), ``refused`` (outside, or extrapolated) or ``unchecked`` (nothing to compare it with).
+
     Parameters
     ----------
     outputs : mapping of str to mapping of str to DataArray
@@ -78,37 +72,21 @@ def validate_surrogate(
         The first that has an interval for an estimate decides on it.
     training_ranges : mapping of str to TrainingRange
         By output.
-
-    Returns
-    -------
-    dict of str to dict of str to DataArray
-        The same estimates without bounds, labelled ``checked`` (inside the runs' interval),
-        ``refused`` (outside, or extrapolated) or ``unchecked`` (nothing to compare it with).
     """
     found: dict[str, dict[str, xr.DataArray]] = {}
     for output, statistics in outputs.items():
-        others = [
-            _OutputRuns(validation.name, validation.outputs.get(output, {}))
-            for validation in validation_runs
-        ]
+        others = {runs.name: runs.outputs.get(output, {}) for runs in validation_runs}
         validation = _OutputValidation(statistics, others, training_ranges.get(output))
         found[output] = {name: validation.validate_array(name) for name in statistics}
     return found
 
 
-class _OutputRuns(NamedTuple):
-    """The estimates of one output from independent runs."""
-
-    name: str
-    statistics: Mapping[str, xr.DataArray]
-
-
 @dataclass(frozen=True)
 class _OutputValidation:
-    """Validates the estimates of one output."""
+    """The estimates of one output, and those by each of the validation runs."""
 
     statistics: Mapping[str, xr.DataArray]
-    validation_runs: Sequence[_OutputRuns]
+    validation_runs: Mapping[str, Mapping[str, xr.DataArray]]
     training_range: TrainingRange | None
 
     def validate_array(self, name: str) -> xr.DataArray:
@@ -135,21 +113,27 @@ class _OutputValidation:
     def _validate_estimate(self, name: str, estimate: xr.DataArray, value: float) -> _Validation:
         if self._is_extrapolated(name, estimate, value):
             return _Validation(REFUSED, "beyond all outputs that the surrogate was fitted to")
-        for validation in self.validation_runs:
-            other = validation.statistics.get(name)
+        for design, statistics in self.validation_runs.items():
+            other = statistics.get(name)
             same = None if other is None else _same_estimate(other, estimate)
             if other is None or same is None or np.isnan(same[1:]).any():
                 continue
-            interval = f"the interval that {validation.name} gives it"
+            interval = f"the interval that {design} gives it"
             if MISSING in other.attrs:
                 interval += " of the runs that came back"
             # What sampling the surrogate leaves open is no fault of the surrogate's.
             low, high = np.nan_to_num(estimate.values[1:], nan=value)
-            is_inside = low <= same[2] and high >= same[1]
-            if is_inside:
+            if low <= same[2] and high >= same[1]:
                 return _Validation(CHECKED, f"inside {interval}")
             return _Validation(REFUSED, f"outside {interval}")
-        return self._unvalidated(name)
+        share = self.training_range.variance_beyond if self.training_range else 0.0
+        if name not in _SPREADS or share <= _MOST_VARIANCE_BEYOND:
+            return _Validation(UNCHECKED, self._unvalidated_reason)
+        return _Validation(
+            REFUSED,
+            f"{100 * share:.0f} % of the variance lies beyond all outputs that the surrogate was "
+            f"fitted to, and {self._unvalidated_reason}",
+        )
 
     @property
     def _unvalidated_reason(self) -> str:
@@ -164,33 +148,17 @@ class _OutputValidation:
             return False
         return not self.training_range.contains(value if threshold is None else float(threshold))
 
-    def _unvalidated(self, name: str) -> _Validation:
-        """Return the label and note of an estimate for which no runs have an interval."""
-        training_range = self.training_range
-        if (
-            training_range is None
-            or name not in _SPREADS
-            or training_range.variance_beyond <= _MOST_VARIANCE_BEYOND
-        ):
-            return _Validation(UNCHECKED, self._unvalidated_reason)
-        share = f"{100 * training_range.variance_beyond:.0f} % of the variance"
-        return _Validation(
-            REFUSED,
-            f"{share} lies beyond all outputs that the surrogate was fitted to, and "
-            f"{self._unvalidated_reason}",
-        )
-
     def _validate_curve(self) -> _Validation:
         """Compare a distribution function as a whole with the runs' simultaneous band."""
         curve = self.statistics["cdf_value"]
         values, ranks = curve.values, curve[RANK].values
-        for validation in self.validation_runs:
-            if "cdf_band" not in validation.statistics:
+        for design, statistics in self.validation_runs.items():
+            if "cdf_band" not in statistics:
                 continue
-            _, lower, upper = validation.statistics["cdf_band"].values.T
+            _, lower, upper = statistics["cdf_band"].values.T
             if np.isnan(lower).any():
                 continue
-            at = validation.statistics["cdf_value"].values
+            at = statistics["cdf_value"].values
             # The band is a step: between two of its values the lower end is that of the left one.
             left = np.searchsorted(at, values, side="right") - 1
             low = np.where(left >= 0, lower[np.maximum(left, 0)], 0.0)
@@ -198,12 +166,9 @@ class _OutputValidation:
             high = np.where(right < len(at), upper[np.minimum(right, len(at) - 1)], 1.0)
             outside = (ranks < low) | (ranks > high)
             if not outside.any():
-                return _Validation(CHECKED, f"inside the simultaneous band of {validation.name}")
-            ends = ranks[outside]
-            where = f"from {ends.min():.3g} to {ends.max():.3g}"
-            return _Validation(
-                REFUSED, f"outside the simultaneous band of {validation.name} {where}"
-            )
+                return _Validation(CHECKED, f"inside the simultaneous band of {design}")
+            where = f"{design} from {ranks[outside].min():.3g} to {ranks[outside].max():.3g}"
+            return _Validation(REFUSED, f"outside the simultaneous band of {where}")
         return _Validation(UNCHECKED, self._unvalidated_reason)
 
 
@@ -215,8 +180,7 @@ def _same_estimate(array: xr.DataArray, estimate: xr.DataArray) -> FloatArray | 
         if wanted not in called:
             return None
         array = array[{dimension: called.index(wanted)}]
-    bounds: FloatArray = array.values
-    return bounds
+    return array.values
 
 
 def _with_validations(array: xr.DataArray, validations: Sequence[_Validation]) -> xr.DataArray:

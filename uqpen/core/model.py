@@ -25,6 +25,7 @@ __all__ = ["POSITIVE", "Bounds", "Category", "Input", "Model", "Output", "Result
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
 Arrays = Mapping[str, FloatArray]
 
 

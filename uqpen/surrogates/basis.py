@@ -8,16 +8,13 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from uqpen.core.model import Arrays
+from uqpen.core.model import Arrays, FloatArray, IntArray
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.univariate_basis import UnivariateBasis, univariate_basis
 
 __all__ = ["MOST_TERMS", "NestedSums", "ProductBasis", "multi_indices", "nested_sums"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # A sum of terms grouped by the degree of their first input, then of the next: at the end of each
 # branch stands a coefficient.
@@ -69,11 +66,10 @@ class ProductBasis:
         """
         found = multi_indices(len(self.univariate_bases), order, truncation)
         highest = [basis.highest_degree for basis in self.univariate_bases]
-        allowed: IntArray = found[(found <= highest).all(axis=1)]
-        return allowed
+        return found[(found <= highest).all(axis=1)]
 
     def matrix(self, inputs: Arrays, indices: IntArray) -> FloatArray:
-        """Compute the values of terms at points.
+        """Compute the values of terms at points, shape (run, term).
 
         Parameters
         ----------
@@ -81,10 +77,6 @@ class ProductBasis:
             SI values.
         indices : ndarray of int, shape (term, input)
             Their degrees.
-
-        Returns
-        -------
-        ndarray, shape (run, term)
         """
         runs = len(inputs[self.names[0]])
         matrix = np.ones((len(indices), runs))
@@ -106,10 +98,6 @@ class ProductBasis:
             Degrees of all the expansions' terms.
         expansions : sequence of NestedSums
             The result of `nested_sums` for each.
-
-        Returns
-        -------
-        list of ndarray, shape (run,)
         """
         runs = len(inputs[self.names[0]])
         values = [np.empty(runs) for _ in expansions]
@@ -132,6 +120,8 @@ class ProductBasis:
 def multi_indices(dimension: int, order: int, truncation: float) -> IntArray:
     """Return the degrees of the terms with (Σ k^q)^(1/q) at most the order, the constant first.
 
+    Their shape is (term, input). There are none where there would be more than `MOST_TERMS`.
+
     Parameters
     ----------
     dimension : int
@@ -140,11 +130,6 @@ def multi_indices(dimension: int, order: int, truncation: float) -> IntArray:
         The highest degree of a term in one input.
     truncation : float
         q: 1 for all terms up to a total degree, less for fewer interactions.
-
-    Returns
-    -------
-    ndarray of int, shape (term, input)
-        Empty where there would be more than `MOST_TERMS`.
     """
     # Rounding must not shut out a term that lies on the border.
     limit = order**truncation * (1 + 1e-12)
@@ -158,8 +143,7 @@ def multi_indices(dimension: int, order: int, truncation: float) -> IntArray:
             return np.zeros((0, dimension), dtype=np.int64)
         before, degree = np.divmod(np.flatnonzero(is_within), len(degrees))
         found, sums = np.column_stack([found[before], degree]), longer[is_within]
-    by_degree: IntArray = found[np.lexsort((*-found.T[::-1], found.sum(axis=1)))]
-    return by_degree
+    return found[np.lexsort((*-found.T[::-1], found.sum(axis=1)))]
 
 
 def nested_sums(indices: IntArray, coefficients: FloatArray) -> NestedSums:

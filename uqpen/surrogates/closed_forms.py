@@ -15,12 +15,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from uqpen.core.model import BoolArray, FloatArray, IntArray
 
 __all__ = ["SobolIndices", "mean", "shapley_effects", "sobol_indices", "standard_deviation"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +49,7 @@ def standard_deviation(indices: IntArray, coefficients: FloatArray) -> float:
 
 
 def sobol_indices(indices: IntArray, coefficients: FloatArray) -> SobolIndices:
-    """Compute first-order, second-order and total-order indices.
+    """Compute first-order, second-order and total-order indices; NaN without variance.
 
     Parameters
     ----------
@@ -59,11 +57,6 @@ def sobol_indices(indices: IntArray, coefficients: FloatArray) -> SobolIndices:
         The terms' degrees.
     coefficients : ndarray, shape (term,)
         Of orthonormal terms.
-
-    Returns
-    -------
-    SobolIndices
-        NaN for an expansion without variance.
     """
     variances, active = _variances(indices, coefficients)
     inputs = active.sum(axis=1)
@@ -79,27 +72,21 @@ def sobol_indices(indices: IntArray, coefficients: FloatArray) -> SobolIndices:
 
 
 def shapley_effects(indices: IntArray, coefficients: FloatArray) -> FloatArray:
-    """Shapley effects: each term's variance in equal parts to the inputs in it.
+    """Shapley effects, shape (input,): each term's variance in equal parts to the inputs in it.
 
-    Returns
-    -------
-    ndarray, shape (input,)
-        Their sum is 1; NaN for an expansion without variance.
+    Their sum is 1; NaN without variance.
     """
     variances, active = _variances(indices, coefficients)
     with np.errstate(invalid="ignore"):
-        effects: FloatArray = _total(variances / active.sum(axis=1), active) / variances.sum()
-    return effects
+        return _total(variances / active.sum(axis=1), active) / variances.sum()
 
 
-def _total(variances: FloatArray, active: npt.NDArray[np.bool_]) -> FloatArray:
+def _total(variances: FloatArray, active: BoolArray) -> FloatArray:
     """Return for each input the sum over the terms that it is in, shape (input,)."""
     return np.where(active, variances[:, None], 0.0).sum(axis=0)
 
 
-def _variances(
-    indices: IntArray, coefficients: FloatArray
-) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+def _variances(indices: IntArray, coefficients: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return each term's variance, without the constant's, and the inputs in it."""
     active = indices > 0
     terms = active.any(axis=1)

@@ -8,19 +8,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.labels import INPUT
-from uqpen.core.model import Output
+from uqpen.core.model import FloatArray, IntArray, Output
 from uqpen.surrogates.basis import NestedSums, nested_sums
 from uqpen.surrogates.fit_noise import FitNoise
 from uqpen.surrogates.storage import describe, description
 
 __all__ = ["Expansion", "PredictionCheck"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _LOGARITHM, _NO_TRANSFORM = "logarithm", "none"
 

@@ -12,15 +12,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import linalg
 
+from uqpen.core.model import FloatArray, IntArray
 from uqpen.surrogates.closed_forms import mean, sobol_indices, standard_deviation
 
 __all__ = ["FitNoise", "estimate_fit_noise"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # Refits are fewer where they are large: most and fewest refits, and most operations in all.
 _REFITS = 50
@@ -93,6 +91,5 @@ def estimate_fit_noise(
     if len(estimates) < _FEWEST_REFITS:
         return FitNoise.without_refits(indices.shape[1])
     scatter = np.std(estimates, axis=0, ddof=1)
-    return FitNoise(
-        len(estimates), float(scatter[0] * spread), float(scatter[1] * spread), scatter[2:]
-    )
+    of_mean, of_std = (float(each * spread) for each in scatter[:2])
+    return FitNoise(len(estimates), of_mean, of_std, scatter[2:])

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.model import Input, Model, Output
+from uqpen.core.model import FloatArray, Input, Model, Output
 from uqpen.core.settings import choice, choices, count, name, number
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
@@ -32,7 +31,6 @@ from uqpen.surrogates.training import TrainingRuns
 
 __all__ = ["PolynomialChaos"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Polynomials of higher orders than this are noise between any two runs.
 _HIGHEST_ORDER_GIVEN = 50
@@ -81,17 +79,11 @@ class PolynomialChaos(Surrogate):
         """True if its design must be an integration rule."""
         return self.method == "projection"
 
+    @one_blas_thread()
     def fit(
         self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
     ) -> PolynomialChaosModel:
         """Fit every output that has numbers; see `Surrogate.fit`."""
-        with one_blas_thread():
-            return self._fitted(name, runs, model, joint, stream)
-
-    def _fitted(
-        self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
-    ) -> PolynomialChaosModel:
-        """Fit the model without a limit on the BLAS threads; `fit` sets it."""
         training = TrainingRuns.from_runs(runs, model, joint)
         # A rule's nodes are exact for polynomials of the inputs, not of their logarithms.
         basis = ProductBasis.from_distribution(

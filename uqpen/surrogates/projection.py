@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+
+from uqpen.core.model import FloatArray
 
 __all__ = ["is_exact", "projection_coefficients"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Nodes and weights come from a library with about this accuracy.
 _TOLERANCE = 1e-8
@@ -33,5 +33,4 @@ def projection_coefficients(
     matrix: FloatArray, weights: FloatArray, values: FloatArray
 ) -> FloatArray:
     """Compute the coefficients, Σ w ψ f."""
-    coefficients: FloatArray = matrix.T @ (weights * values)
-    return coefficients
+    return matrix.T @ (weights * values)

@@ -17,13 +17,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import linalg
+
+from uqpen.core.model import FloatArray, IntArray
 
 __all__ = ["FOLDS", "RegressionFit", "cross_validation", "least_squares", "sparse_regression"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # Most terms of a sparse fit, and the largest number of terms as a share of the runs.
 _MOST_TERMS = 400
@@ -105,17 +104,14 @@ def sparse_regression(matrix: FloatArray, values: FloatArray) -> RegressionFit |
 def cross_validation(matrix: FloatArray, values: FloatArray, folds: IntArray) -> float:
     """Return the mean square error of a sparse fit at runs left out of selection and fit.
 
+    It is a share of the variance.
+
     Parameters
     ----------
     matrix, values
         As for `sparse_regression`.
     folds : ndarray of int, shape (run,)
         The part that each run belongs to, from 0 to `FOLDS` - 1.
-
-    Returns
-    -------
-    float
-        The error as a share of the variance.
     """
     squares = 0.0
     for fold in range(FOLDS):

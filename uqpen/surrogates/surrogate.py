@@ -106,23 +106,16 @@ class Surrogate(ABC):
     def fit(
         self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
     ) -> FittedSurrogate:
-        """Fit it to the runs of its design.
+        """Fit it to the runs of its design; an output that cannot be fitted has a reason instead.
 
         Parameters
         ----------
         name : str
-            Its name.
+            Its name in the study.
         runs : Dataset
             The result of `uqpen.execution.evaluate` for the design.
-        model : Model
-            That made the runs.
-        joint : JointDistribution
-            Of its inputs.
+        model, joint
+            The model that made the runs, and the distribution of its inputs.
         stream : Stream
             Source of the random numbers of refits.
-
-        Returns
-        -------
-        FittedSurrogate
-            Always: an output that cannot be fitted has a reason in its place.
         """

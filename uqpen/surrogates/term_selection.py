@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from uqpen.core.model import Arrays
+from uqpen.core.model import Arrays, FloatArray, IntArray
 from uqpen.surrogates.basis import MOST_TERMS, ProductBasis
 from uqpen.surrogates.projection import is_exact, projection_coefficients
 from uqpen.surrogates.regression import (
@@ -21,8 +20,6 @@ from uqpen.surrogates.regression import (
 
 __all__ = ["HIGHEST_ORDER", "FitPoints", "Terms", "projection_terms", "regression_terms"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # The highest order that is tried where none is given.
 HIGHEST_ORDER = 20
@@ -53,11 +50,10 @@ class Terms:
         Theirs.
     order : int
         The highest order of all the terms that they were chosen from.
-    leave_one_out : float
-        See `uqpen.surrogates.regression.RegressionFit`; NaN for a projection.
-    cross_validation : float
-        Mean square error at runs that took no part in the fit, nor in the choice of its terms, as
-        a share of the variance: the former, where all terms are kept.
+    leave_one_out, cross_validation : float
+        Mean square error as a share of the variance: see `RegressionFit`, and at runs that took no
+        part in the choice of the terms either. Both are the same where all terms are kept, and NaN
+        for a projection.
     """
 
     indices: IntArray
@@ -127,12 +123,10 @@ def regression_terms(
     rng : Generator
         Divides the runs for cross-validation.
     """
-    fewest = 2 * (len(points.basis.univariate_bases) + 1)
+    dimension = len(points.basis.univariate_bases)
+    fewest = 2 * (dimension + 1)
     if points.run_count < fewest:
-        inputs = (
-            f"{len(points.basis.univariate_bases)} random "
-            f"input{'s' * (len(points.basis.univariate_bases) > 1)}"
-        )
+        inputs = f"{dimension} random input{'s' * (dimension > 1)}"
         return f"{points.run_count} runs came back, and {inputs} need at least {fewest}"
     folds = rng.permutation(np.arange(points.run_count) % FOLDS)
     if order is not None:

@@ -6,18 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.labels import QUADRATURE_WEIGHT, ROLE, RUN, STATUS
-from uqpen.core.model import Model
+from uqpen.core.model import FloatArray, Model
 from uqpen.core.status import Status
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import status_counts
 
 __all__ = ["TrainingRuns"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.model import Input
+from uqpen.core.model import FloatArray, Input
 from uqpen.distributions.continuous import Lognormal, LogUniform, Normal, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.orthogonal_polynomials import recurrence
@@ -25,7 +24,6 @@ from uqpen.surrogates.storage import describe
 
 __all__ = ["UnivariateBasis", "univariate_basis"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _LINEAR, _LOGARITHM = "linear", "logarithm"
 
@@ -62,7 +60,7 @@ class UnivariateBasis:
         return len(self.ratios) - 1
 
     def polynomials(self, values: FloatArray, degree: int) -> FloatArray:
-        """Evaluate the polynomials up to a degree, at values of the input.
+        """Evaluate the polynomials up to a degree, shape (degree + 1, run).
 
         Parameters
         ----------
@@ -70,10 +68,6 @@ class UnivariateBasis:
             In the input's SI unit; the result is NaN where the logarithm does not exist.
         degree : int
             At most `highest_degree`.
-
-        Returns
-        -------
-        ndarray, shape (degree + 1, run)
         """
         # Contiguous, so that NumPy's logarithm takes the same path for every batch.
         x = np.ascontiguousarray(values, dtype=np.float64)
