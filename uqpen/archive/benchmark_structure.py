@@ -15,14 +15,13 @@ from uqpen.archive.benchmark_layout import (
     METHOD_VARIABLES,
     ArchiveVariable,
 )
-from uqpen.archive.estimates import INTERVAL_TEXTS, interval_codes, statistic_names
-from uqpen.archive.layout import has_kind
+from uqpen.archive.estimates import has_interval_texts, interval_codes, statistic_names
+from uqpen.archive.layout import has_bound_names, has_kind
+from uqpen.archive.tree import read_group
 from uqpen.core.catalogue import CATALOGUE, DIMENSIONS
 from uqpen.core.labels import (
     BOUND,
-    BOUNDS,
     BUDGET,
-    INTERVAL_LABEL,
     METHOD_DIMENSION,
     METHODS,
     REFERENCE,
@@ -51,7 +50,7 @@ def find_benchmark_faults(tree: xr.DataTree) -> Iterator[str]:
         entries = dict(known)
         if not node.children:
             yield f"/{BENCHMARK_GROUP}/{output}: no statistic"
-        reference = _reference(tree, str(output))
+        reference = read_group(tree, REFERENCE, str(output))
         yield from (f"/{REFERENCE}/{output}: {fault}" for fault in _reference_faults(reference))
         for statistic, group in node.children.items():
             place = f"/{BENCHMARK_GROUP}/{output}/{statistic}"
@@ -62,11 +61,6 @@ def find_benchmark_faults(tree: xr.DataTree) -> Iterator[str]:
             yield from (f"{place}: {fault}" for fault in faults)
             for fault in _truth_faults(reference, str(statistic), entries):
                 yield f"/{REFERENCE}/{output}: {fault}"
-
-
-def _reference(tree: xr.DataTree, output: str) -> xr.Dataset:
-    outputs = tree.children[REFERENCE].children if REFERENCE in tree.children else {}
-    return outputs[output].to_dataset(inherit=False) if output in outputs else xr.Dataset()
 
 
 def _method_faults(tree: xr.DataTree) -> Iterator[str]:
@@ -128,24 +122,13 @@ def _reference_faults(dataset: xr.Dataset) -> Iterator[str]:
         dims = (*CATALOGUE[name].dims, BOUND)
         if variable.dims != dims or not has_kind(variable, "number"):
             yield f"no {name} along {', '.join(dims)}"
-        elif BOUND not in dataset.coords or dataset[BOUND].values.tolist() != list(BOUNDS):
+        elif not has_bound_names(dataset):
             yield f"{name}: not the bounds of an estimate"
         else:
-            yield from _text_faults(dataset, name)
+            if not has_interval_texts(dataset, name):
+                several = "s were" if interval_codes(dataset, name) is not None else " was"
+                yield f"{name}: does not say how its interval{several} made"
             yield from _coordinate_faults(dataset, dims[:-1])
-
-
-def _text_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:
-    """Yield a fault where an estimate does not say how its intervals were made."""
-    codes = interval_codes(dataset, name)
-    if codes is None:
-        if not dataset[name].attrs.get(INTERVAL_LABEL):
-            yield f"{name}: does not say how its interval was made"
-        return
-    counts = {np.size(codes.attrs.get(f"flag_{text}", ())) for text in INTERVAL_TEXTS}
-    is_known = codes.dims == dataset[name].dims[:-1] and has_kind(codes, "count")
-    if not is_known or len(counts) > 1 or (codes.size and codes.values.max() >= min(counts)):
-        yield f"{name}: does not say how its intervals were made"
 
 
 def _coordinate_faults(dataset: xr.Dataset, dims: tuple[str, ...]) -> Iterator[str]:

@@ -81,15 +81,7 @@ def estimate_array(
 
 
 def interval_text(array: xr.DataArray, name: str) -> str:
-    """Return a text on the interval of one estimate; empty where there is none.
-
-    Parameters
-    ----------
-    array : DataArray
-        A single entry of an estimate array, along ``bound`` alone.
-    name : str
-        One of `INTERVAL_TEXTS`.
-    """
+    """Return one of `INTERVAL_TEXTS` of a single entry of an estimate array; empty for none."""
     return str(array.coords[name].values) if name in array.coords else ""
 
 
@@ -144,19 +136,9 @@ def _codes(
 
 
 def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
-    """Return a statistic from a dataset, with the texts of its intervals as coordinates.
+    """Return a statistic from a group of an archive; None where the group does not have it.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        A group of an archive.
-    name : str
-        The statistic's.
-
-    Returns
-    -------
-    DataArray or None
-        An estimate array, or one without bounds; None where the dataset does not have it.
+    An estimate array has the texts of its intervals as coordinates.
     """
     if name not in dataset.data_vars:
         return None
@@ -182,15 +164,10 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
 def has_interval_texts(dataset: xr.Dataset, name: str) -> bool:
     """Return True if a statistic has the method of the interval of each entry.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        A group of an archive, of whatever origin.
-    name : str
-        The statistic's.
+    The group may be of any origin.
     """
     variable = dataset.variables[name]
-    codes = dataset.variables.get(f"{name}{_CODES}")
+    codes = interval_codes(dataset, name)
     if codes is None:
         return bool(str(variable.attrs.get(INTERVAL_LABEL, "")))
     if codes.dims != variable.dims[:-1] or codes.dtype.kind not in "iu":

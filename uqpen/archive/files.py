@@ -50,14 +50,10 @@ class ArchivedFile:
     ----------
     name : str
         As the study names it, with ``/`` between folders.
-    sha256 : str
+    sha256, size
         Of its bytes, as recorded.
-    size : int
-        Of its bytes, as recorded.
-    content : str
-        Its bytes, encoded by `encoding`.
-    encoding : str
-        ``"utf-8"``, ``"base64"`` or ``"none"``.
+    content, encoding : str
+        Its bytes, as ``"utf-8"``, ``"base64"`` or ``"none"``.
     """
 
     name: str
@@ -98,12 +94,7 @@ class ArchivedFile:
 def files_group(files: Iterable[FileSnapshot], folder: Path) -> xr.Dataset:
     """Return the group of a study's files, in the order of their names; empty without files.
 
-    Parameters
-    ----------
-    files : iterable of FileSnapshot
-        In a reproducible order; duplicates are permitted.
-    folder : Path
-        Folder of the study.
+    The files are in a reproducible order, with duplicates; the folder is that of the study.
     """
     named = sorted(files_by_name(files, folder).items())
     if not named:
@@ -157,13 +148,7 @@ def archived_files(group: xr.Dataset) -> list[ArchivedFile]:
 
 
 def find_file_faults(groups: Mapping[str, xr.DataTree]) -> Iterator[str]:
-    """Yield the faults of a tree's group of files, a line each.
-
-    Parameters
-    ----------
-    groups : mapping of str to DataTree
-        Those of the root, by their names.
-    """
+    """Yield the faults of the group of files among the groups of a root, a line each."""
     if FILES not in groups:
         return
     dataset = groups[FILES].dataset

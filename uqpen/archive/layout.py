@@ -37,7 +37,13 @@ from uqpen.core.labels import (
 )
 from uqpen.core.units import scale
 
-__all__ = ["find_attribute_faults", "find_dataset_faults", "find_statistics_faults", "has_kind"]
+__all__ = [
+    "find_attribute_faults",
+    "find_dataset_faults",
+    "find_statistics_faults",
+    "has_bound_names",
+    "has_kind",
+]
 
 # Of one output, tables show the entries of all sources side by side.
 _SHARED = (PROBABILITY, CONTENT_LEVEL, THRESHOLD, CATEGORY)
@@ -60,6 +66,11 @@ _KINDS = {"text": "OUS", "count": "iu", "number": "iuf"}
 def has_kind(values: npt.ArrayLike, kind: str) -> bool:
     """Return True if values are of a kind: texts, counts or numbers."""
     return np.asarray(values).dtype.kind in _KINDS[kind]
+
+
+def has_bound_names(dataset: xr.Dataset) -> bool:
+    """Return True if a dataset names the bounds of its estimates."""
+    return BOUND in dataset.coords and dataset[BOUND].values.tolist() == list(BOUNDS)
 
 
 def find_attribute_faults(tree: xr.DataTree) -> Iterator[str]:
@@ -88,15 +99,8 @@ def _is_unit(text: object) -> bool:
 def find_statistics_faults(node: xr.DataTree) -> Iterator[str]:
     """Yield the faults of the statistics of a model, or of a pair of models.
 
-    Parameters
-    ----------
-    node : DataTree
-        Its children are the sources, and their children are the outputs.
-
-    Yields
-    ------
-    str
-        The path of a group below the node, and a fault.
+    The children of the node are the sources, and their children are the outputs. A fault begins
+    with the path of a group below the node.
     """
     entries: dict[tuple[str, str], list[Any]] = {}
     for source, outputs in node.children.items():
@@ -116,13 +120,6 @@ def find_dataset_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic])
 
     A statistic that is not in the catalogue may have any dimensions. A statistic that the group
     lacks is no fault.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        The group.
-    catalogue : mapping of str to Statistic
-        Describes its statistics.
     """
     for name in statistic_names(dataset):
         variable = dataset.variables[name]
@@ -142,7 +139,7 @@ def find_dataset_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic])
 def _interval_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:
     """Find what is wrong with the bounds of a statistic, and with the texts on them."""
     variable = dataset.variables[name]
-    if BOUND not in dataset.coords or dataset[BOUND].values.tolist() != list(BOUNDS):
+    if not has_bound_names(dataset):
         yield f"{name}: not the bounds of an estimate"
     elif not has_interval_texts(dataset, name):
         yield f"{name}: does not say how its interval was made"

@@ -16,14 +16,9 @@ __all__ = ["MIGRATIONS", "migrate"]
 
 
 def migrate(tree: xr.DataTree) -> xr.DataTree:
-    """Migrate a tree of any schema up to this uqpen's to this uqpen's schema.
+    """Return a copy of a tree of any schema up to this uqpen's in this uqpen's schema.
 
     The hashes remain those of the original tree, so they can be checked with that tree only.
-
-    Parameters
-    ----------
-    tree : DataTree
-        It is not modified.
     """
     for schema in range(int(tree.attrs[SCHEMA_ATTRIBUTE]), SCHEMA):
         tree = MIGRATIONS[schema](tree)
@@ -47,10 +42,8 @@ def _migrate_from_1(tree: xr.DataTree) -> xr.DataTree:
 
 
 def _migrate_from_2(tree: xr.DataTree) -> xr.DataTree:
-    """Statistics by source, output and name, which were parts of variables' names before."""
-    if tree.attrs.get(KIND) == BENCHMARK:
-        return migrate_benchmark(tree)
-    return migrate_from_2(tree)
+    is_benchmark = tree.attrs.get(KIND) == BENCHMARK
+    return migrate_benchmark(tree) if is_benchmark else migrate_from_2(tree)
 
 
 # From a schema to the next, for every schema there has been.

@@ -23,14 +23,9 @@ _COORDINATES = "coordinates"
 
 
 def write_tree(tree: xr.DataTree, path: Path) -> None:
-    """Write a tree such that xarray reads it back unchanged.
+    """Write a tree of numbers and texts such that xarray reads it back unchanged.
 
-    Parameters
-    ----------
-    tree : DataTree
-        Of numbers and texts. No group uses a dimension of its parent groups.
-    path : Path
-        The file. An existing file is overwritten.
+    No group may use a dimension of its parent groups. An existing file is overwritten.
     """
     import netCDF4
 
@@ -39,7 +34,7 @@ def write_tree(tree: xr.DataTree, path: Path) -> None:
             pair
             for node in tree.subtree
             for pair in _define_variables(
-                _create_group(root, node.path), node.to_dataset(inherit=False)
+                root.createGroup(node.path), node.to_dataset(inherit=False)
             )
         ]
         for variable, values in filled:
@@ -51,11 +46,6 @@ def read_groups(root: netCDF4.Dataset) -> xr.DataTree:
 
     xarray's reader opens each variable as a file of its own, and decodes what an archive has none
     of: it takes three times as long.
-
-    Parameters
-    ----------
-    root : netCDF4.Dataset
-        The file, open.
 
     Raises
     ------
@@ -89,10 +79,6 @@ def _read_dataset(group: Any) -> xr.Dataset:
         {name: each for name, each in variables.items() if name in coordinates},
         attributes,
     )
-
-
-def _create_group(root: netCDF4.Dataset, path: str) -> Any:
-    return root if path == "/" else root.createGroup(path)
 
 
 def _define_variables(group: Any, dataset: xr.Dataset) -> Iterator[tuple[Any, Any]]:

@@ -44,12 +44,9 @@ _UNKNOWN = "not recorded"
 def provenance() -> dict[str, str]:
     """Return what decides the last bits of statistics and of the built-in models' runs.
 
-    Returns
-    -------
-    dict of str to str
-        Versions of packages; operating system and processor family (``platform``); the processor
-        features beyond NumPy's baseline for which NumPy uses code of its own (``cpu_features``);
-        the BLAS library and its kernel (``blas``).
+    These are versions of packages; operating system and processor family (``platform``); the
+    processor features beyond NumPy's baseline for which NumPy uses code of its own
+    (``cpu_features``); the BLAS library and its kernel (``blas``).
     """
     return {
         **{f"version_{name}": _version(name) for name in _PACKAGES},
@@ -64,12 +61,8 @@ def of_python_functions() -> dict[str, str]:
     """Return what can decide the last bits of a Python function besides `provenance`.
 
     The statistics and the built-in models do not depend on it: they use one BLAS thread, and the
-    compiled integrator gives the same bits for every target.
-
-    Returns
-    -------
-    dict of str to str
-        The number of BLAS threads, and the processor that Numba compiles for.
+    compiled integrator gives the same bits for every target. These are the number of BLAS threads,
+    and the processor that Numba compiles for.
     """
     target = os.environ.get("NUMBA_CPU_NAME") or "host"
     features = os.environ.get("NUMBA_CPU_FEATURES")
@@ -84,15 +77,8 @@ def provenance_differences(
 ) -> Iterator[tuple[str, str, str]]:
     """Compare two provenances.
 
-    Parameters
-    ----------
-    first, second : mapping
-        Attributes of an archive's root, or the result of `provenance`.
-
-    Yields
-    ------
-    name, first, second : str
-        Name of a difference and both values; only processor features that one of them lacks.
+    Each is the attributes of an archive's root, or the result of `provenance`. Yields name and both
+    values of a difference; of processor features only those that one of them lacks.
     """
     for name in [*provenance(), *of_python_functions()]:
         values = [str(each.get(name, _UNKNOWN)) for each in (first, second)]

@@ -64,14 +64,9 @@ _GROUPS = ("moments", "quantiles", "holds", "exceedance", "cdfs", "shares", _SEN
 
 
 def migrate_from_2(tree: xr.DataTree) -> xr.DataTree:
-    """Return an archive of schema 2 with its statistics by source, output and name.
+    """Return a copy of an archive of schema 2 with its statistics by source, output and name.
 
     The group ``/comparison`` is left out: it was a copy of other groups.
-
-    Parameters
-    ----------
-    tree : DataTree
-        It is not touched.
     """
     groups = {"/": xr.Dataset(attrs=tree.attrs)}
     for name, model in model_trees(tree).items():
@@ -187,15 +182,12 @@ def read_statistic(
     Parameters
     ----------
     tree : DataTree
-        Its children are the groups.
+        Its children are the groups by kind.
     source, output, statistic : str
         The names of a design, surrogate or publication; of an output; of an entry of the catalogue.
     """
     group, suffix = _PLACES.get(statistic, (_SENSITIVITY, f"_{statistic}"))
-    if group not in tree.children or source not in tree.children[group].children:
-        return None
-    dataset = tree.children[group].children[source].to_dataset(inherit=False)
-    name = f"{output}{suffix}"
+    dataset, name = read_group(tree, group, source), f"{output}{suffix}"
     if name not in dataset.data_vars:
         return None
     variable = dataset.variables[name]
@@ -204,7 +196,7 @@ def read_statistic(
     if set(dims) - {BOUND} != set(CATALOGUE[statistic].dims):
         return None
     own = dict(variable.attrs)
-    texts = dict(_texts(dataset, name, own))
+    texts = dict(_texts(dataset, name, own, dims[:-1]))
     coordinates = dict(_coordinates(dataset, variable, output, renamed))
     of_group = dataset.attrs
     sample = read_group(tree, "statuses", source).attrs
@@ -219,7 +211,7 @@ def read_statistic(
 def _read_failures(tree: xr.DataTree, design: str) -> dict[str, xr.DataArray]:
     """Return what a model's archive says of a design's runs that did not complete."""
     found = {}
-    ends = _child(tree, "statuses", design)
+    ends = read_group(tree, "statuses", design)
     if ends.data_vars:
         names = [str(name) for name in ends.data_vars]
         arrays = [ends[name] for name in names]
@@ -234,10 +226,10 @@ def _read_failures(tree: xr.DataTree, design: str) -> dict[str, xr.DataArray]:
         ).assign_coords(
             {STATUS: (STATUS, np.array(names, dtype=object), {"long_name": "end of a run"})}
         )
-    associations = _child(tree, "losses", design)
+    associations = read_group(tree, "losses", design)
     for name, array in associations.data_vars.items():
         own = dict(array.attrs)
-        texts = dict(_texts(associations, str(name), own))
+        texts = dict(_texts(associations, str(name), own, (INPUT,)))
         kept = {
             key: (each.dims, each.values, each.attrs)
             for key, each in array.coords.items()
@@ -248,30 +240,20 @@ def _read_failures(tree: xr.DataTree, design: str) -> dict[str, xr.DataArray]:
     return found
 
 
-def _child(tree: xr.DataTree, *path: str) -> xr.Dataset:
-    for name in path:
-        if name not in tree.children:
-            return xr.Dataset()
-        tree = tree.children[name]
-    return tree.to_dataset(inherit=False)
-
-
 def _is_of_runs(key: str) -> bool:
     """Return whether an attribute of a group is of the runs that its statistics are of."""
     return not key.endswith("_largest_contribution") and key != "source"
 
 
 def _texts(
-    dataset: xr.Dataset, name: str, attributes: dict[str, Any]
+    dataset: xr.Dataset, name: str, attributes: dict[str, Any], renamed: tuple[str, ...]
 ) -> Iterator[tuple[str, tuple[Any, Any]]]:
     """Yield how the intervals were made, taking it out of the attributes where it stands there."""
     variable = dataset.variables[name]
     if BOUND not in variable.dims:
         return
-    dims = tuple(str(dim) for dim in variable.dims[:-1])
-    prefixes = (name, *dims)
+    prefixes = (name, *variable.dims[:-1])
     prefix = next((each for each in prefixes if f"{each}_{INTERVAL_LABEL}" in dataset.coords), "")
-    renamed = _renamed_dims(dims, name)
     for key in INTERVAL_TEXTS:
         own = str(attributes.pop(key, ""))
         if prefix:
@@ -279,15 +261,6 @@ def _texts(
         else:
             values = np.full(variable.shape[:-1], own, dtype=object)
         yield key, (renamed, values)
-
-
-def _renamed_dims(dims: tuple[str, ...], name: str) -> tuple[str, ...]:
-    """Return the dimensions by their present names."""
-    found = []
-    for dim in dims:
-        new = [new for new, old in _DIMENSIONS.items() if dim.endswith(f"_{old}")]
-        found.append(new[0] if new else dim)
-    return tuple(found)
 
 
 def _coordinates(

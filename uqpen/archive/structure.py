@@ -17,6 +17,7 @@ from uqpen.archive.layout import (
     find_statistics_faults,
     has_kind,
 )
+from uqpen.archive.tree import model_trees
 from uqpen.core.catalogue import FAILURE_STATISTICS
 from uqpen.core.labels import (
     BENCHMARK,
@@ -47,11 +48,7 @@ _SEED = re.compile(r"[0-9]{1,4300}\Z")
 
 
 def find_faults(tree: xr.DataTree) -> Iterator[str]:
-    """Yield the faults of an archive, a line each.
-
-    The check covers the structure on which all readers depend. It does not check that the
-    estimates are those of the study.
-    """
+    """Yield the faults of an archive, a line each, in the structure on which all readers depend."""
     for name in _ROOT:
         if not isinstance(tree.attrs.get(name), str):
             yield f'no text "{name}" at its root'
@@ -70,15 +67,14 @@ def find_faults(tree: xr.DataTree) -> Iterator[str]:
 
 
 def _study_faults(tree: xr.DataTree) -> Iterator[str]:
-    models = tree.children[MODELS].children if MODELS in tree.children else {"": tree}
+    models = model_trees(tree)
     if not models:
         yield "no models"
     for name, model in models.items():
         root = f"/{MODELS}/{name}" if name else ""
         for fault in _model_faults(model):
             yield f"{root}{fault}" if fault.startswith("/") or not root else f"{root}: {fault}"
-    pairs = tree.children[DIFFERENCES].children if DIFFERENCES in tree.children else {}
-    for name, pair in pairs.items():
+    for name, pair in _children(tree, DIFFERENCES):
         if MODELS not in tree.children or name not in models:
             yield f"/{DIFFERENCES}/{name}: of no model"
         yield from (f"/{DIFFERENCES}/{name}{fault}" for fault in _pair_faults(pair))
@@ -107,22 +103,24 @@ def _source_faults(node: xr.DataTree) -> Iterator[str]:
 def _model_faults(tree: xr.DataTree) -> Iterator[str]:
     if not isinstance(tree.attrs.get("model_name"), str):
         yield "no name of the model"
-    designs = tree.children[RUNS].children if RUNS in tree.children else {}
+    designs = _children(tree, RUNS)
     if not designs:
         yield "no runs"
-    for name, runs in designs.items():
+    for name, runs in designs:
         yield from (f"/{RUNS}/{name}: {fault}" for fault in _run_faults(runs.dataset))
     if STATISTICS_GROUP in tree.children:
         node = tree.children[STATISTICS_GROUP]
         yield from (f"/{STATISTICS_GROUP}{fault}" for fault in find_statistics_faults(node))
         yield from _source_faults(node)
-    failures = tree.children[FAILURES_GROUP].children if FAILURES_GROUP in tree.children else {}
-    for name, child in failures.items():
+    for name, child in _children(tree, FAILURES_GROUP):
         for fault in find_dataset_faults(child.to_dataset(inherit=False), FAILURE_STATISTICS):
             yield f"/{FAILURES_GROUP}/{name}: {fault}"
-    surrogates = tree.children[SURROGATES].children if SURROGATES in tree.children else {}
-    for name, surrogate in surrogates.items():
+    for name, surrogate in _children(tree, SURROGATES):
         yield from (f"/{SURROGATES}/{name}: {fault}" for fault in _surrogate_faults(surrogate))
+
+
+def _children(tree: xr.DataTree, group: str) -> list[tuple[str, xr.DataTree]]:
+    return list(tree.children[group].children.items()) if group in tree.children else []
 
 
 def _surrogate_faults(made: xr.DataTree) -> Iterator[str]:
