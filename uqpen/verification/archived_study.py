@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 
@@ -33,10 +34,8 @@ def archived_study(tree: xr.DataTree, folder: Path, *, trust: bool) -> Study:
 
     Parameters
     ----------
-    tree : DataTree
-        The archive.
-    folder : Path
-        Folder with the files that the study names.
+    tree, folder
+        The archive, and the folder with the files that the study names.
     trust : bool
         True if code that it names may be executed, and requests sent to servers. Otherwise its
         models and analyses cannot be run, but the rest of the study can be used.
@@ -56,15 +55,17 @@ def archived_study(tree: xr.DataTree, folder: Path, *, trust: bool) -> Study:
 
 def external_models(text: str) -> list[str]:
     """Return the models of a study that are not built in, as its text names them."""
-    try:
-        content = tomllib.loads(text)
-    except (ValueError, RecursionError):
-        return []  # whoever reads the study will say what is wrong with it
+    content = _content(text)
     several = content.get("models")
     tables = [content.get("model"), *(several.values() if isinstance(several, dict) else ())]
     return [
         next(
-            (_model_description(table[key]) for key in EXTERNAL_MODELS if key in table),
+            # A function, a server, or the words of a command.
+            (
+                " ".join(map(str, told)) if isinstance(told := table[key], list) else str(told)
+                for key in EXTERNAL_MODELS
+                if key in table
+            ),
             "one of no known kind",
         )
         for table in tables
@@ -75,11 +76,15 @@ def external_models(text: str) -> list[str]:
 
 def outside_analyses(text: str) -> list[str]:
     """Return the user-supplied analyses that the text of a study names."""
-    try:
-        named = tomllib.loads(text).get(ANALYSES_KEY)
-    except (ValueError, RecursionError):
-        return []  # whoever reads the study will say what is wrong with it
+    named = _content(text).get(ANALYSES_KEY)
     return [str(reference) for reference in named] if isinstance(named, list) else []
+
+
+def _content(text: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError):
+        return {}  # whoever reads the study will say what is wrong with it
 
 
 def external_names(text: str) -> list[str]:
@@ -89,15 +94,6 @@ def external_names(text: str) -> list[str]:
 
 def refuse_external_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None:
     """Refuse an archive whose study cannot be repeated without executing others' code.
-
-    Parameters
-    ----------
-    tree : DataTree
-        The archive.
-    path : Path
-        Its path, for the message.
-    trust : bool
-        True if that code may be executed.
 
     Raises
     ------
@@ -157,11 +153,6 @@ def _missing_variable(variant: Variant, study: Study, made: xr.Dataset) -> str:
 def run_inputs(study: Study, made: xr.Dataset) -> list[str]:
     """Return the inputs of runs: of the joint distribution, and given by a table or a model."""
     return [variable.name for variable in study.joint.variables if variable.name in made]
-
-
-def _model_description(reference: object) -> str:
-    """Describe a model by its table: a function, a server, or the words of a command."""
-    return " ".join(map(str, reference)) if isinstance(reference, list) else str(reference)
 
 
 def _list_names(names: Mapping[str, object]) -> str:

@@ -24,19 +24,7 @@ class CheckOutcome(StrEnum):
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Result of the check of one part.
-
-    Parameters
-    ----------
-    name : str
-        The part that was checked.
-    verdict : CheckOutcome
-        The outcome.
-    text : str
-        The outcome in words.
-    details : tuple of str
-        The differences, one by one.
-    """
+    """Result of the check of one part, in words; the details are its differences, one by one."""
 
     name: str
     verdict: CheckOutcome

@@ -30,17 +30,7 @@ _STUDY_ATTRIBUTES = ("study_text", "study_sha256", "seed")
 
 
 class DiffSection(NamedTuple):
-    """The differences of one kind.
-
-    Attributes
-    ----------
-    name : str
-        The name of the section.
-    lines : tuple of str
-        The differences.
-    verbatim : bool
-        True if they are lines of the study files.
-    """
+    """The differences of one kind; they are verbatim if they are lines of the study files."""
 
     name: str
     lines: tuple[str, ...]
@@ -48,13 +38,7 @@ class DiffSection(NamedTuple):
 
 
 def diff_archives(first: xr.DataTree, second: xr.DataTree) -> Iterator[DiffSection]:
-    """Yield the differences of two archives, intact or damaged; none where they are equal.
-
-    Parameters
-    ----------
-    first, second : DataTree
-        Any two.
-    """
+    """Yield the differences of two archives, intact or damaged; none where they are equal."""
     yield from _root_differences(first.attrs, second.attrs)
     known = group_hashes(first), group_hashes(second)
     lines = [
@@ -66,15 +50,11 @@ def diff_archives(first: xr.DataTree, second: xr.DataTree) -> Iterator[DiffSecti
     files = list(_file_differences(first, second))
     if files:
         yield DiffSection("files", _first_lines(files))
-    changed = [
-        path.strip("/").split("/")
-        for path, digest in known[0].items()
-        if known[1].get(path, digest) != digest and not (path == "/" or (files and path == _FILES))
-    ]
-    groups = [
-        (f"/{'/'.join(parts)}", read_group(first, *parts), read_group(second, *parts))
-        for parts in changed
-    ]
+    groups = []
+    for path, digest in known[0].items():
+        if known[1].get(path, digest) != digest and not (path == "/" or (files and path == _FILES)):
+            parts = path.strip("/").split("/")
+            groups.append((path, read_group(first, *parts), read_group(second, *parts)))
     yield from _group_differences(groups)
     made_elsewhere = next(provenance_differences(first.attrs, second.attrs), None) is not None
     if groups and made_elsewhere and not lines and _is_close(groups):

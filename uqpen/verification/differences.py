@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ __all__ = [
     "difference_text",
     "find_attribute_differences",
     "find_differences",
+    "missing_keys",
     "relative_difference",
     "unequal",
 ]
@@ -65,17 +66,8 @@ def relative_difference(
 ) -> float:
     """Return the largest difference of two arrays of one shape, relative to their largest value.
 
-    Parameters
-    ----------
-    one, other : ndarray
-        The two.
-    scale : float
-        Replaces their largest value as the reference where it is larger.
-
-    Returns
-    -------
-    float
-        Infinite where values differ that are not finite numbers.
+    A larger scale replaces their largest value. Infinite where values differ that are not finite
+    numbers.
     """
     at = unequal(one, other)
     if not at.any():
@@ -105,14 +97,9 @@ def find_differences(
 ) -> Iterator[Difference]:
     """Yield the differences between an archive's group and its repetition.
 
-    Parameters
-    ----------
-    archived, found : Dataset
-        The archived group and its repetition.
-    besides : container of str
-        Attributes of the group that are not compared.
+    Of the group's attributes, those in `besides` are not compared.
     """
-    yield from _missing_keys(archived.variables, found.variables, "")
+    yield from missing_keys(archived.variables, found.variables)
     scales = _scales(archived)
     for name in archived.variables.keys() & found.variables.keys():
         one, other = archived.variables[name], found.variables[name]
@@ -144,9 +131,9 @@ def find_attribute_differences(
     Parameters
     ----------
     archived, found : mapping
-        The two.
+        The attributes.
     of : str
-        Owner of the attributes, for the message.
+        Their owner, for the message.
     besides : container of str
         Attributes that are not compared.
     largest : float
@@ -156,7 +143,7 @@ def find_attribute_differences(
         {key: np.ravel(np.asarray(value)) for key, value in each.items() if key not in besides}
         for each in (archived, found)
     )
-    for lacking in _missing_keys(one, other, "attribute "):
+    for lacking in missing_keys(one, other, "attribute "):
         yield lacking._replace(what=f"{lacking.what}{of}")
     for name in sorted(one.keys() & other.keys()):
         alike = one[name].shape == other[name].shape and _kind(one[name]) == _kind(other[name])
@@ -194,12 +181,14 @@ def _largest(variable: xr.Variable) -> float:
     return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
-def _missing_keys(
-    archived: Mapping[Any, object], found: Mapping[Any, object], what: str
+def missing_keys(
+    archived: Iterable[Any], found: Iterable[Any], what: str = ""
 ) -> Iterator[Difference]:
-    for name in sorted(map(str, archived.keys() - found.keys())):
+    """Yield the names that only one of two collections has."""
+    one, other = (set(map(str, each)) for each in (archived, found))
+    for name in sorted(one - other):
         yield Difference(f"{what}{name} is not found again", math.inf)
-    for name in sorted(map(str, found.keys() - archived.keys())):
+    for name in sorted(other - one):
         yield Difference(f"{what}{name} is missing", math.inf, is_new=True)
 
 

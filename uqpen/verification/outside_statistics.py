@@ -5,8 +5,9 @@ from __future__ import annotations
 import xarray as xr
 
 from uqpen.archive.estimates import interval_codes_name, statistic_names
+from uqpen.archive.tree import model_trees
 from uqpen.core.catalogue import CATALOGUE, DIMENSIONS
-from uqpen.core.labels import BOUND, MODELS, SOURCE_KIND, STATISTICS_GROUP
+from uqpen.core.labels import BOUND, SOURCE_KIND, STATISTICS_GROUP
 
 __all__ = ["outside_statistic_names", "without_outside_statistics"]
 
@@ -18,24 +19,12 @@ _BUILT_IN_COORDINATES = {
 
 
 def outside_statistic_names(tree: xr.DataTree) -> list[str]:
-    """Return the statistics of designs that are not built in, each once.
-
-    Parameters
-    ----------
-    tree : DataTree
-        An archive of a study.
-    """
+    """Return the statistics of designs of a study's archive that are not built in, each once."""
     return sorted({name for node in _output_nodes(tree) for name in _outside(node.dataset)})
 
 
 def without_outside_statistics(tree: xr.DataTree) -> xr.DataTree:
-    """Return an archive without the statistics of designs that are not built in.
-
-    Parameters
-    ----------
-    tree : DataTree
-        An archive of a study. It is not modified.
-    """
+    """Return a copy of a study's archive without the statistics that are not built in."""
     groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}
     for node in _output_nodes(tree):
         groups[node.path] = _built_in(groups[node.path])
@@ -44,10 +33,9 @@ def without_outside_statistics(tree: xr.DataTree) -> xr.DataTree:
 
 def _output_nodes(tree: xr.DataTree) -> list[xr.DataTree]:
     """Return the groups of each design's statistics of an output."""
-    models = tree.children[MODELS].children.values() if MODELS in tree.children else [tree]
     return [
         output
-        for model in models
+        for model in model_trees(tree).values()
         if STATISTICS_GROUP in model.children
         for source in model.children[STATISTICS_GROUP].children.values()
         if source.attrs.get(SOURCE_KIND) == "design"

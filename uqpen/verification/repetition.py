@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.files import FILES
 from uqpen.archive.read import read_group
 from uqpen.core.labels import CONTENT, MODELS, RUN, RUNS, STATUS
-from uqpen.core.model import Output
+from uqpen.core.model import IntArray, Output
 from uqpen.core.streams import Stream
 from uqpen.execution import Evaluator, FailurePolicy, Map, Progress, evaluate
 from uqpen.study.study import Study
@@ -23,6 +23,7 @@ from uqpen.verification.differences import (
     Difference,
     difference_text,
     find_differences,
+    missing_keys,
     relative_difference,
     unequal,
 )
@@ -30,7 +31,7 @@ from uqpen.workflow import analyse_runs
 
 __all__ = ["Runs", "draw_runs", "repeated_runs", "repeated_statistics"]
 
-Positions = npt.NDArray[np.int64]
+Positions = IntArray
 Runs = Mapping[str, Mapping[str, xr.Dataset]]
 
 _TO_THE_BIT = "bit-equal"
@@ -59,10 +60,8 @@ def repeated_runs(
         Number of runs, drawn at random from all; None for all.
     tolerance : float
         Largest relative difference; 0 where every bit must be the same.
-    map : callable
-        Like the built-in; it makes the batches of runs.
-    progress : Progress
-        Receives reports of progress.
+    map, progress
+        As for `uqpen.run`.
     """
     found: list[Difference] = []
     chosen = list(draw_runs(study, runs, number))
@@ -101,14 +100,10 @@ def repeated_statistics(
 
     Parameters
     ----------
-    study : Study
-        Read from the archive.
-    tree : DataTree
-        The archive.
-    runs : mapping of str to mapping of str to Dataset
-        Its runs.
+    study, tree, runs
+        Of the archive.
     tolerance : float
-        0 where every bit must be the same.
+        Largest relative difference; 0 where every bit must be the same.
     besides : sequence of str
         Attributes that may differ.
     is_earlier : bool
@@ -119,14 +114,7 @@ def repeated_statistics(
     }
     again = analyse_runs(study, in_order)
     archived_groups, repeated_groups = _statistics_groups(tree), _statistics_groups(again)
-    found = [
-        Difference(f"{path} is not found again", np.inf)
-        for path in sorted(archived_groups - repeated_groups)
-    ]
-    found += [
-        Difference(f"{path} is missing", np.inf, is_new=True)
-        for path in sorted(repeated_groups - archived_groups)
-    ]
+    found = list(missing_keys(archived_groups, repeated_groups))
     for path in sorted(archived_groups & repeated_groups):
         parts = path.strip("/").split("/") if path != "/" else []
         pair = read_group(tree, *parts), read_group(again, *parts)
@@ -134,9 +122,9 @@ def repeated_statistics(
             difference._replace(what=f"{path}: {difference.what}")
             for difference in find_differences(*pair, besides=(CONTENT, *besides))
         ]
-    counting = [each for each in found if each.relative > NEGLIGIBLE]
-    rounded = len(found) - len(counting)
-    found = counting
+    total = len(found)
+    found = [each for each in found if each.relative > NEGLIGIBLE]
+    rounded = total - len(found)
     if is_earlier:
         found = [each._replace(relative=0.0) if each.is_new else each for each in found]
     what = f"{len(archived_groups)} groups worked out again"
@@ -146,23 +134,9 @@ def repeated_statistics(
 
 
 def draw_runs(study: Study, runs: Runs, number: int | None) -> Iterator[tuple[str, str, Positions]]:
-    """Draw runs at random from all runs, reproducibly.
+    """Draw a number of runs at random from all runs, by the study's seed; None for all.
 
-    Parameters
-    ----------
-    study : Study
-        Provides the seed.
-    runs : mapping of str to mapping of str to Dataset
-        By model and design.
-    number : int or None
-        Number of runs; None for all.
-
-    Yields
-    ------
-    model, design : str
-        In the order in which the study made them.
-    positions : ndarray of int
-        Of the runs in that design, ascending.
+    Yields model, design and positions in that design, in the order in which the study made them.
     """
     places = [
         (model, design, runs[model][design].sizes[RUN])
@@ -222,9 +196,5 @@ def _runs_name(model: str, design: str) -> str:
 
 def _statistics_groups(tree: xr.DataTree) -> set[str]:
     """Return the paths of all groups, except runs and files, which are not computed."""
-    split = {node.path: node.path.strip("/").split("/") for node in tree.subtree}
-    return {
-        path
-        for path, parts in split.items()
-        if parts[0] not in (RUNS, FILES) and not (parts[0] == MODELS and parts[2:3] == [RUNS])
-    }
+    left_out = re.compile(rf"/({RUNS}|{FILES}|{MODELS}/[^/]+/{RUNS})(/|\Z)")
+    return {node.path for node in tree.subtree if not left_out.match(node.path)}

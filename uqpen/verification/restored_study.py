@@ -23,16 +23,9 @@ __all__ = ["RestoredStudy", "restored_study", "with_kept_folders"]
 
 
 class RestoredStudy(NamedTuple):
-    """A study that can be repeated.
+    """A study of an archive that can be repeated.
 
-    Attributes
-    ----------
-    study : Study
-        The study, read from the archive.
-    has_kept_files : bool
-        True if the files that it names are the archived ones.
-    different_files : list of str
-        For each file that differs from the archived one, the difference in a line.
+    Its files are the archived ones (`has_kept_files`), or a line tells each one that differs.
     """
 
     study: Study
@@ -49,7 +42,7 @@ def restored_study(
     Parameters
     ----------
     tree : DataTree
-        The archive, which has no faults.
+        An archive without faults.
     folder : Path or None
         Folder with the files that the study names; None for the archived files. Files that the
         archive has only as hashes, or not at all, are then taken from the current folder.
@@ -87,12 +80,7 @@ def restored_study(
 def with_kept_folders(study: Study, folder: Path) -> Study:
     """Return a study whose programs keep the folders of their runs in another folder.
 
-    Parameters
-    ----------
-    study : Study
-        Programs of several models get a folder each in that folder.
-    folder : Path
-        It is made when the first folder of a run is kept.
+    Programs of several models get a folder each in that folder, when the first one is kept.
     """
     models = {
         name: replace(variant, model=variant.model.with_folder(folder / name))

@@ -15,15 +15,7 @@ __all__ = ["RunsDiff", "diff_runs"]
 
 
 class RunsDiff(NamedTuple):
-    """Differences of runs, a line each.
-
-    Attributes
-    ----------
-    points : list of str
-        Differences of the inputs, and of the number of runs.
-    outputs : list of str
-        Differences of the outputs of runs that both have.
-    """
+    """Differences of runs, a line each: of inputs and number, and of outputs of shared runs."""
 
     points: list[str]
     outputs: list[str]
@@ -32,10 +24,7 @@ class RunsDiff(NamedTuple):
 def diff_runs(one: xr.Dataset, other: xr.Dataset) -> RunsDiff:
     """Compare the runs of a design with those of the same design in another archive.
 
-    Parameters
-    ----------
-    one, other : Dataset
-        Along ``run``. Only the first runs of the longer one are compared.
+    Only the first runs of the longer one are compared.
     """
     sizes = [each.sizes.get(RUN, 0) for each in (one, other)]
     points = [f"{sizes[0]} runs and {sizes[1]}"] if sizes[0] != sizes[1] else []

@@ -110,7 +110,9 @@ def verify(
             yield _check_files(tree)
         progress = progress or Progress()
         others = environment_differences(written)
-        yield _environment_result(others)
+        message = ", ".join(others) or "the same versions and kind of processor as here"
+        outcome = CheckOutcome.CLOSE if others else CheckOutcome.EQUAL
+        yield CheckResult("made with", outcome, message)
         allowed = _Tolerances(TOLERANCE if others else 0.0, _is_earlier(written))
         yield from _repeat_checks(tree, folder, runs, allowed, map, progress, trust=trust)
 
@@ -129,11 +131,6 @@ def environment_differences(tree: xr.DataTree) -> list[str]:
     schema = tree.attrs[SCHEMA_ATTRIBUTE]
     schemas = [f"schema {schema} (here {SCHEMA})"] if schema != SCHEMA else []
     return [*schemas, *versions, *dict.fromkeys(_other_sources(tree))]
-
-
-def _environment_result(others: list[str]) -> CheckResult:
-    message = ", ".join(others) or "the same versions and kind of processor as here"
-    return CheckResult("made with", CheckOutcome.CLOSE if others else CheckOutcome.EQUAL, message)
 
 
 def _is_earlier(tree: xr.DataTree) -> bool:
@@ -160,7 +157,7 @@ def _check_hashes(tree: xr.DataTree) -> CheckResult:
         message = "none: written by a uqpen that did not hash yet"
         return CheckResult("hashes", CheckOutcome.UNCHECKED, message)
     shared = found.keys() & written.keys()
-    details = [
+    details = tuple(
         f"{path} {what}"
         for what, paths in (
             ("is changed", {path for path in shared if found[path] != written[path]}),
@@ -168,11 +165,9 @@ def _check_hashes(tree: xr.DataTree) -> CheckResult:
             ("was added", found.keys() - written.keys()),
         )
         for path in sorted(paths)
-    ]
+    )
     if details:
-        return CheckResult(
-            "hashes", CheckOutcome.DIFFERENT, "not those of its groups", tuple(details)
-        )
+        return CheckResult("hashes", CheckOutcome.DIFFERENT, "not those of its groups", details)
     return CheckResult("hashes", CheckOutcome.EQUAL, f"those of its {len(found)} groups")
 
 
@@ -181,9 +176,8 @@ def _check_text(tree: xr.DataTree) -> CheckResult:
     text = str(tree.attrs.get("study_text", ""))
     digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
     if digest == str(tree.attrs.get("study_sha256")):
-        return CheckResult(
-            "study", CheckOutcome.EQUAL, "its text has the hash that stands beside it"
-        )
+        message = "its text has the hash that stands beside it"
+        return CheckResult("study", CheckOutcome.EQUAL, message)
     message = "its text is changed: it does not have the hash that stands beside it"
     return CheckResult("study", CheckOutcome.DIFFERENT, message)
 
@@ -198,9 +192,8 @@ def _check_files(tree: xr.DataTree) -> CheckResult:
         except ArchiveError as error:
             details.append(str(error))
     if details:
-        return CheckResult(
-            "files", CheckOutcome.DIFFERENT, "not those of its study", tuple(details)
-        )
+        message = "not those of its study"
+        return CheckResult("files", CheckOutcome.DIFFERENT, message, tuple(details))
     by_hash = [f"{file.name}: kept by its hash alone" for file in files if not file.is_whole]
     message = f"{len(files)} kept, with the hashes that stand beside them"
     return CheckResult("files", CheckOutcome.EQUAL, message, tuple(by_hash))
@@ -221,41 +214,34 @@ def _repeat_checks(
         try:
             restored = stack.enter_context(restored_study(tree, folder, trust=trust))
         except UqpenError as error:
-            details = tuple(str(error).split("\n"))
-            yield CheckResult(
-                "repetition", CheckOutcome.IMPOSSIBLE, "its study cannot be read here", details
-            )
+            message, details = "its study cannot be read here", tuple(str(error).split("\n"))
+            yield CheckResult("repetition", CheckOutcome.IMPOSSIBLE, message, details)
             return
-        if restored.different_files:
-            message = "not those that it keeps"
-            yield CheckResult(
-                "folder", CheckOutcome.DIFFERENT, message, tuple(restored.different_files)
-            )
+        if details := tuple(restored.different_files):
+            yield CheckResult("folder", CheckOutcome.DIFFERENT, "not those that it keeps", details)
         study, runs = restored.study, archived_runs(tree)
         if reason := find_incompatibility(study, runs):
             yield CheckResult("repetition", CheckOutcome.DIFFERENT, reason)
             return
         external = [] if trust else external_models(study.text)
         if external:
-            yield _not_trusted(external)
+            what = f"they execute code that the archive names ({', '.join(external)})"
+            yield CheckResult("runs", CheckOutcome.UNCHECKED, f"not repeated: {what}", (_ADVICE,))
         else:
-            _prepare(study, progress)
+            for variant in study.models.values():
+                progress.start_preparation(variant.model.name)
+                variant.model.prepare()
             tolerance = allowed.tolerance
             if others := list(_other_programs(study, tree)):
                 tolerance = TOLERANCE
-                yield CheckResult(
-                    "program", CheckOutcome.CLOSE, f"another than then: {', '.join(others)}"
-                )
+                message = f"another than then: {', '.join(others)}"
+                yield CheckResult("program", CheckOutcome.CLOSE, message)
             yield repeated_runs(study, runs, number, tolerance, map=map, progress=progress)
             if FILES not in tree.children:
                 yield from _check_sources(study, tree)
         progress.start_analysis()
-        archived_hash = [*provenance(), *of_python_functions()]
-        besides = [
-            *archived_hash,
-            *_VERSION_ATTRIBUTES,
-            *(_LOADED_MODEL_ATTRIBUTES if external else []),
-        ]
+        besides = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES]
+        besides += _LOADED_MODEL_ATTRIBUTES if external else []
         if not trust and (analyses := outside_analyses(study.text)):
             yield _not_trusted_analyses(analyses, outside_statistic_names(tree))
             study, tree = replace(study, analyses=()), without_outside_statistics(tree)
@@ -291,19 +277,7 @@ def _check_sources(study: Study, tree: xr.DataTree) -> Iterator[CheckResult]:
         yield CheckResult("source", CheckOutcome.DIFFERENT, message, tuple(details))
 
 
-def _prepare(study: Study, progress: Progress) -> None:
-    for variant in study.models.values():
-        progress.start_preparation(variant.model.name)
-        variant.model.prepare()
-
-
-def _not_trusted(models: list[str]) -> CheckResult:
-    message = f"not repeated: they execute code that the archive names ({', '.join(models)})"
-    return CheckResult("runs", CheckOutcome.UNCHECKED, message, (_ADVICE,))
-
-
 def _not_trusted_analyses(analyses: list[str], statistics: list[str]) -> CheckResult:
-    """Return the result for statistics of user-supplied analyses, which are not executed."""
     named = f"they follow from code that the archive names ({', '.join(analyses)})"
     message = f"not checked: {', '.join(statistics) or 'none'}; {named}"
     return CheckResult("analyses", CheckOutcome.UNCHECKED, message, (_ADVICE,))
