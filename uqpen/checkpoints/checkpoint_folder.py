@@ -8,9 +8,6 @@ import time
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
 from uqpen.checkpoints.fingerprint_file import (
     FILE_NAME,
     encode_fingerprint,
@@ -27,6 +24,7 @@ from uqpen.checkpoints.runs_file import (
 )
 from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.core.labels import MODELS, RUNS
+from uqpen.core.model import Arrays
 from uqpen.core.status import Status
 from uqpen.execution import Progress
 from uqpen.execution.batch import BatchResult
@@ -34,7 +32,7 @@ from uqpen.execution.checkpoint import Checkpoint
 
 __all__ = ["CheckpointFolder"]
 
-Columns = Mapping[str, npt.NDArray[np.float64]]
+
 # Run fingerprint of each design, by model and design.
 Fingerprints = Mapping[tuple[str, str], Mapping[str, str]]
 
@@ -90,10 +88,10 @@ class CheckpointFolder:
                 # Unfinished files of an earlier start, perhaps of another study.
                 _remove(folder)
                 continue
-            before = read_fingerprint(folder / FILE_NAME)
+            record = folder / FILE_NAME
+            before = read_fingerprint(record)
             if before is None:
                 # Without it nobody knows the study and settings of its runs.
-                record = folder / FILE_NAME
                 self._progress.warn(f"{record}: is damaged; the runs of {design} are made again")
                 _remove(folder)
                 continue
@@ -104,7 +102,8 @@ class CheckpointFolder:
                 raise CheckpointError(_incompatibility_text(self.folder, design, texts))
             if before != fingerprint:
                 self._discard(folder, [Status.TIMED_OUT])
-                self._write_fingerprint(folder, fingerprint)
+                with self._writing():
+                    write_file(record, encode_fingerprint(fingerprint))
 
     def remove_temporary_files(self) -> None:
         """Remove unfinished files of an earlier start.
@@ -140,14 +139,12 @@ class CheckpointFolder:
 
     def checkpoint(self, design: str, model: str, number: int) -> Checkpoint:
         """Return the checkpoint of the runs of a model in a round of a design."""
-        kept = _RoundCheckpoint(
-            self, self._runs_folder(model, design), self._fingerprints[model, design]
-        )
-        kept.round = number
+        folder, fingerprint = self._runs_folder(model, design), self._fingerprints[model, design]
+        kept = _RoundCheckpoint(self, folder, fingerprint, number)
         self._open.append(kept)
         return kept
 
-    def read_runs(self, file: Path, columns: Columns) -> FinishedRuns | None:
+    def read_runs(self, file: Path, columns: Arrays) -> FinishedRuns | None:
         """Read the runs of a part; None for a damaged part.
 
         Raises
@@ -181,11 +178,9 @@ class CheckpointFolder:
             If that cannot be done.
         """
         began = time.monotonic()
-        try:
+        with self._writing():
             for kept in self._open:
                 self.runs += kept.write()
-        except OSError as error:
-            raise _write_error(self.folder, error) from None
         self._last = time.monotonic()
         self._cost = self._last - began
 
@@ -196,7 +191,7 @@ class CheckpointFolder:
 
     def _discard(self, folder: Path, statuses: Collection[Status]) -> None:
         """Discard the runs of a design with some statuses."""
-        try:
+        with self._writing():
             for file in sorted(folder.glob("*.npz")):
                 with contextlib.suppress(DamagedRunsError):  # reported when it is read
                     result = read_runs(file).without_statuses(statuses)
@@ -204,15 +199,17 @@ class CheckpointFolder:
                         file.unlink()
                     else:
                         write_runs(file, result)
-        except OSError as error:
-            raise _write_error(self.folder, error) from None
 
-    def _write_fingerprint(self, folder: Path, fingerprint: Mapping[str, str]) -> None:
-        """Write the current fingerprint of runs to the record beside them."""
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Say what an error means for the runs."""
         try:
-            write_file(folder / FILE_NAME, encode_fingerprint(fingerprint))
+            yield
         except OSError as error:
-            raise _write_error(self.folder, error) from None
+            raise ArchiveError(
+                f"{self.folder}: runs that are done cannot be kept: {error.strerror}\n"
+                "  those kept before stay there, and the same command goes on from them"
+            ) from None
 
     def _runs_folder(self, model: str, design: str) -> Path:
         root = self.folder / MODELS / model if model else self.folder
@@ -222,28 +219,27 @@ class CheckpointFolder:
 class _RoundCheckpoint(Checkpoint):
     """Checkpoint of the runs of one model in one round of a design."""
 
-    round = 0
-
     def __init__(
-        self, kept: CheckpointFolder, folder: Path, fingerprint: Mapping[str, str]
+        self, kept: CheckpointFolder, folder: Path, fingerprint: Mapping[str, str], number: int
     ) -> None:
         self._checkpoint_folder = kept
         self._folder = folder
         self._fingerprint = fingerprint
-        self._columns: Columns = {}
+        self._round = number
+        self._columns: Arrays = {}
         self._batch_results: list[BatchResult] = []
         self._unwritten = 0
         self._written = 0
         self._number = 0
 
-    def restore(self, inputs: Columns) -> Iterator[BatchResult]:
-        for file in sorted(self._folder.glob(f"{self.round}_{_NUMBER}.npz")):
+    def restore(self, inputs: Arrays) -> Iterator[BatchResult]:
+        for file in sorted(self._folder.glob(f"{self._round}_{_NUMBER}.npz")):
             result = self._checkpoint_folder.read_runs(file, inputs)
             if result is not None:
                 yield from result.batch_results()
             self._number = int(file.stem.partition("_")[2]) + 1
 
-    def save(self, inputs: Columns, batch_result: BatchResult) -> None:
+    def save(self, inputs: Arrays, batch_result: BatchResult) -> None:
         self._columns = inputs
         self._batch_results.append(batch_result)
         self._unwritten += len(batch_result)
@@ -258,7 +254,7 @@ class _RoundCheckpoint(Checkpoint):
         if not record.exists():
             write_file(record, encode_fingerprint(self._fingerprint))
         result = FinishedRuns.from_batch_results(self._columns, self._batch_results)
-        write_runs(self._folder / f"{self.round}_{self._number:06d}.npz", result)
+        write_runs(self._folder / f"{self._round}_{self._number:06d}.npz", result)
         self._written += 1
         if self._written == _MOST_WRITTEN or len(result.runs) >= _MOST_RUNS:
             self._batch_results, self._written = [], 0
@@ -275,13 +271,6 @@ def _incompatibility_text(folder: Path, design: str, changed: list[str]) -> str:
         f"{folder}: holds runs of {design} that this study would not make; "
         f"what has changed:\n{listing}\n"
         "change it back to go on from them, or start over with --fresh"
-    )
-
-
-def _write_error(folder: Path, error: OSError) -> ArchiveError:
-    return ArchiveError(
-        f"{folder}: runs that are done cannot be kept: {error.strerror}\n"
-        "  those kept before stay there, and the same command goes on from them"
     )
 
 

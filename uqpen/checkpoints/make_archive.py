@@ -28,7 +28,7 @@ def make_archive(
     lost_again: bool = False,
     progress: Progress | None = None,
 ) -> xr.DataTree:
-    """Make the runs of a study, analyse them, and write the archive.
+    """Make the runs of a study, analyse them, write the archive, and return it.
 
     Finished runs are kept in ``<path>.parts`` until the archive is complete. After an interruption
     of any kind, the next call makes only the remaining runs, and the same archive. Information that
@@ -37,7 +37,7 @@ def make_archive(
     Parameters
     ----------
     study : Study
-        Study of `load_study`.
+        The result of `load_study`.
     path : str or Path
         The archive; one that is there is replaced when this one is complete.
     map : callable
@@ -48,11 +48,6 @@ def make_archive(
         Whether only the missing ones among them are.
     progress : Progress, optional
         Receives progress reports.
-
-    Returns
-    -------
-    DataTree
-        Archive, as `run` returns it.
 
     Raises
     ------

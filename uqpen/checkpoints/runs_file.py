@@ -16,13 +16,12 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.labels import FAILURE_REASON, RUN, STATUS
-from uqpen.core.model import Results
+from uqpen.core.model import Arrays, IntArray, Results
 from uqpen.core.status import Status
 from uqpen.execution.batch import BatchResult, join_results
 
 __all__ = ["TEMPORARY", "DamagedRunsError", "FinishedRuns", "read_runs", "write_file", "write_runs"]
 
-Columns = Mapping[str, npt.NDArray[np.float64]]
 
 # Suffix of the names of unfinished files.
 TEMPORARY = ".tmp"
@@ -36,37 +35,23 @@ class DamagedRunsError(Exception):
 
 @dataclass(frozen=True)
 class FinishedRuns:
-    """Finished runs in ascending order of their numbers.
+    """Finished runs in ascending order of their numbers, with inputs in SI units and results."""
 
-    Parameters
-    ----------
-    runs : ndarray of int, shape (run,)
-        Their numbers.
-    inputs : mapping of str to ndarray, shape (run,)
-        Their inputs, in SI units.
-    results : Results
-        Their results.
-    """
-
-    runs: npt.NDArray[np.int64]
-    inputs: Columns
+    runs: IntArray
+    inputs: Arrays
     results: Results
 
     @classmethod
     def from_batch_results(
-        cls, columns: Columns, batch_results: Sequence[BatchResult]
+        cls, columns: Arrays, batch_results: Sequence[BatchResult]
     ) -> FinishedRuns:
         """Combine one or more batch results with their inputs, taken from all points."""
-        batch_results = sorted(batch_results, key=lambda batch_result: batch_result.start)
-        runs = np.concatenate(
-            [np.arange(each.start, each.start + len(each)) for each in batch_results]
-        )
+        ordered = sorted(batch_results, key=lambda each: each.start)
+        runs = np.concatenate([np.arange(each.start, each.start + len(each)) for each in ordered])
         inputs = {name: column[runs] for name, column in columns.items()}
-        return cls(
-            runs, inputs, join_results([batch_result.results for batch_result in batch_results])
-        )
+        return cls(runs, inputs, join_results([each.results for each in ordered]))
 
-    def match_inputs(self, columns: Columns) -> bool:
+    def match_inputs(self, columns: Arrays) -> bool:
         """Check that its runs were made at exactly these points, bit for bit."""
         if self.inputs.keys() != columns.keys():
             return False
@@ -79,12 +64,10 @@ class FinishedRuns:
     def without_statuses(self, statuses: Collection[Status]) -> FinishedRuns | None:
         """Return its runs without those of some statuses; None if no other is left."""
         at = np.flatnonzero(~np.isin(self.results.status, list(statuses)))
+        if not at.size:
+            return None
         inputs = {name: values[at] for name, values in self.inputs.items()}
-        return (
-            FinishedRuns(self.runs[at], inputs, _select_results(self.results, at))
-            if at.size
-            else None
-        )
+        return FinishedRuns(self.runs[at], inputs, _select_results(self.results, at))
 
     def batch_results(self) -> Iterator[BatchResult]:
         """Yield its runs as batch results; the runs of each are consecutive."""
@@ -93,7 +76,7 @@ class FinishedRuns:
             yield BatchResult(int(self.runs[at[0]]), _select_results(self.results, at))
 
 
-def _select_results(results: Results, at: npt.NDArray[np.int64]) -> Results:
+def _select_results(results: Results, at: IntArray) -> Results:
     """Select the results of some runs, by their positions."""
     position = {run: new for new, run in enumerate(at.tolist())}
     return Results(
