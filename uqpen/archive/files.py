@@ -94,7 +94,7 @@ class ArchivedFile:
 def files_group(files: Iterable[FileSnapshot], folder: Path) -> xr.Dataset:
     """Return the group of a study's files, in the order of their names; empty without files.
 
-    The files are in a reproducible order, with duplicates; the folder is that of the study.
+    The folder is that of the study. Duplicates among the files are permitted.
     """
     named = sorted(files_by_name(files, folder).items())
     if not named:

@@ -59,11 +59,6 @@ def read_tree(path: Path) -> xr.DataTree:
     """Read an archive as `open_archive` does, but without the check of its structure.
 
     An archive of an earlier schema is migrated to the present one.
-
-    Raises
-    ------
-    ArchiveError
-        If it cannot be read, is no archive, or was written by a later uqpen.
     """
     written = read_as_written(path)
     try:
@@ -76,10 +71,7 @@ def read_tree(path: Path) -> xr.DataTree:
 def read_as_written(path: Path) -> xr.DataTree:
     """Read the tree of an archive without migration, as its hashes refer to it.
 
-    Raises
-    ------
-    ArchiveError
-        If it cannot be read, is no archive, or was written by a later uqpen.
+    It raises as `open_archive` does.
     """
     with _opened(path) as root:
         schema = _schema(root, path)

@@ -23,8 +23,9 @@ from uqpen.results.statistics_rows import (
     add_statuses,
     failed_runs_cell,
 )
-from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs, unfitted_outputs
+from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs
 from uqpen.results.table import NOTHING, OutputTable, output_names
+from uqpen.surrogates.storage import unfitted_outputs
 
 __all__ = ["difference_tables", "fit_table", "output_tables", "statistics_table"]
 

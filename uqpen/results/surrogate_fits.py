@@ -1,4 +1,4 @@
-"""Fits of a surrogate to its outputs: their diagnostics, and the reasons for those that failed.
+"""Fits of a surrogate to its outputs, and what it was made of.
 
 A surrogate is its group of an archive, a DataTree.
 """
@@ -10,22 +10,14 @@ from typing import Any
 import xarray as xr
 
 from uqpen.core.labels import NOT_FITTED, RUNS_SPENT
+from uqpen.surrogates.storage import unfitted_outputs
 
-__all__ = ["fit_diagnostics", "fit_settings", "fitted_outputs", "unfitted_outputs"]
+__all__ = ["fit_diagnostics", "fit_settings", "fitted_outputs"]
 
 
 def fitted_outputs(surrogate: xr.DataTree) -> list[str]:
     """Return the outputs that a surrogate was fitted to."""
     return str(surrogate.attrs["outputs"]).split()
-
-
-def unfitted_outputs(surrogate: xr.DataTree) -> dict[str, str]:
-    """Return the outputs that it could not be fitted to, each with the reason."""
-    return {
-        str(output): str(group.attrs[NOT_FITTED])
-        for output, group in surrogate.children.items()
-        if NOT_FITTED in group.attrs
-    }
 
 
 def fit_settings(surrogate: xr.DataTree) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from uqpen.core.model import Arrays, BoolArray, FloatArray, Input, Model, Output
 from uqpen.core.status import Status
 from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.expansion import Expansion
-from uqpen.surrogates.storage import describe, description
+from uqpen.surrogates.storage import describe, description, unfitted_outputs
 from uqpen.surrogates.surrogate import FittedSurrogate
 from uqpen.surrogates.univariate_basis import UnivariateBasis
 
@@ -151,6 +151,7 @@ class PolynomialChaosModel(FittedSurrogate):
         for name, value in self.fixed.items():
             inputs[f"{_FIXED}{name}"] = ((), value, describe(given[name]) | {ROLE: "input"})
         names = np.array(self.random_inputs, dtype=object)
+        coordinates = {INPUT: (INPUT, names, {"long_name": "random input"})}
         attributes = {
             "kind": "polynomial-chaos",
             "design": self.design,
@@ -161,42 +162,26 @@ class PolynomialChaosModel(FittedSurrogate):
             "runs_used": self.counts[Status.OK],
             **{f"runs_{status.meaning}": count for status, count in self.counts.items()},
         }
-        return xr.DataTree.from_dict(
-            {
-                "/": xr.Dataset(attrs=attributes),
-                f"/{INPUT}": xr.Dataset(
-                    inputs, {INPUT: (INPUT, names, {"long_name": "random input"})}
-                ),
-                **{
-                    f"/{output}": expansion.to_dataset(self.random_inputs)
-                    for output, expansion in self.expansions.items()
-                },
-                **{
-                    f"/{output}": xr.Dataset(attrs={NOT_FITTED: reason})
-                    for output, reason in self.reasons.items()
-                },
-            }
-        )
+        groups = {"/": xr.Dataset(attrs=attributes), INPUT: xr.Dataset(inputs, coordinates)}
+        for output, expansion in self.expansions.items():
+            groups[output] = expansion.to_dataset().assign_coords(coordinates)
+        for output, reason in self.reasons.items():
+            groups[output] = xr.Dataset(attrs={NOT_FITTED: reason})
+        return xr.DataTree.from_dict(groups)
 
     @classmethod
     def from_tree(cls, tree: xr.DataTree, name: str, original: Model | None) -> Self:
         """Restore it from `to_tree`."""
         group, told = read_group(tree, INPUT), tree.attrs
-        bases = [
-            UnivariateBasis.from_variable(entry, group[f"{entry}{_RECURRENCE}"])
-            for entry in map(str, group[INPUT].values)
-        ]
+        recurrences = {str(entry): group[f"{entry}{_RECURRENCE}"] for entry in group[INPUT].values}
         fixed = {
             str(entry).removeprefix(_FIXED): variable
             for entry, variable in group.data_vars.items()
             if variable.attrs.get(ROLE) == "input"
         }
         inputs = [
-            *(
-                Input(b.name, *description(group[f"{b.name}{_RECURRENCE}"].attrs, "of_"))
-                for b in bases
-            ),
-            *(Input(entry, *description(each.attrs)) for entry, each in fixed.items()),
+            *(Input(key, *description(each.attrs, "of_")) for key, each in recurrences.items()),
+            *(Input(key, *description(each.attrs)) for key, each in fixed.items()),
         ]
         expansions = {
             output: Expansion.from_dataset(output, read_group(tree, output))
@@ -206,13 +191,11 @@ class PolynomialChaosModel(FittedSurrogate):
             name=name,
             inputs=original.inputs if original else tuple(inputs),
             outputs=tuple(expansion.output for expansion in expansions.values()),
-            basis=ProductBasis(tuple(bases)),
+            basis=ProductBasis(
+                tuple(UnivariateBasis.from_variable(*each) for each in recurrences.items())
+            ),
             expansions=expansions,
-            reasons={
-                str(output): str(each.attrs[NOT_FITTED])
-                for output, each in tree.children.items()
-                if NOT_FITTED in each.attrs
-            },
+            reasons=unfitted_outputs(tree),
             fixed={entry: float(variable.values) for entry, variable in fixed.items()},
             truncation=float(told["truncation"]),
             design=str(told["design"]),

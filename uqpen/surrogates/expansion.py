@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -116,14 +115,8 @@ class Expansion:
         with np.errstate(divide="ignore", invalid="ignore"):
             return PredictionCheck(len(truth), _q2(fitted, np.log(truth)), of_output)
 
-    def to_dataset(self, inputs: Sequence[str]) -> xr.Dataset:
-        """Return the group of an archive: the terms, and the diagnostics of the fit.
-
-        Parameters
-        ----------
-        inputs : sequence of str
-            The random inputs, in the order of the degrees.
-        """
+    def to_dataset(self) -> xr.Dataset:
+        """Return the terms for an archive, with the diagnostics of the fit as attributes."""
         output, noise, check = self.output, self.noise, self.check
         logarithm = "the logarithm of " if self.is_logarithm else ""
         degrees = {"long_name": f"degrees of the terms of {output.title}", "units": "1"}
@@ -132,15 +125,13 @@ class Expansion:
             "units": "1" if self.is_logarithm else output.unit,
         }
         scatter = {"long_name": f"fit noise of {output.title}'s first-order indices", "units": "1"}
-        names = np.array(inputs, dtype=object)
         return xr.Dataset(
             {
                 "degree": (("term", INPUT), self.indices.astype(np.int32), degrees),
                 "coefficient": ("term", self.coefficients, coefficients),
                 "fit_noise": (INPUT, noise.first, scatter),
             },
-            {INPUT: (INPUT, names, {"long_name": "random input"})},
-            {
+            attrs={
                 **describe(output, "of_"),
                 "transform": _LOGARITHM if self.is_logarithm else _NO_TRANSFORM,
                 "order": self.order,

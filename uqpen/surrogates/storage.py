@@ -1,13 +1,16 @@
-"""Descriptions of inputs and outputs as attributes in the groups of a fitted surrogate."""
+"""Texts in the groups of a fitted surrogate: descriptions, and reasons why there is no fit."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
+import xarray as xr
+
+from uqpen.core.labels import NOT_FITTED
 from uqpen.core.variables import Variable
 
-__all__ = ["describe", "description"]
+__all__ = ["describe", "description", "unfitted_outputs"]
 
 
 def describe(variable: Variable, prefix: str = "") -> dict[str, str]:
@@ -25,3 +28,12 @@ def description(attributes: Mapping[Any, Any], prefix: str = "") -> tuple[str, s
         str(attributes[f"{prefix}{key}"]) for key in ("units", "long_name", "display_units")
     )
     return unit, title, shown
+
+
+def unfitted_outputs(surrogate: xr.DataTree) -> dict[str, str]:
+    """Return the outputs that a surrogate could not be fitted to, each with the reason."""
+    return {
+        str(output): str(group.attrs[NOT_FITTED])
+        for output, group in surrogate.children.items()
+        if NOT_FITTED in group.attrs
+    }

@@ -28,9 +28,7 @@ class TrainingRuns:
     fixed : mapping of str to float
         The other inputs, each with its one value.
     weights : ndarray, shape (run,), or None
-        Weights of an integration rule, if all its nodes have completed.
-    is_quadrature : bool
-        Whether the runs are the nodes of a rule.
+        Weights of an integration rule (`is_quadrature`), if all its nodes have completed.
     counts : mapping of Status to int
         Number of the design's runs with each status.
     problem : str
@@ -80,13 +78,3 @@ class TrainingRuns:
             counts=status_counts(runs),
             problem=problem if came_back.any() else "none of its runs came back",
         )
-
-    @property
-    def size(self) -> int:
-        """Number of completed runs."""
-        return self.counts[Status.OK]
-
-    @property
-    def failed(self) -> int:
-        """Number of failed runs."""
-        return sum(self.counts.values()) - self.size

@@ -34,7 +34,6 @@ __all__ = ["Runs", "draw_runs", "repeated_runs", "repeated_statistics"]
 Positions = IntArray
 Runs = Mapping[str, Mapping[str, xr.Dataset]]
 
-_TO_THE_BIT = "bit-equal"
 # Number of differences listed for one part; a damaged archive may have thousands.
 _MOST_LISTED = 8
 
@@ -183,7 +182,7 @@ def _check_result(name: str, what: str, found: list[Difference], tolerance: floa
     if len(found) > len(details):
         details.append(f"and {len(found) - len(details)} more")
     if not found:
-        return CheckResult(name, CheckOutcome.EQUAL, f"{what}: {_TO_THE_BIT}")
+        return CheckResult(name, CheckOutcome.EQUAL, f"{what}: bit-equal")
     if found[0].relative <= tolerance:
         close = f"{what}: equal within {TOLERANCE:g} of the largest value"
         return CheckResult(name, CheckOutcome.CLOSE, close, tuple(details))

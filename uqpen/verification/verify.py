@@ -113,7 +113,11 @@ def verify(
         message = ", ".join(others) or "the same versions and kind of processor as here"
         outcome = CheckOutcome.CLOSE if others else CheckOutcome.EQUAL
         yield CheckResult("made with", outcome, message)
-        allowed = _Tolerances(TOLERANCE if others else 0.0, _is_earlier(written))
+        # Another uqpen may lack statistics that this one computes.
+        version = "version_uqpen"
+        is_other = written.attrs.get(version) != provenance()[version]
+        is_earlier = is_other or bool(written.attrs[SCHEMA_ATTRIBUTE] != SCHEMA)
+        allowed = _Tolerances(TOLERANCE if others else 0.0, is_earlier)
         yield from _repeat_checks(tree, folder, runs, allowed, map, progress, trust=trust)
 
 
@@ -131,13 +135,6 @@ def environment_differences(tree: xr.DataTree) -> list[str]:
     schema = tree.attrs[SCHEMA_ATTRIBUTE]
     schemas = [f"schema {schema} (here {SCHEMA})"] if schema != SCHEMA else []
     return [*schemas, *versions, *dict.fromkeys(_other_sources(tree))]
-
-
-def _is_earlier(tree: xr.DataTree) -> bool:
-    """Check for an archive of another uqpen, which may lack statistics that this one computes."""
-    version = "version_uqpen"
-    is_other = tree.attrs.get(version) != provenance()[version]
-    return is_other or bool(tree.attrs[SCHEMA_ATTRIBUTE] != SCHEMA)
 
 
 def _other_sources(tree: xr.DataTree) -> Iterator[str]:
@@ -243,7 +240,10 @@ def _repeat_checks(
         besides = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES]
         besides += _LOADED_MODEL_ATTRIBUTES if external else []
         if not trust and (analyses := outside_analyses(study.text)):
-            yield _not_trusted_analyses(analyses, outside_statistic_names(tree))
+            statistics = ", ".join(outside_statistic_names(tree)) or "none"
+            named = f"they follow from code that the archive names ({', '.join(analyses)})"
+            message = f"not checked: {statistics}; {named}"
+            yield CheckResult("analyses", CheckOutcome.UNCHECKED, message, (_ADVICE,))
             study, tree = replace(study, analyses=()), without_outside_statistics(tree)
         try:
             yield repeated_statistics(
@@ -275,9 +275,3 @@ def _check_sources(study: Study, tree: xr.DataTree) -> Iterator[CheckResult]:
     if details:
         message = "not that of the models that it was made with"
         yield CheckResult("source", CheckOutcome.DIFFERENT, message, tuple(details))
-
-
-def _not_trusted_analyses(analyses: list[str], statistics: list[str]) -> CheckResult:
-    named = f"they follow from code that the archive names ({', '.join(analyses)})"
-    message = f"not checked: {', '.join(statistics) or 'none'}; {named}"
-    return CheckResult("analyses", CheckOutcome.UNCHECKED, message, (_ADVICE,))

@@ -26,8 +26,8 @@ from uqpen.core.labels import (
 from uqpen.report.sections.view_statistics import STATISTIC_FAMILIES, all_outputs
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.surrogate_fits import unfitted_outputs
 from uqpen.results.texts import plain_text
+from uqpen.surrogates.storage import unfitted_outputs
 
 __all__ = ["archive_notes"]
 
