@@ -27,15 +27,7 @@ _FIRST_PRINTABLE = 0x20
 
 
 class ExtractedFiles(NamedTuple):
-    """Files of an archive in a temporary folder.
-
-    Attributes
-    ----------
-    folder : Path
-        Replaces the folder of the study.
-    missing : list of str
-        For each file that is not available, the reason, in a line.
-    """
+    """Temporary folder in place of the study's, with a line for each file that is not available."""
 
     folder: Path
     missing: list[str]

@@ -25,7 +25,7 @@ __all__ = ["RestoredStudy", "restored_study", "with_kept_folders"]
 class RestoredStudy(NamedTuple):
     """A study of an archive that can be repeated.
 
-    Its files are the archived ones (`has_kept_files`), or a line tells each one that differs.
+    Either its files are the archived ones (`has_kept_files`), or each that differs has a line.
     """
 
     study: Study
