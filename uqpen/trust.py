@@ -33,6 +33,20 @@ from uqpen.statistics.surrogate.surrogate_statistics import TrainingRange
 
 __all__ = ["ValidationRuns", "validate_surrogate"]
 
+# Notes on validated estimates; as in `uqpen.statistics.texts`.
+INSIDE = "inside the interval of {design}"
+OUTSIDE = "outside the interval of {design}"
+INSIDE_COMPLETED = "inside the interval of {design} (completed runs only)"
+OUTSIDE_COMPLETED = "outside the interval of {design} (completed runs only)"
+INSIDE_BAND = "inside the simultaneous band of {design}"
+OUTSIDE_BAND = (
+    "outside the simultaneous band of {design} between probabilities {lowest:.3g} and {highest:.3g}"
+)
+EXTRAPOLATED = "outside the training range of the surrogate"
+VARIANCE_BEYOND = "{share:.0f} % of the variance is outside the training range of the surrogate"
+NO_VALIDATION_RUNS = "no independent runs to compare with"
+NO_VALIDATION_INTERVAL = "no independent runs give an interval for it"
+
 FloatArray = npt.NDArray[np.float64]
 Outputs = Mapping[str, Mapping[str, xr.DataArray]]
 
@@ -134,28 +148,26 @@ class _OutputValidation:
 
     def _validate_estimate(self, name: str, estimate: xr.DataArray, value: float) -> _Validation:
         if self._is_extrapolated(name, estimate, value):
-            return _Validation(REFUSED, "beyond all outputs that the surrogate was fitted to")
+            return _Validation(REFUSED, EXTRAPOLATED)
         for validation in self.validation_runs:
             other = validation.statistics.get(name)
             same = None if other is None else _same_estimate(other, estimate)
             if other is None or same is None or np.isnan(same[1:]).any():
                 continue
-            interval = f"the interval that {validation.name} gives it"
-            if MISSING in other.attrs:
-                interval += " of the runs that came back"
             # What sampling the surrogate leaves open is no fault of the surrogate's.
             low, high = np.nan_to_num(estimate.values[1:], nan=value)
             is_inside = low <= same[2] and high >= same[1]
-            if is_inside:
-                return _Validation(CHECKED, f"inside {interval}")
-            return _Validation(REFUSED, f"outside {interval}")
+            if MISSING in other.attrs:
+                note = INSIDE_COMPLETED if is_inside else OUTSIDE_COMPLETED
+            else:
+                note = INSIDE if is_inside else OUTSIDE
+            label = CHECKED if is_inside else REFUSED
+            return _Validation(label, note.format(design=validation.name))
         return self._unvalidated(name)
 
     @property
     def _unvalidated_reason(self) -> str:
-        if not self.validation_runs:
-            return "no independent runs to hold it against"
-        return "no independent runs have an interval for it"
+        return NO_VALIDATION_INTERVAL if self.validation_runs else NO_VALIDATION_RUNS
 
     def _is_extrapolated(self, name: str, estimate: xr.DataArray, value: float) -> bool:
         """Return True if an estimate is at a value outside the training range."""
@@ -173,12 +185,8 @@ class _OutputValidation:
             or training_range.variance_beyond <= _MOST_VARIANCE_BEYOND
         ):
             return _Validation(UNCHECKED, self._unvalidated_reason)
-        share = f"{100 * training_range.variance_beyond:.0f} % of the variance"
-        return _Validation(
-            REFUSED,
-            f"{share} lies beyond all outputs that the surrogate was fitted to, and "
-            f"{self._unvalidated_reason}",
-        )
+        beyond = VARIANCE_BEYOND.format(share=100 * training_range.variance_beyond)
+        return _Validation(REFUSED, f"{beyond}; {self._unvalidated_reason}")
 
     def _validate_curve(self) -> _Validation:
         """Compare a distribution function as a whole with the runs' simultaneous band."""
@@ -198,12 +206,10 @@ class _OutputValidation:
             high = np.where(right < len(at), upper[np.minimum(right, len(at) - 1)], 1.0)
             outside = (ranks < low) | (ranks > high)
             if not outside.any():
-                return _Validation(CHECKED, f"inside the simultaneous band of {validation.name}")
-            ends = ranks[outside]
-            where = f"from {ends.min():.3g} to {ends.max():.3g}"
-            return _Validation(
-                REFUSED, f"outside the simultaneous band of {validation.name} {where}"
-            )
+                return _Validation(CHECKED, INSIDE_BAND.format(design=validation.name))
+            lowest, highest = ranks[outside].min(), ranks[outside].max()
+            note = OUTSIDE_BAND.format(design=validation.name, lowest=lowest, highest=highest)
+            return _Validation(REFUSED, note)
         return _Validation(UNCHECKED, self._unvalidated_reason)
 
 

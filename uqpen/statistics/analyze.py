@@ -14,7 +14,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.threads import one_blas_thread
 from uqpen.execution import status_counts
-from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS
+from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS, texts
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
@@ -147,8 +147,8 @@ def _run_counts(runs: xr.Dataset) -> dict[str, int | str]:
         **{f"runs_{status.meaning}": count for status, count in failed.items()},
     }
     if failed.pop(Status.INADMISSIBLE, 0):
-        attributes[CONDITIONAL] = "admissible inputs"
+        attributes[CONDITIONAL] = texts.ADMISSIBLE_INPUTS
     if failed:
         share = sum(failed.values()) / (sum(failed.values()) + counts[Status.OK])
-        attributes[MISSING] = f"{100 * share:.3g} % of the admissible runs"
+        attributes[MISSING] = texts.MISSING_SHARE.format(share=100 * share)
     return attributes

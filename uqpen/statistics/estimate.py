@@ -43,13 +43,13 @@ class Estimate:
     note: str = ""
 
     @classmethod
-    def without_bounds(cls, value: float, reason: str) -> Estimate:
-        """Return an estimate without bounds, with the reason."""
-        return cls(value, math.nan, math.nan, "none", "none", reason)
+    def without_bounds(cls, value: float, *reasons: str) -> Estimate:
+        """Return an estimate without bounds, with the reasons; empty ones are left out."""
+        return cls(value, math.nan, math.nan, "none", "none").with_note(*reasons)
 
-    def with_note(self, note: str) -> Estimate:
-        """Return the estimate with another note."""
-        return replace(self, note=note)
+    def with_note(self, *notes: str) -> Estimate:
+        """Return the estimate with other notes; empty ones are left out."""
+        return replace(self, note="; ".join(filter(None, notes)))
 
     @property
     def bounds(self) -> tuple[float, float, float]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from uqpen.core.labels import INPUT
 from uqpen.core.model import Output
+from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.sensitivity.input_measures import input_names_coordinate
@@ -54,7 +55,7 @@ class Publication:
 
 def published_estimates(publication: Publication) -> dict[str, OutputStatistics]:
     """Return a publication's estimates by output and statistic, without intervals of ours."""
-    reason = f"published in {publication.source}"
+    reason = texts.PUBLISHED.format(source=publication.source)
     found: dict[str, OutputStatistics] = {}
     for estimates in publication.estimates:
         name, title = estimates.output.name, estimates.output.title

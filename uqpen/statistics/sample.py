@@ -25,6 +25,7 @@ from uqpen.core.labels import (
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
+from uqpen.statistics import texts
 
 __all__ = ["ErrorModel", "Sample", "input_sample"]
 
@@ -39,9 +40,6 @@ class ErrorModel(StrEnum):
     REPLICATED = "independent replicates"
     SINGLE_STRATIFIED_SET = "one stratified set"
     UNKNOWN = "points of unknown origin"
-
-
-_NO_DRAWS = "the points are no draws from the law"
 
 
 def input_sample(runs: xr.Dataset) -> xr.Dataset:
@@ -197,22 +195,24 @@ class Sample:
     def reason_without_intervals(self) -> str:
         """Reason why no interval can be computed; empty where one can."""
         if not self.sampling.is_sample:
-            return _NO_DRAWS
+            return texts.NOT_A_SAMPLE
         if self.error_model is ErrorModel.UNKNOWN:
-            return "the table does not say that its points are independent (independent = true)"
+            return texts.NOT_DECLARED_INDEPENDENT
         if self.size == 0:
             blocks = self.sampling is Sampling.PICK_FREEZE
-            return "no run of the matrices A and B came back" if blocks else "no run came back"
+            return texts.NO_RUN_OF_A_AND_B if blocks else texts.NO_RUN
         if self.size == 1:
-            return "a single run has no scatter"
+            return texts.SINGLE_RUN
         if self.error_model is ErrorModel.REPLICATED and self.replicate_count < 2:
-            return "the runs that came back are all of one replicate"
+            return texts.SINGLE_REPLICATE
         return ""
 
     @property
     def too_few_runs(self) -> str:
         """Text of the reason that there are too few runs."""
-        return "a single run is too few" if self.size == 1 else f"{self.size} runs are too few"
+        if self.size == 1:
+            return texts.ONE_IS_TOO_FEW
+        return texts.TOO_FEW_RUNS.format(runs=self.size)
 
     @property
     def degrees_of_freedom(self) -> int:

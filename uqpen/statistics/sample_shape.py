@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.statistics import texts
 from uqpen.statistics.sample import Sample
 
-__all__ = ["DOUBTFUL_TAIL", "FEWEST_RUNS_FOR_TAILS", "NO_TAIL_SEEN", "SampleShape"]
+__all__ = ["FEWEST_RUNS_FOR_TAILS", "SampleShape"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -24,10 +25,6 @@ FEWEST_RUNS_FOR_TAILS = 200
 _ENOUGH_RUNS_FOR_TAILS = 1000
 # A distribution with a heavier tail may give a sample below the former limit, seldom below this.
 _DOUBTFUL_KURTOSIS = 4.5
-
-NO_TAIL_SEEN = f"fewer than {FEWEST_RUNS_FOR_TAILS} runs do not show a heavy tail"
-# What to say of an interval where a heavier tail may hide.
-DOUBTFUL_TAIL = "if the tail is heavier than these runs show, it covers less often than it says"
 
 
 @dataclass(frozen=True)
@@ -104,5 +101,5 @@ class SampleShape:
 
     @property
     def tail_note(self) -> str:
-        """Kurtosis and effective runs of the tail, as text."""
-        return f"kurtosis {self.kurtosis:.3g}, {self.effective_runs:.0f} effective runs"
+        """Kurtosis and effective runs of a heavy tail, as text."""
+        return texts.HEAVY_TAIL.format(kurtosis=self.kurtosis, runs=self.effective_runs)

@@ -10,6 +10,7 @@ import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.labels import INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE, RANK
+from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import clopper_pearson, dkw_half_width, student_quantile
@@ -111,7 +112,7 @@ def _counts(sample: Sample, values: FloatArray) -> IntArray:
 def _pointwise(sample: Sample, counts: IntArray, estimate: FloatArray) -> Band:
     total = counts.sum(axis=0)
     lower, upper = clopper_pearson(total, sample.size, LEVEL)
-    method, label = "Clopper-Pearson", "conservative"
+    method, label = texts.CLOPPER_PEARSON, "conservative"
     if sample.error_model is ErrorModel.INDEPENDENT:
         label = "discrete"
     elif sample.error_model is ErrorModel.REPLICATED:
@@ -119,7 +120,7 @@ def _pointwise(sample: Sample, counts: IntArray, estimate: FloatArray) -> Band:
         regular = has_enough_runs_around(sample, total)
         lower = np.where(regular, np.maximum(estimate - half, 0.0), lower)
         upper = np.where(regular, np.minimum(estimate + half, 1.0), upper)
-        method = "Student t over replicates; Clopper-Pearson with fewer than 10 runs on a side"
+        method = texts.STUDENT_OR_CLOPPER_PEARSON
         label = "discrete"
     return np.stack([estimate, lower, upper], axis=-1), _interval_attributes(method, label)
 
@@ -140,7 +141,7 @@ def _simultaneous(sample: Sample, estimate: FloatArray) -> Band:
     # over independent draws.
     label = "nominal" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
     lower, upper = np.maximum(estimate - half, 0.0), np.minimum(estimate + half, 1.0)
-    attributes = _interval_attributes("Dvoretzky-Kiefer-Wolfowitz-Massart", label)
+    attributes = _interval_attributes(texts.SIMULTANEOUS_BAND, label)
     return np.stack([estimate, lower, upper], axis=-1), attributes
 
 

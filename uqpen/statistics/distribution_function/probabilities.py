@@ -12,6 +12,7 @@ import xarray as xr
 from uqpen.core.catalogue import CATEGORY, THRESHOLD
 from uqpen.core.labels import STATUS
 from uqpen.core.status import Status
+from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import clopper_pearson, student_quantile
@@ -143,13 +144,12 @@ def _probability(sample: Sample, events: BoolArray) -> Estimate:
         half = student_quantile(freedom, LEVEL) * error
         ends = max(value - half, 0.0), min(value + half, 1.0)
         if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
-            method = "Student t on the residuals of an additive fit"
-            return Estimate(value, *ends, method, "conservative")
+            return Estimate(value, *ends, texts.STUDENT_ON_RESIDUALS, "conservative")
         label = "discrete" if is_rounded else "nominal"
-        return Estimate(value, *ends, "Student t over replicates", label)
+        return Estimate(value, *ends, texts.STUDENT_OVER_REPLICATES, label)
     lower, upper = clopper_pearson(count, sample.size, LEVEL)
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
-    return Estimate(value, float(lower), float(upper), "Clopper-Pearson", label)
+    return Estimate(value, float(lower), float(upper), texts.CLOPPER_PEARSON, label)
 
 
 def _probability_with_missing(sample: Sample, events: BoolArray) -> Estimate:
@@ -162,6 +162,6 @@ def _probability_with_missing(sample: Sample, events: BoolArray) -> Estimate:
         _probability(whole, np.concatenate([events, np.full(sample.missing.shape, happened)]))
         for happened in (False, True)
     )
-    method = f"{estimate.method}, missing runs counted both ways"
-    note = f"the {sample.missing.size} missing runs are counted both ways"
+    method = texts.FOR_ANY_OUTCOME.format(method=estimate.method)
+    note = texts.MISSING_RUNS.format(runs=sample.missing.size)
     return Estimate(estimate.value, as_none.lower, as_all.upper, method, "conservative", note)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.catalogue import CONTENT_LEVEL, PROBABILITY
+from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import (
     order_statistic_ranks,
@@ -22,7 +23,6 @@ from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import cdf_error
 
 __all__ = [
-    "TOO_ONE_SIDED",
     "has_enough_runs_around",
     "quantile_estimates",
     "sample_quantile",
@@ -33,10 +33,6 @@ FloatArray = npt.NDArray[np.float64]
 
 # With fewer runs than this on one side of a value, replicates do not show the error there.
 _FEWEST_BEYOND = 10
-TOO_ONE_SIDED = "fewer than ten runs lie on one side"
-
-_ORDER_STATISTICS = "order statistics (binomial)"
-_WOODRUFF = "Woodruff, over replicates"
 
 
 def quantile_estimates(
@@ -88,7 +84,7 @@ def tolerance_limits(
     )
     needed = [runs_needed(p, LEVEL) for p in quantity.tolerance_contents]
     described = {"units": "1", "long_name": "probability of not exceeding the value"}
-    fewest = {"units": "1", "long_name": "independent runs that an upper bound takes at least"}
+    fewest = {"units": "1", "long_name": texts.RUNS_NEEDED}
     yield (
         "tolerance_limit",
         array.assign_coords(
@@ -144,16 +140,16 @@ def _quantile_estimate(sample: Sample, p: float) -> Estimate:
         most = math.floor(sample.size * (p + step))
         if fewest >= 1 and most < sample.size:
             ends = _order_statistic(sample, fewest), _order_statistic(sample, most + 1)
-            return Estimate(value, *ends, _WOODRUFF, "discrete" if is_rounded else "nominal")
+            return Estimate(value, *ends, texts.WOODRUFF, "discrete" if is_rounded else "nominal")
     ranks = order_statistic_ranks(sample.size, p, LEVEL)
     ends = _order_statistic(sample, float(ranks[0])), _order_statistic(sample, float(ranks[1]))
     if all(map(math.isnan, ends)):
         return Estimate.without_bounds(value, sample.too_few_runs)
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
-    estimate = Estimate(value, *ends, _ORDER_STATISTICS, label)
+    estimate = Estimate(value, *ends, texts.ORDER_STATISTICS, label)
     if any(map(math.isnan, ends)):
-        side = "a lower" if math.isnan(ends[0]) else "an upper"
-        return estimate.with_note(f"{sample.too_few_runs} for {side} bound")
+        note = texts.NO_LOWER_BOUND if math.isnan(ends[0]) else texts.NO_UPPER_BOUND
+        return estimate.with_note(note.format(too_few=sample.too_few_runs))
     return estimate
 
 
@@ -171,13 +167,13 @@ def _tolerance_limit(sample: Sample, p: float) -> Estimate:
         if most < sample.size:
             upper = _order_statistic(sample, most + 1)
             label = "discrete" if is_rounded else "nominal"
-            return Estimate(value, math.nan, upper, f"one-sided, {_WOODRUFF}", label)
+            return Estimate(value, math.nan, upper, texts.ONE_SIDED_WOODRUFF, label)
     upper = _order_statistic(sample, float(upper_rank(sample.size, p, LEVEL)))
     if math.isnan(upper):
         needed = runs_needed(p, LEVEL)
-        return Estimate.without_bounds(value, f"an upper bound takes at least {needed} runs")
+        return Estimate.without_bounds(value, texts.UPPER_BOUND_NEEDS.format(runs=needed))
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
-    return Estimate(value, math.nan, upper, f"one-sided, {_ORDER_STATISTICS}", label)
+    return Estimate(value, math.nan, upper, texts.ONE_SIDED_ORDER_STATISTICS, label)
 
 
 def _woodruff_step(sample: Sample, p: float, value: float, level: float) -> tuple[float, bool]:

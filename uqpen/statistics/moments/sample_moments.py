@@ -9,17 +9,13 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sample_shape import (
-    DOUBTFUL_TAIL,
-    FEWEST_RUNS_FOR_TAILS,
-    NO_TAIL_SEEN,
-    SampleShape,
-)
+from uqpen.statistics.sample_shape import FEWEST_RUNS_FOR_TAILS, SampleShape
 from uqpen.statistics.standard_errors import cdf_error, standard_error
 
 __all__ = ["sample_moments"]
@@ -33,10 +29,6 @@ _FEWEST_RUNS_FOR_A_MEAN = 20
 
 # About one standard deviation on either side of the median, for a normal distribution.
 _LOW, _HIGH = 0.16, 0.84
-
-_DIAGNOSIS = "a diagnosis of the tail, not an estimate"
-_CONSTANT = "the output does not vary"
-_REPLICATES_AGREE = "the strata leave no scatter, so nothing tells the error"
 
 # A sum of as many runs as there ever are is exact to this, relative to the largest.
 _ROUNDING = 1e-12
@@ -66,12 +58,12 @@ def sample_moments(
         array = estimate.to_array(units=quantity.output.unit, long_name=f"{long_name} of {title}")
         yield statistic, array
     for statistic, value, reason in (
-        ("skewness", shape.skewness, "no interval was found that covers"),
-        ("kurtosis", shape.kurtosis, _DIAGNOSIS),
-        ("effective_runs", shape.effective_runs, _DIAGNOSIS),
+        ("skewness", shape.skewness, texts.NO_INTERVAL),
+        ("kurtosis", shape.kurtosis, texts.DIAGNOSTIC),
+        ("effective_runs", shape.effective_runs, texts.DIAGNOSTIC),
     ):
         is_constant = sample.is_constant and sample.size > 1
-        why = _CONSTANT if is_constant else sample.reason_without_intervals or reason
+        why = texts.CONSTANT_OUTPUT if is_constant else sample.reason_without_intervals or reason
         long_name = f"{statistic.replace('_', ' ')} of {title}"
         estimate = Estimate.without_bounds(value, why)
         yield statistic, estimate.to_array(units="1", long_name=long_name)
@@ -82,15 +74,14 @@ def _mean(sample: Sample, shape: SampleShape) -> Estimate:
         return Estimate.without_bounds(shape.mean, reason)
     error, freedom = standard_error(sample, shape.deviations)
     if _is_falsely_exact(sample, error):
-        return Estimate.without_bounds(shape.mean, _REPLICATES_AGREE)
+        return Estimate.without_bounds(shape.mean, texts.NO_SCATTER_OF_STRATA)
     half = student_quantile(freedom, LEVEL) * error * shape.scale
     ends = shape.mean - half, shape.mean + half
     is_replicated = sample.error_model is ErrorModel.REPLICATED
     if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
-        method = "Student t on the residuals of an additive fit"
-        estimate = Estimate(shape.mean, *ends, method, "conservative")
+        estimate = Estimate(shape.mean, *ends, texts.STUDENT_ON_RESIDUALS, "conservative")
     else:
-        method = "Student t over replicates" if is_replicated else "Student t"
+        method = texts.STUDENT_OVER_REPLICATES if is_replicated else texts.STUDENT
         estimate = Estimate(shape.mean, *ends, method, "nominal")
     return estimate.with_note(_mean_warning(sample, shape))
 
@@ -103,22 +94,21 @@ def _mean_warning(sample: Sample, shape: SampleShape) -> str:
         sample.error_model is ErrorModel.REPLICATED and sample.size < _FEWEST_RUNS_FOR_HEAVY_MEANS
     )
     if may_hide and shape.is_heavy:
-        return (
-            f"heavy tail ({shape.tail_note}): below 5 000 runs it may cover less often than it says"
-        )
+        return texts.HEAVY_MEAN.format(heavy_tail=shape.tail_note)
     if sample.size < FEWEST_RUNS_FOR_TAILS:
-        return f"{NO_TAIL_SEEN}; with one it covers less often than it says"
+        return f"{texts.HIDDEN_TAIL}; {texts.IF_HEAVY_TAIL}"
     if shape.effective_runs < _FEWEST_RUNS_FOR_A_MEAN:
-        return f"it hangs on so few runs ({shape.tail_note}) that it may not exist"
+        return texts.MEAN_MAY_NOT_EXIST.format(heavy_tail=shape.tail_note)
     # Of 256 runs of the concrete study one sample in seven looks light, and replicates of those
     # covered in 61 %.
-    return DOUBTFUL_TAIL if may_hide and shape.is_doubtful else ""
+    return texts.DOUBTFUL_TAIL if may_hide and shape.is_doubtful else ""
 
 
 def _std(sample: Sample, shape: SampleShape) -> Estimate:
     if sample.size < 2 or sample.is_constant:
         value = 0.0 if sample.size > 1 else math.nan
-        return Estimate.without_bounds(value, sample.reason_without_intervals or _CONSTANT)
+        reason = sample.reason_without_intervals or texts.CONSTANT_OUTPUT
+        return Estimate.without_bounds(value, reason)
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(float(shape.deviations.std(ddof=1)) * shape.scale, reason)
     # What the sample's mean takes from the squares is its own variance, which over strata is
@@ -126,21 +116,21 @@ def _std(sample: Sample, shape: SampleShape) -> Estimate:
     error, freedom = standard_error(sample, shape.deviations)
     std = math.hypot(float(shape.deviations.std()), error)
     if sample.size < FEWEST_RUNS_FOR_TAILS:
-        return Estimate.without_bounds(std * shape.scale, NO_TAIL_SEEN)
+        return Estimate.without_bounds(std * shape.scale, texts.HIDDEN_TAIL)
     if shape.is_heavy:
-        reason = f"heavy tail ({shape.tail_note}): no interval covers; see half the 16–84 % range"
-        return Estimate.without_bounds(std * shape.scale, reason)
+        reason = texts.NO_INTERVAL_AS.format(reason=shape.tail_note)
+        return Estimate.without_bounds(std * shape.scale, reason, texts.SEE_HALF_SPREAD)
     # The delta method on log(std), whose distribution is closer to normal than that of std itself.
     error, freedom = standard_error(sample, shape.deviations**2)
     if _is_falsely_exact(sample, error):
-        return Estimate.without_bounds(std * shape.scale, _REPLICATES_AGREE)
+        return Estimate.without_bounds(std * shape.scale, texts.NO_SCATTER_OF_STRATA)
     factor = math.exp(student_quantile(freedom, LEVEL) * error / (2 * std**2))
     value = std * shape.scale
     label = "conservative" if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET else "nominal"
-    method = f"delta method on the logarithm, {sample.error_model}"
+    method = texts.DELTA_ON_LOGARITHM.format(error_model=sample.error_model)
     estimate = Estimate(value, value / factor, value * factor, method, label)
     if shape.is_doubtful:
-        return estimate.with_note(DOUBTFUL_TAIL)
+        return estimate.with_note(texts.DOUBTFUL_TAIL)
     return estimate
 
 
@@ -174,7 +164,7 @@ def _half_spread(sample: Sample) -> Estimate:
         value,
         value - _combined_error(up[0], down[1], correlation),
         value + _combined_error(down[0], up[1], correlation),
-        f"two Woodruff intervals combined, {sample.error_model}",
+        texts.TWO_WOODRUFF.format(error_model=sample.error_model),
         "conservative" if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET else "discrete",
     )
 

@@ -12,18 +12,13 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.labels import INPUT
+from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.sample_shape import (
-    DOUBTFUL_TAIL,
-    FEWEST_RUNS_FOR_TAILS,
-    NO_TAIL_SEEN,
-    SampleShape,
-)
+from uqpen.statistics.sample_shape import FEWEST_RUNS_FOR_TAILS, SampleShape
 from uqpen.statistics.sensitivity.input_measures import (
-    INCLUDES_CORRELATION,
     input_coordinate,
     mean_ranks,
     reason_without_measure,
@@ -66,7 +61,7 @@ def correlations(
     ):
         long_name = f"{adjective} of {title} with the inputs"
         if sample.dependence and not is_partial:
-            long_name = f"{long_name}, {INCLUDES_CORRELATION}"
+            long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
         array = Estimate.stack(
             [columns.correlation(i, is_partial=is_partial) for i in range(len(sample.inputs))],
             INPUT,
@@ -121,8 +116,7 @@ class _CorrelatedColumns:
             return Estimate.without_bounds(math.nan, reason)
         weights = self._partial_weights(i) if is_partial else self._simple_weights(i)
         if weights is None:
-            reason = "the inputs and the output follow from each other by straight lines"
-            return Estimate.without_bounds(math.nan, reason)
+            return Estimate.without_bounds(math.nan, texts.LINEARLY_DEPENDENT)
         one, other = (_standardized(self._combined(weight)) for weight in weights)
         value = float((one * other).mean())
         if reason := self.sample.reason_without_intervals or self._reason_without_bounds:
@@ -186,29 +180,29 @@ class _CorrelatedColumns:
         """Return a correlation with its bounds, by the delta method on Fisher's transform."""
         error, freedom = standard_error(self.sample, influence)
         if 1 - abs(value) < _ROUNDING or not error > _ROUNDING:
-            return Estimate.without_bounds(value, "the runs leave no scatter that tells the error")
+            return Estimate.without_bounds(value, texts.NO_SCATTER_OF_RUNS)
         half = student_quantile(freedom, LEVEL) * error / (1 - value**2)
         centre = math.atanh(value)
         estimate = Estimate(
             value,
             math.tanh(centre - half),
             math.tanh(centre + half),
-            f"delta method on Fisher's transform, {self.sample.error_model}",
+            texts.DELTA_ON_FISHER.format(error_model=self.sample.error_model),
             "nominal",
         )
         # Ranks have no tail that could be hidden.
         is_doubtful = self.shape.is_doubtful and not self.is_ranked
-        return estimate.with_note(DOUBTFUL_TAIL) if is_doubtful else estimate
+        return estimate.with_note(texts.DOUBTFUL_TAIL) if is_doubtful else estimate
 
     @property
     def _reason_without_bounds(self) -> str:
         if self.is_ranked:
             return ""
         if self.sample.size < FEWEST_RUNS_FOR_TAILS:
-            return f"{NO_TAIL_SEEN}; see the correlations of ranks"
+            return f"{texts.HIDDEN_TAIL}; {texts.SEE_RANKS}"
         if self.shape.is_heavy:
-            heavy = f"heavy tail ({self.shape.tail_note}): no interval covers"
-            return f"{heavy}; see the correlations of ranks"
+            heavy = texts.NO_INTERVAL_AS.format(reason=self.shape.tail_note)
+            return f"{heavy}; {texts.SEE_RANKS}"
         return ""
 
 

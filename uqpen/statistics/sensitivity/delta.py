@@ -12,11 +12,11 @@ from scipy import special
 
 from uqpen.core.labels import INPUT
 from uqpen.core.streams import Stream
+from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.input_measures import (
-    INCLUDES_CORRELATION,
     input_coordinate,
     mean_ranks,
     reason_without_measure,
@@ -33,8 +33,6 @@ _FARTHEST_SCORE = 4.0
 _CELLS = 80
 _RESAMPLES = 30
 _MOST_CLASSES = 48
-
-_NO_INTERVAL = "no interval covers: its bias may exceed its scatter"
 
 
 def delta(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
@@ -57,7 +55,7 @@ def delta(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, x
     title = quantity.output.title
     long_name = f"delta of {title}: how far knowing an input moves its distribution"
     if sample.dependence:
-        long_name = f"{long_name}, {INCLUDES_CORRELATION}"
+        long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
     cells = _cells(sample.values)
     array = Estimate.stack(
         [_estimate(sample, cells, column) for column in range(len(sample.inputs))],
@@ -75,7 +73,8 @@ def _estimate(sample: Sample, cells: IntArray, column: int) -> Estimate:
     # What noise adds to the distances, resampling adds once more.
     resampled = np.mean([_distance(drawn) for drawn in _resampled(counts)])
     value = float(np.clip(2 * _distance(counts) - resampled, 0.0, 1.0))
-    return Estimate.without_bounds(value, sample.reason_without_intervals or _NO_INTERVAL)
+    reason = sample.reason_without_intervals or texts.NO_INTERVAL_OF_DELTA
+    return Estimate.without_bounds(value, reason)
 
 
 def _cells(values: FloatArray) -> IntArray:

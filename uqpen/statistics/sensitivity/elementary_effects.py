@@ -12,6 +12,7 @@ import xarray as xr
 from uqpen.core.labels import BLOCK_NUMBER, INPUT, MOVED_BY, MOVED_INPUT, POSITION, STATUS
 from uqpen.core.status import Status
 from uqpen.designs.moves import moved_input_numbers
+from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -23,16 +24,11 @@ FloatArray = npt.NDArray[np.float64]
 
 # With fewer, intervals covered from 89 % to 100 % in simulations; from here on, 93 % to 98 %.
 _FEWEST_EFFECTS = 10
-_FEW = "{} effects are so few that it may cover less often than it says"
 # Where fewer effects than this differ from all the others, 84 % were seen.
 _FEWEST_DISTINCT = 5
-_RARE = "only {} of {} effects differ from the others; it may cover less often than it says"
 
 # Differences of outputs are exact to this, relative to the largest.
 _ROUNDING = 1e-12
-
-_NO_INTERVAL = "no interval was found that covers"
-_NO_SCATTER = "the effects do not scatter, so nothing tells their error"
 
 
 def elementary_effects(
@@ -101,33 +97,35 @@ def mean_effect(effects: FloatArray) -> Estimate:
         One of each trajectory.
     """
     if not effects.size:
-        return Estimate.without_bounds(math.nan, "no step came back whole")
+        return Estimate.without_bounds(math.nan, texts.NO_EFFECT)
     mean = float(effects.mean())
     if effects.size == 1:
-        return Estimate.without_bounds(mean, "a single effect has no scatter")
+        return Estimate.without_bounds(mean, texts.SINGLE_EFFECT)
     largest = float(np.abs(effects).max())
     # What differs by less than this is the same but for rounding.
     _, counts = np.unique(np.round(effects / (largest or 1.0), 12), return_counts=True)
     distinct = effects.size - int(counts.max())
     if not distinct:
-        return Estimate.without_bounds(mean, _NO_SCATTER)
+        return Estimate.without_bounds(mean, texts.NO_SCATTER_OF_EFFECTS)
     half = student_quantile(effects.size - 1, LEVEL) * _deviation(effects)
     half /= math.sqrt(effects.size)
-    estimate = Estimate(mean, mean - half, mean + half, "Student t over trajectories", "nominal")
+    estimate = Estimate(mean, mean - half, mean + half, texts.STUDENT_OVER_TRAJECTORIES, "nominal")
     if effects.size < _FEWEST_EFFECTS:
-        return estimate.with_note(_FEW.format(effects.size))
-    if distinct < _FEWEST_DISTINCT:
-        return estimate.with_note(_RARE.format(distinct, effects.size))
-    return estimate
+        few = texts.ONLY_EFFECTS.format(effects=effects.size)
+    elif distinct < _FEWEST_DISTINCT:
+        few = texts.FEW_EFFECTS_DIFFER.format(distinct=distinct, effects=effects.size)
+    else:
+        return estimate
+    return estimate.with_note(texts.DOUBTFUL_AS.format(reason=few))
 
 
 def _sigma(effects: FloatArray) -> Estimate:
     if effects.size < 2:
-        return Estimate.without_bounds(math.nan, "it takes two effects at least")
+        return Estimate.without_bounds(math.nan, texts.TOO_FEW_EFFECTS)
     std = _deviation(effects)
     # Of an effect that is the same everywhere, rounding leaves a trace.
     is_rounding = std <= _ROUNDING * float(np.abs(effects).max())
-    return Estimate.without_bounds(0.0 if is_rounding else std, _NO_INTERVAL)
+    return Estimate.without_bounds(0.0 if is_rounding else std, texts.NO_INTERVAL)
 
 
 def _note_missing_effects(estimate: Estimate, effects: FloatArray) -> Estimate:
@@ -135,8 +133,8 @@ def _note_missing_effects(estimate: Estimate, effects: FloatArray) -> Estimate:
     failed = int(np.isnan(effects).sum())
     if not failed:
         return estimate
-    counted = f"{failed} of {effects.size} effects touch a lost run"
-    return estimate.with_note(f"{estimate.note}; {counted}" if estimate.note else counted)
+    missing = texts.MISSING_EFFECTS.format(failed=failed, effects=effects.size)
+    return estimate.with_note(estimate.note, missing)
 
 
 def _deviation(effects: FloatArray) -> float:

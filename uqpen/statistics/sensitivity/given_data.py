@@ -13,17 +13,18 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.labels import INPUT
+from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.probabilities import (
     category_coordinates,
     threshold_coordinates,
 )
-from uqpen.statistics.distribution_function.quantiles import TOO_ONE_SIDED, has_enough_runs_around
+from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sample_shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, SampleShape
-from uqpen.statistics.sensitivity.input_measures import INCLUDES_CORRELATION, input_coordinate
+from uqpen.statistics.sample_shape import FEWEST_RUNS_FOR_TAILS, SampleShape
+from uqpen.statistics.sensitivity.input_measures import input_coordinate
 from uqpen.statistics.sensitivity.local_regression import RegressionBins, ResidualVariance
 from uqpen.statistics.standard_errors import standard_error
 
@@ -138,16 +139,13 @@ class _LocalRegressions:
 
     def _long_name(self, title: str) -> str:
         long_name = f"first-order Sobol' indices of {title}"
-        return f"{long_name}, {INCLUDES_CORRELATION}" if self.sample.dependence else long_name
+        return f"{long_name}, {texts.INCLUDES_CORRELATION}" if self.sample.dependence else long_name
 
     def _indices(self, variable: _Variable) -> list[Estimate]:
         found = [self._index(variable, column) for column in range(len(self.sample.inputs))]
         if not self.sample.dependence:
             return found
-        return [
-            estimate.with_note("; ".join(filter(None, [estimate.note, INCLUDES_CORRELATION])))
-            for estimate in found
-        ]
+        return [estimate.with_note(estimate.note, texts.INCLUDES_CORRELATION) for estimate in found]
 
     def _index(self, variable: _Variable, column: int) -> Estimate:
         """Estimate the share of a variable's variance that an input explains."""
@@ -156,7 +154,7 @@ class _LocalRegressions:
         if variable.sample.is_constant:
             return Estimate.without_bounds(math.nan, variable.constancy_reason)
         if not np.ptp(self.sample.points[self.sample.used, column]) > 0:
-            return Estimate.without_bounds(math.nan, "the input does not vary")
+            return Estimate.without_bounds(math.nan, texts.CONSTANT_INPUT)
         estimate = variable.index(self.bins[column])
         if estimate.label == "none" or estimate.value < _LARGE:
             return estimate
@@ -203,7 +201,7 @@ class _Variable:
 
     @property
     def constancy_reason(self) -> str:
-        return "it is the same in all runs" if self.is_event else "the output does not vary"
+        return texts.CONSTANT_EVENT if self.is_event else texts.CONSTANT_OUTPUT
 
     def explained_share(self, bins: RegressionBins) -> float:
         """Return the share of the variance that the lines of an input's bins explain."""
@@ -227,19 +225,19 @@ class _Variable:
         excess = error**2 - noise**2
         variance = max(error**2 if self._warning else excess, noise**2)
         if not variance > _ROUNDING**2:
-            return Estimate.without_bounds(value, "the runs leave no scatter that tells the error")
+            return Estimate.without_bounds(value, texts.NO_SCATTER_OF_RUNS)
         half = student_quantile(freedom, LEVEL) * math.sqrt(variance)
         is_wider = bool(self._warning) or self.sample.error_model is ErrorModel.REPLICATED
         estimate = Estimate(
             value,
             value - half,
             min(value + half, 1.0),
-            f"delta method, {self.sample.error_model}",
+            texts.DELTA_METHOD.format(error_model=self.sample.error_model),
             "conservative" if is_wider else "nominal",
         )
         if self._warning:
-            return estimate.with_note(f"{self._warning}: it may cover less often than it says")
-        return estimate.with_note(DOUBTFUL_TAIL) if self._is_doubtful else estimate
+            return estimate.with_note(texts.DOUBTFUL_AS.format(reason=self._warning))
+        return estimate.with_note(texts.DOUBTFUL_TAIL) if self._is_doubtful else estimate
 
     @property
     def _is_doubtful(self) -> bool:
@@ -254,13 +252,13 @@ class _Variable:
     @property
     def _warning(self) -> str:
         if self.sample.size < FEWEST_RUNS_FOR_TAILS:
-            return f"only {self.sample.size} runs"
-        return f"heavy tail ({self.shape.tail_note})" if self.shape.is_heavy else ""
+            return texts.ONLY_RUNS.format(runs=self.sample.size)
+        return self.shape.tail_note if self.shape.is_heavy else ""
 
     @property
     def _reason_without_bounds(self) -> str:
         if self.sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET and self.sample.optimized_by:
-            return "neighbours in an input avoid each other in the others: replicates would tell"
+            return texts.OPTIMIZED_POINTS
         if self.is_event and not has_enough_runs_around(self.sample, self.sample.values.sum()):
-            return TOO_ONE_SIDED
+            return texts.TOO_ONE_SIDED
         return ""

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.labels import INPUT
+from uqpen.statistics import texts
 from uqpen.statistics.sample import Sample
 
 __all__ = [
-    "INCLUDES_CORRELATION",
     "input_coordinate",
     "input_names_coordinate",
     "mean_ranks",
@@ -21,9 +21,6 @@ __all__ = [
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-
-# Dependent inputs explain the same part of the variance in common.
-INCLUDES_CORRELATION = "includes correlation"
 
 
 def input_coordinate(sample: Sample) -> dict[str, Any]:
@@ -51,9 +48,9 @@ def reason_without_measure(sample: Sample, column: int, fewest: int) -> str:
     if sample.size < fewest:
         return sample.too_few_runs
     if sample.is_constant:
-        return "the output does not vary"
+        return texts.CONSTANT_OUTPUT
     if not np.ptp(sample.points[sample.used, column]) > 0:
-        return "the input does not vary"
+        return texts.CONSTANT_INPUT
     return ""
 
 

@@ -19,14 +19,12 @@ from uqpen.core.labels import (
 )
 from uqpen.core.status import Status
 from uqpen.designs.moves import moved_input_numbers
+from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sensitivity.input_measures import input_names_coordinate
 
 __all__ = ["relative_responses"]
-
-_ONE_POINT = "a derivative at one point; the model has no scatter"
-_FIXED = "a fixed input has no uncertainty"
 
 # Difference of the derivatives of the steps up and down, relative to the larger one, above which a
 # note states it.
@@ -93,9 +91,9 @@ class _Slopes:
         """Note on a one-sided or a curved response; empty for none."""
         if not self.is_central:
             side = "up" if math.isfinite(self.up) else "down"
-            return f"of the step {side} alone; the other run was lost"
+            return texts.ONE_SIDED_STEP.format(side=side)
         if abs(self.up - self.down) > _CURVED * max(abs(self.up), abs(self.down)):
-            return f"curved: {self.down:.3g} of the step down, {self.up:.3g} of that up"
+            return texts.NONLINEAR.format(down=self.down, up=self.up)
         return ""
 
 
@@ -105,24 +103,24 @@ def _response(runs: xr.Dataset, name: str, entry: str) -> Estimate:
     number = moved_input_numbers(runs)[entry]
     nominal = float(values[moved < 0][0])
     if math.isnan(nominal):
-        return Estimate.without_bounds(math.nan, "the run at the nominal point was lost")
+        return Estimate.without_bounds(math.nan, texts.NOMINAL_RUN_FAILED)
     if not nominal:
-        return Estimate.without_bounds(math.nan, "the output is 0 at the nominal point")
+        return Estimate.without_bounds(math.nan, texts.NOMINAL_OUTPUT_IS_0)
     down, up = (
         float((values[side][0] / nominal - 1) / by[side][0])
         for side in ((moved == number) & (by < 0), (moved == number) & (by > 0))
     )
     slopes = _Slopes(down, up)
     if math.isnan(slopes.value):
-        return Estimate.without_bounds(math.nan, "both runs of the step were lost")
-    notes = [_ONE_POINT, slopes.note, _reference(runs, entry)]
-    return Estimate.without_bounds(slopes.value, "; ".join(filter(None, notes)))
+        return Estimate.without_bounds(math.nan, texts.STEP_FAILED)
+    reference = _reference(runs, entry)
+    return Estimate.without_bounds(slopes.value, texts.ONE_POINT, slopes.note, reference)
 
 
 def _reference(runs: xr.Dataset, entry: str) -> str:
     """Return a note on the reference of an input's change if it is not the nominal value."""
     if entry in str(runs[MOVED_BY].attrs.get(RELATIVE_TO_SPREAD, "")).split():
-        return "relative to half the input's 16–84 % range, as its nominal value is 0"
+        return texts.OF_HALF_SPREAD
     return ""
 
 
@@ -130,5 +128,5 @@ def _contribution(response: Estimate, runs: xr.Dataset, number: int) -> Estimate
     its_runs = runs[MOVED_INPUT].values == number
     uncertainty = float(runs[MOVED_UNCERTAINTY].values[its_runs][0])
     if not uncertainty:
-        return Estimate.without_bounds(math.nan, _FIXED)
+        return Estimate.without_bounds(math.nan, texts.FIXED_INPUT)
     return Estimate.without_bounds(abs(response.value) * uncertainty, response.note)

@@ -12,12 +12,13 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.labels import ESTIMATOR, INPUT
+from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.probabilities import threshold_coordinates
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sensitivity.input_measures import INCLUDES_CORRELATION, input_names_coordinate
+from uqpen.statistics.sensitivity.input_measures import input_names_coordinate
 from uqpen.statistics.surrogate.pick_freeze_pairs import MOST_INPUTS_FOR_ALL_SETS
-from uqpen.statistics.surrogate.surrogate_draws import FROM_COEFFICIENTS, SurrogateDraws
+from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.surrogates.closed_forms import shapley_effects, sobol_indices
 
 __all__ = ["surrogate_indices"]
@@ -64,7 +65,9 @@ class _SurrogateIndices:
         """Yield the indices of the output, of its logarithm and of exceedance."""
         name, title = self.quantity.output.name, self.quantity.output.title
         if self.draws.has_closed_form(name):
-            yield from self._index_arrays("", title, self._closed_form_indices(), FROM_COEFFICIENTS)
+            yield from self._index_arrays(
+                "", title, self._closed_form_indices(), texts.FROM_COEFFICIENTS
+            )
         else:
             indices = self._sampled_indices(lambda values: values)
             yield from self._index_arrays("", title, indices, self.draws.pairs_estimator)
@@ -76,7 +79,7 @@ class _SurrogateIndices:
     def _logarithm_indices(self, name: str, title: str) -> Iterator[tuple[str, xr.DataArray]]:
         is_closed = self.draws.all_are_admissible and self.draws.joint.is_independent
         indices = self._closed_form_indices() if is_closed else self._sampled_indices(np.log)
-        how = FROM_COEFFICIENTS if is_closed else self.draws.pairs_estimator
+        how = texts.FROM_COEFFICIENTS if is_closed else self.draws.pairs_estimator
         yield from self._index_arrays("log_", f"the logarithm of {title}", indices, how)
 
     def _exceedance_indices(self, name: str, title: str) -> Iterator[tuple[str, xr.DataArray]]:
@@ -139,16 +142,16 @@ class _SurrogateIndices:
             reason = self._reason_without_indices(ending)
             return [Estimate.without_bounds(math.nan, reason) for _ in self.draws.joint.random]
         is_correlated = ending == "first_order" and not self.draws.joint.is_independent
-        note = INCLUDES_CORRELATION if is_correlated else ""
+        note = texts.INCLUDES_CORRELATION if is_correlated else ""
         return [_estimate_with_noise(*value, note) for value in values]
 
     def _reason_without_indices(self, ending: str) -> str:
         inputs = len(self.draws.joint.random)
         if ending == "shapley" and inputs > MOST_INPUTS_FOR_ALL_SETS:
-            return f"it takes all sets of inputs, too many with {inputs} of them"
+            return texts.TOO_MANY_SUBSETS.format(inputs=inputs)
         if ending == "total_order" and not self.draws.joint.is_independent:
-            return "the random inputs depend on each other"
-        return "it is the same at all draws"
+            return texts.DEPENDENT_INPUTS
+        return texts.CONSTANT_AT_DRAWS
 
     @property
     def _inputs(self) -> dict[str, Any]:
@@ -160,7 +163,7 @@ def _estimate_with_noise(value: float, error: float, note: str) -> Estimate:
     if math.isnan(error):
         return Estimate.without_bounds(value, note)
     half = 2 * error
-    return Estimate(value, value - half, value + half, "sampling of the surrogate", "nominal", note)
+    return Estimate(value, value - half, value + half, texts.SURROGATE_SAMPLING, "nominal", note)
 
 
 def _exceedance_event(value: float) -> Callable[[FloatArray], FloatArray]:

@@ -14,9 +14,10 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import CDFS, ESTIMATOR, EXCEEDANCE, MOMENTS, QUANTILES, SENSITIVITY
+from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, analyze, in_catalogue_order
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.surrogate.surrogate_draws import FROM_COEFFICIENTS, SurrogateDraws
+from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_indices import surrogate_indices
 from uqpen.surrogates.closed_forms import mean, standard_deviation
 
@@ -120,7 +121,7 @@ def _closed_forms(
     terms = expansion.indices, expansion.coefficients
     for name, value in (("mean", mean(*terms)), ("std", standard_deviation(*terms))):
         exact = statistics[name].copy(data=[value, math.nan, math.nan])
-        yield name, exact.assign_attrs({ESTIMATOR: FROM_COEFFICIENTS})
+        yield name, exact.assign_attrs({ESTIMATOR: texts.FROM_COEFFICIENTS})
 
 
 def _training_range(draws: SurrogateDraws, output: str) -> TrainingRange:
