@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.estimates import estimate_array, interval_text
+from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, THRESHOLD
 from uqpen.core.labels import (
     BOUND,
@@ -47,7 +47,6 @@ VARIANCE_BEYOND = "{share:.0f} % of the variance is outside the training range o
 NO_VALIDATION_RUNS = "no independent runs to compare with"
 NO_VALIDATION_INTERVAL = "no independent runs give an interval for it"
 
-FloatArray = npt.NDArray[np.float64]
 Outputs = Mapping[str, Mapping[str, xr.DataArray]]
 
 # A spread without validation runs is extrapolated where more than this share of the variance comes
@@ -221,8 +220,7 @@ def _same_estimate(array: xr.DataArray, estimate: xr.DataArray) -> FloatArray | 
         if wanted not in called:
             return None
         array = array[{dimension: called.index(wanted)}]
-    bounds: FloatArray = array.values
-    return bounds
+    return array.values
 
 
 def _with_validations(array: xr.DataArray, validations: Sequence[_Validation]) -> xr.DataArray:

@@ -189,9 +189,9 @@ def reworded_array(array: xr.DataArray) -> xr.DataArray:
     texts = {}
     for name in INTERVAL_TEXTS:
         if name in array.coords:
-            entries = np.empty(array.shape[:-1], dtype=object)
-            entries.flat = [reworded(text) for text in np.ravel(array.coords[name].values).tolist()]
-            texts[name] = (array.dims[:-1], entries)
+            earlier = array.coords[name]
+            entries = [reworded(text) for text in np.ravel(earlier.values).tolist()]
+            texts[name] = (earlier.dims, np.array(entries, dtype=object).reshape(earlier.shape))
     present = array.assign_coords(texts)
     for each in (present, *present.coords.values()):
         each.attrs = {

@@ -69,12 +69,7 @@ def analyze(
 
 
 def analyze_failures(runs: xr.Dataset) -> OutputStatistics:
-    """Compute how likely runs of a design end how, and which inputs go with a failure.
-
-    Parameters
-    ----------
-    runs : Dataset
-        With ``status(run)``, and attributes that say how the points were drawn.
+    """Compute the probability of each status of a run, and the association of inputs with failure.
 
     Returns
     -------
@@ -127,14 +122,13 @@ def _run_outside_analyses(
     quantities: Sequence[QuantityOfInterest],
     samples: Mapping[str, Sample],
     attributes: Mapping[str, int | str],
-    found: Mapping[str, OutputStatistics],
+    found: dict[str, OutputStatistics],
 ) -> None:
     """Add the statistics of user-supplied analyses, for each output, to those found."""
     for quantity in quantities:
         name = quantity.output.name
         added = outside_statistics(analyses, samples[name], quantity, found[name])
-        for statistic, array in added.items():
-            found[name][statistic] = array.assign_attrs(attributes)
+        found[name] |= {key: array.assign_attrs(attributes) for key, array in added.items()}
 
 
 def _run_counts(runs: xr.Dataset) -> dict[str, int | str]:

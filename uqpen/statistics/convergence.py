@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
+from uqpen.core.arrays import IntArray
 from uqpen.core.labels import (
     BOUND,
     EXCEEDANCE,
@@ -45,13 +45,7 @@ _STRATIFIED = "its points are one stratified set, of which no part is a stratifi
 
 
 def reason_without_parts(runs: xr.Dataset) -> str:
-    """Reason why no part of a design's runs is a sample of the same kind; empty if some are.
-
-    Parameters
-    ----------
-    runs : Dataset
-        Of a design, with attributes that say how the points were drawn.
-    """
+    """Reason why no part of a design's runs is a sample of the same kind; empty if some are."""
     if not Sampling(runs.attrs[SAMPLING]).is_sample:
         return "its points are not a sample of the input distribution"
     drawn = input_sample(runs)[[STATUS]]
@@ -135,7 +129,7 @@ def _part_sizes(drawn: xr.Dataset) -> list[int]:
     return [*(end for end in ends if _GROWTH * end <= whole), whole][-_MOST:]
 
 
-def _stack_parts(arrays: Sequence[xr.DataArray], sizes: npt.NDArray[np.int64]) -> xr.DataArray:
+def _stack_parts(arrays: Sequence[xr.DataArray], sizes: IntArray) -> xr.DataArray:
     """Put the estimate arrays of all parts along ``runs_so_far``."""
     last = arrays[-1]
     dims = {str(dim): last.sizes[dim] for dim in last.dims if dim != BOUND}

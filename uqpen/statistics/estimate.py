@@ -64,11 +64,7 @@ class Estimate:
     def stack(
         estimates: Sequence[Estimate], dimension: str, *, units: str, long_name: str
     ) -> xr.DataArray:
-        """Return several estimates as an estimate array along a dimension and ``bound``.
-
-        How the bounds of each were made stands beside it, as another estimate must not change what
-        is said of it.
-        """
+        """Return several estimates as an estimate array along a dimension and ``bound``."""
         return _estimate_array(estimates, {dimension: len(estimates)}, units, long_name)
 
     @staticmethod
@@ -88,7 +84,7 @@ class Estimate:
 def _estimate_array(
     estimates: Sequence[Estimate], dims: Mapping[str, int], units: str, long_name: str
 ) -> xr.DataArray:
-    """Return estimates along dimensions, with what each says of its own interval beside it."""
+    """Return estimates along dimensions, each with its own texts, which no other may change."""
     has_bounds = any(estimate.label != "none" for estimate in estimates)
     return estimate_array(
         [estimate.bounds for estimate in estimates],

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from uqpen.core.labels import INPUT
 from uqpen.core.model import Output
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.sensitivity.input_measures import input_names_coordinate
+from uqpen.statistics.sensitivity.input_measures import input_array
 
 __all__ = ["Publication", "PublishedEstimates", "published_estimates"]
 
@@ -22,7 +21,6 @@ class PublishedEstimates:
     Parameters
     ----------
     output : Output
-        The output.
     moments : mapping of str to float
         ``"mean"`` and ``"std"``, in the output's SI unit.
     response : mapping of str to float
@@ -39,15 +37,7 @@ class PublishedEstimates:
 
 @dataclass(frozen=True)
 class Publication:
-    """Publication with estimates that a study is compared with.
-
-    Parameters
-    ----------
-    source : str
-        Reference of the publication.
-    estimates : tuple of PublishedEstimates
-        One for each output that it has estimates of.
-    """
+    """Publication, by its reference, with its estimates of some outputs."""
 
     source: str
     estimates: tuple[PublishedEstimates, ...]
@@ -66,12 +56,9 @@ def published_estimates(publication: Publication) -> dict[str, OutputStatistics]
             for moment, value in estimates.moments.items()
         }
         if estimates.response:
-            array = Estimate.stack(
+            found[name]["response"] = input_array(
                 [Estimate.without_bounds(value, reason) for value in estimates.response.values()],
-                INPUT,
-                units="1",
-                long_name=f"relative response of {title}, published",
+                [*estimates.response],
+                f"relative response of {title}, published",
             )
-            inputs = input_names_coordinate(list(estimates.response))
-            found[name]["response"] = array.assign_coords(inputs)
     return found

@@ -8,9 +8,9 @@ from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import (
     DEPENDENCE,
     MATRIX,
@@ -29,9 +29,6 @@ from uqpen.statistics import texts
 
 __all__ = ["ErrorModel", "Sample", "input_sample"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 
 class ErrorModel(StrEnum):
     """Error model: basis on which the error of a sample's statistics is estimated."""
@@ -47,11 +44,6 @@ def input_sample(runs: xr.Dataset) -> xr.Dataset:
 
     These are all runs, except for pick-freeze blocks: there, they are the rows of the matrices A
     and B as drawn in the first round.
-
-    Parameters
-    ----------
-    runs : Dataset
-        Of a design whose `Sampling` is that of a sample.
     """
     if Sampling(runs.attrs[SAMPLING]) is not Sampling.PICK_FREEZE:
         return runs
@@ -111,10 +103,8 @@ class Sample:
         """Return the samples of several variables by name, with one common copy of the points."""
         used = np.flatnonzero(runs[STATUS].values == Status.OK)
         whole = cls._from_values(runs, np.full(used.shape, np.nan), used)
-        return {
-            name: replace(whole, values=runs[name].values[used].astype(np.float64))
-            for name in names
-        }
+        values = {name: runs[name].values[used].astype(np.float64) for name in names}
+        return {name: replace(whole, values=found) for name, found in values.items()}
 
     @classmethod
     def from_statuses(cls, runs: xr.Dataset) -> Sample:
@@ -185,11 +175,9 @@ class Sample:
             return ErrorModel.UNKNOWN
         if self.sampling is Sampling.INDEPENDENT:
             return ErrorModel.INDEPENDENT
-        return (
-            ErrorModel.REPLICATED
-            if self.replicates.max(initial=0) > 0
-            else ErrorModel.SINGLE_STRATIFIED_SET
-        )
+        if self.replicates.max(initial=0) > 0:
+            return ErrorModel.REPLICATED
+        return ErrorModel.SINGLE_STRATIFIED_SET
 
     @property
     def reason_without_intervals(self) -> str:
@@ -217,6 +205,5 @@ class Sample:
     @property
     def degrees_of_freedom(self) -> int:
         """Degrees of freedom of a standard error over independent draws or replicates."""
-        return (
-            self.replicate_count if self.error_model is ErrorModel.REPLICATED else self.size
-        ) - 1
+        is_replicated = self.error_model is ErrorModel.REPLICATED
+        return (self.replicate_count if is_replicated else self.size) - 1

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.sample import Sample
 
 __all__ = ["FEWEST_RUNS_FOR_TAILS", "SampleShape"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Where the standard deviation's interval stopped covering in simulations: a tail so heavy that
 # only a few runs decide the variance. With few runs a heavy tail need not show in them: below the
@@ -29,13 +28,7 @@ _DOUBTFUL_KURTOSIS = 4.5
 
 @dataclass(frozen=True)
 class SampleShape:
-    """A sample's deviations from its mean, and how much of them hangs on how few runs.
-
-    Parameters
-    ----------
-    sample : Sample
-        The runs.
-    """
+    """A sample's deviations from its mean, and how much of them hangs on how few runs."""
 
     sample: Sample
 
@@ -61,8 +54,7 @@ class SampleShape:
         """Deviations from the mean over `scale`."""
         if not self.scale > 0:
             return np.zeros(self.sample.size)
-        scaled: FloatArray = (self.sample.values - self.mean) / self.scale
-        return scaled
+        return (self.sample.values - self.mean) / self.scale
 
     def _moment(self, power: int) -> float:
         return float((self.deviations**power).mean()) if self.scale > 0 else math.nan

@@ -73,9 +73,11 @@ SEE_HALF_SPREAD = "see half the 16–84 % range"
 SEE_RANKS = "see the rank correlations"
 ONLY_RUNS = "only {runs} runs"
 ONLY_BLOCKS = "only {blocks} blocks"
-FEW_BLOCKS_WITH_EVENTS = "fewer than {blocks} blocks"
-ONLY_EFFECTS = "only {effects} effects"
-FEW_EFFECTS_DIFFER = "only {distinct} of {effects} effects differ from the others"
+FEW_BLOCKS_WITH_EVENTS = "fewer than 500 blocks: the coverage may be below nominal"
+ONLY_EFFECTS = "only {effects} effects: the coverage may be below nominal"
+FEW_DIFFER = (
+    "only {distinct} of {effects} effects differ from the others: the coverage may be below nominal"
+)
 
 # Quadrature rules.
 NO_SCATTER_OF_RULE = "a quadrature rule has no scatter, so its error is unknown"

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray
 from uqpen.core.catalogue import CATEGORY, THRESHOLD
 from uqpen.core.labels import STATUS
 from uqpen.core.status import Status
@@ -28,8 +28,6 @@ __all__ = [
     "threshold_coordinates",
 ]
 
-BoolArray = npt.NDArray[np.bool_]
-
 
 def exceedance_probabilities(
     sample: Sample, quantity: QuantityOfInterest
@@ -46,15 +44,10 @@ def exceedance_probabilities(
     """
     if not quantity.thresholds:
         return
-    array = Estimate.stack(
-        [
-            _probability_with_missing(sample, sample.values > threshold.value)
-            for threshold in quantity.thresholds
-        ],
-        THRESHOLD,
-        units="1",
-        long_name=f"probability that {quantity.output.title} exceeds a value",
-    )
+    events = [sample.values > threshold.value for threshold in quantity.thresholds]
+    long_name = f"probability that {quantity.output.title} exceeds a value"
+    estimates = [_probability_with_missing(sample, event) for event in events]
+    array = Estimate.stack(estimates, THRESHOLD, units="1", long_name=long_name)
     yield "exceedance", array.assign_coords(threshold_coordinates(quantity))
 
 
@@ -81,18 +74,12 @@ def category_probabilities(
     estimate : DataArray
         Along ``category`` and ``bound``.
     """
-    categories = quantity.output.categories
-    if not categories:
+    if not quantity.output.categories:
         return
-    array = Estimate.stack(
-        [
-            _probability_with_missing(sample, sample.values == kind)
-            for kind in range(len(categories))
-        ],
-        CATEGORY,
-        units="1",
-        long_name=f"share of {quantity.output.title}",
-    )
+    events = [sample.values == kind for kind in range(len(quantity.output.categories))]
+    estimates = [_probability_with_missing(sample, event) for event in events]
+    long_name = f"share of {quantity.output.title}"
+    array = Estimate.stack(estimates, CATEGORY, units="1", long_name=long_name)
     yield "share", array.assign_coords(category_coordinates(quantity))
 
 
@@ -107,36 +94,20 @@ def category_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
 
 
 def status_probabilities(runs: xr.Dataset) -> xr.DataArray:
-    """Estimate the probability of each way in which a run can fail, whether or not one did.
-
-    Parameters
-    ----------
-    runs : Dataset
-        With ``status(run)``.
-
-    Returns
-    -------
-    DataArray
-        Along ``status`` and ``bound``.
-    """
+    """Estimate the probability of each status but ok, along ``status`` and ``bound``."""
     sample = Sample.from_statuses(runs)
     ends = [status for status in Status if status is not Status.OK]
-    array = Estimate.stack(
-        [_probability(sample, sample.values == status) for status in ends],
-        STATUS,
-        units="1",
-        long_name="probability that a run ends so",
-    )
+    estimates = [_probability(sample, sample.values == status) for status in ends]
+    long_name = "probability that a run ends so"
+    array = Estimate.stack(estimates, STATUS, units="1", long_name=long_name)
     names = np.array([status.meaning for status in ends], dtype=object)
     return array.assign_coords({STATUS: (STATUS, names, {"long_name": "end of a run"})})
 
 
 def _probability(sample: Sample, events: BoolArray) -> Estimate:
     """Probability of an event over the runs of a sample."""
-    if not sample.size:
-        return Estimate.without_bounds(np.nan, sample.reason_without_intervals)
     count = int(events.sum())
-    value = count / sample.size
+    value = count / sample.size if sample.size else np.nan
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(value, reason)
     if sample.error_model is not ErrorModel.INDEPENDENT and has_enough_runs_around(sample, count):

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import QUADRATURE_WEIGHT, STATUS
 from uqpen.core.status import Status
 from uqpen.statistics import texts
@@ -19,7 +19,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
 __all__ = ["quadrature_moments"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # What rounding leaves of a sum of weighted terms, relative to their size.
 _ROUNDING = 1e-12
@@ -49,29 +48,17 @@ def quadrature_moments(
     ):
         value, reason = integrals.statistic_with_reason(statistic)
         estimate = Estimate.without_bounds(value, reason, integrals.missing_runs_note)
-        yield (
-            statistic,
-            estimate.to_array(units=units, long_name=f"{long_name} of {title}"),
-        )
+        yield statistic, estimate.to_array(units=units, long_name=f"{long_name} of {title}")
 
 
 @dataclass(frozen=True, eq=False)
 class _Integrals:
-    """Completed runs of a quadrature rule, with weights scaled to a sum of 1.
-
-    Parameters
-    ----------
-    values, weights : ndarray, shape (run,)
-        Of the completed runs.
-    missing_runs_note : str
-        Note on the failed runs and their effect; empty where no run failed.
-    total : float
-        Sum of the weights before scaling; 1 where no run failed.
-    """
+    """Completed runs of a quadrature rule, with weights scaled to a sum of 1."""
 
     values: FloatArray
     weights: FloatArray
     missing_runs_note: str
+    # Sum of the weights before scaling; 1 where no run failed.
     total: float
 
     @classmethod

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import LEVEL, Estimate
@@ -20,7 +20,6 @@ from uqpen.statistics.standard_errors import cdf_error, standard_error
 
 __all__ = ["sample_moments"]
 
-BoolArray = npt.NDArray[np.bool_]
 
 # Means over replicates covered less than said on heavy tails below this many runs.
 _FEWEST_RUNS_FOR_HEAVY_MEANS = 5000
@@ -29,6 +28,13 @@ _FEWEST_RUNS_FOR_A_MEAN = 20
 
 # About one standard deviation on either side of the median, for a normal distribution.
 _LOW, _HIGH = 0.16, 0.84
+
+# Method and label of the interval of a mean.
+_MEAN_METHODS = {
+    ErrorModel.INDEPENDENT: (texts.STUDENT, "nominal"),
+    ErrorModel.REPLICATED: (texts.STUDENT_OVER_REPLICATES, "nominal"),
+    ErrorModel.SINGLE_STRATIFIED_SET: (texts.STUDENT_ON_RESIDUALS, "conservative"),
+}
 
 # A sum of as many runs as there ever are is exact to this, relative to the largest.
 _ROUNDING = 1e-12
@@ -77,22 +83,16 @@ def _mean(sample: Sample, shape: SampleShape) -> Estimate:
         return Estimate.without_bounds(shape.mean, texts.NO_SCATTER_OF_STRATA)
     half = student_quantile(freedom, LEVEL) * error * shape.scale
     ends = shape.mean - half, shape.mean + half
-    is_replicated = sample.error_model is ErrorModel.REPLICATED
-    if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
-        estimate = Estimate(shape.mean, *ends, texts.STUDENT_ON_RESIDUALS, "conservative")
-    else:
-        method = texts.STUDENT_OVER_REPLICATES if is_replicated else texts.STUDENT
-        estimate = Estimate(shape.mean, *ends, method, "nominal")
-    return estimate.with_note(_mean_warning(sample, shape))
+    method, label = _MEAN_METHODS[sample.error_model]
+    return Estimate(shape.mean, *ends, method, label, _mean_warning(sample, shape))
 
 
 def _mean_warning(sample: Sample, shape: SampleShape) -> str:
     """Reason why the interval of a mean may not have its nominal coverage; empty for none."""
     if sample.is_constant:
         return ""
-    may_hide = (
-        sample.error_model is ErrorModel.REPLICATED and sample.size < _FEWEST_RUNS_FOR_HEAVY_MEANS
-    )
+    is_replicated = sample.error_model is ErrorModel.REPLICATED
+    may_hide = is_replicated and sample.size < _FEWEST_RUNS_FOR_HEAVY_MEANS
     if may_hide and shape.is_heavy:
         return texts.HEAVY_MEAN.format(heavy_tail=shape.tail_note)
     if sample.size < FEWEST_RUNS_FOR_TAILS:
@@ -128,10 +128,8 @@ def _std(sample: Sample, shape: SampleShape) -> Estimate:
     value = std * shape.scale
     label = "conservative" if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET else "nominal"
     method = texts.DELTA_ON_LOGARITHM.format(error_model=sample.error_model)
-    estimate = Estimate(value, value / factor, value * factor, method, label)
-    if shape.is_doubtful:
-        return estimate.with_note(texts.DOUBTFUL_TAIL)
-    return estimate
+    note = texts.DOUBTFUL_TAIL if shape.is_doubtful else ""
+    return Estimate(value, value / factor, value * factor, method, label, note)
 
 
 def _is_falsely_exact(sample: Sample, error: float) -> bool:
@@ -172,10 +170,8 @@ def _half_spread(sample: Sample) -> Estimate:
 def _correlation(sample: Sample, one: BoolArray, other: BoolArray) -> float:
     """Correlation of the errors of two shares, estimated from their scatter; else 0."""
     first_events, second_events = one.astype(np.float64), other.astype(np.float64)
-    first, second = (
-        standard_error(sample, first_events)[0],
-        standard_error(sample, second_events)[0],
-    )
+    first, _ = standard_error(sample, first_events)
+    second, _ = standard_error(sample, second_events)
     if not first * second > 0:
         return 0.0
     between, _ = standard_error(sample, second_events - first_events)

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import INPUT
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
@@ -19,7 +18,7 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sample_shape import FEWEST_RUNS_FOR_TAILS, SampleShape
 from uqpen.statistics.sensitivity.input_measures import (
-    input_coordinate,
+    input_array,
     mean_ranks,
     reason_without_measure,
 )
@@ -27,8 +26,6 @@ from uqpen.statistics.standard_errors import standard_error
 
 __all__ = ["correlations"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _FEWEST_RUNS = 30
 # Correlations nearer to one than this are one but for rounding.
@@ -62,13 +59,9 @@ def correlations(
         long_name = f"{adjective} of {title} with the inputs"
         if sample.dependence and not is_partial:
             long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
-        array = Estimate.stack(
-            [columns.correlation(i, is_partial=is_partial) for i in range(len(sample.inputs))],
-            INPUT,
-            units="1",
-            long_name=long_name,
-        )
-        yield statistic, array.assign_coords(input_coordinate(sample))
+        inputs = range(len(sample.inputs))
+        estimates = [columns.correlation(i, is_partial=is_partial) for i in inputs]
+        yield statistic, input_array(estimates, sample.inputs, long_name)
 
 
 @dataclass(frozen=True)
@@ -99,7 +92,6 @@ class _CorrelatedColumns:
 
     @cached_property
     def _varying(self) -> IntArray:
-        """Numbers of the columns that vary."""
         return np.flatnonzero(self.standardized.any(axis=1))
 
     @cached_property
@@ -107,8 +99,7 @@ class _CorrelatedColumns:
         """Mean products of the columns that vary: how they correlate."""
         columns = self.standardized[self._varying]
         # `einsum` adds in one order on every processor; the kernels of `@` each have their own.
-        products: FloatArray = np.einsum("ir,jr->ij", columns, columns) / self.sample.size
-        return products
+        return np.einsum("ir,jr->ij", columns, columns) / self.sample.size
 
     def correlation(self, i: int, *, is_partial: bool) -> Estimate:
         """Estimate the correlation of the output with input `i`."""
@@ -173,8 +164,7 @@ class _CorrelatedColumns:
         at = np.bincount(level, target)
         above = np.cumsum(at[::-1])[::-1] - at
         # Half of what is equal lies above.
-        moved: FloatArray = (above + at / 2)[level] / mean_ranks(level).std()
-        return moved
+        return (above + at / 2)[level] / mean_ranks(level).std()
 
     def _with_bounds(self, value: float, influence: FloatArray) -> Estimate:
         """Return a correlation with its bounds, by the delta method on Fisher's transform."""

@@ -6,26 +6,23 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from scipy import special
 
-from uqpen.core.labels import INPUT
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.streams import Stream
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.input_measures import (
-    input_coordinate,
+    input_array,
     mean_ranks,
     reason_without_measure,
 )
 
 __all__ = ["delta"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _FEWEST_RUNS = 48
 # Normal scores beyond lie in the outermost cells.
@@ -57,13 +54,8 @@ def delta(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, x
     if sample.dependence:
         long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
     cells = _cells(sample.values)
-    array = Estimate.stack(
-        [_estimate(sample, cells, column) for column in range(len(sample.inputs))],
-        INPUT,
-        units="1",
-        long_name=long_name,
-    )
-    yield "delta", array.assign_coords(input_coordinate(sample))
+    estimates = [_estimate(sample, cells, column) for column in range(len(sample.inputs))]
+    yield "delta", input_array(estimates, sample.inputs, long_name)
 
 
 def _estimate(sample: Sample, cells: IntArray, column: int) -> Estimate:
@@ -85,8 +77,7 @@ def _cells(values: FloatArray) -> IntArray:
     """
     scores = special.ndtri(_empirical_cdf(values))
     cells = np.floor((scores / _FARTHEST_SCORE + 1) / 2 * _CELLS).astype(np.int64)
-    clipped: IntArray = np.clip(cells, 0, _CELLS - 1)
-    return clipped
+    return np.clip(cells, 0, _CELLS - 1)
 
 
 def _counts(values: FloatArray, cells: IntArray) -> FloatArray:
@@ -105,8 +96,7 @@ def _counts(values: FloatArray, cells: IntArray) -> FloatArray:
 def _empirical_cdf(values: FloatArray) -> FloatArray:
     """Share of the runs below each value, where a run itself counts half."""
     level = np.unique(values, return_inverse=True)[1]
-    shares: FloatArray = (mean_ranks(level) - 0.5) / max(len(values), 1)
-    return shares
+    return (mean_ranks(level) - 0.5) / max(len(values), 1)
 
 
 def _resampled(counts: FloatArray) -> Iterator[FloatArray]:

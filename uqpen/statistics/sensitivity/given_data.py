@@ -9,10 +9,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import INPUT
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.probabilities import (
     category_coordinates,
@@ -24,14 +23,12 @@ from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.sample_shape import FEWEST_RUNS_FOR_TAILS, SampleShape
-from uqpen.statistics.sensitivity.input_measures import input_coordinate
+from uqpen.statistics.sensitivity.input_measures import event_array, input_array
 from uqpen.statistics.sensitivity.local_regression import RegressionBins, ResidualVariance
 from uqpen.statistics.standard_errors import standard_error
 
 __all__ = ["first_order"]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 # Three bins: with fewer, a curved mean cannot be distinguished from noise.
 _FEWEST_RUNS = 48
@@ -79,23 +76,15 @@ def first_order(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
 
 @dataclass(frozen=True)
 class _LocalRegressions:
-    """The runs of a sample, put together by each of their inputs.
-
-    Parameters
-    ----------
-    sample : Sample
-        The runs.
-    """
+    """The runs of a sample, put together by each of their inputs."""
 
     sample: Sample
 
     @cached_property
     def bins(self) -> list[RegressionBins]:
         """The bins of each input."""
-        return [
-            RegressionBins.from_sample(self.sample, column)
-            for column in range(len(self.sample.inputs))
-        ]
+        inputs = range(len(self.sample.inputs))
+        return [RegressionBins.from_sample(self.sample, column) for column in inputs]
 
     @cached_property
     def halved_bins(self) -> list[RegressionBins]:
@@ -103,39 +92,23 @@ class _LocalRegressions:
         inputs = range(len(self.sample.inputs))
         return [RegressionBins.from_sample(self.sample, column, halved=True) for column in inputs]
 
-    @cached_property
-    def shape(self) -> SampleShape:
-        """The shape of the output's own tail."""
-        return SampleShape(self.sample)
-
     def variable_indices(
         self, values: FloatArray, prefix: str, title: str
     ) -> tuple[str, xr.DataArray]:
         """Indices of a variable over the runs, along ``input``."""
-        has_doubtful_source = self.shape.is_doubtful
-        array = Estimate.stack(
-            self._indices(_Variable(replace(self.sample, values=values), has_doubtful_source)),
-            INPUT,
-            units="1",
-            long_name=self._long_name(title),
-        )
-        return f"{prefix}first_order", array.assign_coords(input_coordinate(self.sample))
+        has_doubtful_source = SampleShape(self.sample).is_doubtful
+        variable = _Variable(replace(self.sample, values=values), has_doubtful_source)
+        inputs, long_name = self.sample.inputs, self._long_name(title)
+        return f"{prefix}first_order", input_array(self._indices(variable), inputs, long_name)
 
     def event_indices(
         self, events: Sequence[BoolArray], coordinates: Mapping[str, Any], prefix: str, title: str
     ) -> tuple[str, xr.DataArray]:
         """Indices of what happened in which runs, a row for each event."""
-        along = next(iter(coordinates))
         samples = [replace(self.sample, values=event.astype(np.float64)) for event in events]
-        array = Estimate.table(
-            [self._indices(_Variable(sample, is_event=True)) for sample in samples],
-            (along, INPUT),
-            units="1",
-            long_name=self._long_name(title),
-        )
-        return f"{prefix}first_order", array.assign_coords(
-            {**coordinates, **input_coordinate(self.sample)}
-        )
+        rows = [self._indices(_Variable(sample, is_event=True)) for sample in samples]
+        array = event_array(rows, coordinates, self.sample.inputs, self._long_name(title))
+        return f"{prefix}first_order", array
 
     def _long_name(self, title: str) -> str:
         long_name = f"first-order Sobol' indices of {title}"
@@ -167,20 +140,12 @@ class _LocalRegressions:
 
 @dataclass(frozen=True)
 class _Variable:
-    """A variable over runs, and the share of its variance that an input explains.
-
-    Parameters
-    ----------
-    sample : Sample
-        Its values.
-    has_doubtful_source : bool
-        True if the output that it derives from may have a heavy tail.
-    is_event : bool
-        True if it is the indicator (0 or 1) of an event.
-    """
+    """A variable over runs, and the share of its variance that an input explains."""
 
     sample: Sample
+    # The output that it derives from may have a heavy tail.
     has_doubtful_source: bool = False
+    # It is the indicator (0 or 1) of an event.
     is_event: bool = False
 
     @cached_property
@@ -190,8 +155,7 @@ class _Variable:
     @cached_property
     def standardized(self) -> FloatArray:
         """Deviations from the mean, of variance 1."""
-        standardized: FloatArray = self.shape.deviations / self.shape.deviations.std()
-        return standardized
+        return self.shape.deviations / self.shape.deviations.std()
 
     @cached_property
     def variance(self) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.labels import REPLICATE, ROUND, STATUS
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -25,9 +26,6 @@ from uqpen.statistics.sensitivity import salib_estimators
 
 __all__ = ["BlockVariable", "PickFreezeBlocks"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 # Of an event that happens in a seventh of the runs, indices were covered in 91 % with 128 blocks.
 _ENOUGH_FOR_EVENTS = 500
@@ -107,7 +105,6 @@ class BlockVariable:
     Parameters
     ----------
     blocks : PickFreezeBlocks
-        The blocks.
     values : ndarray, shape (run,)
         The variable, in any unit.
     is_event : bool
@@ -200,8 +197,7 @@ class BlockVariable:
         """Standardized values at a part of each block."""
         values = self.values[self.blocks.rows[matrix]]
         scaled = (values - self.shape.mean) / self.shape.scale
-        standardized: FloatArray = scaled / self.shape.deviations.std()
-        return standardized
+        return scaled / self.shape.deviations.std()
 
     @cached_property
     def _denominator(self) -> FloatArray:
@@ -220,13 +216,13 @@ class BlockVariable:
             return Estimate.without_bounds(value, texts.NO_SCATTER_OF_STRATA)
         half = student_quantile(freedom, LEVEL) * error
         if not self._warning:
-            estimate = Estimate(value, value - half, value + half, texts.JACKKNIFE, "nominal")
-            return estimate.with_note(self._reservation)
+            ends, note = (value - half, value + half), self._reservation
+            return Estimate(value, *ends, texts.JACKKNIFE, "nominal", note)
         influence = numerator - value * self._denominator
         over_blocks = float(influence.std(ddof=1)) / math.sqrt(blocks.count)
         half = max(half, student_quantile(blocks.count - 1, LEVEL) * over_blocks)
-        wider = Estimate(value, value - half, value + half, texts.WIDER_OF_TWO, "conservative")
-        return wider.with_note(texts.DOUBTFUL_AS.format(reason=self._warning))
+        ends, note = (value - half, value + half), texts.DOUBTFUL_AS.format(reason=self._warning)
+        return Estimate(value, *ends, texts.WIDER_OF_TWO, "conservative", note)
 
     @property
     def _warning(self) -> str:
@@ -240,9 +236,7 @@ class BlockVariable:
         """Warning of an effect that may do so but does not show in the runs; empty for none."""
         if self.is_event:
             # It has no tail that could be hidden.
-            few = texts.FEW_BLOCKS_WITH_EVENTS.format(blocks=_ENOUGH_FOR_EVENTS)
-            is_doubtful = self.blocks.count < _ENOUGH_FOR_EVENTS
-            return texts.DOUBTFUL_AS.format(reason=few) if is_doubtful else ""
+            return texts.FEW_BLOCKS_WITH_EVENTS if self.blocks.count < _ENOUGH_FOR_EVENTS else ""
         return texts.DOUBTFUL_TAIL if self.shape.is_doubtful else ""
 
     def _reason_without_bounds(self, informative: BoolArray) -> str:

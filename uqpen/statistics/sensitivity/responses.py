@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import (
-    INPUT,
     MOVED_BY,
     MOVED_INPUT,
     MOVED_UNCERTAINTY,
@@ -22,7 +21,7 @@ from uqpen.designs.moves import moved_input_numbers
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sensitivity.input_measures import input_names_coordinate
+from uqpen.statistics.sensitivity.input_measures import input_array
 
 __all__ = ["relative_responses"]
 
@@ -58,19 +57,12 @@ def relative_responses(
         ("response", found, f"relative response of {title}"),
         ("contribution", contributions, f"contribution to the relative uncertainty of {title}"),
     ):
-        array = Estimate.stack(estimates, INPUT, units="1", long_name=long_name)
-        yield statistic, array.assign_coords(input_names_coordinate(list(inputs)))
+        yield statistic, input_array(estimates, [*inputs], long_name)
 
 
 @dataclass(frozen=True)
 class _Slopes:
-    """Relative changes of an output over those of one input; NaN where a run failed.
-
-    Parameters
-    ----------
-    down, up : float
-        From the nominal point to either side.
-    """
+    """Relative changes of an output over those of one input, to either side; NaN for failed."""
 
     down: float
     up: float
@@ -113,15 +105,10 @@ def _response(runs: xr.Dataset, name: str, entry: str) -> Estimate:
     slopes = _Slopes(down, up)
     if math.isnan(slopes.value):
         return Estimate.without_bounds(math.nan, texts.STEP_FAILED)
-    reference = _reference(runs, entry)
+    # The reference of the input's change, if it is not the nominal value.
+    is_of_spread = entry in str(runs[MOVED_BY].attrs.get(RELATIVE_TO_SPREAD, "")).split()
+    reference = texts.OF_HALF_SPREAD if is_of_spread else ""
     return Estimate.without_bounds(slopes.value, texts.ONE_POINT, slopes.note, reference)
-
-
-def _reference(runs: xr.Dataset, entry: str) -> str:
-    """Return a note on the reference of an input's change if it is not the nominal value."""
-    if entry in str(runs[MOVED_BY].attrs.get(RELATIVE_TO_SPREAD, "")).split():
-        return texts.OF_HALF_SPREAD
-    return ""
 
 
 def _contribution(response: Estimate, runs: xr.Dataset, number: int) -> Estimate:

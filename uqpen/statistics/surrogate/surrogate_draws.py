@@ -32,11 +32,9 @@ class SurrogateDraws:
     Parameters
     ----------
     model : FittedSurrogate
-        The surrogate.
     joint : JointDistribution
-        The inputs.
     constraints : sequence of Constraint
-        The constraints that bound the joint distribution.
+        Bounds of the joint distribution.
     given : mapping of str to float
         Values of fixed inputs that replace those of the joint distribution.
     stream : Stream

@@ -5,25 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import ESTIMATOR, INPUT
+from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import ESTIMATOR
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.probabilities import threshold_coordinates
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sensitivity.input_measures import input_names_coordinate
+from uqpen.statistics.sensitivity.input_measures import event_array, input_array
 from uqpen.statistics.surrogate.pick_freeze_pairs import MOST_INPUTS_FOR_ALL_SETS
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.surrogates.closed_forms import shapley_effects, sobol_indices
 
 __all__ = ["surrogate_indices"]
 
-FloatArray = npt.NDArray[np.float64]
 # An index and the standard error that sampling the surrogate leaves it; NaN where it is exact.
 Index = tuple[float, float]
 # First-order, total-order indices and Shapley effects, each along the inputs; None for none.
@@ -89,17 +87,11 @@ class _SurrogateIndices:
             self._sampled_indices(_exceedance_event(threshold.value)) for threshold in thresholds
         ]
         for position, (ending, adjective) in enumerate(_ORDERS.items()):
-            array = Estimate.table(
-                [self._estimates(row[position], ending) for row in rows],
-                (next(iter(coordinates)), INPUT),
-                units="1",
-                long_name=f"{adjective} of whether {title} exceeds a value",
-            )
-            described = array.assign_coords({**coordinates, **self._inputs})
-            yield (
-                f"exceedance_{ending}",
-                described.assign_attrs({ESTIMATOR: self.draws.pairs_estimator}),
-            )
+            estimates = [self._estimates(row[position], ending) for row in rows]
+            long_name = f"{adjective} of whether {title} exceeds a value"
+            array = event_array(estimates, coordinates, self._inputs, long_name)
+            estimator = {ESTIMATOR: self.draws.pairs_estimator}
+            yield f"exceedance_{ending}", array.assign_attrs(estimator)
 
     def _closed_form_indices(self) -> Indices:
         expansion = self.draws.model.expansions[self.quantity.output.name]
@@ -126,16 +118,9 @@ class _SurrogateIndices:
         self, prefix: str, title: str, indices: Indices, estimator: str
     ) -> Iterator[tuple[str, xr.DataArray]]:
         for (ending, adjective), values in zip(_ORDERS.items(), indices, strict=True):
-            array = Estimate.stack(
-                self._estimates(values, ending),
-                INPUT,
-                units="1",
-                long_name=f"{adjective} of {title}",
-            )
-            yield (
-                f"{prefix}{ending}",
-                array.assign_coords(self._inputs).assign_attrs({ESTIMATOR: estimator}),
-            )
+            estimates = self._estimates(values, ending)
+            array = input_array(estimates, self._inputs, f"{adjective} of {title}")
+            yield f"{prefix}{ending}", array.assign_attrs({ESTIMATOR: estimator})
 
     def _estimates(self, values: list[Index] | None, ending: str) -> list[Estimate]:
         if values is None:
@@ -154,8 +139,8 @@ class _SurrogateIndices:
         return texts.CONSTANT_AT_DRAWS
 
     @property
-    def _inputs(self) -> dict[str, Any]:
-        return input_names_coordinate([entry.variable.name for entry in self.draws.joint.random])
+    def _inputs(self) -> list[str]:
+        return [entry.variable.name for entry in self.draws.joint.random]
 
 
 def _estimate_with_noise(value: float, error: float, note: str) -> Estimate:
@@ -168,8 +153,4 @@ def _estimate_with_noise(value: float, error: float, note: str) -> Estimate:
 
 def _exceedance_event(value: float) -> Callable[[FloatArray], FloatArray]:
     """Return a function for the event that an output exceeds a value; NaN for an output of NaN."""
-
-    def event(values: FloatArray) -> FloatArray:
-        return np.where(np.isnan(values), np.nan, values > value)
-
-    return event
+    return lambda outputs: np.where(np.isnan(outputs), np.nan, outputs > value)
