@@ -48,16 +48,16 @@ heavy tail ({tail}): below 5 000 runs it may cover less often than it says
 heavy tail ({tail}): below 5 000 runs the coverage may be below nominal
 it hangs on so few runs ({tail}) that it may not exist
 heavy tail ({tail}): the mean may not exist
-fewer than 200 runs do not show a heavy tail
-fewer than 200 runs are too few to detect a heavy tail
+fewer than {runs} runs do not show a heavy tail
+fewer than {runs} runs are too few to detect a heavy tail
 with one it covers less often than it says
 with a heavy tail the coverage is below nominal
 if the tail is heavier than these runs show, it covers less often than it says
 the interval may be too narrow if extreme values are more frequent than in these runs
 {reason}: it may cover less often than it says
 {reason}: the coverage may be below nominal
-with fewer than 500 blocks it may cover less often than it says
-fewer than 500 blocks: the coverage may be below nominal
+with fewer than {blocks} blocks it may cover less often than it says
+fewer than {blocks} blocks: the coverage may be below nominal
 {effects} effects are so few that it may cover less often than it says
 only {effects} effects: the coverage may be below nominal
 only {distinct} of {effects} effects differ from the others; it may cover less often than it says

@@ -64,7 +64,11 @@ def analyze(
         own = _select(ANALYSES_OF_DESIGNS.get(sampling, {}), only)
         _run_analyses(own, quantities, dict.fromkeys(found, runs), _run_counts(runs), found)
         if sampling.is_sample and outside:
-            _run_outside_analyses(outside, quantities, samples, _run_counts(drawn), found)
+            counts = _run_counts(drawn)
+            for quantity in quantities:
+                name = quantity.output.name
+                added = outside_statistics(outside, samples[name], quantity, found[name])
+                found[name] |= {key: array.assign_attrs(counts) for key, array in added.items()}
         return {output: in_catalogue_order(statistics) for output, statistics in found.items()}
 
 
@@ -115,20 +119,6 @@ def _run_analyses(
             name = quantity.output.name
             for statistic, array in analysis(evidence[name], quantity):
                 found[name][statistic] = array.assign_attrs(attributes)
-
-
-def _run_outside_analyses(
-    analyses: Sequence[OutsideAnalysis],
-    quantities: Sequence[QuantityOfInterest],
-    samples: Mapping[str, Sample],
-    attributes: Mapping[str, int | str],
-    found: dict[str, OutputStatistics],
-) -> None:
-    """Add the statistics of user-supplied analyses, for each output, to those found."""
-    for quantity in quantities:
-        name = quantity.output.name
-        added = outside_statistics(analyses, samples[name], quantity, found[name])
-        found[name] |= {key: array.assign_attrs(attributes) for key, array in added.items()}
 
 
 def _run_counts(runs: xr.Dataset) -> dict[str, int | str]:

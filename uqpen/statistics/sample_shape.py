@@ -12,7 +12,7 @@ from uqpen.core.arrays import FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.sample import Sample
 
-__all__ = ["FEWEST_RUNS_FOR_TAILS", "SampleShape"]
+__all__ = ["SampleShape"]
 
 
 # Where the standard deviation's interval stopped covering in simulations: a tail so heavy that
@@ -20,7 +20,7 @@ __all__ = ["FEWEST_RUNS_FOR_TAILS", "SampleShape"]
 # first number it did not as a rule, up to the second now and then.
 _HEAVY_KURTOSIS = 6.0
 _FEWEST_EFFECTIVE_RUNS = 1000.0
-FEWEST_RUNS_FOR_TAILS = 200
+_FEWEST_RUNS_FOR_TAILS = 200
 _ENOUGH_RUNS_FOR_TAILS = 1000
 # A distribution with a heavier tail may give a sample below the former limit, seldom below this.
 _DOUBTFUL_KURTOSIS = 4.5
@@ -90,6 +90,13 @@ class SampleShape:
         if self.sample.size < _ENOUGH_RUNS_FOR_TAILS:
             return True
         return self.kurtosis > _DOUBTFUL_KURTOSIS and self.has_few_effective_runs
+
+    @property
+    def hidden_tail(self) -> str:
+        """Reason why the runs cannot show a heavy tail; empty where there are enough."""
+        if self.sample.size >= _FEWEST_RUNS_FOR_TAILS:
+            return ""
+        return texts.HIDDEN_TAIL.format(runs=_FEWEST_RUNS_FOR_TAILS)
 
     @property
     def tail_note(self) -> str:

@@ -33,17 +33,13 @@ def standard_error(sample: Sample, influence: FloatArray) -> tuple[float, float]
     if sample.error_model is ErrorModel.REPLICATED:
         return ratio_error(influence, sample.replicate, sample.replicate_count)
     if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
-        return _single_error(sample, influence)
+        # With failed runs, the mean is a ratio of sums over all points, and a failed run adds
+        # nothing to them.
+        deviation = np.zeros(len(sample.points))
+        deviation[sample.used] = influence - influence.mean()
+        error, freedom = additive_residual_error(deviation, sample.points)
+        return error * len(sample.points) / sample.size, freedom
     return float(influence.std(ddof=1)) / math.sqrt(sample.size), sample.degrees_of_freedom
-
-
-def _single_error(sample: Sample, influence: FloatArray) -> tuple[float, float]:
-    # With failed runs, the mean is a ratio of sums over all points, and a failed run adds nothing
-    # to them.
-    deviation = np.zeros(len(sample.points))
-    deviation[sample.used] = influence - influence.mean()
-    error, freedom = additive_residual_error(deviation, sample.points)
-    return error * len(sample.points) / sample.size, freedom
 
 
 def rounding_error(sample: Sample) -> float:

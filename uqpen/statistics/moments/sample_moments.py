@@ -15,7 +15,7 @@ from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sample_shape import FEWEST_RUNS_FOR_TAILS, SampleShape
+from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.standard_errors import cdf_error, standard_error
 
 __all__ = ["sample_moments"]
@@ -95,8 +95,8 @@ def _mean_warning(sample: Sample, shape: SampleShape) -> str:
     may_hide = is_replicated and sample.size < _FEWEST_RUNS_FOR_HEAVY_MEANS
     if may_hide and shape.is_heavy:
         return texts.HEAVY_MEAN.format(heavy_tail=shape.tail_note)
-    if sample.size < FEWEST_RUNS_FOR_TAILS:
-        return f"{texts.HIDDEN_TAIL}; {texts.IF_HEAVY_TAIL}"
+    if shape.hidden_tail:
+        return f"{shape.hidden_tail}; {texts.IF_HEAVY_TAIL}"
     if shape.effective_runs < _FEWEST_RUNS_FOR_A_MEAN:
         return texts.MEAN_MAY_NOT_EXIST.format(heavy_tail=shape.tail_note)
     # Of 256 runs of the concrete study one sample in seven looks light, and replicates of those
@@ -115,8 +115,8 @@ def _std(sample: Sample, shape: SampleShape) -> Estimate:
     # less than that of independent draws; for those it makes the divisor one run less.
     error, freedom = standard_error(sample, shape.deviations)
     std = math.hypot(float(shape.deviations.std()), error)
-    if sample.size < FEWEST_RUNS_FOR_TAILS:
-        return Estimate.without_bounds(std * shape.scale, texts.HIDDEN_TAIL)
+    if shape.hidden_tail:
+        return Estimate.without_bounds(std * shape.scale, shape.hidden_tail)
     if shape.is_heavy:
         reason = texts.NO_INTERVAL_AS.format(reason=shape.tail_note)
         return Estimate.without_bounds(std * shape.scale, reason, texts.SEE_HALF_SPREAD)

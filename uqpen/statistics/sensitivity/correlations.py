@@ -16,7 +16,7 @@ from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.sample_shape import FEWEST_RUNS_FOR_TAILS, SampleShape
+from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.sensitivity.input_measures import (
     input_array,
     mean_ranks,
@@ -188,8 +188,8 @@ class _CorrelatedColumns:
     def _reason_without_bounds(self) -> str:
         if self.is_ranked:
             return ""
-        if self.sample.size < FEWEST_RUNS_FOR_TAILS:
-            return f"{texts.HIDDEN_TAIL}; {texts.SEE_RANKS}"
+        if self.shape.hidden_tail:
+            return f"{self.shape.hidden_tail}; {texts.SEE_RANKS}"
         if self.shape.is_heavy:
             heavy = texts.NO_INTERVAL_AS.format(reason=self.shape.tail_note)
             return f"{heavy}; {texts.SEE_RANKS}"

@@ -22,8 +22,12 @@ from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sample_shape import FEWEST_RUNS_FOR_TAILS, SampleShape
-from uqpen.statistics.sensitivity.input_measures import event_array, input_array
+from uqpen.statistics.sample_shape import SampleShape
+from uqpen.statistics.sensitivity.input_measures import (
+    event_array,
+    input_array,
+    reason_without_measure,
+)
 from uqpen.statistics.sensitivity.local_regression import RegressionBins, ResidualVariance
 from uqpen.statistics.standard_errors import standard_error
 
@@ -122,12 +126,9 @@ class _LocalRegressions:
 
     def _index(self, variable: _Variable, column: int) -> Estimate:
         """Estimate the share of a variable's variance that an input explains."""
-        if self.sample.size < _FEWEST_RUNS:
-            return Estimate.without_bounds(math.nan, self.sample.too_few_runs)
-        if variable.sample.is_constant:
-            return Estimate.without_bounds(math.nan, variable.constancy_reason)
-        if not np.ptp(self.sample.points[self.sample.used, column]) > 0:
-            return Estimate.without_bounds(math.nan, texts.CONSTANT_INPUT)
+        constant = texts.CONSTANT_EVENT if variable.is_event else texts.CONSTANT_OUTPUT
+        if reason := reason_without_measure(variable.sample, column, _FEWEST_RUNS, constant):
+            return Estimate.without_bounds(math.nan, reason)
         estimate = variable.index(self.bins[column])
         if estimate.label == "none" or estimate.value < _LARGE:
             return estimate
@@ -162,10 +163,6 @@ class _Variable:
         """Variance of the distribution about its own mean, which differs from the sample mean."""
         error, freedom = standard_error(self.sample, self.standardized)
         return 1 + error**2 if freedom else 1 + 1 / self.sample.size
-
-    @property
-    def constancy_reason(self) -> str:
-        return texts.CONSTANT_EVENT if self.is_event else texts.CONSTANT_OUTPUT
 
     def explained_share(self, bins: RegressionBins) -> float:
         """Return the share of the variance that the lines of an input's bins explain."""
@@ -215,7 +212,7 @@ class _Variable:
 
     @property
     def _warning(self) -> str:
-        if self.sample.size < FEWEST_RUNS_FOR_TAILS:
+        if self.shape.hidden_tail:
             return texts.ONLY_RUNS.format(runs=self.sample.size)
         return self.shape.tail_note if self.shape.is_heavy else ""
 

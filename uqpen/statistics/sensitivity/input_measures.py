@@ -59,7 +59,9 @@ def input_coordinate(inputs: Sequence[str]) -> dict[str, Any]:
     return {INPUT: (INPUT, np.array(inputs, dtype=object), {"long_name": "input"})}
 
 
-def reason_without_measure(sample: Sample, column: int, fewest: int) -> str:
+def reason_without_measure(
+    sample: Sample, column: int, fewest: int, constant: str = texts.CONSTANT_OUTPUT
+) -> str:
     """Reason why a measure of an input cannot be estimated from a sample; empty if it can.
 
     Parameters
@@ -70,11 +72,13 @@ def reason_without_measure(sample: Sample, column: int, fewest: int) -> str:
         The input, by its number in `Sample.inputs`.
     fewest : int
         Least number of runs for the measure.
+    constant : str
+        The reason for an output that does not vary.
     """
     if sample.size < fewest:
         return sample.too_few_runs
     if sample.is_constant:
-        return texts.CONSTANT_OUTPUT
+        return constant
     if not np.ptp(sample.points[sample.used, column]) > 0:
         return texts.CONSTANT_INPUT
     return ""

@@ -21,7 +21,7 @@ from uqpen.statistics.distribution_function.quantiles import has_enough_runs_aro
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import ratio_jackknife_error, student_quantile
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.sample_shape import FEWEST_RUNS_FOR_TAILS, SampleShape
+from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.sensitivity import salib_estimators
 
 __all__ = ["BlockVariable", "PickFreezeBlocks"]
@@ -227,7 +227,7 @@ class BlockVariable:
     @property
     def _warning(self) -> str:
         """Warning that the scatter of replicates does not show the error; empty for none."""
-        if self.sample.size < FEWEST_RUNS_FOR_TAILS:
+        if self.shape.hidden_tail:
             return texts.ONLY_BLOCKS.format(blocks=self.blocks.count)
         return self.shape.tail_note if self.shape.is_heavy else ""
 
@@ -236,7 +236,8 @@ class BlockVariable:
         """Warning of an effect that may do so but does not show in the runs; empty for none."""
         if self.is_event:
             # It has no tail that could be hidden.
-            return texts.FEW_BLOCKS_WITH_EVENTS if self.blocks.count < _ENOUGH_FOR_EVENTS else ""
+            is_small = self.blocks.count < _ENOUGH_FOR_EVENTS
+            return texts.FEW_BLOCKS.format(blocks=_ENOUGH_FOR_EVENTS) if is_small else ""
         return texts.DOUBTFUL_TAIL if self.shape.is_doubtful else ""
 
     def _reason_without_bounds(self, informative: BoolArray) -> str:

@@ -48,7 +48,7 @@ def relative_responses(
         return
     name, title = quantity.output.name, quantity.output.title
     inputs = moved_input_numbers(runs)
-    found = [_response(runs, name, entry) for entry in inputs]
+    found = [_response(runs, name, entry, number) for entry, number in inputs.items()]
     contributions = [
         _contribution(response, runs, number)
         for response, number in zip(found, inputs.values(), strict=True)
@@ -89,10 +89,9 @@ class _Slopes:
         return ""
 
 
-def _response(runs: xr.Dataset, name: str, entry: str) -> Estimate:
+def _response(runs: xr.Dataset, name: str, entry: str, number: int) -> Estimate:
     values = np.where(runs[STATUS].values == Status.OK, runs[name].values, np.nan)
     moved, by = runs[MOVED_INPUT].values, runs[MOVED_BY].values
-    number = moved_input_numbers(runs)[entry]
     nominal = float(values[moved < 0][0])
     if math.isnan(nominal):
         return Estimate.without_bounds(math.nan, texts.NOMINAL_RUN_FAILED)

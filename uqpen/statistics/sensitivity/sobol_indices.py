@@ -111,5 +111,4 @@ def _pair_indices(column: BlockVariable, title: str) -> tuple[str, xr.DataArray]
 
 
 def _input_estimates(column: BlockVariable, order: str) -> list[Estimate]:
-    index = column.first_order if order == "first_order" else column.total_order
-    return [index(i) for i in range(column.blocks.layout.dimension)]
+    return [getattr(column, order)(i) for i in range(column.blocks.layout.dimension)]

@@ -22,6 +22,7 @@ from uqpen.surrogates.closed_forms import shapley_effects, sobol_indices
 
 __all__ = ["surrogate_indices"]
 
+Function = Callable[[FloatArray], FloatArray]
 # An index and the standard error that sampling the surrogate leaves it; NaN where it is exact.
 Index = tuple[float, float]
 # First-order, total-order indices and Shapley effects, each along the inputs; None for none.
@@ -49,7 +50,16 @@ def surrogate_indices(
     estimate : DataArray
         Along ``input`` and ``bound``; the indices of exceedance first along ``threshold``.
     """
-    yield from _SurrogateIndices(draws, quantity).all_indices()
+    indices = _SurrogateIndices(draws, quantity)
+    name, title = quantity.output.name, quantity.output.title
+    is_closed = draws.has_closed_form(name)
+    yield from indices.of_variable("", title, lambda values: values, is_closed=is_closed)
+    if draws.model.expansions[name].is_logarithm:
+        is_closed = draws.all_are_admissible and draws.joint.is_independent
+        what = f"the logarithm of {title}"
+        yield from indices.of_variable("log_", what, np.log, is_closed=is_closed)
+    if quantity.thresholds:
+        yield from indices.of_exceedance(title)
 
 
 @dataclass(frozen=True)
@@ -59,28 +69,8 @@ class _SurrogateIndices:
     draws: SurrogateDraws
     quantity: QuantityOfInterest
 
-    def all_indices(self) -> Iterator[tuple[str, xr.DataArray]]:
-        """Yield the indices of the output, of its logarithm and of exceedance."""
-        name, title = self.quantity.output.name, self.quantity.output.title
-        if self.draws.has_closed_form(name):
-            yield from self._index_arrays(
-                "", title, self._closed_form_indices(), texts.FROM_COEFFICIENTS
-            )
-        else:
-            indices = self._sampled_indices(lambda values: values)
-            yield from self._index_arrays("", title, indices, self.draws.pairs_estimator)
-        if self.draws.model.expansions[name].is_logarithm:
-            yield from self._logarithm_indices(name, title)
-        if self.quantity.thresholds:
-            yield from self._exceedance_indices(name, title)
-
-    def _logarithm_indices(self, name: str, title: str) -> Iterator[tuple[str, xr.DataArray]]:
-        is_closed = self.draws.all_are_admissible and self.draws.joint.is_independent
-        indices = self._closed_form_indices() if is_closed else self._sampled_indices(np.log)
-        how = texts.FROM_COEFFICIENTS if is_closed else self.draws.pairs_estimator
-        yield from self._index_arrays("log_", f"the logarithm of {title}", indices, how)
-
-    def _exceedance_indices(self, name: str, title: str) -> Iterator[tuple[str, xr.DataArray]]:
+    def of_exceedance(self, title: str) -> Iterator[tuple[str, xr.DataArray]]:
+        """Yield the indices of whether the output exceeds each threshold."""
         coordinates = threshold_coordinates(self.quantity)
         thresholds = self.quantity.thresholds
         rows = [
@@ -100,7 +90,7 @@ class _SurrogateIndices:
         exact = indices.first, indices.total, shapley_effects(*terms)
         return [[(float(value), math.nan) for value in values] for values in exact]
 
-    def _sampled_indices(self, function: Callable[[FloatArray], FloatArray]) -> Indices:
+    def _sampled_indices(self, function: Function) -> Indices:
         shares = self.draws.pairs.variance_shares(self.quantity.output.name, function)
         if shares is None:
             return [None, None, None]
@@ -114,9 +104,12 @@ class _SurrogateIndices:
                 found.append(list(zip(values, shares.errors(measure), strict=True)))
         return found
 
-    def _index_arrays(
-        self, prefix: str, title: str, indices: Indices, estimator: str
+    def of_variable(
+        self, prefix: str, title: str, function: Function, *, is_closed: bool
     ) -> Iterator[tuple[str, xr.DataArray]]:
+        """Yield the indices of a function of the output, from the coefficients or from pairs."""
+        indices = self._closed_form_indices() if is_closed else self._sampled_indices(function)
+        estimator = texts.FROM_COEFFICIENTS if is_closed else self.draws.pairs_estimator
         for (ending, adjective), values in zip(_ORDERS.items(), indices, strict=True):
             estimates = self._estimates(values, ending)
             array = input_array(estimates, self._inputs, f"{adjective} of {title}")
@@ -151,6 +144,6 @@ def _estimate_with_noise(value: float, error: float, note: str) -> Estimate:
     return Estimate(value, value - half, value + half, texts.SURROGATE_SAMPLING, "nominal", note)
 
 
-def _exceedance_event(value: float) -> Callable[[FloatArray], FloatArray]:
+def _exceedance_event(value: float) -> Function:
     """Return a function for the event that an output exceeds a value; NaN for an output of NaN."""
     return lambda outputs: np.where(np.isnan(outputs), np.nan, outputs > value)
