@@ -2,8 +2,9 @@
 
 The same studies are run with both, on one machine, since last bits differ between processors. Their
 archives are flattened whatever schema each has, and must be equal to the bit: estimates, bounds,
-runs, statuses, and all texts but for those that are reworded on purpose (`REWORDED`). The exit code
-is 0 where all is equal, 1 where something differs, and 2 where it cannot be told.
+runs, statuses, and all texts but for those that are reworded on purpose
+(`uqpen.archive.reworded`). The exit code is 0 where all is equal, 1 where something differs, and 2
+where it cannot be told.
 
     python benchmarks/same_numbers.py --base main
     python benchmarks/same_numbers.py --base main --quick --cache ~/.cache/same_numbers
@@ -17,7 +18,6 @@ import hashlib
 import importlib.metadata
 import os
 import platform
-import re
 import shutil
 import subprocess
 import sys
@@ -35,9 +35,7 @@ import numpy as np
 import numpy.typing as npt
 from flat_archive import Flat, Key, NoPlaceError, flat_archive
 
-# Texts that are reworded on purpose: a regular expression for the old one, and the new one, which
-# may use the groups of the old. They are applied one after the other, wherever they match.
-REWORDED: dict[str, str] = {}
+from uqpen.archive.reworded import reworded
 
 # Names of variables and attributes that are renamed on purpose, by the kind of what they are of:
 # "root", "model", "sources", "runs", "surrogates", "trajectory", "files" and so on.
@@ -505,18 +503,12 @@ def _compare_texts(old: Mapping[Key, str], new: Mapping[Key, str], into: Compari
             into.equal["texts"] += 1
             continue
         if one not in meant:
-            meant[one] = _reworded(one)
+            meant[one] = reworded(one)
         if meant[one] == other:
             into.equal["texts"] += 1
             into.equal["reworded"] += 1
         elif key.what not in (GONE if one else ADDED):
             into.differences.append(Difference("texts", key, repr(one), repr(other)))
-
-
-def _reworded(text: str) -> str:
-    for pattern, template in REWORDED.items():
-        text = re.sub(pattern, template, text)
-    return text
 
 
 def _compare_facts(old: Mapping[Key, object], new: Mapping[Key, object], into: Comparison) -> None:

@@ -71,7 +71,7 @@ SETTINGS = {
 }
 
 # Where nothing else can be said of what was lost, an estimate may have no value, for this reason.
-ABSENT = ("lost", "no scatter", "does not vary", "runs lie on one side")
+ABSENT = ("failed", "no scatter", "does not vary", "runs lie on one side")
 
 
 def tree_of(kind: str, folder: Path) -> xr.DataTree:

@@ -45,14 +45,14 @@ def verdict(
 def test_a_figure_inside_the_runs_interval_is_checked() -> None:
     assert verdict(1.0, mean(1.1, 0.9, 1.3)) == (
         "checked",
-        "inside the interval that runs_0 gives it",
+        "inside the interval of runs_0",
     )
 
 
 def test_a_figure_outside_is_refused() -> None:
     assert verdict(1.4, mean(1.1, 0.9, 1.3)) == (
         "refused",
-        "outside the interval that runs_0 gives it",
+        "outside the interval of runs_0",
     )
 
 
@@ -63,9 +63,9 @@ def test_the_first_runs_with_an_interval_decide() -> None:
 
 
 def test_what_no_runs_tell_is_unchecked() -> None:
-    assert verdict(1.0) == ("unchecked", "no independent runs to hold it against")
+    assert verdict(1.0) == ("unchecked", "no independent runs to compare with")
     silent = mean(1.0, float("nan"), float("nan"))
-    assert verdict(1.0, silent) == ("unchecked", "no independent runs have an interval for it")
+    assert verdict(1.0, silent) == ("unchecked", "no independent runs give an interval for it")
 
 
 def test_what_is_not_a_number_stays_without_a_verdict() -> None:
@@ -104,7 +104,7 @@ def test_each_of_several_figures_is_judged_by_itself() -> None:
     array = found["y"]["quantile"]
     labels = array["interval_label"].values.tolist()
     assert labels == ["checked", "refused", "refused"]
-    assert "beyond all outputs" in str(array["note"].values[2])
+    assert "outside the training range" in str(array["note"].values[2])
 
 
 def test_statistics_that_share_a_dimension_keep_their_own_verdicts() -> None:
@@ -172,7 +172,7 @@ def test_a_surrogate_over_admissible_draws_is_sampled_and_says_so(study_of: Make
     assert float(mean_of_triangle[0]) == pytest.approx(1.0, abs=1e-3)
     assert mean_of_triangle.attrs["estimator"].startswith("by sampling the surrogate at 32")
     first = tree["statistics/pce/y"]["first_order"]
-    assert "given admissible draws" in first.attrs["estimand"]
+    assert "conditional on admissible inputs" in first.attrs["estimand"]
     assert first[:, 0].values == pytest.approx([0.75, 0.75], abs=0.01)
 
 

@@ -157,7 +157,7 @@ def test_the_plastic_zone_decides_most_of_the_depths_variance(
         assert lower < exact < upper, name
     largest = int(indices.sel(bound="estimate").values.argmax())
     assert indices["input"].values[largest] == "plasticity_radius"
-    assert "given admissible draws" in indices.attrs["estimand"]
+    assert "conditional on admissible inputs" in indices.attrs["estimand"]
 
 
 def test_the_depth_responds_as_the_report_says(concrete: xr.DataTree) -> None:
@@ -239,7 +239,7 @@ def test_where_batches_are_computed_changes_no_bit() -> None:
 def test_every_statistic_survives_the_loss_of_every_run() -> None:
     tree = uqpen.run(small(constraint="'x1 > 4'"))
     assert np.isnan(tree["statistics/a/y"]["mean"].values).all()
-    assert tree["statistics/a/y"]["mean"].attrs["note"] == "no run came back"
+    assert tree["statistics/a/y"]["mean"].attrs["note"] == "no run completed"
     assert (
         float(tree["failures/a"]["probability"].sel(status="inadmissible", bound="estimate")) == 1.0
     )
@@ -327,7 +327,7 @@ def test_missing_runs_widen_a_probability_by_what_they_could_have_been(tmp_path:
         estimate, lower, upper = probability.values
         assert estimate == pytest.approx(4 / 9, abs=0.06)
         assert lower < 0.5 < upper
-        assert "counted both ways" in interval_text(probability, "note")
+        assert "any outcome of the missing runs" in interval_text(probability, "note")
         assert probability.attrs["missing"].endswith(" % of the admissible runs")
 
 
@@ -360,7 +360,7 @@ def test_runs_that_are_all_of_one_replicate_tell_no_error(tmp_path: Path) -> Non
     tree = python(tmp_path, "np.where(np.arange(len(x)) < 20, x, np.nan)", runs=200)
     mean = tree["statistics/lhs/y"]["mean"]
     assert np.isnan(mean.values[1])
-    assert mean.attrs["note"] == "the runs that came back are all of one replicate"
+    assert mean.attrs["note"] == "all completed runs are of one replicate"
 
 
 def test_how_a_figure_is_told_does_not_depend_on_what_else_was_asked() -> None:
@@ -384,7 +384,7 @@ def test_few_replicates_do_not_show_a_tail_that_their_mean_suffers_from(
     tmp_path: Path, runs: int, is_doubted: bool
 ) -> None:
     mean = python(tmp_path, "x", runs=runs)["statistics/lhs/y"]["mean"]
-    assert ("heavier than" in mean.attrs.get("note", "")) == is_doubted
+    assert ("more frequent than" in mean.attrs.get("note", "")) == is_doubted
 
 
 def test_points_of_unknown_origin_give_no_interval_and_say_why(tmp_path: Path) -> None:

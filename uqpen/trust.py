@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import estimate_array, interval_text
+from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, THRESHOLD
 from uqpen.core.labels import (
     BOUND,
@@ -32,6 +33,20 @@ from uqpen.core.model import FloatArray
 from uqpen.statistics.surrogate.surrogate_statistics import TrainingRange
 
 __all__ = ["ValidationRuns", "validate_surrogate"]
+
+# Notes on validated estimates; as in `uqpen.statistics.texts`.
+INSIDE = "inside the interval of {design}"
+OUTSIDE = "outside the interval of {design}"
+INSIDE_COMPLETED = "inside the interval of {design} (completed runs only)"
+OUTSIDE_COMPLETED = "outside the interval of {design} (completed runs only)"
+INSIDE_BAND = "inside the simultaneous band of {design}"
+OUTSIDE_BAND = (
+    "outside the simultaneous band of {design} between probabilities {lowest:.3g} and {highest:.3g}"
+)
+EXTRAPOLATED = "outside the training range of the surrogate"
+VARIANCE_BEYOND = "{share:.0f} % of the variance is outside the training range of the surrogate"
+NO_VALIDATION_RUNS = "no independent runs to compare with"
+NO_VALIDATION_INTERVAL = "no independent runs give an interval for it"
 
 Outputs = Mapping[str, Mapping[str, xr.DataArray]]
 
@@ -112,34 +127,26 @@ class _OutputValidation:
 
     def _validate_estimate(self, name: str, estimate: xr.DataArray, value: float) -> _Validation:
         if self._is_extrapolated(name, estimate, value):
-            return _Validation(REFUSED, "beyond all outputs that the surrogate was fitted to")
+            return _Validation(REFUSED, EXTRAPOLATED)
         for design, statistics in self.validation_runs.items():
             other = statistics.get(name)
             same = None if other is None else _same_estimate(other, estimate)
             if other is None or same is None or np.isnan(same[1:]).any():
                 continue
-            interval = f"the interval that {design} gives it"
-            if MISSING in other.attrs:
-                interval += " of the runs that came back"
             # What sampling the surrogate leaves open is no fault of the surrogate's.
             low, high = np.nan_to_num(estimate.values[1:], nan=value)
-            if low <= same[2] and high >= same[1]:
-                return _Validation(CHECKED, f"inside {interval}")
-            return _Validation(REFUSED, f"outside {interval}")
-        share = self.training_range.variance_beyond if self.training_range else 0.0
-        if name not in _SPREADS or share <= _MOST_VARIANCE_BEYOND:
-            return _Validation(UNCHECKED, self._unvalidated_reason)
-        return _Validation(
-            REFUSED,
-            f"{100 * share:.0f} % of the variance lies beyond all outputs that the surrogate was "
-            f"fitted to, and {self._unvalidated_reason}",
-        )
+            is_inside = low <= same[2] and high >= same[1]
+            if MISSING in other.attrs:
+                note = INSIDE_COMPLETED if is_inside else OUTSIDE_COMPLETED
+            else:
+                note = INSIDE if is_inside else OUTSIDE
+            label = CHECKED if is_inside else REFUSED
+            return _Validation(label, note.format(design=design))
+        return self._unvalidated(name)
 
     @property
     def _unvalidated_reason(self) -> str:
-        if not self.validation_runs:
-            return "no independent runs to hold it against"
-        return "no independent runs have an interval for it"
+        return NO_VALIDATION_INTERVAL if self.validation_runs else NO_VALIDATION_RUNS
 
     def _is_extrapolated(self, name: str, estimate: xr.DataArray, value: float) -> bool:
         """Return True if an estimate is at a value outside the training range."""
@@ -147,6 +154,18 @@ class _OutputValidation:
         if self.training_range is None or (threshold is None and name != "quantile"):
             return False
         return not self.training_range.contains(value if threshold is None else float(threshold))
+
+    def _unvalidated(self, name: str) -> _Validation:
+        """Return the label and note of an estimate for which no runs have an interval."""
+        training_range = self.training_range
+        if (
+            training_range is None
+            or name not in _SPREADS
+            or training_range.variance_beyond <= _MOST_VARIANCE_BEYOND
+        ):
+            return _Validation(UNCHECKED, self._unvalidated_reason)
+        beyond = VARIANCE_BEYOND.format(share=100 * training_range.variance_beyond)
+        return _Validation(REFUSED, f"{beyond}; {self._unvalidated_reason}")
 
     def _validate_curve(self) -> _Validation:
         """Compare a distribution function as a whole with the runs' simultaneous band."""
@@ -166,9 +185,10 @@ class _OutputValidation:
             high = np.where(right < len(at), upper[np.minimum(right, len(at) - 1)], 1.0)
             outside = (ranks < low) | (ranks > high)
             if not outside.any():
-                return _Validation(CHECKED, f"inside the simultaneous band of {design}")
-            where = f"{design} from {ranks[outside].min():.3g} to {ranks[outside].max():.3g}"
-            return _Validation(REFUSED, f"outside the simultaneous band of {where}")
+                return _Validation(CHECKED, INSIDE_BAND.format(design=design))
+            lowest, highest = ranks[outside].min(), ranks[outside].max()
+            note = OUTSIDE_BAND.format(design=design, lowest=lowest, highest=highest)
+            return _Validation(REFUSED, note)
         return _Validation(UNCHECKED, self._unvalidated_reason)
 
 

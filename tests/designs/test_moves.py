@@ -161,7 +161,7 @@ class TestMorris:
         assert figure(found, "mu_star", "b") == pytest.approx(2.0, rel=1e-12)
         assert figure(found, "mu_star", "c") == 0.0
         assert figure(found, "sigma", "a") == pytest.approx(0.0, abs=1e-12)
-        assert "do not scatter" in note(found, "mu", "a")
+        assert "show no scatter" in note(found, "mu", "a")
 
     def test_an_effect_with_the_period_of_half_the_law_is_seen(self) -> None:
         study = parse_study(
@@ -196,7 +196,7 @@ class TestMorris:
 
     def test_few_trajectories_carry_a_note(self) -> None:
         found = sensitivity(Morris(4), self.LAW, lambda a, b, c, f: a * b + c)
-        assert "4 effects are so few" in note(found, "mu_star", "a")
+        assert "only 4 effects" in note(found, "mu_star", "a")
 
     def test_an_effect_that_is_rare_carries_a_note(self) -> None:
         effects = np.zeros(40)
@@ -233,7 +233,7 @@ class TestMorris:
         assert found["mu"].attrs["runs"] - found["mu"].attrs["runs_used"] > 0
         for name, effect in (("a", 3.0), ("b", -2.0), ("c", 1.0)):
             assert figure(found, "mu", name) == pytest.approx(effect, rel=1e-12)
-            assert "of 40 effects touch a lost run" in note(found, "sigma", name)
+            assert "of 40 effects are missing because a run failed" in note(found, "sigma", name)
 
     def test_inadmissible_runs_are_counted(self) -> None:
         joint = law_of({"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, {"a": Bounds(lower=0.3)})
@@ -272,7 +272,7 @@ class TestOneAtATime:
         assert figure(found, "contribution", "a") == pytest.approx(uncertainty, rel=1e-9)
         uniform = abs(figure(found, "response", "b")) * (4 / math.sqrt(12)) / 3
         assert figure(found, "contribution", "b") == pytest.approx(uniform, rel=1e-9)
-        assert note(found, "response", "a") == "a derivative at one point; the model has no scatter"
+        assert note(found, "response", "a") == "a derivative at one point has no scatter"
 
     def test_fixed_inputs_are_moved_where_that_is_asked(self) -> None:
         design = OneAtATime(fixed=True)
@@ -302,8 +302,8 @@ class TestOneAtATime:
 
     def test_a_curved_response_says_so(self) -> None:
         found = sensitivity(OneAtATime(0.3), self.LAW, lambda a, b, f, zero: a**3 + 0 * b)
-        assert "curved" in note(found, "response", "a")
-        assert "curved" not in note(found, "response", "b")
+        assert "nonlinear" in note(found, "response", "a")
+        assert "nonlinear" not in note(found, "response", "b")
 
     def test_a_step_that_lost_a_side_is_of_the_other(self) -> None:
         found = sensitivity(
@@ -315,14 +315,14 @@ class TestOneAtATime:
         assert found["response"].attrs["runs_not_finite"] == 1
         assert found["response"].attrs["runs_failed"] == 1
         assert figure(found, "response", "a") == pytest.approx(1.0, rel=1e-9)
-        assert "of the step down alone" in note(found, "response", "a")
-        assert "of the step up alone" in note(found, "response", "b")
+        assert "from the step down only" in note(found, "response", "a")
+        assert "from the step up only" in note(found, "response", "b")
 
     def test_a_step_out_of_the_models_domain_is_inadmissible(self) -> None:
         joint = law_of({"a": Normal(2.0, 0.2), "b": Normal(1.0, 0.1)}, {"a": Bounds(upper=2.01)})
         found = sensitivity(OneAtATime(), joint, lambda a, b: a * b)
         assert found["response"].attrs["runs_inadmissible"] == 1
-        assert "of the step down alone" in note(found, "response", "a")
+        assert "from the step down only" in note(found, "response", "a")
 
     def test_a_step_that_lost_both_sides_has_no_response(self) -> None:
         found = sensitivity(
@@ -330,13 +330,16 @@ class TestOneAtATime:
         )
         assert math.isnan(figure(found, "response", "a"))
         assert math.isnan(figure(found, "contribution", "a"))
-        assert note(found, "contribution", "a") == "both runs of the step were lost"
+        assert note(found, "contribution", "a") == "both runs of the step failed"
         assert figure(found, "response", "b") == pytest.approx(1.0, rel=1e-9)
 
     @pytest.mark.parametrize(
         ("function", "reason"),
         [
-            (lambda a, b, f, zero: np.where((a == 2) & (b == 3), math.nan, a), "nominal point was"),
+            (
+                lambda a, b, f, zero: np.where((a == 2) & (b == 3), math.nan, a),
+                "nominal point failed",
+            ),
             (lambda a, b, f, zero: (a - 2) * b, "the output is 0 at the nominal point"),
         ],
     )

@@ -112,7 +112,7 @@ def test_mean_and_std_of_an_input_are_its_laws(distribution: Distribution, grid:
     exact = recurrence(distribution, 1)
     assert value(found, "mean") == pytest.approx(exact.mean, rel=ROUNDING)
     assert value(found, "std") == pytest.approx(exact.std, rel=ROUNDING)
-    assert note(found, "mean") == "an integration rule has no scatter; its error is not told"
+    assert note(found, "mean") == "a quadrature rule has no scatter, so its error is unknown"
     assert np.isnan(found["mean"].values[1:]).all()
 
 
@@ -209,7 +209,7 @@ class TestLosses:
         assert 0 < lost < counts["runs"] == design.run_count(joint)
         for statistic in ("mean", "std", "skewness", "kurtosis"):
             assert f"{lost} of {design.run_count(joint)} nodes" in note(found, statistic)
-            assert "biases" in note(found, statistic)
+            assert "biased" in note(found, statistic)
 
     def test_a_run_that_is_not_finite_is_told(self, design: Design) -> None:
         found = self.lossy(design, lambda x: math.nan)
@@ -233,7 +233,7 @@ class TestLosses:
         found = moments(design, self.LAW, lambda x1, x2: x1 * math.nan)
         for statistic in ("mean", "std", "skewness", "kurtosis"):
             assert math.isnan(value(found, statistic))
-            assert "no run came back" in note(found, statistic)
+            assert "no run completed" in note(found, statistic)
 
     def test_a_constant_does_not_vary(self, design: Design) -> None:
         found = moments(design, law_of(Uniform(-1.0, 1.0)), lambda x1: 0 * x1 + 0.1)
@@ -255,7 +255,7 @@ def test_a_variance_below_zero_is_none() -> None:
     weight = float(drawn["quadrature_weight"][middle].item())
     assert weight * (1 - weight) <= 0
     assert math.isnan(value(found, "std"))
-    assert "no variance that a law can have" in note(found, "std")
+    assert "an impossible variance" in note(found, "std")
 
 
 class TestMistakes:

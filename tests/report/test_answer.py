@@ -93,7 +93,7 @@ def test_lost_runs_and_notes_are_told(archives: Mapping[str, xr.DataTree]) -> No
     ]
     assert said[3:] == [
         "What to keep in mind",
-        "Deflection, P(> 2 mm): the 22 missing runs are counted both ways.",
+        "Deflection, P(> 2 mm): allows for any outcome of the missing runs (22).",
         "18.3 % of the admissible runs did not come back (22 failed). All estimates are of those "
         "that did, and are off as far as the others would have given other results.",
         *GENERAL,
@@ -150,8 +150,8 @@ def test_of_several_models_each_has_its_answer(archives: Mapping[str, xr.DataTre
         (
             "quadrature",
             [
-                "By the integration rule some, the mean of y is 1.5 (without an interval: an "
-                "integration rule has no scatter; its error is not told)."
+                "By the integration rule some, the mean of y is 1.5 (without an interval: a "
+                "quadrature rule has no scatter, so its error is unknown)."
             ],
         ),
         (
@@ -166,7 +166,7 @@ def test_of_several_models_each_has_its_answer(archives: Mapping[str, xr.DataTre
             "monte_carlo",
             [
                 "In 99 % of all cases y stays at or below",
-                "by estimate, which has no upper bound: an upper bound takes at least 299 runs.",
+                "by estimate, which has no upper bound: an upper bound needs at least 299 runs.",
                 "What the archive tells of 1 more figure of these outputs stands below.",
             ],
         ),

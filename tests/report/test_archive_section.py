@@ -132,12 +132,13 @@ def test_what_several_models_share_is_told_once(archives: Mapping[str, xr.DataTr
 def test_warnings_are_counted(archives: Mapping[str, xr.DataTree]) -> None:
     assert archive_notes(archives["beam"])[:3] == (
         "only: 18.3 % of the admissible runs did not come back.",
-        "4 figures: only 98 runs: it may cover less often than it says",
-        "4 figures: fewer than 200 runs do not show a heavy tail; see the correlations of ranks",
+        "4 figures: only 98 runs: the coverage may be below nominal",
+        "4 figures: fewer than 200 runs are too few to detect a heavy tail; "
+        "see the rank correlations",
     )
     told = archive_notes(archives["schema_2"])
     assert told[0] == "38 figures: 16 runs are too few"
-    assert "10 figures: refused: beyond all outputs that the surrogate was fitted to" in told
+    assert "10 figures: refused: outside the training range of the surrogate" in told
     # What is published elsewhere, and what vouches for a surrogate, is no warning.
     assert not any("published" in line or "inside" in line for line in told)
 

@@ -130,7 +130,7 @@ def test_an_axis_cuts_off_what_is_far_too_wide() -> None:
     [
         (
             'kind = "latin-hypercube"\nruns = 60\nreplicates = 1',
-            "its points are one stratified set, and no part of that is a smaller such set.",
+            "its points are one stratified set, of which no part is a stratified set.",
         ),
         ('kind = "monte-carlo"\nruns = 20', "it has only 20 runs."),
     ],

@@ -54,7 +54,7 @@ def test_inputs_that_go_with_losses_are_drawn(archives: Mapping[str, xr.DataTree
     assert larger["marker"]["symbol"] == ["circle-open", "circle"]
     assert further["marker"]["symbol"] == ["square", "square"]
     assert chart.notes[-2:] == ("Bars: 95 % intervals.", "Hollow: no interval; the table says why.")
-    assert chart.tables[0].notes == ["the lost runs lie apart from all others"]
+    assert chart.tables[0].notes == ["the failed runs are completely separated from the others"]
 
 
 def test_where_all_are_lost_no_input_goes_with_it(archives: Mapping[str, xr.DataTree]) -> None:
@@ -62,7 +62,7 @@ def test_where_all_are_lost_no_input_goes_with_it(archives: Mapping[str, xr.Data
     assert isinstance(table, Table)
     assert table.table.rows == [("failed: ValueError: too heavy", ["120"])]
     assert isinstance(places, Table)
-    assert places.table.notes == ["no run came back"]
+    assert places.table.notes == ["no run completed"]
 
 
 def test_where_none_is_lost_a_bound_is_told(archives: Mapping[str, xr.DataTree]) -> None:

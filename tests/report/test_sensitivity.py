@@ -37,7 +37,7 @@ def test_estimates_and_bars_are_those_of_the_archive(archives: Archives) -> None
     assert [key.text for key in chart.keys] == ["first order by only"]
     assert trace["text"][0] == (
         f"load, first order by only: {estimate_text(*told[0])} "
-        "(only 98 runs: it may cover less often than it says)"
+        "(only 98 runs: the coverage may be below nominal)"
     )
 
 
@@ -47,12 +47,11 @@ def test_the_largest_is_named_with_its_interval(archives: Archives) -> None:
     assert chart.summary == (
         f"By only, load has the largest first order: {estimate_text(*told[0])}; that of span comes "
         f"next: {estimate_text(*told[1])}. Its interval overlaps with no other's. "
-        "Of it must be known: only 98 runs: it may cover less often than it says."
+        "Of it must be known: only 98 runs: the coverage may be below nominal."
     )
     assert chart.notes == (
         "Bars: 95 % intervals, of each estimate by itself.",
-        "Of the intervals of first order by only: only 98 runs: it may cover less often than it "
-        "says.",
+        "Of the intervals of first order by only: only 98 runs: the coverage may be below nominal.",
     )
 
 
@@ -102,7 +101,7 @@ def test_plain_samples_are_left_to_the_table_where_blocks_tell_more(archives: Ar
     assert chart.summary.endswith("None has an interval, so nothing tells how sure this order is.")
     assert chart.notes[0] == (
         "Hollow, without an interval: first order by blocks, total order by blocks "
-        "(fewer than ten blocks tell of it)."
+        "(fewer than ten blocks contribute to it)."
     )
 
 

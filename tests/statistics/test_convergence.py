@@ -102,7 +102,7 @@ def test_the_first_draws_are_a_smaller_sample() -> None:
         for name, parts in statistics.items():
             assert_same(parts[2], alone[output][name])
     note = interval_text(answers["y"]["exceedance"][0, 1], "note")
-    assert note == "the 1 missing runs are counted both ways"
+    assert note == "allows for any outcome of the missing runs (1)"
     assert answers["y"]["exceedance"]["threshold"].values.tolist() == ["1 m", "2 m"]
 
 
@@ -145,22 +145,22 @@ def test_there_are_sixteen_parts_at_the_most() -> None:
             Sampling.STRATIFIED,
             100,
             1,
-            "its points are one stratified set, and no part of that is a smaller such set",
+            "its points are one stratified set, of which no part is a stratified set",
         ),
         (
             Sampling.USER_SUPPLIED,
             100,
             0,
-            "nothing says that its first points are drawn in the same way as all of them",
+            "its points are not declared independent, so no part is known to be like the whole",
         ),
         (
             Sampling.STRATIFIED,
             100,
             2,
-            "it takes two replicates to tell an error, and there are no more",
+            "it has only two replicates, and an error needs two",
         ),
         (Sampling.INDEPENDENT, 24, 0, "it has only 24 runs"),
-        (Sampling.QUADRATURE, 24, 0, "its points are no draws from the law"),
+        (Sampling.QUADRATURE, 24, 0, "its points are not a sample of the input distribution"),
     ],
 )
 def test_what_cannot_be_divided_says_why(
@@ -177,5 +177,5 @@ def test_runs_that_were_all_lost_have_no_figures() -> None:
     runs["status"][:30] = Status.CRASHED
     means = convergence(runs, [Y])["y"]["mean"]
     assert np.isnan(means.values[:2]).all()
-    assert interval_text(means[0], "note") == "no run came back"
+    assert interval_text(means[0], "note") == "no run completed"
     assert np.isfinite(means.values[-1]).all()

@@ -99,7 +99,7 @@ def test_levels_of_an_input_are_classes() -> None:
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({}, "no interval covers: its bias may exceed its scatter"),
+        ({}, "no reliable interval is known: the bias may exceed the scatter"),
         ({"values": np.ones(100)}, "the output does not vary"),
         ({"points": np.ones((100, 3))}, "the input does not vary"),
         ({"used": np.arange(20), "values": np.arange(20.0)}, "20 runs are too few"),

@@ -51,10 +51,10 @@ def test_where_no_run_was_lost_there_is_nothing_to_tell() -> None:
 @pytest.mark.parametrize(
     ("lost", "reason"),
     [
-        (9, "fewer than 10 runs lost do not tell the error"),
-        (20, "the lost runs lie apart from all others"),
-        (95, "fewer than 10 runs that came back do not tell the error"),
-        (100, "no run came back"),
+        (9, "fewer than 10 failed runs are too few for an interval"),
+        (20, "the failed runs are completely separated from the others"),
+        (95, "fewer than 10 completed runs are too few for an interval"),
+        (100, "no run completed"),
     ],
 )
 def test_a_probability_without_bounds_says_why(lost: int, reason: str) -> None:
@@ -67,7 +67,9 @@ def test_a_probability_without_bounds_says_why(lost: int, reason: str) -> None:
 def test_points_that_are_no_draws_have_no_bounds() -> None:
     x = np.random.default_rng(3).random(100)
     answer = told(x, np.where(x + 0.1 > 0.9, 2, 0), sampling=str(Sampling.TRAJECTORIES))
-    assert answer["larger"]["note"].values.tolist() == ["the points are no draws from the law"]
+    assert answer["larger"]["note"].values.tolist() == [
+        "the points are not a sample of the input distribution"
+    ]
 
 
 @pytest.mark.parametrize("runs", [100, 400])

@@ -235,7 +235,7 @@ def test_points_moved_apart_have_no_interval_without_replicates() -> None:
 
 def test_few_runs_and_heavy_tails_are_warned_of() -> None:
     few = indices(of(additive, drawn(MonteCarlo(runs=100), 0)))
-    assert set(told(few, "note")) == {"only 100 runs: it may cover less often than it says"}
+    assert set(told(few, "note")) == {"only 100 runs: the coverage may be below nominal"}
     heavy = indices(of(lambda x: 1 / x[:, 0], drawn(MonteCarlo(runs=1000), 0)))
     assert all("heavy tail" in note for note in told(heavy, "note"))
 
@@ -244,7 +244,7 @@ def test_few_runs_and_heavy_tails_are_warned_of() -> None:
 def test_a_logarithm_hides_a_tail_where_it_hangs_on_few_runs(runs: int, is_doubted: bool) -> None:
     sample = of(lambda x: np.asarray(np.exp(additive(x))), drawn(MonteCarlo(runs=runs), 0))
     notes = indices(sample, kind="log_").coords["note"].values
-    assert all(("heavier than" in note) == is_doubted for note in notes)
+    assert all(("more frequent than" in note) == is_doubted for note in notes)
 
 
 def test_logarithms_and_events_have_indices_of_their_own() -> None:

@@ -216,7 +216,8 @@ def test_the_concrete_study_has_the_indices_of_admissible_draws(concrete: Source
     ]
     assert inside(first, (0.0013, 0.122, 0.645, 0.160))
     assert inside(total, (0.0022, 0.129, 0.715, 0.227))
-    assert first.attrs["estimand"] == "indices of the input law given admissible draws"
+    estimand = "indices of the input distribution, conditional on admissible inputs"
+    assert first.attrs["estimand"] == estimand
     assert first.attrs["blocks_used"] == 16 * 512
     assert first.attrs["blocks_dropped"] == 0
     assert set(first["interval_label"].values) == {"conservative"}
@@ -274,7 +275,7 @@ def test_redraws_give_the_indices_of_the_conditional_law() -> None:
     assert inside(found["total_order"], (1 / 6, 1 / 6, 1 / 3))
     # x1 and x2 together explain 2/3, which is less than the sum of what each does.
     assert inside(found["second_order"], (-1 / 3, 0, 0))
-    assert "given admissible draws" in found["first_order"].attrs["estimand"]
+    assert "conditional on admissible inputs" in found["first_order"].attrs["estimand"]
 
 
 def test_what_an_output_does_not_depend_on_may_still_tell_of_it() -> None:
@@ -312,7 +313,8 @@ def test_one_run_of_each_fate_is_counted_and_spoils_nothing() -> None:
     assert array.attrs["blocks_dropped"] == 2
     assert array.attrs["blocks_used"] == 254
     assert array.attrs["estimand"] == (
-        "indices of the input law given admissible draws; blocks holding a lost run are dropped"
+        "indices of the input distribution, conditional on admissible inputs; "
+        "blocks with a failed run are left out"
     )
     assert array.attrs["runs_failed"] >= 1
     assert array.attrs["runs_not_finite"] >= 1
@@ -324,15 +326,15 @@ def test_a_block_that_no_draw_completes_is_dropped_and_said_so() -> None:
     found = indices(runs_of(of_sum, [UNIT] * 3, Saltelli(64, 4), keep="x1 > x2 + 0.97"))
     attributes = found["first_order"].attrs
     assert attributes["blocks_dropped"] > 0
-    assert "blocks that lack an admissible draw are dropped" in attributes["estimand"]
+    assert "blocks without an admissible draw are left out" in attributes["estimand"]
 
 
 @pytest.mark.parametrize(
     ("function", "keep", "reason"),
     [
         (lambda x1, x2: 2.0 + 0 * x1, "", "the output does not vary"),
-        (lambda x1, x2: x1, "x1 > 2", "no block came back whole"),
-        (lambda x1, x2: np.where(x1 > 2, x1, np.nan), "", "no block came back whole"),
+        (lambda x1, x2: x1, "x1 > 2", "no block is complete"),
+        (lambda x1, x2: np.where(x1 > 2, x1, np.nan), "", "no block is complete"),
     ],
 )
 def test_what_has_no_indices_says_why(function: Callable[..., Any], keep: str, reason: str) -> None:
@@ -368,7 +370,7 @@ def test_an_event_that_few_runs_met_has_no_interval() -> None:
     assert np.isfinite(often).all()
     assert np.isnan(never).all()
     assert "fewer than ten" in notes[0]
-    assert notes[2] == "it is the same in all runs"
+    assert notes[2] == "the event occurs in all runs or in none"
 
 
 def test_a_value_below_zero_has_no_logarithm() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array, pack
+from uqpen.archive.reworded import reworded_array
 from uqpen.archive.tree import group_names, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE, CATEGORY, CONTENT_LEVEL, PROBABILITY, THRESHOLD
 from uqpen.core.labels import (
@@ -205,7 +206,8 @@ def read_statistic(
         of_group = {**of_group, **sample}
         of_group = {key: v for key, v in of_group.items() if key in sample or key == "estimand"}
     attributes = {**own, **{key: v for key, v in of_group.items() if _is_of_runs(str(key))}}
-    return xr.DataArray(variable.values, {**coordinates, **texts}, dims, name, attributes)
+    array = xr.DataArray(variable.values, {**coordinates, **texts}, dims, name, attributes)
+    return reworded_array(array)
 
 
 def _read_failures(tree: xr.DataTree, design: str) -> dict[str, xr.DataArray]:
@@ -237,7 +239,7 @@ def _read_failures(tree: xr.DataTree, design: str) -> dict[str, xr.DataArray]:
         }
         found[str(name)] = xr.DataArray(array.values, {**kept, **texts}, array.dims, attrs=own)
         found[str(name)].attrs |= associations.attrs
-    return found
+    return {name: reworded_array(array) for name, array in found.items()}
 
 
 def _is_of_runs(key: str) -> bool:

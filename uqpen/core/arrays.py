@@ -1,4 +1,4 @@
-"""Conversion of numbers from a user's function or a file."""
+"""Types of arrays, and the conversion of numbers from a user's function or a file."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from decimal import Decimal
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["floats"]
+__all__ = ["BoolArray", "FloatArray", "IntArray", "floats"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 
 _NO_NUMBERS = {
     "c": "complex numbers",
@@ -19,7 +23,7 @@ _NO_NUMBERS = {
 }
 
 
-def floats(value: object) -> npt.NDArray[np.float64]:
+def floats(value: object) -> FloatArray:
     """Convert a value to an array of floats.
 
     Parameters
@@ -47,7 +51,7 @@ def floats(value: object) -> npt.NDArray[np.float64]:
         raise ValueError(f"{type(error).__name__} when it is read as numbers") from None
 
 
-def _from_objects(array: npt.NDArray[np.object_]) -> npt.NDArray[np.float64]:
+def _from_objects(array: npt.NDArray[np.object_]) -> FloatArray:
     """Convert Python numbers to floats; a number too large for a float becomes infinite."""
     found = np.full(array.shape, np.nan)
     for index, entry in np.ndenumerate(array):

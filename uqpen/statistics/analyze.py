@@ -14,7 +14,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.threads import one_blas_thread
 from uqpen.execution import status_counts
-from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS
+from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS, texts
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
@@ -64,17 +64,16 @@ def analyze(
         own = _select(ANALYSES_OF_DESIGNS.get(sampling, {}), only)
         _run_analyses(own, quantities, dict.fromkeys(found, runs), _run_counts(runs), found)
         if sampling.is_sample and outside:
-            _run_outside_analyses(outside, quantities, samples, _run_counts(drawn), found)
+            counts = _run_counts(drawn)
+            for quantity in quantities:
+                name = quantity.output.name
+                added = outside_statistics(outside, samples[name], quantity, found[name])
+                found[name] |= {key: array.assign_attrs(counts) for key, array in added.items()}
         return {output: in_catalogue_order(statistics) for output, statistics in found.items()}
 
 
 def analyze_failures(runs: xr.Dataset) -> OutputStatistics:
-    """Compute how likely runs of a design end how, and which inputs go with a failure.
-
-    Parameters
-    ----------
-    runs : Dataset
-        With ``status(run)``, and attributes that say how the points were drawn.
+    """Compute the probability of each status of a run, and the association of inputs with failure.
 
     Returns
     -------
@@ -122,21 +121,6 @@ def _run_analyses(
                 found[name][statistic] = array.assign_attrs(attributes)
 
 
-def _run_outside_analyses(
-    analyses: Sequence[OutsideAnalysis],
-    quantities: Sequence[QuantityOfInterest],
-    samples: Mapping[str, Sample],
-    attributes: Mapping[str, int | str],
-    found: Mapping[str, OutputStatistics],
-) -> None:
-    """Add the statistics of user-supplied analyses, for each output, to those found."""
-    for quantity in quantities:
-        name = quantity.output.name
-        added = outside_statistics(analyses, samples[name], quantity, found[name])
-        for statistic, array in added.items():
-            found[name][statistic] = array.assign_attrs(attributes)
-
-
 def _run_counts(runs: xr.Dataset) -> dict[str, int | str]:
     """Return what a statistic says of the runs that it is of, as attributes."""
     counts = status_counts(runs)
@@ -147,8 +131,8 @@ def _run_counts(runs: xr.Dataset) -> dict[str, int | str]:
         **{f"runs_{status.meaning}": count for status, count in failed.items()},
     }
     if failed.pop(Status.INADMISSIBLE, 0):
-        attributes[CONDITIONAL] = "admissible inputs"
+        attributes[CONDITIONAL] = texts.ADMISSIBLE_INPUTS
     if failed:
         share = sum(failed.values()) / (sum(failed.values()) + counts[Status.OK])
-        attributes[MISSING] = f"{100 * share:.3g} % of the admissible runs"
+        attributes[MISSING] = texts.MISSING_SHARE.format(share=100 * share)
     return attributes

@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
+from uqpen.core.arrays import IntArray
 from uqpen.core.labels import (
     BOUND,
     EXCEEDANCE,
@@ -40,20 +40,14 @@ _MOST, _FEWEST = 16, 20
 _STEPS, _GROWTH = (1, 2, 3, 5), 1.25
 _MANY, _STEPS_FOR_MANY, _GROWTH_FOR_MANY = 200_000, (1, 3), 2.0
 
-_UNKNOWN = "nothing says that its first points are drawn in the same way as all of them"
-_STRATIFIED = "its points are one stratified set, and no part of that is a smaller such set"
+_UNKNOWN = "its points are not declared independent, so no part is known to be like the whole"
+_STRATIFIED = "its points are one stratified set, of which no part is a stratified set"
 
 
 def reason_without_parts(runs: xr.Dataset) -> str:
-    """Reason why no part of a design's runs is a sample of the same kind; empty if some are.
-
-    Parameters
-    ----------
-    runs : Dataset
-        Of a design, with attributes that say how the points were drawn.
-    """
+    """Reason why no part of a design's runs is a sample of the same kind; empty if some are."""
     if not Sampling(runs.attrs[SAMPLING]).is_sample:
-        return "its points are no draws from the law"
+        return "its points are not a sample of the input distribution"
     drawn = input_sample(runs)[[STATUS]]
     error_model = Sample.from_statuses(drawn).error_model
     if error_model is ErrorModel.UNKNOWN:
@@ -63,7 +57,7 @@ def reason_without_parts(runs: xr.Dataset) -> str:
     if len(_part_sizes(drawn)) > 1:
         return ""
     if error_model is ErrorModel.REPLICATED:
-        return "it takes two replicates to tell an error, and there are no more"
+        return "it has only two replicates, and an error needs two"
     return f"it has only {drawn.sizes[RUN]} runs"
 
 
@@ -135,12 +129,12 @@ def _part_sizes(drawn: xr.Dataset) -> list[int]:
     return [*(end for end in ends if _GROWTH * end <= whole), whole][-_MOST:]
 
 
-def _stack_parts(arrays: Sequence[xr.DataArray], sizes: npt.NDArray[np.int64]) -> xr.DataArray:
+def _stack_parts(arrays: Sequence[xr.DataArray], sizes: IntArray) -> xr.DataArray:
     """Put the estimate arrays of all parts along ``runs_so_far``."""
     last = arrays[-1]
     dims = {str(dim): last.sizes[dim] for dim in last.dims if dim != BOUND}
     own = {key: each.variable for key, each in last.coords.items() if key not in INTERVAL_TEXTS}
-    described = {"units": "1", "long_name": "runs so far, lost ones among them"}
+    described = {"units": "1", "long_name": "runs so far, including failed ones"}
     texts = {
         name: np.stack([each.coords[name].values for each in arrays]) for name in INTERVAL_TEXTS
     }

@@ -43,13 +43,13 @@ class Estimate:
     note: str = ""
 
     @classmethod
-    def without_bounds(cls, value: float, reason: str) -> Estimate:
-        """Return an estimate without bounds, with the reason."""
-        return cls(value, math.nan, math.nan, "none", "none", reason)
+    def without_bounds(cls, value: float, *reasons: str) -> Estimate:
+        """Return an estimate without bounds, with the reasons; empty ones are left out."""
+        return cls(value, math.nan, math.nan, "none", "none").with_note(*reasons)
 
-    def with_note(self, note: str) -> Estimate:
-        """Return the estimate with another note."""
-        return replace(self, note=note)
+    def with_note(self, *notes: str) -> Estimate:
+        """Return the estimate with other notes; empty ones are left out."""
+        return replace(self, note="; ".join(filter(None, notes)))
 
     @property
     def bounds(self) -> tuple[float, float, float]:
@@ -64,11 +64,7 @@ class Estimate:
     def stack(
         estimates: Sequence[Estimate], dimension: str, *, units: str, long_name: str
     ) -> xr.DataArray:
-        """Return several estimates as an estimate array along a dimension and ``bound``.
-
-        How the bounds of each were made stands beside it, as another estimate must not change what
-        is said of it.
-        """
+        """Return several estimates as an estimate array along a dimension and ``bound``."""
         return _estimate_array(estimates, {dimension: len(estimates)}, units, long_name)
 
     @staticmethod
@@ -88,7 +84,7 @@ class Estimate:
 def _estimate_array(
     estimates: Sequence[Estimate], dims: Mapping[str, int], units: str, long_name: str
 ) -> xr.DataArray:
-    """Return estimates along dimensions, with what each says of its own interval beside it."""
+    """Return estimates along dimensions, each with its own texts, which no other may change."""
     has_bounds = any(estimate.label != "none" for estimate in estimates)
     return estimate_array(
         [estimate.bounds for estimate in estimates],

@@ -6,19 +6,18 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import INPUT
+from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sensitivity.input_measures import input_coordinate, mean_ranks
+from uqpen.statistics.sensitivity.input_measures import input_array, input_coordinate, mean_ranks
 
 __all__ = ["FAILURES", "failure_analysis"]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 # The group that the answers stand in.
 FAILURES = "losses"
@@ -32,11 +31,6 @@ def failure_analysis(sample: Sample) -> Iterator[tuple[str, xr.DataArray]]:
 
     Inadmissible points do not count as failed here: they lie outside the joint distribution, and
     the model was not run there.
-
-    Parameters
-    ----------
-    sample : Sample
-        Of any output. Its `missing` runs are compared with its completed runs.
 
     Yields
     ------
@@ -63,31 +57,26 @@ def failure_analysis(sample: Sample) -> Iterator[tuple[str, xr.DataArray]]:
         ("larger", "is larger", columns),
         ("further_out", "lies further from its median", [_median_distances(x) for x in columns]),
     ):
-        array = Estimate.stack(
-            [_superiority_probability(sample, values, is_failed) for values in measured],
-            INPUT,
-            units="1",
-            long_name=f"probability that an input {what} in a lost run than in another",
-        )
-        yield name, array.assign_coords(input_coordinate(sample))
+        estimates = [_superiority_probability(sample, values, is_failed) for values in measured]
+        long_name = texts.LARGER_IF_FAILED.format(is_larger=what)
+        yield name, input_array(estimates, sample.inputs, long_name)
     for name, end in (("lowest", np.min), ("highest", np.max)):
         values = np.array([end(column[is_failed]) for column in columns])
-        attributes = {"long_name": f"{name} value of each input among the lost runs, in SI units"}
-        yield name, xr.DataArray(values, input_coordinate(sample), (INPUT,), attrs=attributes)
+        described = {"long_name": texts.END_OF_FAILED.format(end=name)}
+        yield name, xr.DataArray(values, input_coordinate(sample.inputs), (INPUT,), attrs=described)
 
 
 def _median_distances(values: FloatArray) -> FloatArray:
     """Distance of each value from the median, as a number of ranks."""
     ranks = _ranks(values)
-    distances: FloatArray = np.abs(ranks - ranks.mean())
-    return distances
+    return np.abs(ranks - ranks.mean())
 
 
 def _superiority_probability(sample: Sample, values: FloatArray, is_failed: BoolArray) -> Estimate:
     """Probability that a failed run has the larger value; ties count half."""
     failed, others = int(is_failed.sum()), int((~is_failed).sum())
     if not others or not np.ptp(values) > 0:
-        reason = "no run came back" if not others else "the input does not vary"
+        reason = texts.CONSTANT_INPUT if others else texts.NO_RUN
         return Estimate.without_bounds(math.nan, reason)
     ranks = _ranks(values)
     within = np.empty(len(values))
@@ -105,15 +94,15 @@ def _superiority_probability(sample: Sample, values: FloatArray, is_failed: Bool
     ends = (1 / (1 + math.exp(half - centre)), 1 / (1 + math.exp(-half - centre)))
     # Points that fill the distribution evenly scatter less than the formula says.
     label = "nominal" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
-    return Estimate(value, *ends, "DeLong on the logit", label)
+    return Estimate(value, *ends, texts.DELONG, label)
 
 
 def _reason_without_bounds(failed: int, others: int, value: float) -> str:
     if min(failed, others) < _FEWEST_RUNS:
-        kind = "lost" if failed <= others else "that came back"
-        return f"fewer than {_FEWEST_RUNS} runs {kind} do not tell the error"
+        reason = texts.FEW_FAILED if failed <= others else texts.FEW_COMPLETED
+        return reason.format(runs=_FEWEST_RUNS)
     if not 0 < value < 1:
-        return "the lost runs lie apart from all others"
+        return texts.SEPARATED
     return ""
 
 

@@ -13,6 +13,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
+from uqpen.core.arrays import FloatArray, IntArray
+
 __all__ = [
     "additive_residual_error",
     "clopper_pearson",
@@ -25,23 +27,10 @@ __all__ = [
     "upper_rank",
 ]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 
 def student_quantile(freedom: float, level: float) -> float:
-    """Half-width of Student's t interval, in standard errors.
-
-    Parameters
-    ----------
-    freedom : float
-        Degrees of freedom; NaN below one.
-    level : float
-        Probability inside the interval.
-    """
-    if freedom < 1:
-        return math.nan
-    return float(special.stdtrit(freedom, 0.5 + level / 2))
+    """Half-width of Student's t interval in standard errors; NaN below one degree of freedom."""
+    return math.nan if freedom < 1 else float(special.stdtrit(freedom, 0.5 + level / 2))
 
 
 def ratio_error(influence: FloatArray, replicate: IntArray, replicates: int) -> tuple[float, float]:
@@ -62,7 +51,7 @@ def ratio_error(influence: FloatArray, replicate: IntArray, replicates: int) -> 
     Returns
     -------
     error, freedom : float
-        Standard error of the mean, and its degrees of freedom.
+        With the degrees of freedom.
     """
     deviation = influence - influence.mean()
     sums = np.bincount(replicate, weights=deviation, minlength=replicates)
@@ -154,14 +143,7 @@ def clopper_pearson(
 ) -> tuple[FloatArray, FloatArray]:
     """Exact binomial interval of a probability (Clopper & Pearson 1934, Biometrika 26, 404-413).
 
-    Parameters
-    ----------
-    events : array_like
-        How often it happened.
-    runs : int
-        Out of how many.
-    level : float
-        Probability inside the interval, at least.
+    `events` of the `runs` had the event; the probability inside the interval is at least `level`.
     """
     k = np.asarray(events, dtype=np.float64)
     tail = (1 - level) / 2

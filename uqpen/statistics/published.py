@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from uqpen.core.labels import INPUT
 from uqpen.core.model import Output
+from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.sensitivity.input_measures import input_names_coordinate
+from uqpen.statistics.sensitivity.input_measures import input_array
 
 __all__ = ["Publication", "PublishedEstimates", "published_estimates"]
 
@@ -21,7 +21,6 @@ class PublishedEstimates:
     Parameters
     ----------
     output : Output
-        The output.
     moments : mapping of str to float
         ``"mean"`` and ``"std"``, in the output's SI unit.
     response : mapping of str to float
@@ -38,15 +37,7 @@ class PublishedEstimates:
 
 @dataclass(frozen=True)
 class Publication:
-    """Publication with estimates that a study is compared with.
-
-    Parameters
-    ----------
-    source : str
-        Reference of the publication.
-    estimates : tuple of PublishedEstimates
-        One for each output that it has estimates of.
-    """
+    """Publication, by its reference, with its estimates of some outputs."""
 
     source: str
     estimates: tuple[PublishedEstimates, ...]
@@ -54,7 +45,7 @@ class Publication:
 
 def published_estimates(publication: Publication) -> dict[str, OutputStatistics]:
     """Return a publication's estimates by output and statistic, without intervals of ours."""
-    reason = f"published in {publication.source}"
+    reason = texts.PUBLISHED.format(source=publication.source)
     found: dict[str, OutputStatistics] = {}
     for estimates in publication.estimates:
         name, title = estimates.output.name, estimates.output.title
@@ -65,12 +56,9 @@ def published_estimates(publication: Publication) -> dict[str, OutputStatistics]
             for moment, value in estimates.moments.items()
         }
         if estimates.response:
-            array = Estimate.stack(
+            found[name]["response"] = input_array(
                 [Estimate.without_bounds(value, reason) for value in estimates.response.values()],
-                INPUT,
-                units="1",
-                long_name=f"relative response of {title}, published",
+                [*estimates.response],
+                f"relative response of {title}, published",
             )
-            inputs = input_names_coordinate(list(estimates.response))
-            found[name]["response"] = array.assign_coords(inputs)
     return found

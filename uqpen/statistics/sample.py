@@ -8,9 +8,9 @@ from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import (
     DEPENDENCE,
     MATRIX,
@@ -25,11 +25,9 @@ from uqpen.core.labels import (
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
+from uqpen.statistics import texts
 
 __all__ = ["ErrorModel", "Sample", "input_sample"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 
 class ErrorModel(StrEnum):
@@ -41,19 +39,11 @@ class ErrorModel(StrEnum):
     UNKNOWN = "points of unknown origin"
 
 
-_NO_DRAWS = "the points are no draws from the law"
-
-
 def input_sample(runs: xr.Dataset) -> xr.Dataset:
     """Select the runs of a design whose points are a sample of the joint distribution.
 
     These are all runs, except for pick-freeze blocks: there, they are the rows of the matrices A
     and B as drawn in the first round.
-
-    Parameters
-    ----------
-    runs : Dataset
-        Of a design whose `Sampling` is that of a sample.
     """
     if Sampling(runs.attrs[SAMPLING]) is not Sampling.PICK_FREEZE:
         return runs
@@ -113,10 +103,8 @@ class Sample:
         """Return the samples of several variables by name, with one common copy of the points."""
         used = np.flatnonzero(runs[STATUS].values == Status.OK)
         whole = cls._from_values(runs, np.full(used.shape, np.nan), used)
-        return {
-            name: replace(whole, values=runs[name].values[used].astype(np.float64))
-            for name in names
-        }
+        values = {name: runs[name].values[used].astype(np.float64) for name in names}
+        return {name: replace(whole, values=found) for name, found in values.items()}
 
     @classmethod
     def from_statuses(cls, runs: xr.Dataset) -> Sample:
@@ -187,36 +175,35 @@ class Sample:
             return ErrorModel.UNKNOWN
         if self.sampling is Sampling.INDEPENDENT:
             return ErrorModel.INDEPENDENT
-        return (
-            ErrorModel.REPLICATED
-            if self.replicates.max(initial=0) > 0
-            else ErrorModel.SINGLE_STRATIFIED_SET
-        )
+        if self.replicates.max(initial=0) > 0:
+            return ErrorModel.REPLICATED
+        return ErrorModel.SINGLE_STRATIFIED_SET
 
     @property
     def reason_without_intervals(self) -> str:
         """Reason why no interval can be computed; empty where one can."""
         if not self.sampling.is_sample:
-            return _NO_DRAWS
+            return texts.NOT_A_SAMPLE
         if self.error_model is ErrorModel.UNKNOWN:
-            return "the table does not say that its points are independent (independent = true)"
+            return texts.NOT_DECLARED_INDEPENDENT
         if self.size == 0:
             blocks = self.sampling is Sampling.PICK_FREEZE
-            return "no run of the matrices A and B came back" if blocks else "no run came back"
+            return texts.NO_RUN_OF_A_AND_B if blocks else texts.NO_RUN
         if self.size == 1:
-            return "a single run has no scatter"
+            return texts.SINGLE_RUN
         if self.error_model is ErrorModel.REPLICATED and self.replicate_count < 2:
-            return "the runs that came back are all of one replicate"
+            return texts.SINGLE_REPLICATE
         return ""
 
     @property
     def too_few_runs(self) -> str:
         """Text of the reason that there are too few runs."""
-        return "a single run is too few" if self.size == 1 else f"{self.size} runs are too few"
+        if self.size == 1:
+            return texts.ONE_IS_TOO_FEW
+        return texts.TOO_FEW_RUNS.format(runs=self.size)
 
     @property
     def degrees_of_freedom(self) -> int:
         """Degrees of freedom of a standard error over independent draws or replicates."""
-        return (
-            self.replicate_count if self.error_model is ErrorModel.REPLICATED else self.size
-        ) - 1
+        is_replicated = self.error_model is ErrorModel.REPLICATED
+        return (self.replicate_count if is_replicated else self.size) - 1

@@ -7,38 +7,28 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
+from uqpen.statistics import texts
 from uqpen.statistics.sample import Sample
 
-__all__ = ["DOUBTFUL_TAIL", "FEWEST_RUNS_FOR_TAILS", "NO_TAIL_SEEN", "SampleShape"]
+__all__ = ["SampleShape"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Where the standard deviation's interval stopped covering in simulations: a tail so heavy that
 # only a few runs decide the variance. With few runs a heavy tail need not show in them: below the
 # first number it did not as a rule, up to the second now and then.
 _HEAVY_KURTOSIS = 6.0
 _FEWEST_EFFECTIVE_RUNS = 1000.0
-FEWEST_RUNS_FOR_TAILS = 200
+_FEWEST_RUNS_FOR_TAILS = 200
 _ENOUGH_RUNS_FOR_TAILS = 1000
 # A distribution with a heavier tail may give a sample below the former limit, seldom below this.
 _DOUBTFUL_KURTOSIS = 4.5
 
-NO_TAIL_SEEN = f"fewer than {FEWEST_RUNS_FOR_TAILS} runs do not show a heavy tail"
-# What to say of an interval where a heavier tail may hide.
-DOUBTFUL_TAIL = "if the tail is heavier than these runs show, it covers less often than it says"
-
 
 @dataclass(frozen=True)
 class SampleShape:
-    """A sample's deviations from its mean, and how much of them hangs on how few runs.
-
-    Parameters
-    ----------
-    sample : Sample
-        The runs.
-    """
+    """A sample's deviations from its mean, and how much of them hangs on how few runs."""
 
     sample: Sample
 
@@ -64,8 +54,7 @@ class SampleShape:
         """Deviations from the mean over `scale`."""
         if not self.scale > 0:
             return np.zeros(self.sample.size)
-        scaled: FloatArray = (self.sample.values - self.mean) / self.scale
-        return scaled
+        return (self.sample.values - self.mean) / self.scale
 
     def _moment(self, power: int) -> float:
         return float((self.deviations**power).mean()) if self.scale > 0 else math.nan
@@ -103,6 +92,13 @@ class SampleShape:
         return self.kurtosis > _DOUBTFUL_KURTOSIS and self.has_few_effective_runs
 
     @property
+    def hidden_tail(self) -> str:
+        """Reason why the runs cannot show a heavy tail; empty where there are enough."""
+        if self.sample.size >= _FEWEST_RUNS_FOR_TAILS:
+            return ""
+        return texts.HIDDEN_TAIL.format(runs=_FEWEST_RUNS_FOR_TAILS)
+
+    @property
     def tail_note(self) -> str:
-        """Kurtosis and effective runs of the tail, as text."""
-        return f"kurtosis {self.kurtosis:.3g}, {self.effective_runs:.0f} effective runs"
+        """Kurtosis and effective runs of a heavy tail, as text."""
+        return texts.HEAVY_TAIL.format(kurtosis=self.kurtosis, runs=self.effective_runs)

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics.intervals import additive_residual_error, ratio_error
 from uqpen.statistics.sample import ErrorModel, Sample
 
 __all__ = ["cdf_error", "probability_error", "rounding_error", "standard_error"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def standard_error(sample: Sample, influence: FloatArray) -> tuple[float, float]:
@@ -35,17 +33,13 @@ def standard_error(sample: Sample, influence: FloatArray) -> tuple[float, float]
     if sample.error_model is ErrorModel.REPLICATED:
         return ratio_error(influence, sample.replicate, sample.replicate_count)
     if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
-        return _single_error(sample, influence)
+        # With failed runs, the mean is a ratio of sums over all points, and a failed run adds
+        # nothing to them.
+        deviation = np.zeros(len(sample.points))
+        deviation[sample.used] = influence - influence.mean()
+        error, freedom = additive_residual_error(deviation, sample.points)
+        return error * len(sample.points) / sample.size, freedom
     return float(influence.std(ddof=1)) / math.sqrt(sample.size), sample.degrees_of_freedom
-
-
-def _single_error(sample: Sample, influence: FloatArray) -> tuple[float, float]:
-    # With failed runs, the mean is a ratio of sums over all points, and a failed run adds nothing
-    # to them.
-    deviation = np.zeros(len(sample.points))
-    deviation[sample.used] = influence - influence.mean()
-    error, freedom = additive_residual_error(deviation, sample.points)
-    return error * len(sample.points) / sample.size, freedom
 
 
 def rounding_error(sample: Sample) -> float:
@@ -59,19 +53,13 @@ def rounding_error(sample: Sample) -> float:
     return 0.5 * math.sqrt(sample.replicate_count) / sample.size
 
 
-def probability_error(sample: Sample, events: npt.NDArray[np.bool_]) -> tuple[float, float, bool]:
-    """Standard error of a share, and its degrees of freedom.
-
-    Parameters
-    ----------
-    sample : Sample
-        The runs.
-    events : ndarray of bool, shape (run,)
-        True for the runs in which the event happened.
+def probability_error(sample: Sample, events: BoolArray) -> tuple[float, float, bool]:
+    """Standard error of the share of the runs in which an event happened.
 
     Returns
     -------
     error, freedom : float
+        With the degrees of freedom.
     is_rounded : bool
         True if it is the error of counting whole runs, which is larger than that of the scatter.
     """

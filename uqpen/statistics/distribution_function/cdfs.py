@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
+from uqpen.archive.estimates import estimate_array
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE, RANK
+from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import clopper_pearson, dkw_half_width, student_quantile
@@ -19,10 +21,6 @@ from uqpen.statistics.standard_errors import rounding_error
 
 __all__ = ["RANKS", "cdf", "cdf_at_values"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-# Estimate, lower and upper bound at each value, and their attributes.
-Band = tuple[FloatArray, dict[str, str | float]]
 
 # A distribution function is kept at this many equally spaced probabilities.
 RANKS = 1001
@@ -60,58 +58,60 @@ def cdf(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.
 
 
 def cdf_at_values(sample: Sample, values: FloatArray) -> xr.DataArray:
-    """Estimate the distribution function at given values, with the simultaneous band there.
-
-    Parameters
-    ----------
-    sample : Sample
-    values : ndarray, shape (value,)
-        In SI units.
+    """Estimate the distribution function at given values in SI units, with the simultaneous band.
 
     Returns
     -------
     DataArray
-        Along ``value`` and ``bound``: what the archive's function is at those of its ranks.
+        Along ``value`` and ``bound``: as the archive has it at the values of its ranks.
     """
     _, simultaneous = _bands(sample, values)
     return _band_array(simultaneous, "value", "probability of lying below a value, simultaneous")
 
 
-def _band_array(band: Band, dimension: str, long_name: str) -> xr.DataArray:
+def _band_array(band: _Band, dimension: str, long_name: str) -> xr.DataArray:
     """Return a band as an estimate array along a dimension and ``bound``."""
-    values, attributes = band
-    texts = {name: str(attributes.get(name, "")) for name in INTERVAL_TEXTS}
-    level = {key: value for key, value in attributes.items() if key == INTERVAL_LEVEL}
     return estimate_array(
-        values, {dimension: len(values)}, texts, units="1", long_name=long_name, attributes=level
+        band.values,
+        {dimension: len(band.values)},
+        {INTERVAL: band.method, INTERVAL_LABEL: band.label, NOTE: band.note},
+        units="1",
+        long_name=long_name,
+        attributes={} if band.label == "none" else {INTERVAL_LEVEL: LEVEL},
     )
 
 
-def _bands(sample: Sample, values: FloatArray) -> tuple[Band, Band]:
+class _Band(NamedTuple):
+    """Estimate, lower and upper bound at each value, and the texts of the interval."""
+
+    values: FloatArray
+    method: str
+    label: str
+    note: str = ""
+
+
+def _bands(sample: Sample, values: FloatArray) -> tuple[_Band, _Band]:
     """Return the pointwise and the simultaneous band at some values."""
-    if not sample.size:
-        missing = np.full(values.shape, np.nan)
-        return _without_bounds(sample, missing), _without_bounds(sample, missing)
     counts = _counts(sample, values)
-    estimate: FloatArray = counts.sum(axis=0) / sample.size
-    if sample.reason_without_intervals:
-        return _without_bounds(sample, estimate), _without_bounds(sample, estimate)
+    estimate = counts.sum(axis=0) / sample.size if sample.size else np.full(values.shape, np.nan)
+    if reason := sample.reason_without_intervals:
+        none = np.full(values.shape, np.nan)
+        without = _Band(np.stack([estimate, none, none], axis=-1), "none", "none", reason)
+        return without, without
     return _pointwise(sample, counts, estimate), _simultaneous(sample, estimate)
 
 
 def _counts(sample: Sample, values: FloatArray) -> IntArray:
     """Count the runs at or below each value, a row for each replicate."""
-    parts = [
-        np.sort(sample.values[sample.replicate == number])
-        for number in range(sample.replicate_count)
-    ]
+    replicates = range(sample.replicate_count)
+    parts = [np.sort(sample.values[sample.replicate == number]) for number in replicates]
     return np.array([np.searchsorted(part, values, side="right") for part in parts])
 
 
-def _pointwise(sample: Sample, counts: IntArray, estimate: FloatArray) -> Band:
+def _pointwise(sample: Sample, counts: IntArray, estimate: FloatArray) -> _Band:
     total = counts.sum(axis=0)
     lower, upper = clopper_pearson(total, sample.size, LEVEL)
-    method, label = "Clopper-Pearson", "conservative"
+    method, label = texts.CLOPPER_PEARSON, "conservative"
     if sample.error_model is ErrorModel.INDEPENDENT:
         label = "discrete"
     elif sample.error_model is ErrorModel.REPLICATED:
@@ -119,9 +119,9 @@ def _pointwise(sample: Sample, counts: IntArray, estimate: FloatArray) -> Band:
         regular = has_enough_runs_around(sample, total)
         lower = np.where(regular, np.maximum(estimate - half, 0.0), lower)
         upper = np.where(regular, np.minimum(estimate + half, 1.0), upper)
-        method = "Student t over replicates; Clopper-Pearson with fewer than 10 runs on a side"
+        method = texts.STUDENT_OR_CLOPPER_PEARSON
         label = "discrete"
-    return np.stack([estimate, lower, upper], axis=-1), _interval_attributes(method, label)
+    return _Band(np.stack([estimate, lower, upper], axis=-1), method, label)
 
 
 def _errors(sample: Sample, counts: IntArray) -> FloatArray:
@@ -130,26 +130,13 @@ def _errors(sample: Sample, counts: IntArray) -> FloatArray:
     excess = counts - np.outer(sizes, counts.sum(axis=0) / sample.size)
     replicates = len(sizes)
     variance = (excess**2).sum(axis=0) * replicates / (replicates - 1) / sample.size**2
-    errors: FloatArray = np.maximum(np.sqrt(variance), rounding_error(sample))
-    return errors
+    return np.maximum(np.sqrt(variance), rounding_error(sample))
 
 
-def _simultaneous(sample: Sample, estimate: FloatArray) -> Band:
+def _simultaneous(sample: Sample, estimate: FloatArray) -> _Band:
     half = dkw_half_width(sample.size, LEVEL)
     # On stratified points the band is wider than need be: the function scatters less than it does
     # over independent draws.
     label = "nominal" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
     lower, upper = np.maximum(estimate - half, 0.0), np.minimum(estimate + half, 1.0)
-    attributes = _interval_attributes("Dvoretzky-Kiefer-Wolfowitz-Massart", label)
-    return np.stack([estimate, lower, upper], axis=-1), attributes
-
-
-def _interval_attributes(method: str, label: str) -> dict[str, str | float]:
-    return {INTERVAL: method, INTERVAL_LABEL: label, INTERVAL_LEVEL: LEVEL}
-
-
-def _without_bounds(sample: Sample, estimate: FloatArray) -> Band:
-    none = np.full(estimate.shape, np.nan)
-    attributes: dict[str, str | float] = {INTERVAL: "none", INTERVAL_LABEL: "none"}
-    attributes[NOTE] = sample.reason_without_intervals
-    return np.stack([estimate, none, none], axis=-1), attributes
+    return _Band(np.stack([estimate, lower, upper], axis=-1), texts.SIMULTANEOUS_BAND, label)

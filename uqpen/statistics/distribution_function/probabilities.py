@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray
 from uqpen.core.catalogue import CATEGORY, THRESHOLD
 from uqpen.core.labels import STATUS
 from uqpen.core.status import Status
+from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import clopper_pearson, student_quantile
@@ -26,8 +27,6 @@ __all__ = [
     "status_probabilities",
     "threshold_coordinates",
 ]
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 def exceedance_probabilities(
@@ -45,15 +44,10 @@ def exceedance_probabilities(
     """
     if not quantity.thresholds:
         return
-    array = Estimate.stack(
-        [
-            _probability_with_missing(sample, sample.values > threshold.value)
-            for threshold in quantity.thresholds
-        ],
-        THRESHOLD,
-        units="1",
-        long_name=f"probability that {quantity.output.title} exceeds a value",
-    )
+    events = [sample.values > threshold.value for threshold in quantity.thresholds]
+    long_name = f"probability that {quantity.output.title} exceeds a value"
+    estimates = [_probability_with_missing(sample, event) for event in events]
+    array = Estimate.stack(estimates, THRESHOLD, units="1", long_name=long_name)
     yield "exceedance", array.assign_coords(threshold_coordinates(quantity))
 
 
@@ -80,18 +74,12 @@ def category_probabilities(
     estimate : DataArray
         Along ``category`` and ``bound``.
     """
-    categories = quantity.output.categories
-    if not categories:
+    if not quantity.output.categories:
         return
-    array = Estimate.stack(
-        [
-            _probability_with_missing(sample, sample.values == kind)
-            for kind in range(len(categories))
-        ],
-        CATEGORY,
-        units="1",
-        long_name=f"share of {quantity.output.title}",
-    )
+    events = [sample.values == kind for kind in range(len(quantity.output.categories))]
+    estimates = [_probability_with_missing(sample, event) for event in events]
+    long_name = f"share of {quantity.output.title}"
+    array = Estimate.stack(estimates, CATEGORY, units="1", long_name=long_name)
     yield "share", array.assign_coords(category_coordinates(quantity))
 
 
@@ -106,36 +94,20 @@ def category_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
 
 
 def status_probabilities(runs: xr.Dataset) -> xr.DataArray:
-    """Estimate the probability of each way in which a run can fail, whether or not one did.
-
-    Parameters
-    ----------
-    runs : Dataset
-        With ``status(run)``.
-
-    Returns
-    -------
-    DataArray
-        Along ``status`` and ``bound``.
-    """
+    """Estimate the probability of each status but ok, along ``status`` and ``bound``."""
     sample = Sample.from_statuses(runs)
     ends = [status for status in Status if status is not Status.OK]
-    array = Estimate.stack(
-        [_probability(sample, sample.values == status) for status in ends],
-        STATUS,
-        units="1",
-        long_name="probability that a run ends so",
-    )
+    estimates = [_probability(sample, sample.values == status) for status in ends]
+    long_name = "probability that a run ends so"
+    array = Estimate.stack(estimates, STATUS, units="1", long_name=long_name)
     names = np.array([status.meaning for status in ends], dtype=object)
     return array.assign_coords({STATUS: (STATUS, names, {"long_name": "end of a run"})})
 
 
 def _probability(sample: Sample, events: BoolArray) -> Estimate:
     """Probability of an event over the runs of a sample."""
-    if not sample.size:
-        return Estimate.without_bounds(np.nan, sample.reason_without_intervals)
     count = int(events.sum())
-    value = count / sample.size
+    value = count / sample.size if sample.size else np.nan
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(value, reason)
     if sample.error_model is not ErrorModel.INDEPENDENT and has_enough_runs_around(sample, count):
@@ -143,13 +115,12 @@ def _probability(sample: Sample, events: BoolArray) -> Estimate:
         half = student_quantile(freedom, LEVEL) * error
         ends = max(value - half, 0.0), min(value + half, 1.0)
         if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
-            method = "Student t on the residuals of an additive fit"
-            return Estimate(value, *ends, method, "conservative")
+            return Estimate(value, *ends, texts.STUDENT_ON_RESIDUALS, "conservative")
         label = "discrete" if is_rounded else "nominal"
-        return Estimate(value, *ends, "Student t over replicates", label)
+        return Estimate(value, *ends, texts.STUDENT_OVER_REPLICATES, label)
     lower, upper = clopper_pearson(count, sample.size, LEVEL)
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
-    return Estimate(value, float(lower), float(upper), "Clopper-Pearson", label)
+    return Estimate(value, float(lower), float(upper), texts.CLOPPER_PEARSON, label)
 
 
 def _probability_with_missing(sample: Sample, events: BoolArray) -> Estimate:
@@ -162,6 +133,6 @@ def _probability_with_missing(sample: Sample, events: BoolArray) -> Estimate:
         _probability(whole, np.concatenate([events, np.full(sample.missing.shape, happened)]))
         for happened in (False, True)
     )
-    method = f"{estimate.method}, missing runs counted both ways"
-    note = f"the {sample.missing.size} missing runs are counted both ways"
+    method = texts.FOR_ANY_OUTCOME.format(method=estimate.method)
+    note = texts.MISSING_RUNS.format(runs=sample.missing.size)
     return Estimate(estimate.value, as_none.lower, as_all.upper, method, "conservative", note)

@@ -9,7 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import CONTENT_LEVEL, PROBABILITY
+from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import (
     order_statistic_ranks,
@@ -22,21 +24,15 @@ from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import cdf_error
 
 __all__ = [
-    "TOO_ONE_SIDED",
     "has_enough_runs_around",
     "quantile_estimates",
     "sample_quantile",
     "tolerance_limits",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 
 # With fewer runs than this on one side of a value, replicates do not show the error there.
 _FEWEST_BEYOND = 10
-TOO_ONE_SIDED = "fewer than ten runs lie on one side"
-
-_ORDER_STATISTICS = "order statistics (binomial)"
-_WOODRUFF = "Woodruff, over replicates"
 
 
 def quantile_estimates(
@@ -88,16 +84,12 @@ def tolerance_limits(
     )
     needed = [runs_needed(p, LEVEL) for p in quantity.tolerance_contents]
     described = {"units": "1", "long_name": "probability of not exceeding the value"}
-    fewest = {"units": "1", "long_name": "independent runs that an upper bound takes at least"}
-    yield (
-        "tolerance_limit",
-        array.assign_coords(
-            {
-                CONTENT_LEVEL: (CONTENT_LEVEL, np.array(quantity.tolerance_contents), described),
-                f"{CONTENT_LEVEL}_runs_needed": (CONTENT_LEVEL, needed, fewest),
-            }
-        ),
-    )
+    fewest = {"units": "1", "long_name": texts.RUNS_NEEDED}
+    coordinates = {
+        CONTENT_LEVEL: (CONTENT_LEVEL, np.array(quantity.tolerance_contents), described),
+        f"{CONTENT_LEVEL}_runs_needed": (CONTENT_LEVEL, needed, fewest),
+    }
+    yield "tolerance_limit", array.assign_coords(coordinates)
 
 
 def sample_quantile(sample: Sample, probability: npt.ArrayLike) -> FloatArray:
@@ -111,49 +103,37 @@ def sample_quantile(sample: Sample, probability: npt.ArrayLike) -> FloatArray:
     low, high = sample.sorted_values[below], sample.sorted_values[above]
     # Weights rather than a difference, which overflows where both ends of the numbers are met.
     share = position - below
-    between: FloatArray = np.where(low == high, low, (1 - share) * low + share * high)
-    return between
+    return np.where(low == high, low, (1 - share) * low + share * high)
 
 
-def has_enough_runs_around(sample: Sample, counts_below: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Check that enough runs lie on either side of a value to estimate the error by their scatter.
+def has_enough_runs_around(sample: Sample, counts_below: npt.ArrayLike) -> BoolArray:
+    """Check that enough runs lie on either side of values to estimate the error by their scatter.
 
-    Parameters
-    ----------
-    sample : Sample
-        The runs.
-    counts_below : array_like
-        Numbers of runs below the value.
+    `counts_below` are the numbers of runs below each value.
     """
     # A probability times a number of runs is a whole number but for rounding.
     beyond = np.minimum(counts_below, sample.size - np.asarray(counts_below))
-    enough: npt.NDArray[np.bool_] = np.round(beyond, 6) >= _FEWEST_BEYOND
-    return enough
+    return np.round(beyond, 6) >= _FEWEST_BEYOND
 
 
 def _quantile_estimate(sample: Sample, p: float) -> Estimate:
     value = float(sample_quantile(sample, p))
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(value, reason)
-    if sample.error_model is ErrorModel.REPLICATED and has_enough_runs_around(
-        sample, sample.size * p
-    ):
-        step, is_rounded = _woodruff_step(sample, p, value, LEVEL)
-        # Least and largest whole number of runs below the quantile.
-        fewest = math.ceil(sample.size * (p - step))
-        most = math.floor(sample.size * (p + step))
-        if fewest >= 1 and most < sample.size:
-            ends = _order_statistic(sample, fewest), _order_statistic(sample, most + 1)
-            return Estimate(value, *ends, _WOODRUFF, "discrete" if is_rounded else "nominal")
-    ranks = order_statistic_ranks(sample.size, p, LEVEL)
-    ends = _order_statistic(sample, float(ranks[0])), _order_statistic(sample, float(ranks[1]))
+    if _has_woodruff(sample, p):
+        lower, upper, label = _woodruff_ranks(sample, p, value, LEVEL)
+        if lower >= 1 and upper <= sample.size:
+            ends = _order_statistic(sample, lower), _order_statistic(sample, upper)
+            return Estimate(value, *ends, texts.WOODRUFF, label)
+    low, high = order_statistic_ranks(sample.size, p, LEVEL)
+    ends = _order_statistic(sample, float(low)), _order_statistic(sample, float(high))
     if all(map(math.isnan, ends)):
         return Estimate.without_bounds(value, sample.too_few_runs)
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
-    estimate = Estimate(value, *ends, _ORDER_STATISTICS, label)
+    estimate = Estimate(value, *ends, texts.ORDER_STATISTICS, label)
     if any(map(math.isnan, ends)):
-        side = "a lower" if math.isnan(ends[0]) else "an upper"
-        return estimate.with_note(f"{sample.too_few_runs} for {side} bound")
+        note = texts.NO_LOWER_BOUND if math.isnan(ends[0]) else texts.NO_UPPER_BOUND
+        return estimate.with_note(note.format(too_few=sample.too_few_runs))
     return estimate
 
 
@@ -162,31 +142,35 @@ def _tolerance_limit(sample: Sample, p: float) -> Estimate:
     value = float(sample_quantile(sample, p))
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(value, reason)
-    if sample.error_model is ErrorModel.REPLICATED and has_enough_runs_around(
-        sample, sample.size * p
-    ):
+    if _has_woodruff(sample, p):
         # A one-sided bound at 95 % is the upper end of a two-sided interval at 90 %.
-        step, is_rounded = _woodruff_step(sample, p, value, 2 * LEVEL - 1)
-        most = math.floor(sample.size * (p + step))
-        if most < sample.size:
-            upper = _order_statistic(sample, most + 1)
-            label = "discrete" if is_rounded else "nominal"
-            return Estimate(value, math.nan, upper, f"one-sided, {_WOODRUFF}", label)
+        _, rank, label = _woodruff_ranks(sample, p, value, 2 * LEVEL - 1)
+        if rank <= sample.size:
+            upper = _order_statistic(sample, rank)
+            return Estimate(value, math.nan, upper, texts.ONE_SIDED_WOODRUFF, label)
     upper = _order_statistic(sample, float(upper_rank(sample.size, p, LEVEL)))
     if math.isnan(upper):
         needed = runs_needed(p, LEVEL)
-        return Estimate.without_bounds(value, f"an upper bound takes at least {needed} runs")
+        return Estimate.without_bounds(value, texts.UPPER_BOUND_NEEDS.format(runs=needed))
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
-    return Estimate(value, math.nan, upper, f"one-sided, {_ORDER_STATISTICS}", label)
+    return Estimate(value, math.nan, upper, texts.ONE_SIDED_ORDER_STATISTICS, label)
 
 
-def _woodruff_step(sample: Sample, p: float, value: float, level: float) -> tuple[float, bool]:
-    """Return the half-width of the cdf's interval at a quantile, and True if counting limits it.
+def _has_woodruff(sample: Sample, p: float) -> bool:
+    is_replicated = sample.error_model is ErrorModel.REPLICATED
+    return is_replicated and bool(has_enough_runs_around(sample, sample.size * p))
+
+
+def _woodruff_ranks(sample: Sample, p: float, value: float, level: float) -> tuple[int, int, str]:
+    """Return the ranks that enclose a quantile, and the label of the interval.
 
     Woodruff, R. S. (1952). J. Am. Stat. Assoc. 47, 635-646; with the scatter over replicates.
     """
     error, freedom, is_rounded = cdf_error(sample, value)
-    return student_quantile(freedom, level) * error, is_rounded
+    step = student_quantile(freedom, level) * error
+    # Least and largest whole number of runs below the quantile.
+    fewest, most = math.ceil(sample.size * (p - step)), math.floor(sample.size * (p + step))
+    return fewest, most + 1, "discrete" if is_rounded else "nominal"
 
 
 def _order_statistic(sample: Sample, rank: float) -> float:

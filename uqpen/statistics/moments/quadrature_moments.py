@@ -8,23 +8,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import QUADRATURE_WEIGHT, STATUS
 from uqpen.core.status import Status
+from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
 __all__ = ["quadrature_moments"]
 
-FloatArray = npt.NDArray[np.float64]
-
-_NO_SCATTER = "an integration rule has no scatter; its error is not told"
-_CONSTANT = "the output does not vary"
-_IMPOSSIBLE_MOMENT = (
-    "the rule's negative weights give no {} that a law can have; a higher order may"
-)
 
 # What rounding leaves of a sum of weighted terms, relative to their size.
 _ROUNDING = 1e-12
@@ -53,32 +47,18 @@ def quadrature_moments(
         ("kurtosis", "1", "kurtosis"),
     ):
         value, reason = integrals.statistic_with_reason(statistic)
-        estimate = Estimate.without_bounds(
-            value, "; ".join(filter(None, [reason, integrals.missing_runs_note]))
-        )
-        yield (
-            statistic,
-            estimate.to_array(units=units, long_name=f"{long_name} of {title}"),
-        )
+        estimate = Estimate.without_bounds(value, reason, integrals.missing_runs_note)
+        yield statistic, estimate.to_array(units=units, long_name=f"{long_name} of {title}")
 
 
 @dataclass(frozen=True, eq=False)
 class _Integrals:
-    """Completed runs of a quadrature rule, with weights scaled to a sum of 1.
-
-    Parameters
-    ----------
-    values, weights : ndarray, shape (run,)
-        Of the completed runs.
-    missing_runs_note : str
-        Note on the failed runs and their effect; empty where no run failed.
-    total : float
-        Sum of the weights before scaling; 1 where no run failed.
-    """
+    """Completed runs of a quadrature rule, with weights scaled to a sum of 1."""
 
     values: FloatArray
     weights: FloatArray
     missing_runs_note: str
+    # Sum of the weights before scaling; 1 where no run failed.
     total: float
 
     @classmethod
@@ -89,9 +69,8 @@ class _Integrals:
         missing_runs_note = ""
         if not used.all():
             share = float(np.abs(weights[~used]).sum() / np.abs(weights).sum())
-            count_text = f"{np.count_nonzero(~used)} of {len(used)} nodes"
-            missing_runs_note = (
-                f"{count_text} ({100 * share:.3g} % of the weight) were lost, which biases it"
+            missing_runs_note = texts.MISSING_NODES.format(
+                failed=np.count_nonzero(~used), nodes=len(used), share=100 * share
             )
         total = float(weights[used].sum())
         values = runs[name].values[used].astype(np.float64)
@@ -100,23 +79,23 @@ class _Integrals:
     def statistic_with_reason(self, statistic: str) -> tuple[float, str]:
         """Return a statistic with the reason why it has no interval, or is NaN."""
         if not len(self.values):
-            return math.nan, "no run came back"
+            return math.nan, texts.NO_RUN
         if not self.total > _ROUNDING:
-            return math.nan, "the weights of the runs that came back add up to nothing"
+            return math.nan, texts.NO_WEIGHT
         if statistic == "mean":
-            return self.mean, _NO_SCATTER
+            return self.mean, texts.NO_SCATTER_OF_RULE
         if not self.scale > 0:
-            return (0.0 if statistic == "std" else math.nan), _CONSTANT
+            return (0.0 if statistic == "std" else math.nan), texts.CONSTANT_OUTPUT
         if not self._moment(2) > _ROUNDING:
-            return math.nan, _IMPOSSIBLE_MOMENT.format("variance")
+            return math.nan, texts.IMPOSSIBLE_MOMENT.format(moment="variance")
         if statistic == "std":
-            return math.sqrt(self._moment(2)) * self.scale, _NO_SCATTER
+            return math.sqrt(self._moment(2)) * self.scale, texts.NO_SCATTER_OF_RULE
         if statistic == "skewness":
-            return self.skewness, _NO_SCATTER
+            return self.skewness, texts.NO_SCATTER_OF_RULE
         # No distribution has less (Pearson 1916, Phil. Trans. R. Soc. A 216, 429-457).
         if self.kurtosis < (1 + self.skewness**2) * (1 - _ROUNDING):
-            return math.nan, _IMPOSSIBLE_MOMENT.format("kurtosis")
-        return self.kurtosis, _NO_SCATTER
+            return math.nan, texts.IMPOSSIBLE_MOMENT.format(moment="kurtosis")
+        return self.kurtosis, texts.NO_SCATTER_OF_RULE
 
     @cached_property
     def mean(self) -> float:

@@ -6,25 +6,20 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray
+from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sample_shape import (
-    DOUBTFUL_TAIL,
-    FEWEST_RUNS_FOR_TAILS,
-    NO_TAIL_SEEN,
-    SampleShape,
-)
+from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.standard_errors import cdf_error, standard_error
 
 __all__ = ["sample_moments"]
 
-BoolArray = npt.NDArray[np.bool_]
 
 # Means over replicates covered less than said on heavy tails below this many runs.
 _FEWEST_RUNS_FOR_HEAVY_MEANS = 5000
@@ -34,9 +29,12 @@ _FEWEST_RUNS_FOR_A_MEAN = 20
 # About one standard deviation on either side of the median, for a normal distribution.
 _LOW, _HIGH = 0.16, 0.84
 
-_DIAGNOSIS = "a diagnosis of the tail, not an estimate"
-_CONSTANT = "the output does not vary"
-_REPLICATES_AGREE = "the strata leave no scatter, so nothing tells the error"
+# Method and label of the interval of a mean.
+_MEAN_METHODS = {
+    ErrorModel.INDEPENDENT: (texts.STUDENT, "nominal"),
+    ErrorModel.REPLICATED: (texts.STUDENT_OVER_REPLICATES, "nominal"),
+    ErrorModel.SINGLE_STRATIFIED_SET: (texts.STUDENT_ON_RESIDUALS, "conservative"),
+}
 
 # A sum of as many runs as there ever are is exact to this, relative to the largest.
 _ROUNDING = 1e-12
@@ -66,12 +64,12 @@ def sample_moments(
         array = estimate.to_array(units=quantity.output.unit, long_name=f"{long_name} of {title}")
         yield statistic, array
     for statistic, value, reason in (
-        ("skewness", shape.skewness, "no interval was found that covers"),
-        ("kurtosis", shape.kurtosis, _DIAGNOSIS),
-        ("effective_runs", shape.effective_runs, _DIAGNOSIS),
+        ("skewness", shape.skewness, texts.NO_INTERVAL),
+        ("kurtosis", shape.kurtosis, texts.DIAGNOSTIC),
+        ("effective_runs", shape.effective_runs, texts.DIAGNOSTIC),
     ):
         is_constant = sample.is_constant and sample.size > 1
-        why = _CONSTANT if is_constant else sample.reason_without_intervals or reason
+        why = texts.CONSTANT_OUTPUT if is_constant else sample.reason_without_intervals or reason
         long_name = f"{statistic.replace('_', ' ')} of {title}"
         estimate = Estimate.without_bounds(value, why)
         yield statistic, estimate.to_array(units="1", long_name=long_name)
@@ -82,66 +80,56 @@ def _mean(sample: Sample, shape: SampleShape) -> Estimate:
         return Estimate.without_bounds(shape.mean, reason)
     error, freedom = standard_error(sample, shape.deviations)
     if _is_falsely_exact(sample, error):
-        return Estimate.without_bounds(shape.mean, _REPLICATES_AGREE)
+        return Estimate.without_bounds(shape.mean, texts.NO_SCATTER_OF_STRATA)
     half = student_quantile(freedom, LEVEL) * error * shape.scale
     ends = shape.mean - half, shape.mean + half
-    is_replicated = sample.error_model is ErrorModel.REPLICATED
-    if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
-        method = "Student t on the residuals of an additive fit"
-        estimate = Estimate(shape.mean, *ends, method, "conservative")
-    else:
-        method = "Student t over replicates" if is_replicated else "Student t"
-        estimate = Estimate(shape.mean, *ends, method, "nominal")
-    return estimate.with_note(_mean_warning(sample, shape))
+    method, label = _MEAN_METHODS[sample.error_model]
+    return Estimate(shape.mean, *ends, method, label, _mean_warning(sample, shape))
 
 
 def _mean_warning(sample: Sample, shape: SampleShape) -> str:
     """Reason why the interval of a mean may not have its nominal coverage; empty for none."""
     if sample.is_constant:
         return ""
-    may_hide = (
-        sample.error_model is ErrorModel.REPLICATED and sample.size < _FEWEST_RUNS_FOR_HEAVY_MEANS
-    )
+    is_replicated = sample.error_model is ErrorModel.REPLICATED
+    may_hide = is_replicated and sample.size < _FEWEST_RUNS_FOR_HEAVY_MEANS
     if may_hide and shape.is_heavy:
-        return (
-            f"heavy tail ({shape.tail_note}): below 5 000 runs it may cover less often than it says"
-        )
-    if sample.size < FEWEST_RUNS_FOR_TAILS:
-        return f"{NO_TAIL_SEEN}; with one it covers less often than it says"
+        return texts.HEAVY_MEAN.format(heavy_tail=shape.tail_note)
+    if shape.hidden_tail:
+        return f"{shape.hidden_tail}; {texts.IF_HEAVY_TAIL}"
     if shape.effective_runs < _FEWEST_RUNS_FOR_A_MEAN:
-        return f"it hangs on so few runs ({shape.tail_note}) that it may not exist"
+        return texts.MEAN_MAY_NOT_EXIST.format(heavy_tail=shape.tail_note)
     # Of 256 runs of the concrete study one sample in seven looks light, and replicates of those
     # covered in 61 %.
-    return DOUBTFUL_TAIL if may_hide and shape.is_doubtful else ""
+    return texts.DOUBTFUL_TAIL if may_hide and shape.is_doubtful else ""
 
 
 def _std(sample: Sample, shape: SampleShape) -> Estimate:
     if sample.size < 2 or sample.is_constant:
         value = 0.0 if sample.size > 1 else math.nan
-        return Estimate.without_bounds(value, sample.reason_without_intervals or _CONSTANT)
+        reason = sample.reason_without_intervals or texts.CONSTANT_OUTPUT
+        return Estimate.without_bounds(value, reason)
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(float(shape.deviations.std(ddof=1)) * shape.scale, reason)
     # What the sample's mean takes from the squares is its own variance, which over strata is
     # less than that of independent draws; for those it makes the divisor one run less.
     error, freedom = standard_error(sample, shape.deviations)
     std = math.hypot(float(shape.deviations.std()), error)
-    if sample.size < FEWEST_RUNS_FOR_TAILS:
-        return Estimate.without_bounds(std * shape.scale, NO_TAIL_SEEN)
+    if shape.hidden_tail:
+        return Estimate.without_bounds(std * shape.scale, shape.hidden_tail)
     if shape.is_heavy:
-        reason = f"heavy tail ({shape.tail_note}): no interval covers; see half the 16–84 % range"
-        return Estimate.without_bounds(std * shape.scale, reason)
+        reason = texts.NO_INTERVAL_AS.format(reason=shape.tail_note)
+        return Estimate.without_bounds(std * shape.scale, reason, texts.SEE_HALF_SPREAD)
     # The delta method on log(std), whose distribution is closer to normal than that of std itself.
     error, freedom = standard_error(sample, shape.deviations**2)
     if _is_falsely_exact(sample, error):
-        return Estimate.without_bounds(std * shape.scale, _REPLICATES_AGREE)
+        return Estimate.without_bounds(std * shape.scale, texts.NO_SCATTER_OF_STRATA)
     factor = math.exp(student_quantile(freedom, LEVEL) * error / (2 * std**2))
     value = std * shape.scale
     label = "conservative" if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET else "nominal"
-    method = f"delta method on the logarithm, {sample.error_model}"
-    estimate = Estimate(value, value / factor, value * factor, method, label)
-    if shape.is_doubtful:
-        return estimate.with_note(DOUBTFUL_TAIL)
-    return estimate
+    method = texts.DELTA_ON_LOGARITHM.format(error_model=sample.error_model)
+    note = texts.DOUBTFUL_TAIL if shape.is_doubtful else ""
+    return Estimate(value, value / factor, value * factor, method, label, note)
 
 
 def _is_falsely_exact(sample: Sample, error: float) -> bool:
@@ -174,7 +162,7 @@ def _half_spread(sample: Sample) -> Estimate:
         value,
         value - _combined_error(up[0], down[1], correlation),
         value + _combined_error(down[0], up[1], correlation),
-        f"two Woodruff intervals combined, {sample.error_model}",
+        texts.TWO_WOODRUFF.format(error_model=sample.error_model),
         "conservative" if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET else "discrete",
     )
 
@@ -182,10 +170,8 @@ def _half_spread(sample: Sample) -> Estimate:
 def _correlation(sample: Sample, one: BoolArray, other: BoolArray) -> float:
     """Correlation of the errors of two shares, estimated from their scatter; else 0."""
     first_events, second_events = one.astype(np.float64), other.astype(np.float64)
-    first, second = (
-        standard_error(sample, first_events)[0],
-        standard_error(sample, second_events)[0],
-    )
+    first, _ = standard_error(sample, first_events)
+    second, _ = standard_error(sample, second_events)
     if not first * second > 0:
         return 0.0
     between, _ = standard_error(sample, second_events - first_events)

@@ -8,23 +8,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import INPUT
+from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.sample_shape import (
-    DOUBTFUL_TAIL,
-    FEWEST_RUNS_FOR_TAILS,
-    NO_TAIL_SEEN,
-    SampleShape,
-)
+from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.sensitivity.input_measures import (
-    INCLUDES_CORRELATION,
-    input_coordinate,
+    input_array,
     mean_ranks,
     reason_without_measure,
 )
@@ -32,8 +26,6 @@ from uqpen.statistics.standard_errors import standard_error
 
 __all__ = ["correlations"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _FEWEST_RUNS = 30
 # Correlations nearer to one than this are one but for rounding.
@@ -66,14 +58,10 @@ def correlations(
     ):
         long_name = f"{adjective} of {title} with the inputs"
         if sample.dependence and not is_partial:
-            long_name = f"{long_name}, {INCLUDES_CORRELATION}"
-        array = Estimate.stack(
-            [columns.correlation(i, is_partial=is_partial) for i in range(len(sample.inputs))],
-            INPUT,
-            units="1",
-            long_name=long_name,
-        )
-        yield statistic, array.assign_coords(input_coordinate(sample))
+            long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
+        inputs = range(len(sample.inputs))
+        estimates = [columns.correlation(i, is_partial=is_partial) for i in inputs]
+        yield statistic, input_array(estimates, sample.inputs, long_name)
 
 
 @dataclass(frozen=True)
@@ -104,7 +92,6 @@ class _CorrelatedColumns:
 
     @cached_property
     def _varying(self) -> IntArray:
-        """Numbers of the columns that vary."""
         return np.flatnonzero(self.standardized.any(axis=1))
 
     @cached_property
@@ -112,8 +99,7 @@ class _CorrelatedColumns:
         """Mean products of the columns that vary: how they correlate."""
         columns = self.standardized[self._varying]
         # `einsum` adds in one order on every processor; the kernels of `@` each have their own.
-        products: FloatArray = np.einsum("ir,jr->ij", columns, columns) / self.sample.size
-        return products
+        return np.einsum("ir,jr->ij", columns, columns) / self.sample.size
 
     def correlation(self, i: int, *, is_partial: bool) -> Estimate:
         """Estimate the correlation of the output with input `i`."""
@@ -121,8 +107,7 @@ class _CorrelatedColumns:
             return Estimate.without_bounds(math.nan, reason)
         weights = self._partial_weights(i) if is_partial else self._simple_weights(i)
         if weights is None:
-            reason = "the inputs and the output follow from each other by straight lines"
-            return Estimate.without_bounds(math.nan, reason)
+            return Estimate.without_bounds(math.nan, texts.LINEARLY_DEPENDENT)
         one, other = (_standardized(self._combined(weight)) for weight in weights)
         value = float((one * other).mean())
         if reason := self.sample.reason_without_intervals or self._reason_without_bounds:
@@ -179,36 +164,35 @@ class _CorrelatedColumns:
         at = np.bincount(level, target)
         above = np.cumsum(at[::-1])[::-1] - at
         # Half of what is equal lies above.
-        moved: FloatArray = (above + at / 2)[level] / mean_ranks(level).std()
-        return moved
+        return (above + at / 2)[level] / mean_ranks(level).std()
 
     def _with_bounds(self, value: float, influence: FloatArray) -> Estimate:
         """Return a correlation with its bounds, by the delta method on Fisher's transform."""
         error, freedom = standard_error(self.sample, influence)
         if 1 - abs(value) < _ROUNDING or not error > _ROUNDING:
-            return Estimate.without_bounds(value, "the runs leave no scatter that tells the error")
+            return Estimate.without_bounds(value, texts.NO_SCATTER_OF_RUNS)
         half = student_quantile(freedom, LEVEL) * error / (1 - value**2)
         centre = math.atanh(value)
         estimate = Estimate(
             value,
             math.tanh(centre - half),
             math.tanh(centre + half),
-            f"delta method on Fisher's transform, {self.sample.error_model}",
+            texts.DELTA_ON_FISHER.format(error_model=self.sample.error_model),
             "nominal",
         )
         # Ranks have no tail that could be hidden.
         is_doubtful = self.shape.is_doubtful and not self.is_ranked
-        return estimate.with_note(DOUBTFUL_TAIL) if is_doubtful else estimate
+        return estimate.with_note(texts.DOUBTFUL_TAIL) if is_doubtful else estimate
 
     @property
     def _reason_without_bounds(self) -> str:
         if self.is_ranked:
             return ""
-        if self.sample.size < FEWEST_RUNS_FOR_TAILS:
-            return f"{NO_TAIL_SEEN}; see the correlations of ranks"
+        if self.shape.hidden_tail:
+            return f"{self.shape.hidden_tail}; {texts.SEE_RANKS}"
         if self.shape.is_heavy:
-            heavy = f"heavy tail ({self.shape.tail_note}): no interval covers"
-            return f"{heavy}; see the correlations of ranks"
+            heavy = texts.NO_INTERVAL_AS.format(reason=self.shape.tail_note)
+            return f"{heavy}; {texts.SEE_RANKS}"
         return ""
 
 

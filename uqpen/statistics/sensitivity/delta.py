@@ -6,26 +6,23 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from scipy import special
 
-from uqpen.core.labels import INPUT
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.streams import Stream
+from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.input_measures import (
-    INCLUDES_CORRELATION,
-    input_coordinate,
+    input_array,
     mean_ranks,
     reason_without_measure,
 )
 
 __all__ = ["delta"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _FEWEST_RUNS = 48
 # Normal scores beyond lie in the outermost cells.
@@ -33,8 +30,6 @@ _FARTHEST_SCORE = 4.0
 _CELLS = 80
 _RESAMPLES = 30
 _MOST_CLASSES = 48
-
-_NO_INTERVAL = "no interval covers: its bias may exceed its scatter"
 
 
 def delta(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
@@ -57,15 +52,10 @@ def delta(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, x
     title = quantity.output.title
     long_name = f"delta of {title}: how far knowing an input moves its distribution"
     if sample.dependence:
-        long_name = f"{long_name}, {INCLUDES_CORRELATION}"
+        long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
     cells = _cells(sample.values)
-    array = Estimate.stack(
-        [_estimate(sample, cells, column) for column in range(len(sample.inputs))],
-        INPUT,
-        units="1",
-        long_name=long_name,
-    )
-    yield "delta", array.assign_coords(input_coordinate(sample))
+    estimates = [_estimate(sample, cells, column) for column in range(len(sample.inputs))]
+    yield "delta", input_array(estimates, sample.inputs, long_name)
 
 
 def _estimate(sample: Sample, cells: IntArray, column: int) -> Estimate:
@@ -75,7 +65,8 @@ def _estimate(sample: Sample, cells: IntArray, column: int) -> Estimate:
     # What noise adds to the distances, resampling adds once more.
     resampled = np.mean([_distance(drawn) for drawn in _resampled(counts)])
     value = float(np.clip(2 * _distance(counts) - resampled, 0.0, 1.0))
-    return Estimate.without_bounds(value, sample.reason_without_intervals or _NO_INTERVAL)
+    reason = sample.reason_without_intervals or texts.NO_INTERVAL_OF_DELTA
+    return Estimate.without_bounds(value, reason)
 
 
 def _cells(values: FloatArray) -> IntArray:
@@ -86,8 +77,7 @@ def _cells(values: FloatArray) -> IntArray:
     """
     scores = special.ndtri(_empirical_cdf(values))
     cells = np.floor((scores / _FARTHEST_SCORE + 1) / 2 * _CELLS).astype(np.int64)
-    clipped: IntArray = np.clip(cells, 0, _CELLS - 1)
-    return clipped
+    return np.clip(cells, 0, _CELLS - 1)
 
 
 def _counts(values: FloatArray, cells: IntArray) -> FloatArray:
@@ -106,8 +96,7 @@ def _counts(values: FloatArray, cells: IntArray) -> FloatArray:
 def _empirical_cdf(values: FloatArray) -> FloatArray:
     """Share of the runs below each value, where a run itself counts half."""
     level = np.unique(values, return_inverse=True)[1]
-    shares: FloatArray = (mean_ranks(level) - 0.5) / max(len(values), 1)
-    return shares
+    return (mean_ranks(level) - 0.5) / max(len(values), 1)
 
 
 def _resampled(counts: FloatArray) -> Iterator[FloatArray]:

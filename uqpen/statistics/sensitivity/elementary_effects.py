@@ -6,33 +6,28 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import BLOCK_NUMBER, INPUT, MOVED_BY, MOVED_INPUT, POSITION, STATUS
+from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import BLOCK_NUMBER, MOVED_BY, MOVED_INPUT, POSITION, STATUS
 from uqpen.core.status import Status
 from uqpen.designs.moves import moved_input_numbers
+from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sensitivity.input_measures import input_names_coordinate
+from uqpen.statistics.sensitivity.input_measures import input_array
 
 __all__ = ["effects_by_input", "elementary_effects", "mean_effect"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # With fewer, intervals covered from 89 % to 100 % in simulations; from here on, 93 % to 98 %.
 _FEWEST_EFFECTS = 10
-_FEW = "{} effects are so few that it may cover less often than it says"
 # Where fewer effects than this differ from all the others, 84 % were seen.
 _FEWEST_DISTINCT = 5
-_RARE = "only {} of {} effects differ from the others; it may cover less often than it says"
 
 # Differences of outputs are exact to this, relative to the largest.
 _ROUNDING = 1e-12
-
-_NO_INTERVAL = "no interval was found that covers"
-_NO_SCATTER = "the effects do not scatter, so nothing tells their error"
 
 
 def elementary_effects(
@@ -65,16 +60,12 @@ def elementary_effects(
         ("sigma", _sigma, "standard deviation of the elementary effects"),
     )
     for measure, estimator, long_name in measures:
-        array = Estimate.stack(
-            [
-                _note_missing_effects(estimator(found[np.isfinite(found)]), found)
-                for found in effects.values()
-            ],
-            INPUT,
-            units=quantity.output.unit,
-            long_name=f"{long_name} on {title}, for the whole of an input's probability",
-        )
-        yield measure, array.assign_coords(input_names_coordinate(list(effects)))
+        estimates = [
+            _note_missing_effects(estimator(found[np.isfinite(found)]), found)
+            for found in effects.values()
+        ]
+        long_name = f"{long_name} on {title}, for the whole of an input's probability"
+        yield measure, input_array(estimates, [*effects], long_name, units=quantity.output.unit)
 
 
 def effects_by_input(runs: xr.Dataset, name: str) -> dict[str, FloatArray]:
@@ -93,41 +84,36 @@ def effects_by_input(runs: xr.Dataset, name: str) -> dict[str, FloatArray]:
 
 
 def mean_effect(effects: FloatArray) -> Estimate:
-    """Estimate the mean of an input's independent effects, or of their absolute values.
-
-    Parameters
-    ----------
-    effects : ndarray, shape (trajectory,)
-        One of each trajectory.
-    """
+    """Estimate the mean of an input's effects, or of their absolute values, one a trajectory."""
     if not effects.size:
-        return Estimate.without_bounds(math.nan, "no step came back whole")
+        return Estimate.without_bounds(math.nan, texts.NO_EFFECT)
     mean = float(effects.mean())
     if effects.size == 1:
-        return Estimate.without_bounds(mean, "a single effect has no scatter")
+        return Estimate.without_bounds(mean, texts.SINGLE_EFFECT)
     largest = float(np.abs(effects).max())
     # What differs by less than this is the same but for rounding.
     _, counts = np.unique(np.round(effects / (largest or 1.0), 12), return_counts=True)
     distinct = effects.size - int(counts.max())
     if not distinct:
-        return Estimate.without_bounds(mean, _NO_SCATTER)
+        return Estimate.without_bounds(mean, texts.NO_SCATTER_OF_EFFECTS)
     half = student_quantile(effects.size - 1, LEVEL) * _deviation(effects)
     half /= math.sqrt(effects.size)
-    estimate = Estimate(mean, mean - half, mean + half, "Student t over trajectories", "nominal")
+    estimate = Estimate(mean, mean - half, mean + half, texts.STUDENT_OVER_TRAJECTORIES, "nominal")
     if effects.size < _FEWEST_EFFECTS:
-        return estimate.with_note(_FEW.format(effects.size))
+        return estimate.with_note(texts.ONLY_EFFECTS.format(effects=effects.size))
     if distinct < _FEWEST_DISTINCT:
-        return estimate.with_note(_RARE.format(distinct, effects.size))
+        few = texts.FEW_DIFFER.format(distinct=distinct, effects=effects.size)
+        return estimate.with_note(few)
     return estimate
 
 
 def _sigma(effects: FloatArray) -> Estimate:
     if effects.size < 2:
-        return Estimate.without_bounds(math.nan, "it takes two effects at least")
+        return Estimate.without_bounds(math.nan, texts.TOO_FEW_EFFECTS)
     std = _deviation(effects)
     # Of an effect that is the same everywhere, rounding leaves a trace.
     is_rounding = std <= _ROUNDING * float(np.abs(effects).max())
-    return Estimate.without_bounds(0.0 if is_rounding else std, _NO_INTERVAL)
+    return Estimate.without_bounds(0.0 if is_rounding else std, texts.NO_INTERVAL)
 
 
 def _note_missing_effects(estimate: Estimate, effects: FloatArray) -> Estimate:
@@ -135,8 +121,8 @@ def _note_missing_effects(estimate: Estimate, effects: FloatArray) -> Estimate:
     failed = int(np.isnan(effects).sum())
     if not failed:
         return estimate
-    counted = f"{failed} of {effects.size} effects touch a lost run"
-    return estimate.with_note(f"{estimate.note}; {counted}" if estimate.note else counted)
+    missing = texts.MISSING_EFFECTS.format(failed=failed, effects=effects.size)
+    return estimate.with_note(estimate.note, missing)
 
 
 def _deviation(effects: FloatArray) -> float:

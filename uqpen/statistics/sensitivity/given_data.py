@@ -9,28 +9,30 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import INPUT
+from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.probabilities import (
     category_coordinates,
     threshold_coordinates,
 )
-from uqpen.statistics.distribution_function.quantiles import TOO_ONE_SIDED, has_enough_runs_around
+from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sample_shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, SampleShape
-from uqpen.statistics.sensitivity.input_measures import INCLUDES_CORRELATION, input_coordinate
+from uqpen.statistics.sample_shape import SampleShape
+from uqpen.statistics.sensitivity.input_measures import (
+    event_array,
+    input_array,
+    reason_without_measure,
+)
 from uqpen.statistics.sensitivity.local_regression import RegressionBins, ResidualVariance
 from uqpen.statistics.standard_errors import standard_error
 
 __all__ = ["first_order"]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 # Three bins: with fewer, a curved mean cannot be distinguished from noise.
 _FEWEST_RUNS = 48
@@ -78,23 +80,15 @@ def first_order(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
 
 @dataclass(frozen=True)
 class _LocalRegressions:
-    """The runs of a sample, put together by each of their inputs.
-
-    Parameters
-    ----------
-    sample : Sample
-        The runs.
-    """
+    """The runs of a sample, put together by each of their inputs."""
 
     sample: Sample
 
     @cached_property
     def bins(self) -> list[RegressionBins]:
         """The bins of each input."""
-        return [
-            RegressionBins.from_sample(self.sample, column)
-            for column in range(len(self.sample.inputs))
-        ]
+        inputs = range(len(self.sample.inputs))
+        return [RegressionBins.from_sample(self.sample, column) for column in inputs]
 
     @cached_property
     def halved_bins(self) -> list[RegressionBins]:
@@ -102,61 +96,39 @@ class _LocalRegressions:
         inputs = range(len(self.sample.inputs))
         return [RegressionBins.from_sample(self.sample, column, halved=True) for column in inputs]
 
-    @cached_property
-    def shape(self) -> SampleShape:
-        """The shape of the output's own tail."""
-        return SampleShape(self.sample)
-
     def variable_indices(
         self, values: FloatArray, prefix: str, title: str
     ) -> tuple[str, xr.DataArray]:
         """Indices of a variable over the runs, along ``input``."""
-        has_doubtful_source = self.shape.is_doubtful
-        array = Estimate.stack(
-            self._indices(_Variable(replace(self.sample, values=values), has_doubtful_source)),
-            INPUT,
-            units="1",
-            long_name=self._long_name(title),
-        )
-        return f"{prefix}first_order", array.assign_coords(input_coordinate(self.sample))
+        has_doubtful_source = SampleShape(self.sample).is_doubtful
+        variable = _Variable(replace(self.sample, values=values), has_doubtful_source)
+        inputs, long_name = self.sample.inputs, self._long_name(title)
+        return f"{prefix}first_order", input_array(self._indices(variable), inputs, long_name)
 
     def event_indices(
         self, events: Sequence[BoolArray], coordinates: Mapping[str, Any], prefix: str, title: str
     ) -> tuple[str, xr.DataArray]:
         """Indices of what happened in which runs, a row for each event."""
-        along = next(iter(coordinates))
         samples = [replace(self.sample, values=event.astype(np.float64)) for event in events]
-        array = Estimate.table(
-            [self._indices(_Variable(sample, is_event=True)) for sample in samples],
-            (along, INPUT),
-            units="1",
-            long_name=self._long_name(title),
-        )
-        return f"{prefix}first_order", array.assign_coords(
-            {**coordinates, **input_coordinate(self.sample)}
-        )
+        rows = [self._indices(_Variable(sample, is_event=True)) for sample in samples]
+        array = event_array(rows, coordinates, self.sample.inputs, self._long_name(title))
+        return f"{prefix}first_order", array
 
     def _long_name(self, title: str) -> str:
         long_name = f"first-order Sobol' indices of {title}"
-        return f"{long_name}, {INCLUDES_CORRELATION}" if self.sample.dependence else long_name
+        return f"{long_name}, {texts.INCLUDES_CORRELATION}" if self.sample.dependence else long_name
 
     def _indices(self, variable: _Variable) -> list[Estimate]:
         found = [self._index(variable, column) for column in range(len(self.sample.inputs))]
         if not self.sample.dependence:
             return found
-        return [
-            estimate.with_note("; ".join(filter(None, [estimate.note, INCLUDES_CORRELATION])))
-            for estimate in found
-        ]
+        return [estimate.with_note(estimate.note, texts.INCLUDES_CORRELATION) for estimate in found]
 
     def _index(self, variable: _Variable, column: int) -> Estimate:
         """Estimate the share of a variable's variance that an input explains."""
-        if self.sample.size < _FEWEST_RUNS:
-            return Estimate.without_bounds(math.nan, self.sample.too_few_runs)
-        if variable.sample.is_constant:
-            return Estimate.without_bounds(math.nan, variable.constancy_reason)
-        if not np.ptp(self.sample.points[self.sample.used, column]) > 0:
-            return Estimate.without_bounds(math.nan, "the input does not vary")
+        constant = texts.CONSTANT_EVENT if variable.is_event else texts.CONSTANT_OUTPUT
+        if reason := reason_without_measure(variable.sample, column, _FEWEST_RUNS, constant):
+            return Estimate.without_bounds(math.nan, reason)
         estimate = variable.index(self.bins[column])
         if estimate.label == "none" or estimate.value < _LARGE:
             return estimate
@@ -169,20 +141,12 @@ class _LocalRegressions:
 
 @dataclass(frozen=True)
 class _Variable:
-    """A variable over runs, and the share of its variance that an input explains.
-
-    Parameters
-    ----------
-    sample : Sample
-        Its values.
-    has_doubtful_source : bool
-        True if the output that it derives from may have a heavy tail.
-    is_event : bool
-        True if it is the indicator (0 or 1) of an event.
-    """
+    """A variable over runs, and the share of its variance that an input explains."""
 
     sample: Sample
+    # The output that it derives from may have a heavy tail.
     has_doubtful_source: bool = False
+    # It is the indicator (0 or 1) of an event.
     is_event: bool = False
 
     @cached_property
@@ -192,18 +156,13 @@ class _Variable:
     @cached_property
     def standardized(self) -> FloatArray:
         """Deviations from the mean, of variance 1."""
-        standardized: FloatArray = self.shape.deviations / self.shape.deviations.std()
-        return standardized
+        return self.shape.deviations / self.shape.deviations.std()
 
     @cached_property
     def variance(self) -> float:
         """Variance of the distribution about its own mean, which differs from the sample mean."""
         error, freedom = standard_error(self.sample, self.standardized)
         return 1 + error**2 if freedom else 1 + 1 / self.sample.size
-
-    @property
-    def constancy_reason(self) -> str:
-        return "it is the same in all runs" if self.is_event else "the output does not vary"
 
     def explained_share(self, bins: RegressionBins) -> float:
         """Return the share of the variance that the lines of an input's bins explain."""
@@ -227,19 +186,19 @@ class _Variable:
         excess = error**2 - noise**2
         variance = max(error**2 if self._warning else excess, noise**2)
         if not variance > _ROUNDING**2:
-            return Estimate.without_bounds(value, "the runs leave no scatter that tells the error")
+            return Estimate.without_bounds(value, texts.NO_SCATTER_OF_RUNS)
         half = student_quantile(freedom, LEVEL) * math.sqrt(variance)
         is_wider = bool(self._warning) or self.sample.error_model is ErrorModel.REPLICATED
         estimate = Estimate(
             value,
             value - half,
             min(value + half, 1.0),
-            f"delta method, {self.sample.error_model}",
+            texts.DELTA_METHOD.format(error_model=self.sample.error_model),
             "conservative" if is_wider else "nominal",
         )
         if self._warning:
-            return estimate.with_note(f"{self._warning}: it may cover less often than it says")
-        return estimate.with_note(DOUBTFUL_TAIL) if self._is_doubtful else estimate
+            return estimate.with_note(texts.DOUBTFUL_AS.format(reason=self._warning))
+        return estimate.with_note(texts.DOUBTFUL_TAIL) if self._is_doubtful else estimate
 
     @property
     def _is_doubtful(self) -> bool:
@@ -253,14 +212,14 @@ class _Variable:
 
     @property
     def _warning(self) -> str:
-        if self.sample.size < FEWEST_RUNS_FOR_TAILS:
-            return f"only {self.sample.size} runs"
-        return f"heavy tail ({self.shape.tail_note})" if self.shape.is_heavy else ""
+        if self.shape.hidden_tail:
+            return texts.ONLY_RUNS.format(runs=self.sample.size)
+        return self.shape.tail_note if self.shape.is_heavy else ""
 
     @property
     def _reason_without_bounds(self) -> str:
         if self.sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET and self.sample.optimized_by:
-            return "neighbours in an input avoid each other in the others: replicates would tell"
+            return texts.OPTIMIZED_POINTS
         if self.is_event and not has_enough_runs_around(self.sample, self.sample.values.sum()):
-            return TOO_ONE_SIDED
+            return texts.TOO_ONE_SIDED
         return ""

@@ -2,42 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+import xarray as xr
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import INPUT
+from uqpen.statistics import texts
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.sample import Sample
 
 __all__ = [
-    "INCLUDES_CORRELATION",
+    "event_array",
+    "input_array",
     "input_coordinate",
-    "input_names_coordinate",
     "mean_ranks",
     "reason_without_measure",
 ]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
-# Dependent inputs explain the same part of the variance in common.
-INCLUDES_CORRELATION = "includes correlation"
-
-
-def input_coordinate(sample: Sample) -> dict[str, Any]:
-    """Return the coordinate along ``input`` of statistics of a sample's inputs."""
-    return input_names_coordinate(sample.inputs)
+def input_array(
+    estimates: Sequence[Estimate], inputs: Sequence[str], long_name: str, *, units: str = "1"
+) -> xr.DataArray:
+    """Return one estimate for each input as an estimate array along ``input`` and ``bound``."""
+    array = Estimate.stack(estimates, INPUT, units=units, long_name=long_name)
+    return array.assign_coords(input_coordinate(inputs))
 
 
-def input_names_coordinate(names: Sequence[str]) -> dict[str, Any]:
+def event_array(
+    rows: Sequence[Sequence[Estimate]],
+    events: Mapping[str, Any],
+    inputs: Sequence[str],
+    long_name: str,
+) -> xr.DataArray:
+    """Return estimates of several events as an estimate array along these and ``input``.
+
+    Parameters
+    ----------
+    rows : sequence of sequence of Estimate
+        For each event, one for each input.
+    events : mapping
+        Coordinates of the events, that of the dimension first.
+    inputs : sequence of str
+        Names of the inputs.
+    long_name : str
+        Meaning of the estimates.
+    """
+    array = Estimate.table(rows, (next(iter(events)), INPUT), units="1", long_name=long_name)
+    return array.assign_coords({**events, **input_coordinate(inputs)})
+
+
+def input_coordinate(inputs: Sequence[str]) -> dict[str, Any]:
     """Return the coordinate along ``input``: the names of inputs."""
-    return {INPUT: (INPUT, np.array(names, dtype=object), {"long_name": "input"})}
+    return {INPUT: (INPUT, np.array(inputs, dtype=object), {"long_name": "input"})}
 
 
-def reason_without_measure(sample: Sample, column: int, fewest: int) -> str:
-    """Reason why a sensitivity measure of an input cannot be estimated; empty if it can.
+def reason_without_measure(
+    sample: Sample, column: int, fewest: int, constant: str = texts.CONSTANT_OUTPUT
+) -> str:
+    """Reason why a measure of an input cannot be estimated from a sample; empty if it can.
 
     Parameters
     ----------
@@ -46,14 +71,16 @@ def reason_without_measure(sample: Sample, column: int, fewest: int) -> str:
     column : int
         The input, by its number in `Sample.inputs`.
     fewest : int
-        The runs that the measure needs.
+        Least number of runs for the measure.
+    constant : str
+        The reason for an output that does not vary.
     """
     if sample.size < fewest:
         return sample.too_few_runs
     if sample.is_constant:
-        return "the output does not vary"
+        return constant
     if not np.ptp(sample.points[sample.used, column]) > 0:
-        return "the input does not vary"
+        return texts.CONSTANT_INPUT
     return ""
 
 
@@ -66,5 +93,4 @@ def mean_ranks(level: IntArray) -> FloatArray:
         Number of each run's value among the ascending distinct values.
     """
     count = np.bincount(level)
-    ranks: FloatArray = (np.cumsum(count) - (count - 1) / 2)[level]
-    return ranks
+    return (np.cumsum(count) - (count - 1) / 2)[level]

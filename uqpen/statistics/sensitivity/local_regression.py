@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.streams import Stream
 from uqpen.statistics.sample import ErrorModel, Sample
 
 __all__ = ["RegressionBins", "ResidualVariance"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # Runs in a bin. More leave less noise, fewer less of what no straight line follows.
 _RUNS_IN_A_BIN = 16
@@ -49,7 +47,6 @@ class RegressionBins:
         Parameters
         ----------
         sample : Sample
-            The runs.
         column : int
             The input, by its number in `Sample.inputs`.
         halved : bool
@@ -87,32 +84,21 @@ class RegressionBins:
     @cached_property
     def leverage(self) -> FloatArray:
         """Leverage of each run on the line of its bin: from 0 to 1."""
-        leverage: FloatArray = 1 / self.size[self.label] + self.place**2
-        return leverage
+        return 1 / self.size[self.label] + self.place**2
 
     def total(self, values: FloatArray) -> FloatArray:
         """Sums over each bin."""
-        sums: FloatArray = np.bincount(self.label, values).astype(np.float64)
-        return sums
+        return np.bincount(self.label, values).astype(np.float64)
 
     def residual(self, values: FloatArray) -> FloatArray:
         """Residuals of a variable from the lines of the bins."""
         centred = values - (self.total(values) / self.size)[self.label]
-        left: FloatArray = centred - self.place * self.total(self.place * centred)[self.label]
-        return left
+        return centred - self.place * self.total(self.place * centred)[self.label]
 
 
 @dataclass(frozen=True)
 class ResidualVariance:
-    """Variance of the runs about the lines of their bins, which an input does not explain.
-
-    Parameters
-    ----------
-    bins : RegressionBins
-        Of the input.
-    values : ndarray, shape (run,)
-        The variable.
-    """
+    """Variance of a variable about the lines of an input's bins: the input does not explain it."""
 
     bins: RegressionBins
     values: FloatArray
@@ -121,16 +107,14 @@ class ResidualVariance:
     def _scale(self) -> FloatArray:
         """Factor that makes a bin's sum of squares unbiased; 0 for a bin of one run."""
         freedom = self.bins.freedom
-        scale: FloatArray = np.where(freedom > 0, self.bins.size / np.maximum(freedom, 1), 0)
-        return scale
+        return np.where(freedom > 0, self.bins.size / np.maximum(freedom, 1), 0)
 
     @cached_property
     def _leave_one_out_products(self) -> FloatArray:
         """The product of each run's residual and of that from the line through all others."""
         residual = self.bins.residual(self.values)
         free = 1 - self.bins.leverage
-        squares: FloatArray = np.where(free > 0, residual**2 / np.where(free > 0, free, 1), 0)
-        return squares
+        return np.where(free > 0, residual**2 / np.where(free > 0, free, 1), 0)
 
     @cached_property
     def _sums(self) -> FloatArray:
@@ -147,8 +131,7 @@ class ResidualVariance:
         """Each run's influence on it, but for a constant."""
         # A run counts by its bin's scale, of which the rest of the bin bears what is above 1.
         scale, mean = self._scale[self.bins.label], (self._sums / self.bins.size)[self.bins.label]
-        influence: FloatArray = scale * self._leave_one_out_products - (scale - 1) * mean
-        return influence
+        return scale * self._leave_one_out_products - (scale - 1) * mean
 
     @cached_property
     def pair_noise(self) -> float:
@@ -188,7 +171,4 @@ def _positions_in_bin(label: IntArray, rank: FloatArray) -> FloatArray:
     place = rank - (np.bincount(label, rank) / size)[label]
     spread = np.sqrt(np.bincount(label, place**2))
     has_slope = size >= _FEWEST_RUNS_FOR_A_SLOPE
-    places: FloatArray = np.where(
-        has_slope[label], place / np.where(has_slope, spread, 1)[label], 0
-    )
-    return places
+    return np.where(has_slope[label], place / np.where(has_slope, spread, 1)[label], 0)

@@ -11,35 +11,27 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.labels import REPLICATE, ROUND, STATUS
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B, BlockLayout
-from uqpen.statistics.distribution_function.quantiles import TOO_ONE_SIDED, has_enough_runs_around
+from uqpen.statistics import texts
+from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import ratio_jackknife_error, student_quantile
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.sample_shape import DOUBTFUL_TAIL, FEWEST_RUNS_FOR_TAILS, SampleShape
+from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.sensitivity import salib_estimators
 
 __all__ = ["BlockVariable", "PickFreezeBlocks"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
-
-_JACKKNIFE = "jackknife over replicates"
-_WIDER = f"the wider of {_JACKKNIFE} and delta method over blocks"
 
 # Of an event that happens in a seventh of the runs, indices were covered in 91 % with 128 blocks.
 _ENOUGH_FOR_EVENTS = 500
-_FEW_BLOCKS_WITH_EVENTS = (
-    f"with fewer than {_ENOUGH_FOR_EVENTS} blocks it may cover less often than it says"
-)
 # With fewer blocks that contribute to an index, replicates do not show its error: for a threshold
 # exceeded in 0.8 % of the runs, the coverage of first-order indices was 28 % with 2 048 blocks.
 _FEWEST_INFORMATIVE = 10
-_NO_SCATTER = "the strata leave no scatter, so nothing tells the error"
 
 # A sum of as many standardized values as there ever are is exact to this.
 _ROUNDING = 1e-12
@@ -80,13 +72,12 @@ class PickFreezeBlocks:
         lost = (reached != Status.OK) & (reached != Status.INADMISSIBLE)
         dropped_blocks = int(lost.any(axis=0).sum())
         unsettled = reached.shape[1] - len(whole) - dropped_blocks
-        estimand = "indices of the input law"
-        if ROUND in runs.coords or (status == Status.INADMISSIBLE).any():
-            estimand += " given admissible draws"
+        is_conditional = ROUND in runs.coords or (status == Status.INADMISSIBLE).any()
+        estimand = texts.ESTIMAND_IF_ADMISSIBLE if is_conditional else texts.ESTIMAND
         if dropped_blocks:
-            estimand += "; blocks holding a lost run are dropped"
+            estimand += f"; {texts.FAILED_BLOCKS}"
         if unsettled:
-            estimand += "; blocks that lack an admissible draw are dropped"
+            estimand += f"; {texts.INADMISSIBLE_BLOCKS}"
         chosen = {number: part[whole] for number, part in rows.items()}
         _, replicate = np.unique(runs[REPLICATE].values[chosen[MATRIX_A]], return_inverse=True)
         attributes: dict[str, int | str] = {
@@ -114,7 +105,6 @@ class BlockVariable:
     Parameters
     ----------
     blocks : PickFreezeBlocks
-        The blocks.
     values : ndarray, shape (run,)
         The variable, in any unit.
     is_event : bool
@@ -198,17 +188,16 @@ class BlockVariable:
     def _reason_without_indices(self) -> str:
         """Reason why there are no indices; empty if there are."""
         if not self.blocks.count:
-            return "no block came back whole"
+            return texts.NO_BLOCK
         if self.sample.is_constant:
-            return "it is the same in all runs" if self.is_event else "the output does not vary"
+            return texts.CONSTANT_EVENT if self.is_event else texts.CONSTANT_OUTPUT
         return ""
 
     def _values_at(self, matrix: int) -> FloatArray:
         """Standardized values at a part of each block."""
         values = self.values[self.blocks.rows[matrix]]
         scaled = (values - self.shape.mean) / self.shape.scale
-        standardized: FloatArray = scaled / self.shape.deviations.std()
-        return standardized
+        return scaled / self.shape.deviations.std()
 
     @cached_property
     def _denominator(self) -> FloatArray:
@@ -224,40 +213,41 @@ class BlockVariable:
             numerator, self._denominator, blocks.replicate, blocks.replicate_count
         )
         if error < _ROUNDING:
-            return Estimate.without_bounds(value, _NO_SCATTER)
+            return Estimate.without_bounds(value, texts.NO_SCATTER_OF_STRATA)
         half = student_quantile(freedom, LEVEL) * error
         if not self._warning:
-            estimate = Estimate(value, value - half, value + half, _JACKKNIFE, "nominal")
-            return estimate.with_note(self._reservation)
+            ends, note = (value - half, value + half), self._reservation
+            return Estimate(value, *ends, texts.JACKKNIFE, "nominal", note)
         influence = numerator - value * self._denominator
         over_blocks = float(influence.std(ddof=1)) / math.sqrt(blocks.count)
         half = max(half, student_quantile(blocks.count - 1, LEVEL) * over_blocks)
-        wider = Estimate(value, value - half, value + half, _WIDER, "conservative")
-        return wider.with_note(f"{self._warning}: it may cover less often than it says")
+        ends, note = (value - half, value + half), texts.DOUBTFUL_AS.format(reason=self._warning)
+        return Estimate(value, *ends, texts.WIDER_OF_TWO, "conservative", note)
 
     @property
     def _warning(self) -> str:
         """Warning that the scatter of replicates does not show the error; empty for none."""
-        if self.sample.size < FEWEST_RUNS_FOR_TAILS:
-            return f"only {self.blocks.count} blocks"
-        return f"heavy tail ({self.shape.tail_note})" if self.shape.is_heavy else ""
+        if self.shape.hidden_tail:
+            return texts.ONLY_BLOCKS.format(blocks=self.blocks.count)
+        return self.shape.tail_note if self.shape.is_heavy else ""
 
     @property
     def _reservation(self) -> str:
         """Warning of an effect that may do so but does not show in the runs; empty for none."""
         if self.is_event:
             # It has no tail that could be hidden.
-            return _FEW_BLOCKS_WITH_EVENTS if self.blocks.count < _ENOUGH_FOR_EVENTS else ""
-        return DOUBTFUL_TAIL if self.shape.is_doubtful else ""
+            is_small = self.blocks.count < _ENOUGH_FOR_EVENTS
+            return texts.FEW_BLOCKS.format(blocks=_ENOUGH_FOR_EVENTS) if is_small else ""
+        return texts.DOUBTFUL_TAIL if self.shape.is_doubtful else ""
 
     def _reason_without_bounds(self, informative: BoolArray) -> str:
         if self.blocks.replicate_count < 2:
-            return "the blocks that came back whole are all of one replicate"
+            return texts.BLOCKS_OF_ONE_REPLICATE
         if self.is_event and not has_enough_runs_around(self.sample, self.sample.values.sum()):
-            return TOO_ONE_SIDED
+            return texts.TOO_ONE_SIDED
         if np.count_nonzero(informative) < _FEWEST_INFORMATIVE:
-            return "fewer than ten blocks tell of it"
+            return texts.FEW_INFORMATIVE_BLOCKS
         spread = np.bincount(self.blocks.replicate, self._denominator)
         if spread.max() == spread.sum():
-            return "it varies in one replicate alone"
+            return texts.VARIES_IN_ONE_REPLICATE
         return ""

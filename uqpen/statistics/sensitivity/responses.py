@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import (
-    INPUT,
     MOVED_BY,
     MOVED_INPUT,
     MOVED_UNCERTAINTY,
@@ -19,14 +18,12 @@ from uqpen.core.labels import (
 )
 from uqpen.core.status import Status
 from uqpen.designs.moves import moved_input_numbers
+from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sensitivity.input_measures import input_names_coordinate
+from uqpen.statistics.sensitivity.input_measures import input_array
 
 __all__ = ["relative_responses"]
-
-_ONE_POINT = "a derivative at one point; the model has no scatter"
-_FIXED = "a fixed input has no uncertainty"
 
 # Difference of the derivatives of the steps up and down, relative to the larger one, above which a
 # note states it.
@@ -51,7 +48,7 @@ def relative_responses(
         return
     name, title = quantity.output.name, quantity.output.title
     inputs = moved_input_numbers(runs)
-    found = [_response(runs, name, entry) for entry in inputs]
+    found = [_response(runs, name, entry, number) for entry, number in inputs.items()]
     contributions = [
         _contribution(response, runs, number)
         for response, number in zip(found, inputs.values(), strict=True)
@@ -60,19 +57,12 @@ def relative_responses(
         ("response", found, f"relative response of {title}"),
         ("contribution", contributions, f"contribution to the relative uncertainty of {title}"),
     ):
-        array = Estimate.stack(estimates, INPUT, units="1", long_name=long_name)
-        yield statistic, array.assign_coords(input_names_coordinate(list(inputs)))
+        yield statistic, input_array(estimates, [*inputs], long_name)
 
 
 @dataclass(frozen=True)
 class _Slopes:
-    """Relative changes of an output over those of one input; NaN where a run failed.
-
-    Parameters
-    ----------
-    down, up : float
-        From the nominal point to either side.
-    """
+    """Relative changes of an output over those of one input, to either side; NaN for failed."""
 
     down: float
     up: float
@@ -93,42 +83,36 @@ class _Slopes:
         """Note on a one-sided or a curved response; empty for none."""
         if not self.is_central:
             side = "up" if math.isfinite(self.up) else "down"
-            return f"of the step {side} alone; the other run was lost"
+            return texts.ONE_SIDED_STEP.format(side=side)
         if abs(self.up - self.down) > _CURVED * max(abs(self.up), abs(self.down)):
-            return f"curved: {self.down:.3g} of the step down, {self.up:.3g} of that up"
+            return texts.NONLINEAR.format(down=self.down, up=self.up)
         return ""
 
 
-def _response(runs: xr.Dataset, name: str, entry: str) -> Estimate:
+def _response(runs: xr.Dataset, name: str, entry: str, number: int) -> Estimate:
     values = np.where(runs[STATUS].values == Status.OK, runs[name].values, np.nan)
     moved, by = runs[MOVED_INPUT].values, runs[MOVED_BY].values
-    number = moved_input_numbers(runs)[entry]
     nominal = float(values[moved < 0][0])
     if math.isnan(nominal):
-        return Estimate.without_bounds(math.nan, "the run at the nominal point was lost")
+        return Estimate.without_bounds(math.nan, texts.NOMINAL_RUN_FAILED)
     if not nominal:
-        return Estimate.without_bounds(math.nan, "the output is 0 at the nominal point")
+        return Estimate.without_bounds(math.nan, texts.NOMINAL_OUTPUT_IS_0)
     down, up = (
         float((values[side][0] / nominal - 1) / by[side][0])
         for side in ((moved == number) & (by < 0), (moved == number) & (by > 0))
     )
     slopes = _Slopes(down, up)
     if math.isnan(slopes.value):
-        return Estimate.without_bounds(math.nan, "both runs of the step were lost")
-    notes = [_ONE_POINT, slopes.note, _reference(runs, entry)]
-    return Estimate.without_bounds(slopes.value, "; ".join(filter(None, notes)))
-
-
-def _reference(runs: xr.Dataset, entry: str) -> str:
-    """Return a note on the reference of an input's change if it is not the nominal value."""
-    if entry in str(runs[MOVED_BY].attrs.get(RELATIVE_TO_SPREAD, "")).split():
-        return "relative to half the input's 16–84 % range, as its nominal value is 0"
-    return ""
+        return Estimate.without_bounds(math.nan, texts.STEP_FAILED)
+    # The reference of the input's change, if it is not the nominal value.
+    is_of_spread = entry in str(runs[MOVED_BY].attrs.get(RELATIVE_TO_SPREAD, "")).split()
+    reference = texts.OF_HALF_SPREAD if is_of_spread else ""
+    return Estimate.without_bounds(slopes.value, texts.ONE_POINT, slopes.note, reference)
 
 
 def _contribution(response: Estimate, runs: xr.Dataset, number: int) -> Estimate:
     its_runs = runs[MOVED_INPUT].values == number
     uncertainty = float(runs[MOVED_UNCERTAINTY].values[its_runs][0])
     if not uncertainty:
-        return Estimate.without_bounds(math.nan, _FIXED)
+        return Estimate.without_bounds(math.nan, texts.FIXED_INPUT)
     return Estimate.without_bounds(abs(response.value) * uncertainty, response.note)

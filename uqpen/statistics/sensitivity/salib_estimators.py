@@ -7,11 +7,10 @@ variance lies below 1e-16, for an output that does not vary, and says zero.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+
+from uqpen.core.arrays import FloatArray
 
 __all__ = ["first_order", "second_order", "total_order"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def first_order(A: FloatArray, AB: FloatArray, B: FloatArray) -> float:

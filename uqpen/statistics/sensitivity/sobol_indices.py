@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import INPUT, PAIR
+from uqpen.core.labels import PAIR
 from uqpen.statistics.distribution_function.probabilities import (
     category_coordinates,
     threshold_coordinates,
 )
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sensitivity.input_measures import input_names_coordinate
+from uqpen.statistics.sensitivity.input_measures import event_array, input_array
 from uqpen.statistics.sensitivity.pick_freeze_blocks import BlockVariable, PickFreezeBlocks
 
 __all__ = ["sobol_indices"]
@@ -27,13 +27,6 @@ def sobol_indices(
     runs: xr.Dataset, quantity: QuantityOfInterest
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """Sobol' indices of an output, of its logarithm and of its exceedance of thresholds.
-
-    Parameters
-    ----------
-    runs : Dataset
-        Of a pick-freeze design.
-    quantity : QuantityOfInterest
-        Of the output.
 
     Yields
     ------
@@ -75,18 +68,11 @@ def _variable_indices(
     column: BlockVariable, prefix: str, title: str
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """First- and total-order indices along ``input``."""
-    inputs = column.blocks.layout.inputs
+    blocks = column.blocks
     for order, adjective in _ORDERS.items():
-        array = Estimate.stack(
-            _input_estimates(column, order),
-            INPUT,
-            units="1",
-            long_name=f"{adjective} Sobol' indices of {title}",
-        )
-        yield (
-            f"{prefix}{order}",
-            _with_attributes(array, column.blocks, input_names_coordinate(inputs)),
-        )
+        long_name = f"{adjective} Sobol' indices of {title}"
+        array = input_array(_input_estimates(column, order), blocks.layout.inputs, long_name)
+        yield f"{prefix}{order}", array.assign_attrs(blocks.attributes)
 
 
 def _event_indices(
@@ -94,20 +80,11 @@ def _event_indices(
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """First- and total-order indices of several events, a row for each."""
     blocks = events[0].blocks
-    along = next(iter(coordinates))
     for order, adjective in _ORDERS.items():
-        array = Estimate.table(
-            [_input_estimates(event, order) for event in events],
-            (along, INPUT),
-            units="1",
-            long_name=f"{adjective} Sobol' indices of {title}",
-        )
-        yield (
-            f"{prefix}{order}",
-            _with_attributes(
-                array, blocks, {**coordinates, **input_names_coordinate(blocks.layout.inputs)}
-            ),
-        )
+        rows = [_input_estimates(event, order) for event in events]
+        long_name = f"{adjective} Sobol' indices of {title}"
+        array = event_array(rows, coordinates, blocks.layout.inputs, long_name)
+        yield f"{prefix}{order}", array.assign_attrs(blocks.attributes)
 
 
 def _pair_indices(column: BlockVariable, title: str) -> tuple[str, xr.DataArray]:
@@ -129,16 +106,9 @@ def _pair_indices(column: BlockVariable, title: str) -> tuple[str, xr.DataArray]
         coordinate: (PAIR, np.array(entries, dtype=object), {"long_name": long_name})
         for coordinate, (entries, long_name) in texts.items()
     }
-    return "second_order", _with_attributes(array, column.blocks, coordinates)
+    attributes = column.blocks.attributes
+    return "second_order", array.assign_coords(coordinates).assign_attrs(attributes)
 
 
 def _input_estimates(column: BlockVariable, order: str) -> list[Estimate]:
-    index = column.first_order if order == "first_order" else column.total_order
-    return [index(i) for i in range(column.blocks.layout.dimension)]
-
-
-def _with_attributes(
-    array: xr.DataArray, blocks: PickFreezeBlocks, coordinates: Mapping[str, Any]
-) -> xr.DataArray:
-    """Return indices with their coordinates and the attributes of their blocks."""
-    return array.assign_coords(coordinates).assign_attrs(blocks.attributes)
+    return [getattr(column, order)(i) for i in range(column.blocks.layout.dimension)]

@@ -14,12 +14,12 @@ Song, E., Nelson, B. L. & Staum, J. (2016). SIAM/ASA J. Uncertain. Quantif. 4, 1
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.quasi_monte_carlo import sobol_points
@@ -33,7 +33,6 @@ __all__ = [
     "draw_pick_freeze_pairs",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Number of pairs for each set of inputs, smaller where there are many sets. They are drawn in
 # replicates, whose scatter gives the error.
@@ -69,8 +68,7 @@ class VarianceShares:
     def errors(self, measure: str) -> list[float]:
         """Standard errors of one of the measures below, by the scatter of the replicates."""
         found = np.array([getattr(replicate, measure) for replicate in self.replicates])
-        errors: list[float] = (found.std(axis=0, ddof=1) / math.sqrt(len(found))).tolist()
-        return errors
+        return (found.std(axis=0, ddof=1) / math.sqrt(len(found))).tolist()
 
     @property
     def first_order(self) -> list[float]:
@@ -136,48 +134,40 @@ class PickFreezePairs:
                 parts[subset] = share if share.mean() < rest.mean() else 1 - rest
             parts[(1 << self.dimension) - 1] = np.ones(_REPLICATES)
         each = [
-            VarianceShares(
-                self.dimension, {subset: float(part[i]) for subset, part in parts.items()}
-            )
-            for i in range(_REPLICATES)
+            {subset: float(part[i]) for subset, part in parts.items()} for i in range(_REPLICATES)
         ]
         explained = {subset: float(part.mean()) for subset, part in parts.items()}
-        return VarianceShares(self.dimension, explained, tuple(each))
+        replicates = tuple(VarianceShares(self.dimension, shares) for shares in each)
+        return VarianceShares(self.dimension, explained, replicates)
 
 
 def _replicate_means(values: FloatArray) -> FloatArray:
     """Means over the pairs of each replicate, without those that were left out."""
-    means: FloatArray = np.nanmean(values.reshape(_REPLICATES, -1), axis=1)
-    return means
+    return np.nanmean(values.reshape(_REPLICATES, -1), axis=1)
 
 
 def draw_pick_freeze_pairs(
     evaluator: Evaluator, joint: JointDistribution, given: Mapping[str, float], stream: Stream
 ) -> PickFreezePairs:
-    """Draw pairs for all sets of inputs and evaluate a model at them.
+    """Draw pairs for all sets of inputs and evaluate a cheap model at them.
 
     Parameters
     ----------
     evaluator : Evaluator
-        A cheap model, with the constraints of the joint distribution.
+        The model, with the constraints of the joint distribution.
     joint : JointDistribution
-        Its inputs.
     given : mapping of str to float
         Values of fixed inputs that replace those of the joint distribution.
     stream : Stream
-        Source of the random numbers.
     """
     draws = _ConditionalDraws(evaluator, joint, given, stream)
     dimension = len(joint.random)
-    subsets = list(_input_subsets(dimension))
+    subsets = _input_subsets(dimension)
     pairs = min(max(_EVALUATIONS // (len(subsets) + 1), _FEWEST_PAIRS), _MOST_PAIRS)
     pairs = 1 << pairs.bit_length() - 1
-    unit = np.concatenate(
-        [
-            sobol_points(stream.generator("pairs", i), pairs // _REPLICATES, 2 * dimension)
-            for i in range(_REPLICATES)
-        ]
-    )
+    generators = [stream.generator("pairs", i) for i in range(_REPLICATES)]
+    size = pairs // _REPLICATES
+    unit = np.concatenate([sobol_points(each, size, 2 * dimension) for each in generators])
     points, first = draws.draw_admissible(unit[:, :dimension], {}, "first")
     second = {}
     for subset in subsets:
@@ -186,15 +176,13 @@ def draw_pick_freeze_pairs(
     return PickFreezePairs(dimension, first, second)
 
 
-def _input_subsets(dimension: int) -> Iterator[int]:
-    """Yield the sets of inputs, except the set of all."""
+def _input_subsets(dimension: int) -> list[int]:
+    """Return the sets of inputs, except the set of all."""
     whole = (1 << dimension) - 1
     if dimension <= MOST_INPUTS_FOR_ALL_SETS:
-        yield from range(whole)
-        return
-    yield 0
-    yield from (1 << i for i in range(dimension))
-    yield from (whole ^ 1 << i for i in range(dimension))
+        return list(range(whole))
+    single = [1 << i for i in range(dimension)]
+    return [0, *single, *(whole ^ one for one in single)]
 
 
 @dataclass(frozen=True)
@@ -229,7 +217,7 @@ class _ConditionalDraws:
                 outputs[name][rows] = values
         return points, outputs
 
-    def _outputs(self, points: FloatArray) -> tuple[dict[str, FloatArray], npt.NDArray[np.bool_]]:
+    def _outputs(self, points: FloatArray) -> tuple[dict[str, FloatArray], BoolArray]:
         fixed = {entry.variable.name: entry.value for entry in self.joint.fixed} | {**self.given}
         columns = {name: np.full(len(points), value) for name, value in fixed.items()}
         results = self.evaluator(columns | self.joint.ppf(points))

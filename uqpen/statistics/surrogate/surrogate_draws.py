@@ -15,15 +15,14 @@ from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import Evaluator, evaluate
+from uqpen.statistics import texts
 from uqpen.statistics.surrogate.pick_freeze_pairs import PickFreezePairs, draw_pick_freeze_pairs
 from uqpen.surrogates.surrogate import FittedSurrogate
 
-__all__ = ["FROM_COEFFICIENTS", "SurrogateDraws"]
+__all__ = ["SurrogateDraws"]
 
 # Enough that the error of sampling is far below that of the fit.
 _SAMPLE = SobolSequence(runs=65_536, replicates=16)
-
-FROM_COEFFICIENTS = "from the coefficients"
 
 
 @dataclass(frozen=True)
@@ -33,11 +32,9 @@ class SurrogateDraws:
     Parameters
     ----------
     model : FittedSurrogate
-        The surrogate.
     joint : JointDistribution
-        The inputs.
     constraints : sequence of Constraint
-        The constraints that bound the joint distribution.
+        Bounds of the joint distribution.
     given : mapping of str to float
         Values of fixed inputs that replace those of the joint distribution.
     stream : Stream
@@ -75,22 +72,21 @@ class SurrogateDraws:
     def sampling_estimator(self) -> str:
         """Text on the estimation of statistics from the sample."""
         drawn = int((self.runs[STATUS].values == Status.OK).sum())
-        return f"by sampling the surrogate at {drawn} admissible draws"
+        return texts.FROM_DRAWS.format(draws=drawn)
 
     @property
     def pairs_estimator(self) -> str:
         """Text on the estimation of indices from the pairs."""
         pairs = len(next(iter(self.pairs.first.values())))
-        return f"by sampling the surrogate at {pairs} pairs of draws for each set of inputs"
+        return texts.FROM_PAIRS.format(pairs=pairs)
 
     @property
     def estimand(self) -> str:
         """Text on the joint distribution of the indices, and on what first-order ones include."""
-        admissible = "" if self.all_are_admissible else " given admissible draws"
-        correlated = (
-            "" if self.joint.is_independent else "; first-order indices include correlation"
-        )
-        return f"indices of the input law{admissible}{correlated}"
+        estimand = texts.ESTIMAND if self.all_are_admissible else texts.ESTIMAND_IF_ADMISSIBLE
+        if self.joint.is_independent:
+            return estimand
+        return f"{estimand}; {texts.FIRST_ORDER_INCLUDES}"
 
     @cached_property
     def _evaluator(self) -> Evaluator:

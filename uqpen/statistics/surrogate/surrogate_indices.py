@@ -5,24 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import ESTIMATOR, INPUT
+from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import ESTIMATOR
+from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.probabilities import threshold_coordinates
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sensitivity.input_measures import INCLUDES_CORRELATION, input_names_coordinate
+from uqpen.statistics.sensitivity.input_measures import event_array, input_array
 from uqpen.statistics.surrogate.pick_freeze_pairs import MOST_INPUTS_FOR_ALL_SETS
-from uqpen.statistics.surrogate.surrogate_draws import FROM_COEFFICIENTS, SurrogateDraws
+from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.surrogates.closed_forms import shapley_effects, sobol_indices
 
 __all__ = ["surrogate_indices"]
 
-FloatArray = npt.NDArray[np.float64]
+Function = Callable[[FloatArray], FloatArray]
 # An index and the standard error that sampling the surrogate leaves it; NaN where it is exact.
 Index = tuple[float, float]
 # First-order, total-order indices and Shapley effects, each along the inputs; None for none.
@@ -50,7 +50,16 @@ def surrogate_indices(
     estimate : DataArray
         Along ``input`` and ``bound``; the indices of exceedance first along ``threshold``.
     """
-    yield from _SurrogateIndices(draws, quantity).all_indices()
+    indices = _SurrogateIndices(draws, quantity)
+    name, title = quantity.output.name, quantity.output.title
+    is_closed = draws.has_closed_form(name)
+    yield from indices.of_variable("", title, lambda values: values, is_closed=is_closed)
+    if draws.model.expansions[name].is_logarithm:
+        is_closed = draws.all_are_admissible and draws.joint.is_independent
+        what = f"the logarithm of {title}"
+        yield from indices.of_variable("log_", what, np.log, is_closed=is_closed)
+    if quantity.thresholds:
+        yield from indices.of_exceedance(title)
 
 
 @dataclass(frozen=True)
@@ -60,43 +69,19 @@ class _SurrogateIndices:
     draws: SurrogateDraws
     quantity: QuantityOfInterest
 
-    def all_indices(self) -> Iterator[tuple[str, xr.DataArray]]:
-        """Yield the indices of the output, of its logarithm and of exceedance."""
-        name, title = self.quantity.output.name, self.quantity.output.title
-        if self.draws.has_closed_form(name):
-            yield from self._index_arrays("", title, self._closed_form_indices(), FROM_COEFFICIENTS)
-        else:
-            indices = self._sampled_indices(lambda values: values)
-            yield from self._index_arrays("", title, indices, self.draws.pairs_estimator)
-        if self.draws.model.expansions[name].is_logarithm:
-            yield from self._logarithm_indices(name, title)
-        if self.quantity.thresholds:
-            yield from self._exceedance_indices(name, title)
-
-    def _logarithm_indices(self, name: str, title: str) -> Iterator[tuple[str, xr.DataArray]]:
-        is_closed = self.draws.all_are_admissible and self.draws.joint.is_independent
-        indices = self._closed_form_indices() if is_closed else self._sampled_indices(np.log)
-        how = FROM_COEFFICIENTS if is_closed else self.draws.pairs_estimator
-        yield from self._index_arrays("log_", f"the logarithm of {title}", indices, how)
-
-    def _exceedance_indices(self, name: str, title: str) -> Iterator[tuple[str, xr.DataArray]]:
+    def of_exceedance(self, title: str) -> Iterator[tuple[str, xr.DataArray]]:
+        """Yield the indices of whether the output exceeds each threshold."""
         coordinates = threshold_coordinates(self.quantity)
         thresholds = self.quantity.thresholds
         rows = [
             self._sampled_indices(_exceedance_event(threshold.value)) for threshold in thresholds
         ]
         for position, (ending, adjective) in enumerate(_ORDERS.items()):
-            array = Estimate.table(
-                [self._estimates(row[position], ending) for row in rows],
-                (next(iter(coordinates)), INPUT),
-                units="1",
-                long_name=f"{adjective} of whether {title} exceeds a value",
-            )
-            described = array.assign_coords({**coordinates, **self._inputs})
-            yield (
-                f"exceedance_{ending}",
-                described.assign_attrs({ESTIMATOR: self.draws.pairs_estimator}),
-            )
+            estimates = [self._estimates(row[position], ending) for row in rows]
+            long_name = f"{adjective} of whether {title} exceeds a value"
+            array = event_array(estimates, coordinates, self._inputs, long_name)
+            estimator = {ESTIMATOR: self.draws.pairs_estimator}
+            yield f"exceedance_{ending}", array.assign_attrs(estimator)
 
     def _closed_form_indices(self) -> Indices:
         expansion = self.draws.model.expansions[self.quantity.output.name]
@@ -105,7 +90,7 @@ class _SurrogateIndices:
         exact = indices.first, indices.total, shapley_effects(*terms)
         return [[(float(value), math.nan) for value in values] for values in exact]
 
-    def _sampled_indices(self, function: Callable[[FloatArray], FloatArray]) -> Indices:
+    def _sampled_indices(self, function: Function) -> Indices:
         shares = self.draws.pairs.variance_shares(self.quantity.output.name, function)
         if shares is None:
             return [None, None, None]
@@ -119,40 +104,36 @@ class _SurrogateIndices:
                 found.append(list(zip(values, shares.errors(measure), strict=True)))
         return found
 
-    def _index_arrays(
-        self, prefix: str, title: str, indices: Indices, estimator: str
+    def of_variable(
+        self, prefix: str, title: str, function: Function, *, is_closed: bool
     ) -> Iterator[tuple[str, xr.DataArray]]:
+        """Yield the indices of a function of the output, from the coefficients or from pairs."""
+        indices = self._closed_form_indices() if is_closed else self._sampled_indices(function)
+        estimator = texts.FROM_COEFFICIENTS if is_closed else self.draws.pairs_estimator
         for (ending, adjective), values in zip(_ORDERS.items(), indices, strict=True):
-            array = Estimate.stack(
-                self._estimates(values, ending),
-                INPUT,
-                units="1",
-                long_name=f"{adjective} of {title}",
-            )
-            yield (
-                f"{prefix}{ending}",
-                array.assign_coords(self._inputs).assign_attrs({ESTIMATOR: estimator}),
-            )
+            estimates = self._estimates(values, ending)
+            array = input_array(estimates, self._inputs, f"{adjective} of {title}")
+            yield f"{prefix}{ending}", array.assign_attrs({ESTIMATOR: estimator})
 
     def _estimates(self, values: list[Index] | None, ending: str) -> list[Estimate]:
         if values is None:
             reason = self._reason_without_indices(ending)
             return [Estimate.without_bounds(math.nan, reason) for _ in self.draws.joint.random]
         is_correlated = ending == "first_order" and not self.draws.joint.is_independent
-        note = INCLUDES_CORRELATION if is_correlated else ""
+        note = texts.INCLUDES_CORRELATION if is_correlated else ""
         return [_estimate_with_noise(*value, note) for value in values]
 
     def _reason_without_indices(self, ending: str) -> str:
         inputs = len(self.draws.joint.random)
         if ending == "shapley" and inputs > MOST_INPUTS_FOR_ALL_SETS:
-            return f"it takes all sets of inputs, too many with {inputs} of them"
+            return texts.TOO_MANY_SUBSETS.format(inputs=inputs)
         if ending == "total_order" and not self.draws.joint.is_independent:
-            return "the random inputs depend on each other"
-        return "it is the same at all draws"
+            return texts.DEPENDENT_INPUTS
+        return texts.CONSTANT_AT_DRAWS
 
     @property
-    def _inputs(self) -> dict[str, Any]:
-        return input_names_coordinate([entry.variable.name for entry in self.draws.joint.random])
+    def _inputs(self) -> list[str]:
+        return [entry.variable.name for entry in self.draws.joint.random]
 
 
 def _estimate_with_noise(value: float, error: float, note: str) -> Estimate:
@@ -160,13 +141,9 @@ def _estimate_with_noise(value: float, error: float, note: str) -> Estimate:
     if math.isnan(error):
         return Estimate.without_bounds(value, note)
     half = 2 * error
-    return Estimate(value, value - half, value + half, "sampling of the surrogate", "nominal", note)
+    return Estimate(value, value - half, value + half, texts.SURROGATE_SAMPLING, "nominal", note)
 
 
-def _exceedance_event(value: float) -> Callable[[FloatArray], FloatArray]:
+def _exceedance_event(value: float) -> Function:
     """Return a function for the event that an output exceeds a value; NaN for an output of NaN."""
-
-    def event(values: FloatArray) -> FloatArray:
-        return np.where(np.isnan(values), np.nan, values > value)
-
-    return event
+    return lambda outputs: np.where(np.isnan(outputs), np.nan, outputs > value)

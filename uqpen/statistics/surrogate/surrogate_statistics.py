@@ -14,9 +14,10 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import CDFS, ESTIMATOR, EXCEEDANCE, MOMENTS, QUANTILES, SENSITIVITY
+from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, analyze, in_catalogue_order
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.surrogate.surrogate_draws import FROM_COEFFICIENTS, SurrogateDraws
+from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_indices import surrogate_indices
 from uqpen.surrogates.closed_forms import mean, standard_deviation
 
@@ -27,14 +28,13 @@ _SAMPLED = (MOMENTS, QUANTILES, EXCEEDANCE, CDFS)
 
 @dataclass(frozen=True)
 class TrainingRange:
-    """Range of an output in the training runs of its surrogate.
+    """Range of an output in the training runs of its surrogate, in SI units.
 
     Parameters
     ----------
     lowest, highest : float
-        Of the outputs in those runs, in SI units.
     variance_beyond : float
-        The share of the surrogate's variance that comes from values outside.
+        Share of the surrogate's variance that comes from values outside.
     """
 
     lowest: float
@@ -48,15 +48,7 @@ class TrainingRange:
 
 @dataclass(frozen=True)
 class SurrogateStatistics:
-    """Statistics from a surrogate, before its validation.
-
-    Parameters
-    ----------
-    outputs : mapping of str to mapping of str to DataArray
-        Estimate arrays by output and statistic, as of a design.
-    training_ranges : mapping of str to TrainingRange
-        By output.
-    """
+    """Estimate arrays of a surrogate by output and statistic, before its validation."""
 
     outputs: Mapping[str, OutputStatistics]
     training_ranges: Mapping[str, TrainingRange]
@@ -73,7 +65,6 @@ def surrogate_statistics(
     Parameters
     ----------
     draws : SurrogateDraws
-        The surrogate with the joint distribution of its inputs.
     quantities : sequence of QuantityOfInterest
         Those of outputs without an expansion are left out.
     only : collection of str, optional
@@ -86,9 +77,8 @@ def surrogate_statistics(
     ]
     if not requested:
         return SurrogateStatistics({}, {})
-    training_ranges = {
-        quantity.output.name: _training_range(draws, quantity.output.name) for quantity in requested
-    }
+    names = [quantity.output.name for quantity in requested]
+    training_ranges = {name: _training_range(draws, name) for name in names}
     return SurrogateStatistics(_by_output(draws, requested, only), training_ranges)
 
 
@@ -120,7 +110,7 @@ def _closed_forms(
     terms = expansion.indices, expansion.coefficients
     for name, value in (("mean", mean(*terms)), ("std", standard_deviation(*terms))):
         exact = statistics[name].copy(data=[value, math.nan, math.nan])
-        yield name, exact.assign_attrs({ESTIMATOR: FROM_COEFFICIENTS})
+        yield name, exact.assign_attrs({ESTIMATOR: texts.FROM_COEFFICIENTS})
 
 
 def _training_range(draws: SurrogateDraws, output: str) -> TrainingRange:

@@ -1,0 +1,133 @@
+"""Texts of estimates in archives: how an interval was made, why there is none, what weakens it.
+
+Names in braces are placeholders of `str.format`. Where a text is reworded, its earlier wording goes
+into `uqpen.archive.reworded`: `uqpen verify` compares the texts of earlier archives, too.
+"""
+
+from __future__ import annotations
+
+# Methods of intervals.
+STUDENT = "Student t"
+STUDENT_OVER_REPLICATES = "Student t over replicates"
+STUDENT_ON_RESIDUALS = "Student t on the residuals of an additive fit"
+STUDENT_OVER_TRAJECTORIES = "Student t over trajectories"
+CLOPPER_PEARSON = "Clopper-Pearson"
+STUDENT_OR_CLOPPER_PEARSON = (
+    "Student t over replicates; Clopper-Pearson with fewer than 10 runs on a side"
+)
+FOR_ANY_OUTCOME = "{method}, for any outcome of the missing runs"
+SIMULTANEOUS_BAND = "Dvoretzky-Kiefer-Wolfowitz-Massart"
+ORDER_STATISTICS = "order statistics (binomial)"
+WOODRUFF = "Woodruff, over replicates"
+ONE_SIDED_ORDER_STATISTICS = "one-sided, order statistics (binomial)"
+ONE_SIDED_WOODRUFF = "one-sided, Woodruff, over replicates"
+TWO_WOODRUFF = "two Woodruff intervals combined, {error_model}"
+DELTA_METHOD = "delta method, {error_model}"
+DELTA_ON_LOGARITHM = "delta method on the logarithm, {error_model}"
+DELTA_ON_FISHER = "delta method on Fisher's transform, {error_model}"
+JACKKNIFE = "jackknife over replicates"
+WIDER_OF_TWO = "the wider of jackknife over replicates and delta method over blocks"
+DELONG = "DeLong on the logit"
+SURROGATE_SAMPLING = "sampling of the surrogate"
+
+# How the points were drawn, and how many runs completed.
+NOT_A_SAMPLE = "the points are not a sample of the input distribution"
+NOT_DECLARED_INDEPENDENT = "the points are not declared independent (independent = true)"
+NO_RUN = "no run completed"
+NO_RUN_OF_A_AND_B = "no run of the matrices A and B completed"
+SINGLE_RUN = "a single run has no scatter"
+SINGLE_REPLICATE = "all completed runs are of one replicate"
+ONE_IS_TOO_FEW = "a single run is too few"
+TOO_FEW_RUNS = "{runs} runs are too few"
+NO_LOWER_BOUND = "{too_few} for a lower bound"
+NO_UPPER_BOUND = "{too_few} for an upper bound"
+RUNS_NEEDED = "least number of independent runs with an upper bound"
+UPPER_BOUND_NEEDS = "an upper bound needs at least {runs} runs"
+TOO_ONE_SIDED = "fewer than ten runs lie on one side"
+MISSING_RUNS = "allows for any outcome of the missing runs ({runs})"
+
+# What does not vary, or shows no scatter.
+CONSTANT_OUTPUT = "the output does not vary"
+CONSTANT_INPUT = "the input does not vary"
+CONSTANT_EVENT = "the event occurs in all runs or in none"
+CONSTANT_AT_DRAWS = "it is the same at all draws"
+NO_SCATTER_OF_STRATA = "the stratified points show no scatter, so the error is unknown"
+NO_SCATTER_OF_RUNS = "the runs show no scatter, so the error is unknown"
+LINEARLY_DEPENDENT = "the inputs and the output are linearly dependent"
+
+# Tails, and intervals that may be too narrow.
+NO_INTERVAL = "no reliable interval is known"
+NO_INTERVAL_OF_DELTA = "no reliable interval is known: the bias may exceed the scatter"
+NO_INTERVAL_AS = "{reason}: no reliable interval is known"
+DOUBTFUL_AS = "{reason}: the coverage may be below nominal"
+HEAVY_TAIL = "heavy tail (kurtosis {kurtosis:.3g}, {runs:.0f} effective runs)"
+HEAVY_MEAN = "{heavy_tail}: below 5 000 runs the coverage may be below nominal"
+MEAN_MAY_NOT_EXIST = "{heavy_tail}: the mean may not exist"
+HIDDEN_TAIL = "fewer than {runs} runs are too few to detect a heavy tail"
+IF_HEAVY_TAIL = "with a heavy tail the coverage is below nominal"
+DOUBTFUL_TAIL = (
+    "the interval may be too narrow if extreme values are more frequent than in these runs"
+)
+DIAGNOSTIC = "a diagnostic of the tail, not an estimate"
+SEE_HALF_SPREAD = "see half the 16–84 % range"
+SEE_RANKS = "see the rank correlations"
+ONLY_RUNS = "only {runs} runs"
+ONLY_BLOCKS = "only {blocks} blocks"
+FEW_BLOCKS = "fewer than {blocks} blocks: the coverage may be below nominal"
+ONLY_EFFECTS = "only {effects} effects: the coverage may be below nominal"
+FEW_DIFFER = (
+    "only {distinct} of {effects} effects differ from the others: the coverage may be below nominal"
+)
+
+# Quadrature rules.
+NO_SCATTER_OF_RULE = "a quadrature rule has no scatter, so its error is unknown"
+IMPOSSIBLE_MOMENT = "negative weights of the rule give an impossible {moment}: try a higher order"
+MISSING_NODES = "biased: {failed} of {nodes} nodes failed ({share:.3g} % of the weight)"
+NO_WEIGHT = "the weights of the completed runs add up to zero"
+
+# Elementary effects and responses.
+NO_EFFECT = "no step has two completed runs"
+SINGLE_EFFECT = "a single effect has no scatter"
+TOO_FEW_EFFECTS = "at least two effects are needed"
+NO_SCATTER_OF_EFFECTS = "the effects show no scatter, so their error is unknown"
+MISSING_EFFECTS = "{failed} of {effects} effects are missing because a run failed"
+ONE_POINT = "a derivative at one point has no scatter"
+FIXED_INPUT = "a fixed input has no uncertainty"
+ONE_SIDED_STEP = "from the step {side} only: the other run failed"
+NONLINEAR = "nonlinear: {down:.3g} from the step down, {up:.3g} from the step up"
+OF_HALF_SPREAD = "relative to half the input's 16–84 % range, as its nominal value is 0"
+NOMINAL_RUN_FAILED = "the run at the nominal point failed"
+NOMINAL_OUTPUT_IS_0 = "the output is 0 at the nominal point"
+STEP_FAILED = "both runs of the step failed"
+
+# Sobol' indices and Shapley effects.
+INCLUDES_CORRELATION = "includes correlation"
+OPTIMIZED_POINTS = "optimized points are not independent: replicates are needed"
+NO_BLOCK = "no block is complete"
+BLOCKS_OF_ONE_REPLICATE = "all complete blocks are of one replicate"
+FEW_INFORMATIVE_BLOCKS = "fewer than ten blocks contribute to it"
+VARIES_IN_ONE_REPLICATE = "it varies in one replicate only"
+TOO_MANY_SUBSETS = "it needs all subsets of the inputs, too many for {inputs} inputs"
+DEPENDENT_INPUTS = "the random inputs depend on each other"
+ESTIMAND = "indices of the input distribution"
+ESTIMAND_IF_ADMISSIBLE = "indices of the input distribution, conditional on admissible inputs"
+FAILED_BLOCKS = "blocks with a failed run are left out"
+INADMISSIBLE_BLOCKS = "blocks without an admissible draw are left out"
+FIRST_ORDER_INCLUDES = "first-order indices include correlation"
+
+# Estimators of a surrogate.
+FROM_COEFFICIENTS = "from the coefficients"
+FROM_DRAWS = "by sampling the surrogate at {draws} admissible draws"
+FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set of inputs"
+
+# Failed runs.
+ADMISSIBLE_INPUTS = "admissible inputs"
+MISSING_SHARE = "{share:.3g} % of the admissible runs"
+FEW_FAILED = "fewer than {runs} failed runs are too few for an interval"
+FEW_COMPLETED = "fewer than {runs} completed runs are too few for an interval"
+LARGER_IF_FAILED = "probability that an input {is_larger} in a failed run than in a completed one"
+END_OF_FAILED = "{end} value of each input among the failed runs, in SI units"
+SEPARATED = "the failed runs are completely separated from the others"
+
+# Publications.
+PUBLISHED = "published in {source}"
