@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +24,12 @@ FEWER = {
 
 
 @pytest.fixture(scope="session")
-def concrete() -> xr.DataTree:
+def concrete(made_once: Callable[..., xr.DataTree]) -> xr.DataTree:
     """The concrete study, of fewer runs."""
+    return made_once("concrete", _concrete)
+
+
+def _concrete() -> xr.DataTree:
     text = (STUDIES / "concrete.toml").read_text()
     for many, few in FEWER.items():
         assert many in text
@@ -34,10 +38,15 @@ def concrete() -> xr.DataTree:
 
 
 @pytest.fixture(scope="session")
-def wide(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
+def wide(
+    tmp_path_factory: pytest.TempPathFactory, made_once: Callable[..., xr.DataTree]
+) -> xr.DataTree:
     """A study of 24 inputs, each with a name of 24 characters."""
+    return made_once("wide", lambda: _wide(tmp_path_factory.mktemp("wide")))
+
+
+def _wide(folder: Path) -> xr.DataTree:
     names = [f"heat_transfer_in_layer_{letter}" for letter in "abcdefghijklmnopqrstuvwx"]
-    folder = tmp_path_factory.mktemp("wide")
     body = " + ".join(f"{place} * {name}" for place, name in enumerate(names, 1))
     source = f"def warm({', '.join(names)}):\n    return {{'temperature_of_outer_wall': {body}}}\n"
     (folder / "wall.py").write_text(source)
