@@ -33,6 +33,12 @@ settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that take long, so that none is left to one worker in the end."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
 @pytest.fixture
 def study_of(tmp_path: Path) -> Callable[..., Study]:
     """Makes a study of y, a line of NumPy in its inputs.
@@ -261,3 +267,29 @@ def archives(
 ) -> Archives:
     """All of them, by name."""
     return Archives(tmp_path_factory.mktemp("archives"), made_once)
+
+
+# The runs of the concrete study, and as many as tests need.
+FEWER = {
+    "runs = 10_000": "runs = 400",
+    "runs = 8_192": "runs = 256",
+    "base = 8_192": "base = 64",
+    "trajectories = 50": "trajectories = 6",
+    "runs = 500": "runs = 80",
+}
+
+
+@pytest.fixture(scope="session")
+def concrete_text() -> str:
+    """The file of the concrete study, with fewer runs."""
+    text = (Path(__file__).parents[1] / "studies" / "concrete.toml").read_text(encoding="utf-8")
+    for many, few in FEWER.items():
+        assert many in text
+        text = text.replace(many, few)
+    return text
+
+
+@pytest.fixture(scope="session")
+def concrete(concrete_text: str, made_once: Callable[..., xr.DataTree]) -> xr.DataTree:
+    """The archive of the concrete study with fewer runs."""
+    return made_once("concrete", lambda: uqpen.run(uqpen.parse_study(concrete_text)))

@@ -35,6 +35,7 @@ def bounds(array: xr.DataArray) -> dict[str, float]:
     return {str(bound): float(array.sel(bound=bound)) for bound in ("estimate", "lower", "upper")}
 
 
+@pytest.mark.slow
 def test_the_tables_of_the_readme_are_those_that_are_printed(concrete: xr.DataTree) -> None:
     tables = {table.title: table for table in output_tables(concrete)}
     readme = (STUDIES.parent / "README.md").read_text(encoding="utf-8")
@@ -193,6 +194,7 @@ def test_the_study_stands_in_its_tree_verbatim(concrete: xr.DataTree) -> None:
     assert concrete.attrs["version_uqpen"] == uqpen.__version__
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("design", DESIGNS)
 def test_the_self_check_holds_the_exact_answers(design: str) -> None:
     tree = uqpen.run(uqpen.load_study(STUDIES / "ishigami.toml"))

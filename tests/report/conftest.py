@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,31 +11,13 @@ import pytest
 import xarray as xr
 
 import uqpen
-
-STUDIES = Path(__file__).parents[2] / "studies"
-
-# The runs of the concrete study, and as many as tests need.
-FEWER = {
-    "runs = 10_000": "runs = 400",
-    "runs = 8_192": "runs = 256",
-    "base = 8_192": "base = 64",
-    "trajectories = 50": "trajectories = 6",
-    "runs = 500": "runs = 80",
-}
+from uqpen.report.page import report_page
 
 
 @pytest.fixture(scope="session")
-def concrete(made_once: Callable[..., xr.DataTree]) -> xr.DataTree:
-    """The concrete study, of fewer runs."""
-    return made_once("concrete", _concrete)
-
-
-def _concrete() -> xr.DataTree:
-    text = (STUDIES / "concrete.toml").read_text()
-    for many, few in FEWER.items():
-        assert many in text
-        text = text.replace(many, few)
-    return uqpen.run(uqpen.parse_study(text))
+def page_of(archives: Mapping[str, xr.DataTree]) -> Callable[[str], str]:
+    """The page of an archive, made when it is first asked for."""
+    return cache(lambda name: report_page(archives[name]))
 
 
 @pytest.fixture(scope="session")

@@ -22,6 +22,8 @@ from uqpen.study.fingerprint import run_fingerprint
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.verify import verify
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
 SPREAD = re.findall(r"```python\n(.*?)```", PAGE.partition("## A statistic")[2], re.DOTALL)[0]
