@@ -51,6 +51,7 @@ def test_the_tables_of_the_readme_are_those_that_are_printed(concrete: xr.DataTr
 DESIGNS = ["monte_carlo", "latin_hypercube"]  # of one size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("design", DESIGNS)
 class TestConcrete:
     """The report's study against the truth of 25 million points of an independent code."""
