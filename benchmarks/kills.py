@@ -15,12 +15,19 @@ import os
 import random
 import re
 import signal
-import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, NoReturn
+
+import netCDF4
+
+import uqpen
+from uqpen.cli.main import main as uqpen_main
 
 SECONDS_PER_RUN = 0.02
 RUNS = 10
@@ -56,35 +63,6 @@ runs = {RUNS}
 replicates = 2
 """
 
-# Ends itself, as a kill would, at the n-th time that it does something: it stops a file half
-# written, or written and not yet in its place.
-DYING = """\
-import os, pathlib, signal, sys
-import netCDF4
-import uqpen.cli.main as program
-
-what, left = sys.argv[1], int(sys.argv[2])
-
-def dying(function):
-    def counted(*arguments, **options):
-        global left
-        left -= 1
-        if left == 0:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return function(*arguments, **options)
-    return counted
-
-if what == "part":
-    os.fsync = dying(os.fsync)
-    pathlib.Path.replace = dying(pathlib.Path.replace)
-else:
-    class Dataset(netCDF4.Dataset):
-        createGroup = dying(netCDF4.Dataset.createGroup)
-    netCDF4.Dataset = Dataset
-sys.argv = ["uqpen", *sys.argv[3:]]
-program.main()
-"""
-
 KINDS = ("runs", "workers", "part", "archive")
 
 
@@ -100,7 +78,8 @@ def main() -> int:
     failures = []
     with tempfile.TemporaryDirectory() as scratch:
         whole = _prepared(Path(scratch), "whole")
-        _start(whole).wait()
+        # It also imports what every fork needs, which takes longer than the study.
+        uqpen.make_archive(uqpen.load_study(whole / "study.toml"), whole / "study.nc")
         expected = (whole / "study.nc").read_bytes()
         assert _calls(whole) == 2 * RUNS
         for number in range(arguments.kills):
@@ -123,19 +102,81 @@ def _prepared(scratch: Path, name: str) -> Path:
     folder.mkdir()
     (folder / "model.py").write_text(MODEL)
     (folder / "study.toml").write_text(STUDY)
-    (folder / "dying.py").write_text(DYING)
     return folder
 
 
-def _start(folder: Path, *how: str, options: tuple[str, ...] = ()) -> subprocess.Popen[str]:
-    command = [*(how or ("-m", "uqpen")), "study", "study.toml", "-o", "study.nc", *options]
-    return subprocess.Popen(
-        [sys.executable, *command],
-        cwd=folder,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+class _Program:
+    """The study's command line in a process of its own, a fork of this one, which knows uqpen."""
+
+    def __init__(self, folder: Path, *options: str, dies: tuple[str, int] | None = None) -> None:
+        self._said = folder / "said"
+        self.pid = os.fork()
+        self.code: int | None = None
+        if not self.pid:
+            _become(folder, self._said, options, dies)
+
+    def poll(self) -> int | None:
+        """The code that it has ended with; None while it runs."""
+        if self.code is None:
+            ended, status = os.waitpid(self.pid, os.WNOHANG)
+            self.code = os.waitstatus_to_exitcode(status) if ended else None
+        return self.code
+
+    def wait(self) -> str:
+        """What it has said when it has ended."""
+        if self.code is None:
+            self.code = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+        return self._said.read_text()
+
+
+def _become(
+    folder: Path, said: Path, options: tuple[str, ...], dies: tuple[str, int] | None
+) -> NoReturn:
+    """Run the study in this process, and end it."""
+    code = 70
+    try:
+        os.chdir(folder)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
+        sys.argv = ["uqpen", "study", "study.toml", "-o", "study.nc", *options]
+        if dies:
+            _let_die(*dies)
+        uqpen_main()
+    except SystemExit as left:
+        code = int(left.code or 0)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def _let_die(what: str, times: int) -> None:
+    """End this process, as a kill would, at the n-th time that it does something.
+
+    It stops with a file half written, or written and not yet in its place.
+    """
+    left = times
+
+    def dying(function: Callable[..., Any]) -> Callable[..., Any]:
+        def counted(*arguments: Any, **options: Any) -> Any:
+            nonlocal left
+            left -= 1
+            if left == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return function(*arguments, **options)
+
+        return counted
+
+    if what == "part":
+        os.fsync = dying(os.fsync)
+        Path.replace = dying(Path.replace)
+    else:
+
+        class Dataset(netCDF4.Dataset):
+            createGroup = dying(netCDF4.Dataset.createGroup)  # noqa: N815 - its name there
+
+        netCDF4.Dataset = Dataset
 
 
 def _calls(folder: Path) -> int:
@@ -149,15 +190,15 @@ def _killed(folder: Path, kind: str, chance: random.Random, expected: bytes) -> 
         _kill_in_mid_run(folder, kind, chance)
     else:
         most = RUNS if kind == "part" else 12
-        dying = _start(folder, "dying.py", kind, str(chance.randint(1, most)))
-        dying.communicate()
-        if dying.returncode != -signal.SIGKILL:
-            return 0, f"it was not killed, but ended with {dying.returncode}"
+        dying = _Program(folder, dies=(kind, chance.randint(1, most)))
+        dying.wait()
+        if dying.code != -signal.SIGKILL:
+            return 0, f"it was not killed, but ended with {dying.code}"
     called = _calls(folder)
-    again = _start(folder)
-    said = again.communicate()[1]
-    if again.returncode != 0:
-        return 0, f"the next start ended with {again.returncode}: {said}"
+    again = _Program(folder)
+    said = again.wait()
+    if again.code != 0:
+        return 0, f"the next start ended with {again.code}: {said}"
     found = sum(int(done) for done in re.findall(r"(\d+) of \d+ runs already done", said))
     lag = called - found
     if _calls(folder) - called != 2 * RUNS - found:
@@ -171,13 +212,14 @@ def _killed(folder: Path, kind: str, chance: random.Random, expected: bytes) -> 
 
 
 def _kill_in_mid_run(folder: Path, kind: str, chance: random.Random) -> None:
-    running = _start(folder, options=("--workers", "2") if kind == "workers" else ())
+    running = _Program(folder, *(("--workers", "2") if kind == "workers" else ()))
     at = chance.randint(1, 2 * RUNS - 4)
     while _calls(folder) < at and running.poll() is None:
         time.sleep(0.001)
     time.sleep(chance.random() * SECONDS_PER_RUN)
-    os.kill(running.pid, signal.SIGKILL)
-    running.communicate()
+    if running.poll() is None:
+        os.kill(running.pid, signal.SIGKILL)
+    running.wait()
 
 
 if __name__ == "__main__":

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import gzip
+import json
+import os
+import pickle
 import signal
+import subprocess
 import sys
 from collections import UserDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
 import xarray as xr
+from filelock import FileLock
 from hypothesis import settings
 
 import uqpen
@@ -26,6 +31,12 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # The same examples each time: a test that fails now and then says nothing.
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that take long, so that none is left to one worker in the end."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
 
 
 @pytest.fixture
@@ -94,6 +105,66 @@ def command_line(
         return Outcome(code, *capsys.readouterr())
 
     return call
+
+
+FRESH = """
+import contextlib, io, json, sys
+from uqpen.cli.main import main
+outcomes = []
+for arguments in json.loads(sys.argv[1]):
+    sys.argv = ["uqpen", *arguments]
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        with contextlib.redirect_stderr(io.StringIO()) as err:
+            try:
+                code = main() or 0
+            except SystemExit as left:
+                code = int(left.code or 0)
+    outcomes.append((code, out.getvalue(), err.getvalue()))
+print(json.dumps(outcomes))
+"""
+
+
+@pytest.fixture(scope="session")
+def fresh_process() -> Callable[..., list[Outcome]]:
+    """Calls command lines one after another in one process that has imported nothing before.
+
+    To start a process takes longer than most of what it does.
+    """
+
+    def call(
+        folder: Path, *lines: list[str], variables: Mapping[str, str] | None = None
+    ) -> list[Outcome]:
+        done = subprocess.run(
+            [sys.executable, "-W", "ignore", "-c", FRESH, json.dumps(lines)],
+            cwd=folder,
+            env={**os.environ, **(variables or {})},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        return [Outcome(*told) for told in json.loads(done.stdout)]
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def made_once(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Callable[[str, Callable[[], xr.DataTree]], xr.DataTree]:
+    """Gives a tree by its name: one process of the tests makes it, and the others read it."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+
+    def made(name: str, make: Callable[[], xr.DataTree]) -> xr.DataTree:
+        file = folder / f"{name}.pickle"
+        with FileLock(file.with_suffix(".lock")):
+            if not file.exists():
+                file.write_bytes(pickle.dumps(make()))
+        return pickle.loads(file.read_bytes())
+
+    return made
 
 
 # Archives to draw and to report on: those that are kept, and small ones of what is not among them.
@@ -169,24 +240,56 @@ def _beam(folder: Path, limit: float) -> xr.DataTree:
 class Archives(UserDict[str, xr.DataTree]):
     """Archives by their names, each made when it is asked for."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, made_once: Callable[..., xr.DataTree]) -> None:
         super().__init__(dict.fromkeys([*KEPT, "rods", "beam", "lost"]))
-        self.folder = folder
+        self._folder = folder
+        self._made_once = made_once
 
     def __getitem__(self, name: str) -> xr.DataTree:
         if self.data[name] is None:
-            self.data[name] = self._made(name)
+            self.data[name] = self._opened(name)
         return self.data[name]
 
-    def _made(self, name: str) -> xr.DataTree:
+    def _opened(self, name: str) -> xr.DataTree:
         if name in KEPT:
-            return _kept(name, self.folder)
+            return _kept(name, self._folder)
+        return self._made_once(name, lambda: self._made(name))
+
+    def _made(self, name: str) -> xr.DataTree:
         if name == "rods":
             return uqpen.run(uqpen.parse_study(ROD_MODELS))
-        return _beam(self.folder, 0 if name == "lost" else 18e3)
+        return _beam(self._folder, 0 if name == "lost" else 18e3)
 
 
 @pytest.fixture(scope="session")
-def archives(tmp_path_factory: pytest.TempPathFactory) -> Archives:
+def archives(
+    tmp_path_factory: pytest.TempPathFactory, made_once: Callable[..., xr.DataTree]
+) -> Archives:
     """All of them, by name."""
-    return Archives(tmp_path_factory.mktemp("archives"))
+    return Archives(tmp_path_factory.mktemp("archives"), made_once)
+
+
+# The runs of the concrete study, and as many as tests need.
+FEWER = {
+    "runs = 10_000": "runs = 400",
+    "runs = 8_192": "runs = 256",
+    "base = 8_192": "base = 64",
+    "trajectories = 50": "trajectories = 6",
+    "runs = 500": "runs = 80",
+}
+
+
+@pytest.fixture(scope="session")
+def concrete_text() -> str:
+    """The file of the concrete study, with fewer runs."""
+    text = (Path(__file__).parents[1] / "studies" / "concrete.toml").read_text(encoding="utf-8")
+    for many, few in FEWER.items():
+        assert many in text
+        text = text.replace(many, few)
+    return text
+
+
+@pytest.fixture(scope="session")
+def concrete(concrete_text: str, made_once: Callable[..., xr.DataTree]) -> xr.DataTree:
+    """The archive of the concrete study with fewer runs."""
+    return made_once("concrete", lambda: uqpen.run(uqpen.parse_study(concrete_text)))

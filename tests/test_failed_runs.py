@@ -5,6 +5,8 @@ Every estimator says how many runs it used, and none turns to zero or to no numb
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,10 @@ from uqpen.core.status import Status
 from uqpen.designs import DESIGNS
 from uqpen.execution import status_counts
 from uqpen.results.source_statistics import SourceStatistics
+
+pytestmark = pytest.mark.slow
+
+TreeOf = Callable[[str], xr.DataTree]
 
 MODEL = """
 import math
@@ -74,7 +80,13 @@ SETTINGS = {
 ABSENT = ("failed", "no scatter", "does not vary", "runs lie on one side")
 
 
-def tree_of(kind: str, folder: Path) -> xr.DataTree:
+@pytest.fixture(scope="module")
+def tree_of(tmp_path_factory: pytest.TempPathFactory) -> TreeOf:
+    """The archive of a design by its kind, made when it is first asked for."""
+    return cache(lambda kind: _made(kind, tmp_path_factory.mktemp(kind)))
+
+
+def _made(kind: str, folder: Path) -> xr.DataTree:
     (folder / "model.py").write_text(MODEL)
     points = np.random.default_rng(1).random((400, 3))
     rows = "\n".join(",".join(map(repr, map(float, row))) for row in points)
@@ -85,8 +97,8 @@ def tree_of(kind: str, folder: Path) -> xr.DataTree:
 
 
 @pytest.mark.parametrize("kind", DESIGNS)
-def test_every_estimator_copes_with_what_is_lost(kind: str, tmp_path: Path) -> None:
-    tree = tree_of(kind, tmp_path)
+def test_every_estimator_copes_with_what_is_lost(kind: str, tree_of: TreeOf) -> None:
+    tree = tree_of(kind)
     runs = tree["runs/it"].to_dataset()
     counts = status_counts(runs)
     assert counts[Status.FAILED] == 1
@@ -122,12 +134,12 @@ def check(name: str, array: xr.DataArray) -> None:
     assert not (array.sel(bound="estimate") == 0).all(), name
 
 
-def test_what_is_known_stays_right_within_its_interval(tmp_path: Path) -> None:
+def test_what_is_known_stays_right_within_its_interval(tree_of: TreeOf) -> None:
     # Losing a run for no reason that has to do with it biases nothing: the mean over the draws
     # below the limit, by a large sample.
     points = np.random.default_rng(2).random((4_000_000, 3))
     a, b, c = points[points.sum(axis=1) < 2.6].T
     exact = float(np.mean(1 + a + 2 * b + a * c))
     for kind in ("monte-carlo", "latin-hypercube", "sobol-sequence", "halton", "saltelli"):
-        mean = tree_of(kind, tmp_path)["statistics/it/y"]["mean"].values
+        mean = tree_of(kind)["statistics/it/y"]["mean"].values
         assert mean[1] <= exact <= mean[2], kind

@@ -31,6 +31,7 @@ def test_the_example_of_a_beam_runs_and_is_right(tmp_path: Path) -> None:
     assert mean == pytest.approx(3.35, rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_lines_from_python_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "Agg")
     rods = (ROOT / "tests" / "data" / "rods.toml").read_text(encoding="utf-8")

@@ -17,6 +17,8 @@ from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
 
+pytestmark = pytest.mark.slow
+
 MODELS = """
 import numpy as np
 

@@ -17,6 +17,8 @@ from uqpen.statistics.surrogate.surrogate_statistics import TrainingRange
 from uqpen.study.study import Study
 from uqpen.trust import ValidationRuns, validate_surrogate
 
+pytestmark = pytest.mark.slow
+
 MakeStudy = Callable[..., Study]
 
 # Of one output.

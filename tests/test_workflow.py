@@ -35,6 +35,7 @@ def bounds(array: xr.DataArray) -> dict[str, float]:
     return {str(bound): float(array.sel(bound=bound)) for bound in ("estimate", "lower", "upper")}
 
 
+@pytest.mark.slow
 def test_the_tables_of_the_readme_are_those_that_are_printed(concrete: xr.DataTree) -> None:
     tables = {table.title: table for table in output_tables(concrete)}
     readme = (STUDIES.parent / "README.md").read_text(encoding="utf-8")
@@ -50,6 +51,7 @@ def test_the_tables_of_the_readme_are_those_that_are_printed(concrete: xr.DataTr
 DESIGNS = ["monte_carlo", "latin_hypercube"]  # of one size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("design", DESIGNS)
 class TestConcrete:
     """The report's study against the truth of 25 million points of an independent code."""
@@ -193,6 +195,7 @@ def test_the_study_stands_in_its_tree_verbatim(concrete: xr.DataTree) -> None:
     assert concrete.attrs["version_uqpen"] == uqpen.__version__
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("design", DESIGNS)
 def test_the_self_check_holds_the_exact_answers(design: str) -> None:
     tree = uqpen.run(uqpen.load_study(STUDIES / "ishigami.toml"))

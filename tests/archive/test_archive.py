@@ -68,6 +68,7 @@ def test_every_group_opens_in_plain_xarray(archive: Path) -> None:
         assert group_names(whole.load(), "runs") == ["monte_carlo", "latin_hypercube"]
 
 
+@pytest.mark.slow
 def test_the_same_study_writes_the_same_bytes(archive: Path, tmp_path: Path) -> None:
     again = tmp_path / "again.nc"
     # In a process of its own, whose hashes and addresses differ.

@@ -16,6 +16,8 @@ from uqpen.archive.read import read_group
 from uqpen.benchmark.compare import compare
 from uqpen.benchmark.settings import BenchmarkSettings
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(__file__).parents[1] / "data"
 RODS = (DATA / "rods.toml").read_text(encoding="utf-8")
 

@@ -16,6 +16,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "archive.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_it_opens_as_shown_without_uqpen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     packed = ROOT / "tests" / "data" / "archives" / f"schema_{SCHEMA}.nc.gz"
     (tmp_path / "study.nc").write_bytes(gzip.decompress(packed.read_bytes()))

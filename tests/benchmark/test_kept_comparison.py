@@ -89,6 +89,7 @@ def test_what_was_written_is_not_touched(path: Path) -> None:
     assert group_hashes(written) == recorded_hashes(written)
 
 
+@pytest.mark.slow
 def test_it_has_a_page_and_can_be_written_again(path: Path, tmp_path: Path) -> None:
     tree = open_archive(path)
     write(tree, tmp_path / "again.nc")

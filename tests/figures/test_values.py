@@ -18,6 +18,8 @@ from uqpen.figures.scatter import thin_runs
 from uqpen.figures.style import figure_style
 from uqpen.figures.velocity_profile import axial_velocity
 
+pytestmark = pytest.mark.slow
+
 Archives = dict[str, xr.DataTree]
 
 

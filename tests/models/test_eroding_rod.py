@@ -401,6 +401,7 @@ def test_velocity_is_the_rate_of_depth_while_eroding_and_while_rigid(course):
     np.testing.assert_allclose(rate[50:-100], expected[50:-100], rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_works_where_nothing_can_be_cached(tmp_path):
     """An installation that is read only, run by a user without a directory to write to."""
     code = (

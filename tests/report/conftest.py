@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,34 +11,25 @@ import pytest
 import xarray as xr
 
 import uqpen
-
-STUDIES = Path(__file__).parents[2] / "studies"
-
-# The runs of the concrete study, and as many as tests need.
-FEWER = {
-    "runs = 10_000": "runs = 400",
-    "runs = 8_192": "runs = 256",
-    "base = 8_192": "base = 64",
-    "trajectories = 50": "trajectories = 6",
-    "runs = 500": "runs = 80",
-}
+from uqpen.report.page import report_page
 
 
 @pytest.fixture(scope="session")
-def concrete() -> xr.DataTree:
-    """The concrete study, of fewer runs."""
-    text = (STUDIES / "concrete.toml").read_text()
-    for many, few in FEWER.items():
-        assert many in text
-        text = text.replace(many, few)
-    return uqpen.run(uqpen.parse_study(text))
+def page_of(archives: Mapping[str, xr.DataTree]) -> Callable[[str], str]:
+    """The page of an archive, made when it is first asked for."""
+    return cache(lambda name: report_page(archives[name]))
 
 
 @pytest.fixture(scope="session")
-def wide(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
+def wide(
+    tmp_path_factory: pytest.TempPathFactory, made_once: Callable[..., xr.DataTree]
+) -> xr.DataTree:
     """A study of 24 inputs, each with a name of 24 characters."""
+    return made_once("wide", lambda: _wide(tmp_path_factory.mktemp("wide")))
+
+
+def _wide(folder: Path) -> xr.DataTree:
     names = [f"heat_transfer_in_layer_{letter}" for letter in "abcdefghijklmnopqrstuvwx"]
-    folder = tmp_path_factory.mktemp("wide")
     body = " + ".join(f"{place} * {name}" for place, name in enumerate(names, 1))
     source = f"def warm({', '.join(names)}):\n    return {{'temperature_of_outer_wall': {body}}}\n"
     (folder / "wall.py").write_text(source)

@@ -13,6 +13,8 @@ from uqpen.report.blocks import Block, Chart, Charts, Heading, Remarks, Text
 from uqpen.report.sections.convergence import convergence
 from uqpen.results.archive_view import ArchiveView
 
+pytestmark = pytest.mark.slow
+
 Archives = Mapping[str, xr.DataTree]
 
 LINE = """

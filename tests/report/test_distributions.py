@@ -17,6 +17,8 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.intervals import dkw_half_width
 from uqpen.study.study import Study
 
+pytestmark = pytest.mark.slow
+
 Archives = dict[str, xr.DataTree]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 import xarray as xr
 
 import uqpen
@@ -12,6 +13,8 @@ from uqpen.report.blocks import Charts
 from uqpen.report.chart_json import charts_json
 from uqpen.report.sections.scatter import scatter
 from uqpen.results.archive_view import ArchiveView
+
+pytestmark = pytest.mark.slow
 
 Archives = dict[str, xr.DataTree]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 import xarray as xr
 
 import uqpen
@@ -13,6 +14,8 @@ from uqpen.report.sections.sensitivity import sensitivity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
 from uqpen.results.source_statistics import SourceStatistics
+
+pytestmark = pytest.mark.slow
 
 Archives = dict[str, xr.DataTree]
 

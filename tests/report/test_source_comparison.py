@@ -16,6 +16,8 @@ from uqpen.report.sections.source_comparison import source_comparison
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 
+pytestmark = pytest.mark.slow
+
 Archives = Mapping[str, xr.DataTree]
 
 SOURCES = ["monte_carlo", "latin_hypercube", "sobol_sequence", "sobol_indices", "training"]

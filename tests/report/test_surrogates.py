@@ -14,6 +14,8 @@ from uqpen.report.sections.surrogates import surrogates
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.source_statistics import SourceStatistics
 
+pytestmark = pytest.mark.slow
+
 Archives = dict[str, xr.DataTree]
 
 FLAT = """[designs.many]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
@@ -116,6 +117,7 @@ def estimate_arrays(draw: st.DrawFn) -> xr.DataArray:
     return estimate_array(values, dims, texts, units="m", long_name="what it is")
 
 
+@pytest.mark.slow
 @given(array=estimate_arrays())
 def test_what_is_packed_is_unpacked_the_same(array: xr.DataArray) -> None:
     packed = pack({"mean": array})

@@ -78,6 +78,7 @@ def assert_same(last: xr.DataArray, whole: xr.DataArray) -> None:
         ]
 
 
+@pytest.mark.slow
 def test_the_last_part_is_what_the_archive_tells() -> None:
     study = uqpen.parse_study(STUDY)
     tree = uqpen.run(study)

@@ -78,6 +78,7 @@ def rank_partial(correlation: FloatArray) -> FloatArray:
     return correlation / np.sqrt(1 - others)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plan", ["independent", "replicated", "single"])
 def test_intervals_cover(plan: str) -> None:
     covering = {name: np.zeros(3) for name in exact()}
@@ -101,6 +102,7 @@ def test_estimates_are_those_of_scipy() -> None:
         assert answers["spearman"].values[i, 0] == pytest.approx(spearman, abs=1e-12)
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 1000), power=st.sampled_from([1, 3, 5]))
 @settings(max_examples=20)
 def test_rank_correlations_keep_under_monotone_transforms(seed: int, power: int) -> None:
@@ -111,6 +113,7 @@ def test_rank_correlations_keep_under_monotone_transforms(seed: int, power: int)
         assert np.array_equal(one[name].values, two[name].values)
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 1000), shift=st.integers(-100, 100))
 @settings(max_examples=20)
 def test_order_of_runs_and_origin_of_the_output_do_not_matter(seed: int, shift: int) -> None:

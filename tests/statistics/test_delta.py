@@ -72,6 +72,7 @@ def test_no_influence_is_about_zero_and_all_of_it_about_one() -> None:
     assert found[1:].max() < 0.03
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 1000))
 @settings(max_examples=20)
 def test_only_ranks_matter(seed: int) -> None:
@@ -80,6 +81,7 @@ def test_only_ranks_matter(seed: int) -> None:
     assert np.array_equal(of(drawn).values, of(other).values, equal_nan=True)
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 1000))
 @settings(max_examples=20)
 def test_order_of_runs_does_not_matter(seed: int) -> None:

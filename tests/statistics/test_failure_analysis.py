@@ -72,6 +72,7 @@ def test_points_that_are_no_draws_have_no_bounds() -> None:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runs", [100, 400])
 def test_the_interval_covers_as_often_as_it_says(runs: int) -> None:
     # Lost with probability (0.1 + 0.4 x); of a uniform x, both densities are straight lines.

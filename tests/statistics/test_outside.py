@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,6 +21,8 @@ from uqpen.results.output_tables import output_tables
 from uqpen.study.fingerprint import run_fingerprint
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.verify import verify
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
@@ -68,6 +68,7 @@ def analysis(sample, quantity):
 COUNTS = ("runs", "runs_used", "runs_inadmissible", "conditional_on")
 
 Command = Callable[..., Any]
+FreshProcess = Callable[..., Any]
 
 
 def _write(folder: Path, yields: str) -> None:
@@ -132,13 +133,14 @@ class TestInAnArchive:
         assert tree["files"]["name"].values.tolist() == ["spread.py"]
         assert tree["files"]["content"].values.tolist() == [SPREAD]
 
-    def test_workers_change_no_byte(self, made: Path, tmp_path: Path) -> None:
+    def test_workers_change_no_byte(
+        self, made: Path, tmp_path: Path, fresh_process: FreshProcess
+    ) -> None:
         (tmp_path / "spread.py").write_text(SPREAD)
         (tmp_path / "study.toml").write_text(STUDY)
-        for workers in ("1", "2"):
-            command = ["study", "study.toml", "-o", f"{workers}.nc", "--workers", workers]
-            call = [sys.executable, "-m", "uqpen", *command]
-            subprocess.run(call, cwd=tmp_path, check=True, capture_output=True)
+        study = ["study", "study.toml"]
+        lines = [[*study, "-o", f"{workers}.nc", "--workers", workers] for workers in ("1", "2")]
+        assert [done.code for done in fresh_process(tmp_path, *lines)] == [0, 0]
         written = {(tmp_path / f"{workers}.nc").read_bytes() for workers in (1, 2)}
         assert written == {(made / "a.nc").read_bytes()}
 
@@ -251,13 +253,14 @@ class TestTrust:
         assert others == [CheckOutcome.EQUAL] * len(others)
         assert {"runs", "statistics"} <= checks.keys()
 
-    def test_a_fresh_process_needs_no_file(self, made: Path, tmp_path: Path) -> None:
+    def test_a_fresh_process_needs_no_file(
+        self, made: Path, tmp_path: Path, fresh_process: FreshProcess
+    ) -> None:
         (tmp_path / "a.nc").write_bytes((made / "a.nc").read_bytes())
-        for command in (["show"], ["verify"], ["verify", "--trust"]):
-            call = [sys.executable, "-m", "uqpen", *command, "a.nc"]
-            done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
-            assert done.returncode == 0, done.stderr
-            assert ("interquartile" in done.stdout) == ("--trust" not in command)
+        lines = (["show", "a.nc"], ["verify", "a.nc"], ["verify", "a.nc", "--trust"])
+        outcomes = fresh_process(tmp_path, *lines)
+        assert [done.code for done in outcomes] == [0, 0, 0], outcomes
+        assert ["interquartile" in done.out for done in outcomes] == [True, True, False]
 
     def test_with_it_they_are_repeated(self, made: Path) -> None:
         checks = _checks(made / "a.nc", trust=True)
@@ -276,7 +279,9 @@ class TestTrust:
             assert checks["statistics"].verdict is CheckOutcome.DIFFERENT
             assert f"{path}: {name}: " in checks["statistics"].details[0]
 
-    def test_it_is_never_executed_without(self, tmp_path: Path) -> None:
+    def test_it_is_never_executed_without(
+        self, tmp_path: Path, fresh_process: FreshProcess
+    ) -> None:
         trace = tmp_path / "executed"
         (tmp_path / "own.py").write_text(
             f"import pathlib\npathlib.Path({str(trace)!r}).touch()\n"
@@ -285,13 +290,12 @@ class TestTrust:
         study = _study(SMALL, tmp_path)
         uqpen.write(uqpen.run(study), tmp_path / "a.nc")
         trace.unlink()
-        for command in (["show"], ["verify"], ["report"], ["diff", "a.nc"], ["rerun"]):
-            call = [sys.executable, "-m", "uqpen", *command, "a.nc"]
-            done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
-            assert done.returncode == (2 if command == ["rerun"] else 0), done.stderr
-            assert not trace.exists(), command
-        assert "own.py:analysis" in done.stderr
-        assert "--trust" in done.stderr
+        commands = (["show"], ["verify"], ["report"], ["diff", "a.nc"], ["rerun"])
+        outcomes = fresh_process(tmp_path, *([*command, "a.nc"] for command in commands))
+        assert [done.code for done in outcomes] == [0, 0, 0, 0, 2], outcomes
+        assert not trace.exists()
+        assert "own.py:analysis" in outcomes[-1].err
+        assert "--trust" in outcomes[-1].err
 
     def test_with_it_the_study_is_repeated(self, uqpen_beside: Command) -> None:
         assert uqpen_beside("rerun", "a.nc", "--trust").code == 0

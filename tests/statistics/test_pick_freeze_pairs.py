@@ -76,6 +76,7 @@ def test_an_input_without_effect_has_a_share_by_correlation(study_of: MakeStudy)
     assert found.shapley == pytest.approx([1 - r**2 / 2, r**2 / 2], abs=TOLERANCE)
 
 
+@pytest.mark.slow
 def test_under_a_constraint_the_indices_are_of_the_law_given_it(study_of: MakeStudy) -> None:
     # Over the triangle a > b of the unit square, Var a = Var b = 1/18 and Cov(a, b) = 1/36, so
     # Var(a + b) = 1/6. E[a + b | a] = 3 a / 2 and E[a + b | b] = (1 + 3 b) / 2: both explain
@@ -96,6 +97,7 @@ def test_a_single_input_has_it_all(study_of: MakeStudy) -> None:
     assert found.first_order == found.total_order == found.shapley == [1.0]
 
 
+@pytest.mark.slow
 def test_too_many_inputs_for_all_sets_still_have_sobol_indices(study_of: MakeStudy) -> None:
     names = "abcdefghijkl"
     study = study_of(" + ".join(names), **dict.fromkeys(names, (0, 1)))

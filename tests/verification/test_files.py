@@ -14,6 +14,8 @@ import pytest
 
 import uqpen as package
 
+pytestmark = pytest.mark.slow
+
 STUDY = """\
 seed = 1
 [model]

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -52,38 +48,6 @@ design = "sample"
 """
 
 
-# One process makes or verifies all archives: to start one takes longer than all that it does.
-MAKE = "import sys; from uqpen.cli.main import main; main()"
-VERIFY = """
-import contextlib, io, json, pathlib, sys
-from uqpen.cli.main import main
-found = {}
-for path in sorted(pathlib.Path().glob("*.nc")):
-    sys.argv = ["uqpen", "verify", path.name, "--all"]
-    with contextlib.redirect_stdout(io.StringIO()) as out:
-        try:
-            code = main() or 0
-        except SystemExit as left:
-            code = int(left.code or 0)
-    found[path.stem] = code, " ".join(out.getvalue().split())
-print(json.dumps(found))
-"""
-
-
-def python(folder: Path, switch: str, code: str, *line: str) -> str:
-    """What a program prints under a switch."""
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", code, *line],
-        cwd=folder,
-        env={**os.environ, **SWITCHES[switch]},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 class Made(NamedTuple):
     """Archives made under each switch, two of them changed, and what `verify` says of all."""
 
@@ -95,12 +59,14 @@ class Made(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+def made(tmp_path_factory: pytest.TempPathFactory, fresh_process: Callable[..., Any]) -> Made:
     """Archives in a folder, verified under each switch."""
     folder = tmp_path_factory.mktemp("made")
     (folder / "small.toml").write_text(STUDY)
-    for switch in SWITCHES:
-        python(folder, switch, MAKE, "study", "small.toml", "-o", f"{switch}.nc")
+    for name, switch in SWITCHES.items():
+        line = ["study", "small.toml", "-o", f"{name}.nc"]
+        (done,) = fresh_process(folder, line, variables=switch)
+        assert done.code == 0, done.err
     tree = uqpen.open_archive(folder / "as it is.nc")
     tree["runs/sample"]["y"].values.view(np.uint64)[17] ^= 1
     write_tree(tree, folder / "damaged.nc")
@@ -108,7 +74,14 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     # Above what another processor may change; a last bit is told where nothing else differs.
     tree["runs/sample"]["y"].values[17] *= 1 + 1e-7
     uqpen.write(tree, folder / "forged.nc")
-    return Made(folder, {each: json.loads(python(folder, each, VERIFY)) for each in SWITCHES})
+    names = [*SWITCHES, "damaged", "forged"]
+    lines = [["verify", f"{name}.nc", "--all"] for name in names]
+    verified = {}
+    for here, switch in SWITCHES.items():
+        outcomes = fresh_process(folder, *lines, variables=switch)
+        told = [(done.code, done.said) for done in outcomes]
+        verified[here] = dict(zip(names, told, strict=True))
+    return Made(folder, verified)
 
 
 @pytest.mark.parametrize("here", SWITCHES)

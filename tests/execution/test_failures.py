@@ -75,6 +75,7 @@ def test_lost_runs_are_made_again_as_often_as_asked(folder: Path, retry: int, fl
     assert max(calls.count(x) for x in calls) == retry + 1
 
 
+@pytest.mark.slow
 def test_hanging_and_crashing_runs_are_made_again_too(tmp_path: Path) -> None:
     (tmp_path / "model.py").write_text("""\
 import os, pathlib, time

@@ -71,7 +71,7 @@ def test_a_probability_in_per_cent_has_its_own_digits() -> None:
 
 @pytest.fixture(scope="module")
 def tree() -> xr.DataTree:
-    rods = (Path(__file__).parent / "data" / "rods.toml").read_text(encoding="utf-8")
+    rods = (Path(__file__).parents[1] / "data" / "rods.toml").read_text(encoding="utf-8")
     study = f"""
         title = "Rods"
         seed = 4
