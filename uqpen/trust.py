@@ -16,7 +16,6 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import estimate_array, interval_text
-from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, THRESHOLD
 from uqpen.core.labels import (
     BOUND,

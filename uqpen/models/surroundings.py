@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import operator
 import os
 import sys
 import sysconfig
@@ -44,8 +45,8 @@ class ModelFolder:
         self._modules: dict[str, ModuleType] = {}
         self._contents: dict[str, bytes] = {}
         self._imported: frozenset[str] = frozenset()
-        # Modules that have been found to lie outside the folder: there are more than a thousand,
-        # and every batch comes by here.
+        # Modules that have been found to lie outside the folder, in their order: there are more
+        # than a thousand, and every batch comes by here.
         self._outside: dict[str, ModuleType] = {}
 
     @property
@@ -115,9 +116,15 @@ class ModelFolder:
         """Remove the modules of the folder from the imported ones, and return them."""
         inside = self._folder + os.sep
         found = {}
-        for name, module in list(sys.modules.items()):
-            if self._outside.get(name) is module:
-                continue
+        imported = list(sys.modules.items())
+        # What is imported later stands after what has been looked at, unless it was replaced.
+        known = len(self._outside)
+        names_stay = list(sys.modules)[:known] == list(self._outside)
+        if names_stay and all(map(operator.is_, sys.modules.values(), self._outside.values())):
+            imported = imported[known:]
+        else:
+            self._outside = {}
+        for name, module in imported:
             file = str(getattr(module, "__file__", None) or "")
             is_ours = name == "__main__" or name.partition(".")[0] == "uqpen"
             if file.startswith(inside) and not file.startswith(_INSTALLED) and not is_ours:
