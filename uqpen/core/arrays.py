@@ -1,25 +1,25 @@
-"""Conversion of numbers from a user's function or a file."""
+"""Types of arrays, and conversion of numbers from a user's function or a file."""
 
 from __future__ import annotations
 
 import numbers
+from collections.abc import Mapping
 from decimal import Decimal
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["floats"]
+__all__ = ["Arrays", "BoolArray", "FloatArray", "IntArray", "floats"]
 
-_NO_NUMBERS = {
-    "c": "complex numbers",
-    "U": "text",
-    "S": "bytes",
-    "M": "dates",
-    "m": "durations",
-}
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+Arrays = Mapping[str, FloatArray]
+
+_NO_NUMBERS = {"c": "complex numbers", "U": "text", "S": "bytes", "M": "dates", "m": "durations"}
 
 
-def floats(value: object) -> npt.NDArray[np.float64]:
+def floats(value: object) -> FloatArray:
     """Convert a value to an array of floats.
 
     Parameters
@@ -47,7 +47,7 @@ def floats(value: object) -> npt.NDArray[np.float64]:
         raise ValueError(f"{type(error).__name__} when it is read as numbers") from None
 
 
-def _from_objects(array: npt.NDArray[np.object_]) -> npt.NDArray[np.float64]:
+def _from_objects(array: npt.NDArray[np.object_]) -> FloatArray:
     """Convert Python numbers to floats; a number too large for a float becomes infinite."""
     found = np.full(array.shape, np.nan)
     for index, entry in np.ndenumerate(array):

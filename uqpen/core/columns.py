@@ -13,16 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from uqpen.core.arrays import floats
+from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import QuantityError, TableError, toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.units import DIMENSIONLESS, NUMBER, are_convertible, describe, scale
 
 __all__ = ["Column", "ColumnFile", "read_columns"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _NUMBER = re.compile(rf"\s*{NUMBER}\s*\Z")
 _HEADER = re.compile(r"\s*([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?\s*\Z")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.core.arrays import Arrays, BoolArray, FloatArray
 from uqpen.core.errors import UnknownNameError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
@@ -21,11 +22,19 @@ from uqpen.core.variables import POSITIVE, Bounds, Category, Input, Output, Vari
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["POSITIVE", "Bounds", "Category", "Input", "Model", "Output", "Results", "Variable"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-Arrays = Mapping[str, FloatArray]
+__all__ = [
+    "POSITIVE",
+    "Arrays",
+    "BoolArray",
+    "Bounds",
+    "Category",
+    "FloatArray",
+    "Input",
+    "Model",
+    "Output",
+    "Results",
+    "Variable",
+]
 
 
 @dataclass(frozen=True)

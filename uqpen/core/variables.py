@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
+
+from uqpen.core.arrays import BoolArray, FloatArray
 
 __all__ = ["POSITIVE", "Bounds", "Category", "Input", "Output", "Variable"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

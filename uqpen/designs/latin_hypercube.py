@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import OPTIMIZED_BY
 from uqpen.core.sampling import Sampling
@@ -74,9 +74,7 @@ class LatinHypercube(Design):
         shape = split_replicates(runs, self.replicates, replicated=replicated)
         return replace(self, runs=shape[0], replicates=shape[1]) if shape else None
 
-    def _hypercube(
-        self, rng: np.random.Generator, points: int, dimension: int
-    ) -> npt.NDArray[np.float64]:
+    def _hypercube(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
         # Imported where it is used: this part of SciPy takes longer to load than the rest.
         from scipy.stats import qmc
 

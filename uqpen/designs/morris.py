@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import IntArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import BLOCK_NUMBER, POSITION
 from uqpen.core.sampling import Sampling
@@ -19,8 +19,6 @@ from uqpen.designs.moves import add_move_coordinates
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Morris"]
-
-IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

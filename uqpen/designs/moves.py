@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import MOVED_BY, MOVED_INPUT, RUN
 
 __all__ = ["add_move_coordinates", "moved_input_numbers"]
@@ -19,8 +19,8 @@ _NONE = "_none"
 def add_move_coordinates(
     points: xr.Dataset,
     inputs: Sequence[str],
-    moved_inputs: npt.NDArray[np.int64],
-    by: npt.NDArray[np.float64],
+    moved_inputs: IntArray,
+    by: FloatArray,
     *,
     measure: str,
 ) -> xr.Dataset:
@@ -46,10 +46,7 @@ def add_move_coordinates(
     }
     described = {"units": "1", "long_name": f"how far it is moved, {measure}"}
     return points.assign_coords(
-        {
-            MOVED_INPUT: (RUN, moved_inputs.astype(np.int16), flags),
-            MOVED_BY: (RUN, by, described),
-        }
+        {MOVED_INPUT: (RUN, moved_inputs.astype(np.int16), flags), MOVED_BY: (RUN, by, described)}
     )
 
 

@@ -16,15 +16,13 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import BLOCK_NUMBER, MATRIX, ROUND
 
 __all__ = ["MATRIX_A", "MATRIX_B", "BlockLayout", "BlockPart"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 MATRIX_A, MATRIX_B = 0, 1
 

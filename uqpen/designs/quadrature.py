@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import QUADRATURE_WEIGHT
 from uqpen.core.sampling import Sampling
@@ -23,8 +23,6 @@ from uqpen.distributions.orthogonal_polynomials import Recurrence, recurrence
 
 __all__ = ["WEIGHT_ATTRIBUTES", "Quadrature"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 WEIGHT_ATTRIBUTES = {"units": "1", "long_name": "weight of the run in an integral over the inputs"}
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
@@ -152,7 +152,7 @@ class _SequencePoints(Design):
         return self.runs
 
 
-def sobol_points(rng: np.random.Generator, points: int, dimension: int) -> npt.NDArray[np.float64]:
+def sobol_points(rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
     """Draw scrambled Sobol' points of the unit cube; a power of two of them are balanced."""
     # Imported where it is used: this part of SciPy takes longer to load than the rest.
     from scipy.stats import qmc
@@ -161,7 +161,7 @@ def sobol_points(rng: np.random.Generator, points: int, dimension: int) -> npt.N
     return engine.random_base2((points - 1).bit_length())[:points]
 
 
-def _halton(rng: np.random.Generator, points: int, dimension: int) -> npt.NDArray[np.float64]:
+def _halton(rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
     from scipy.stats import qmc
 
     return qmc.Halton(dimension, scramble=True, rng=rng).random(points)

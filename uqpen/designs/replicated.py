@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import REPLICATE
 from uqpen.core.streams import Stream
@@ -16,7 +16,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 __all__ = ["Draw", "replicated_points", "split_replicates", "uneven_replicates"]
 
 # A generator, how many points and of what dimension, into points of the unit cube.
-Draw = Callable[[np.random.Generator, int, int], npt.NDArray[np.float64]]
+Draw = Callable[[np.random.Generator, int, int], FloatArray]
 
 
 def replicated_points(

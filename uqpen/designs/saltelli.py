@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import BLOCK_NUMBER, MATRIX, REPLICATE, STATUS
 from uqpen.core.sampling import Sampling
@@ -24,9 +25,6 @@ from uqpen.distributions.joint_distribution import JointDistribution, points_dat
 
 __all__ = ["MOST_ROUNDS", "Saltelli"]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
 
 # Most rounds of redrawing; a point that is still inadmissible then stays so.
 MOST_ROUNDS = 100

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import Arrays, BoolArray
 from uqpen.core.errors import ConstraintError, QuantityError, toml_text
 from uqpen.core.lookup import choices
 from uqpen.core.quantities import Quantity, parse_any_dimension
@@ -62,7 +62,7 @@ class Constraint:
     text: str
     names: frozenset[str]
 
-    def is_satisfied(self, inputs: Mapping[str, npt.NDArray[np.float64]]) -> npt.NDArray[np.bool_]:
+    def is_satisfied(self, inputs: Arrays) -> BoolArray:
         """Return a mask of the points that satisfy it; false where a value in it is not finite.
 
         Parameters

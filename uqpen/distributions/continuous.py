@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.settings import difference, number, quantity
 from uqpen.distributions.distribution import Distribution, order_problem
@@ -31,7 +31,6 @@ __all__ = [
     "Weibull",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 
 DISTRIBUTIONS = {
     "normal": "uqpen.distributions.continuous:Normal",

@@ -15,16 +15,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.settings import number
 from uqpen.distributions.dependence import Dependence, sum_columns
 
 __all__ = ["COPULAS", "ClaytonCopula", "FrankCopula", "GumbelCopula", "JoeCopula"]
 
-FloatArray = npt.NDArray[np.float64]
 
 COPULAS = {
     "gaussian": "uqpen.distributions.elliptical_copulas:GaussianCopula",

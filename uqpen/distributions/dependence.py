@@ -16,15 +16,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem, SettingsError
 from uqpen.core.settings import validate
 from uqpen.distributions.distribution import OPEN_INTERVAL
 
 __all__ = ["Dependence", "sum_columns"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Dependence(ABC):

@@ -12,16 +12,15 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.settings import number
 from uqpen.distributions.dependence import Dependence, sum_columns
 
 __all__ = ["MEASURES", "EllipticalCopula", "GaussianCopula", "StudentCopula", "score_correlation"]
 
-FloatArray = npt.NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
 
 # No conditional variance is below it; rounding leaves ten digits of one that large.

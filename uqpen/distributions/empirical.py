@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.distributions.distribution import Distribution
 
 __all__ = ["Empirical"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import optimize, special
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem, SettingsError
 from uqpen.distributions.continuous import (
     Gamma,
@@ -24,7 +24,6 @@ from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
 
 __all__ = ["FAMILIES", "LOWEST_P_VALUE", "NOT_FITTABLE", "DistributionFit", "fit_distribution"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Samples of the bootstrap: enough to distinguish a probability of 0.05 from 0.03 and 0.07.
 _SAMPLES = 999

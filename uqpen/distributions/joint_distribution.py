@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import DEPENDENCE, ROLE, RUN
 from uqpen.core.model import Input
@@ -17,8 +17,6 @@ from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
 
 __all__ = ["FixedInput", "JointDistribution", "RandomInput", "points_dataset"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -120,7 +118,7 @@ class JointDistribution:
         """Return one value for each input: the fixed one, or the median."""
         return {entry.variable.name: entry.nominal for entry in self.inputs}
 
-    def points(self, unit: FloatArray, coordinates: Mapping[str, FloatArray]) -> xr.Dataset:
+    def points(self, unit: FloatArray, coordinates: Arrays) -> xr.Dataset:
         """Map points of the unit cube to the input space.
 
         Parameters
@@ -185,8 +183,8 @@ class JointDistribution:
 
 def points_dataset(
     joint: JointDistribution,
-    values: Mapping[str, FloatArray],
-    coordinates: Mapping[str, FloatArray],
+    values: Arrays,
+    coordinates: Arrays,
     *,
     runs: int,
 ) -> xr.Dataset:

@@ -8,8 +8,8 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.columns import Column, ColumnFile, read_columns
 from uqpen.core.errors import Problem, TableError
 from uqpen.core.files import FileSnapshot
@@ -28,7 +28,6 @@ __all__ = [
     "value_text",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 
 # On average, a share (n - 1) / (n + 1) of the distribution lies between the least and the greatest
 # of n measurements. An empirical distribution has nothing else; with ten it has 82 %.

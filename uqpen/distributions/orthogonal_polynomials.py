@@ -16,15 +16,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import linalg, special
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.distributions.continuous import Beta, Gamma, Lognormal, Normal, Uniform
 from uqpen.distributions.distribution import Distribution
 
 __all__ = ["Recurrence", "recurrence"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # A distribution is integrated over z, where Φ(z) is the probability below. The range ends here,
 # where Φ(-z) is almost the smallest probability that a double can represent.
@@ -226,7 +225,7 @@ def _has_converged(
     upper: FloatArray,
     values: FloatArray,
     weights: FloatArray,
-) -> npt.NDArray[np.bool_]:
+) -> BoolArray:
     """Return a mask of the panels whose first two moments agree with those of their halves."""
     low, middle, high = _values(distribution, np.array([-1.0, 0.0, 1.0]))
     between = (lower + upper) / 2
@@ -240,7 +239,7 @@ def _has_converged(
         moments += sign * np.stack([(t * weight).sum(axis=1), (t**2 * weight).sum(axis=1)])
     largest = np.abs((values - middle) / ((high - low) or 1.0)).max(axis=1)
     allowed = _AGREEMENT * np.clip(largest, 1.0, 1e3)
-    settled: npt.NDArray[np.bool_] = (np.abs(moments) <= allowed).all(axis=0)
+    settled: BoolArray = (np.abs(moments) <= allowed).all(axis=0)
     return settled
 
 

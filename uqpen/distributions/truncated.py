@@ -7,14 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.distributions.distribution import Distribution, order_problem
 
 __all__ = ["Truncated"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

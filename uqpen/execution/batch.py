@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import Arrays
 from uqpen.core.limits import Limits
 from uqpen.core.model import Results
 from uqpen.core.status import Status
@@ -29,7 +29,7 @@ class Batch:
     """
 
     start: int
-    inputs: Mapping[str, npt.NDArray[np.float64]]
+    inputs: Arrays
 
     def __len__(self) -> int:
         return len(next(iter(self.inputs.values())))

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import Arrays, BoolArray
 from uqpen.core.streams import BLOCK
 from uqpen.execution.batch import Batch
 
 __all__ = ["WORTH_SENDING", "Pace", "scalar_batches", "vectorized_batches"]
 
-Columns = Mapping[str, npt.NDArray[np.float64]]
-BoolArray = npt.NDArray[np.bool_]
 
 # Into how many batches the runs of a vectorised model are divided, how small and how large.
 _BATCHES, _SMALLEST = 16, 1024
@@ -29,7 +27,7 @@ _MOST_AT_ONCE = 1024
 _WINDOW = 32
 
 
-def vectorized_batches(columns: Columns, done: BoolArray) -> Iterator[Batch]:
+def vectorized_batches(columns: Arrays, done: BoolArray) -> Iterator[Batch]:
     """Yield batches for a model that takes many runs at a time.
 
     They follow from how many runs there are, and from nothing else: a function of the user's own
@@ -49,7 +47,7 @@ def vectorized_batches(columns: Columns, done: BoolArray) -> Iterator[Batch]:
             yield _batch(columns, start, start + size)
 
 
-def scalar_batches(columns: Columns, done: BoolArray, pace: Pace) -> Iterator[Batch]:
+def scalar_batches(columns: Arrays, done: BoolArray, pace: Pace) -> Iterator[Batch]:
     """Yield batches for a model that takes a run at a time; their size depends on its pace.
 
     Parameters
@@ -102,5 +100,5 @@ class Pace:
         return max(1, int(runs * self._worth_sending / took))
 
 
-def _batch(columns: Columns, start: int, end: int) -> Batch:
+def _batch(columns: Arrays, start: int, end: int) -> Batch:
     return Batch(start, {name: column[start:end] for name, column in columns.items()})

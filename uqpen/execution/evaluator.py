@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.limits import Limits
 from uqpen.core.model import Arrays, Model, Results, violated_conditions
 from uqpen.core.status import Status
@@ -21,7 +22,6 @@ from uqpen.execution.process_role import is_child_process
 
 __all__ = ["Evaluator", "EvaluatorWork"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Most warnings of one batch; a model may warn at every run.
 _MOST_WARNINGS = 16
@@ -72,7 +72,7 @@ class Evaluator:
 
     def _fill(
         self,
-        runs: npt.NDArray[np.int64],
+        runs: IntArray,
         results: Results,
         outputs: dict[str, FloatArray],
         status: npt.NDArray[np.int8],

@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from uqpen.core.arrays import floats
+from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
@@ -112,7 +111,7 @@ class PythonFunction(Model):
 
     def _batch_results(
         self, arguments: Arrays, runs: int
-    ) -> Iterator[tuple[slice, dict[str, npt.NDArray[np.float64]] | str]]:
+    ) -> Iterator[tuple[slice, dict[str, FloatArray] | str]]:
         """Yield for each batch of runs its outputs, or the reason why it has none."""
         if not self.vectorized:
             columns = {name: values.tolist() for name, values in arguments.items()}
@@ -132,9 +131,7 @@ class PythonFunction(Model):
             else:
                 yield batch, answer
 
-    def _call(
-        self, arguments: Mapping[str, Any], runs: int | None
-    ) -> dict[str, npt.NDArray[np.float64]] | str:
+    def _call(self, arguments: Mapping[str, Any], runs: int | None) -> dict[str, FloatArray] | str:
         """Return the outputs of one call, or the reason why there are none."""
         try:
             returned = self.function(**arguments)
@@ -148,9 +145,7 @@ class PythonFunction(Model):
             return one_line(str(refused))
 
 
-def _check_outputs(
-    returned: object, names: list[str], runs: int | None
-) -> dict[str, npt.NDArray[np.float64]]:
+def _check_outputs(returned: object, names: list[str], runs: int | None) -> dict[str, FloatArray]:
     """Extract the outputs from the value that a function returned, which can be anything."""
     if not isinstance(returned, Mapping):
         raise _UnusableError(f"returned {type(returned).__name__}, not a mapping of outputs")

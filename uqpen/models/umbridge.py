@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.core.arrays import floats
+from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import toml_text
 from uqpen.core.limits import Limits
-from uqpen.core.model import Arrays, FloatArray, Input, Model, Output, Results
+from uqpen.core.model import Arrays, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.models.umbridge_client import Address, NoAnswerError, UmbridgeClient

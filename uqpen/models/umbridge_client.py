@@ -29,12 +29,7 @@ PROTOCOL = 1.0
 _PATIENCE = 5.0
 # Checks for a host that vanishes during a run: delay and interval in seconds, number of checks,
 # and the time in milliseconds that it may take to accept a request.
-_SILENCE = {
-    "TCP_KEEPIDLE": 30,
-    "TCP_KEEPINTVL": 10,
-    "TCP_KEEPCNT": 3,
-    "TCP_USER_TIMEOUT": 60_000,
-}
+_SILENCE = {"TCP_KEEPIDLE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 60_000}
 
 _LARGEST = 16 * 1024 * 1024
 

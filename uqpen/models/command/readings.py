@@ -7,10 +7,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from uqpen.core.arrays import floats
+from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import toml_text
 from uqpen.models.command.written import RunFiles, UnreadableError
 
@@ -119,7 +116,7 @@ class NetcdfReader(OutputReader):
             raise UnreadableError(f"there is no row {self.row} of {place}")
         return float(values[self.row])
 
-    def _values(self, written: RunFiles) -> npt.NDArray[np.float64]:
+    def _values(self, written: RunFiles) -> FloatArray:
         import netCDF4
 
         path = written.path(self.file)
