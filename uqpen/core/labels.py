@@ -8,74 +8,6 @@ from __future__ import annotations
 
 import re
 
-__all__ = [
-    "BENCHMARK",
-    "BLOCK_NUMBER",
-    "BOUND",
-    "BOUNDS",
-    "BUDGET",
-    "CDFS",
-    "CHECKED",
-    "CITED",
-    "COMPARISON",
-    "CONDITIONAL",
-    "CONTENT",
-    "DEPENDENCE",
-    "DIFFERENCES",
-    "ESTIMATOR",
-    "EXCEEDANCE",
-    "FAILED_RUN",
-    "FAILURES_GROUP",
-    "FAILURE_REASON",
-    "INPUT",
-    "INTERVAL",
-    "INTERVAL_LABEL",
-    "INTERVAL_LEVEL",
-    "KIND",
-    "LARGEST_CONTRIBUTION",
-    "MATRIX",
-    "METHODS",
-    "METHOD_DIMENSION",
-    "MISSING",
-    "MODELS",
-    "MOMENTS",
-    "MOVED_BY",
-    "MOVED_INPUT",
-    "MOVED_UNCERTAINTY",
-    "NAME",
-    "NOTE",
-    "OPTIMIZED_BY",
-    "PAIR",
-    "POSITION",
-    "QUADRATURE_WEIGHT",
-    "QUANTILES",
-    "RANK",
-    "REFERENCE",
-    "REFUSED",
-    "RELATIVE_TO_SPREAD",
-    "REPEAT",
-    "REPLICATE",
-    "REPLICATED",
-    "RESERVED",
-    "ROLE",
-    "ROUND",
-    "RUN",
-    "RUNS",
-    "RUNS_SPENT",
-    "SAMPLING",
-    "SENSITIVITY",
-    "SHARES",
-    "SINGLE",
-    "SOURCE",
-    "SOURCE_KIND",
-    "STATISTICS_GROUP",
-    "STATUS",
-    "SURROGATES",
-    "TRAJECTORY",
-    "UNCHECKED",
-    "VARIANT",
-]
-
 # What a user may call a design, an input or an output: it becomes a NetCDF group or variable,
 # a key of JSON, the name of a folder and, for an input, a keyword argument.
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}\Z")
@@ -165,23 +97,7 @@ MODELS = "models"
 DIFFERENCES = "differences"
 
 # Names that the datasets of an archive use themselves.
-RESERVED = frozenset(
-    {
-        RUN,
-        BOUND,
-        REPLICATE,
-        ROUND,
-        BLOCK_NUMBER,
-        MATRIX,
-        POSITION,
-        MOVED_INPUT,
-        MOVED_BY,
-        MOVED_UNCERTAINTY,
-        QUADRATURE_WEIGHT,
-        INPUT,
-        STATUS,
-        FAILED_RUN,
-        FAILURE_REASON,
-        RANK,
-    }
-)
+_OF_RUNS = (RUN, REPLICATE, ROUND, BLOCK_NUMBER, MATRIX, POSITION, QUADRATURE_WEIGHT)
+_OF_MOVES = (MOVED_INPUT, MOVED_BY, MOVED_UNCERTAINTY)
+_OF_FAILURES = (STATUS, FAILED_RUN, FAILURE_REASON)
+RESERVED = frozenset([*_OF_RUNS, *_OF_MOVES, *_OF_FAILURES, BOUND, INPUT, RANK])

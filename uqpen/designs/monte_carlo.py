@@ -26,11 +26,9 @@ class MonteCarlo(Design):
         Number of points. A larger number keeps the points of a smaller one.
     """
 
-    runs: int = count()
+    sampling = Sampling.INDEPENDENT
 
-    @property
-    def sampling(self) -> Sampling:
-        return Sampling.INDEPENDENT
+    runs: int = count()
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         dimension = len(joint.random)

@@ -42,6 +42,7 @@ class Morris(Design):
     Morris, M. D. (1991). Technometrics 33, 161-174.
     """
 
+    sampling = Sampling.TRAJECTORIES
     assumes_independence: ClassVar[bool] = True
     independence_reason: ClassVar[str] = (
         "it moves an input while the others stay, which only independent ones do"
@@ -53,10 +54,6 @@ class Morris(Design):
     def check_settings(self) -> Iterator[Problem]:
         if self.levels % 2:
             yield Problem(("levels",), str(self.levels), "an even number, such as 4")
-
-    @property
-    def sampling(self) -> Sampling:
-        return Sampling.TRAJECTORIES
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         inputs = len(joint.random)

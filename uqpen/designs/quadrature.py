@@ -54,6 +54,7 @@ class Quadrature(Design):
     Smolyak, S. A. (1963). Dokl. Akad. Nauk SSSR 148, 1042-1045.
     """
 
+    sampling = Sampling.QUADRATURE
     assumes_independence: ClassVar[bool] = True
     independence_reason: ClassVar[str] = "its nodes are those of inputs that vary independently"
 
@@ -63,10 +64,6 @@ class Quadrature(Design):
     def check_settings(self) -> Iterator[Problem]:
         if self.order > _HIGHEST_ORDER:
             yield Problem(("order",), str(self.order), f"at most {_HIGHEST_ORDER}")
-
-    @property
-    def sampling(self) -> Sampling:
-        return Sampling.QUADRATURE
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
         inputs = len(joint.random)

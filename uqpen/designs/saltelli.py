@@ -56,6 +56,7 @@ class Saltelli(Design):
     Saltelli, A. et al. (2010). Comput. Phys. Commun. 181, 259-270.
     """
 
+    sampling = Sampling.PICK_FREEZE
     assumes_independence: ClassVar[bool] = True
 
     base: int = count(minimum=2)
@@ -64,10 +65,6 @@ class Saltelli(Design):
 
     def check_settings(self) -> Iterator[Problem]:
         return uneven_replicates(self.base, self.replicates, powers_of_two=True, setting="base")
-
-    @property
-    def sampling(self) -> Sampling:
-        return Sampling.PICK_FREEZE
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         layout = self._layout(joint)
