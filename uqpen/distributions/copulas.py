@@ -34,11 +34,10 @@ COPULAS = {
     "joe": "uqpen.distributions.copulas:JoeCopula",
 }
 
-# The least probability is 2**-54; its power of minus this is the largest that double precision
-# holds with something to spare.
+# The least probability is 2**-54. Its power of minus this still has room in double precision.
 _STRONGEST = 16.0
 
-# Joe's needs 7 where theta is above 1.1, and 21 where it is 1 and a thousand millionth.
+# Newton steps of Joe's copula: 7 suffice for theta above 1.1, and 21 for 1 + 1e-9.
 _STEPS = 25
 
 

@@ -37,8 +37,7 @@ class Dependence(ABC):
     inputs: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        problems = list(self._check_input_names())
-        if problems:
+        if problems := list(self._check_input_names()):
             raise SettingsError(problems)
         validate(self, self.check_settings())
 
@@ -76,7 +75,7 @@ class Dependence(ABC):
         Parameters
         ----------
         position : int
-            Which of `inputs`.
+            Position in `inputs`.
         probability : ndarray, shape (run,)
             Strictly between 0 and 1.
         known : mapping of int to ndarray, shape (run,)
@@ -104,27 +103,25 @@ class Dependence(ABC):
         Parameters
         ----------
         unit : ndarray, shape (run, input)
-            Independent probabilities; the columns of given inputs are not looked at.
+            Independent probabilities; the columns of given inputs are ignored.
         given : mapping of int to ndarray, shape (run,)
             The probabilities of the given inputs, by position.
 
         Returns
         -------
         ndarray, shape (run, input)
-            With the given columns as they are given.
+            The given columns are unchanged.
         """
         points = np.clip(unit, *OPEN_INTERVAL)
         for position, column in given.items():
             points[:, position] = np.clip(column, *OPEN_INTERVAL)
         known = {position: self.score(points[:, position]) for position in sorted(given)}
         for position in range(len(self.inputs)):
-            if position in known:
-                continue
-            if known:
+            if not known:
+                known[position] = self.score(points[:, position])
+            elif position not in known:
                 known[position] = self.conditional_score(position, points[:, position], known)
                 points[:, position] = np.clip(self.probability(known[position]), *OPEN_INTERVAL)
-            else:
-                known[position] = self.score(points[:, position])
         return points
 
     def _check_input_names(self) -> Iterator[Problem]:

@@ -23,7 +23,7 @@ __all__ = ["MEASURES", "EllipticalCopula", "GaussianCopula", "StudentCopula", "s
 
 Matrix = tuple[tuple[float, ...], ...]
 
-# No conditional variance is below it; rounding leaves ten digits of one that large.
+# No conditional variance is smaller; rounding leaves it ten digits.
 _LEAST_EIGENVALUE = 1e-6
 
 MEASURES = {
@@ -42,8 +42,8 @@ def score_correlation(correlation: float, measure: str) -> float:
     correlation : float
         Between -1 and 1.
     measure : str
-        One of `MEASURES`: what it is a correlation of. The conversion of Kendall's is the same for
-        every elliptical distribution, that of Spearman's is the one of the normal distribution.
+        One of `MEASURES`. The conversion of Kendall's is the same for every elliptical
+        distribution; that of Spearman's is the one of the normal distribution.
 
     References
     ----------
@@ -69,7 +69,7 @@ class EllipticalCopula(Dependence):
     """
 
     measures: ClassVar[tuple[str, ...]]
-    """Those of `MEASURES` that convert exactly into a correlation of its scores."""
+    """Keys of `MEASURES` that convert exactly into a correlation of its scores."""
 
     inputs: tuple[str, ...]
     matrix: Matrix

@@ -18,15 +18,7 @@ __all__ = ["Batch", "BatchResult", "Map", "PacedMap", "Work", "join_results"]
 
 @dataclass(frozen=True)
 class Batch:
-    """Runs that are made together.
-
-    Parameters
-    ----------
-    start : int
-        The number of the first; the others follow it.
-    inputs : mapping of str to ndarray, shape (run,)
-        SI values.
-    """
+    """Consecutive runs that are made together: the number of the first, and inputs in SI units."""
 
     start: int
     inputs: Arrays
@@ -34,10 +26,10 @@ class Batch:
     def __len__(self) -> int:
         return len(next(iter(self.inputs.values())))
 
-    def halves(self) -> Iterator[Batch]:
+    def halves(self) -> tuple[Batch, Batch]:
         """Split the batch into two; it must have two runs at least."""
         middle = len(self) // 2
-        yield from (self._slice(0, middle), self._slice(middle, len(self)))
+        return self._slice(0, middle), self._slice(middle, len(self))
 
     def singles(self) -> Iterator[Batch]:
         """Split the batch into batches of one run."""
@@ -50,16 +42,9 @@ class Batch:
 
 @dataclass(frozen=True)
 class BatchResult:
-    """Result of a batch, or of a part of one.
+    """Result of a batch, or of a part of one, which begins at the run `start`.
 
-    Parameters
-    ----------
-    start : int
-        The number of its first run.
-    results : Results
-        The results of that run and of those that follow.
-    warnings : tuple of str
-        Warnings that Python issued meanwhile; they change no result.
+    Warnings are those that Python issued meanwhile; they change no result.
     """
 
     start: int
@@ -123,13 +108,7 @@ Map = Callable[[Work, Iterable[Batch]], Iterable[BatchResult]]
 
 @runtime_checkable
 class PacedMap(Protocol):
-    """Map that declares the intended duration of a batch, as sending one takes time.
-
-    Attributes
-    ----------
-    worth_sending : float
-        Seconds.
-    """
+    """Map that declares the intended duration of a batch in seconds, as sending one takes time."""
 
     worth_sending: float
 

@@ -15,7 +15,7 @@ from uqpen.execution.batch import Batch
 __all__ = ["WORTH_SENDING", "Pace", "scalar_batches", "vectorized_batches"]
 
 
-# Into how many batches the runs of a vectorised model are divided, how small and how large.
+# Number of batches of a vectorised model, and their smallest size.
 _BATCHES, _SMALLEST = 16, 1024
 
 # Intended duration of the runs of one batch, in seconds: a crash must not
@@ -23,15 +23,15 @@ _BATCHES, _SMALLEST = 16, 1024
 WORTH_SENDING = 0.01
 _MOST_AT_ONCE = 1024
 
-# Over how many answers the pace is measured.
+# Number of answers over which the pace is measured.
 _WINDOW = 32
 
 
 def vectorized_batches(columns: Arrays, done: BoolArray) -> Iterator[Batch]:
-    """Yield batches for a model that takes many runs at a time.
+    """Yield batches for a model that takes many runs at a time, except those that are wholly done.
 
-    They follow from how many runs there are, and from nothing else: a function of the user's own
-    may give other last bits in another batch. So one that is not wholly done is made as a whole.
+    They depend on the number of runs alone: a user's function may give other last bits in another
+    batch. So a batch that is done in part is made again as a whole.
 
     Parameters
     ----------
@@ -50,14 +50,7 @@ def vectorized_batches(columns: Arrays, done: BoolArray) -> Iterator[Batch]:
 def scalar_batches(columns: Arrays, done: BoolArray, pace: Pace) -> Iterator[Batch]:
     """Yield batches for a model that takes a run at a time; their size depends on its pace.
 
-    Parameters
-    ----------
-    columns : mapping of str to ndarray, shape (run,)
-        The inputs.
-    done : ndarray of bool, shape (run,)
-        Mask of the runs that have been made before.
-    pace : Pace
-        The rate at which runs complete.
+    The other arguments are those of `vectorized_batches`.
     """
     # Start and end of each stretch of runs to make.
     edges = np.flatnonzero(np.diff(~done, prepend=False, append=False))

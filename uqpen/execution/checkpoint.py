@@ -14,13 +14,7 @@ class Checkpoint:
     """Store of finished runs of a model over points; this base class stores none."""
 
     def restore(self, inputs: Arrays) -> Iterator[BatchResult]:
-        """Yield the stored runs at these points.
-
-        Parameters
-        ----------
-        inputs : mapping of str to ndarray, shape (run,)
-            All points, in SI units.
-        """
+        """Yield the stored runs at these points, all points of a round in SI units."""
         yield from ()
 
     def save(self, inputs: Arrays, batch_result: BatchResult) -> None:

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Cluster", "cluster"]
 
-# Batches that are under way, for each thread of the cluster: one to work on, others on their way.
+# Batches in progress for each thread of the cluster: one to work on, and others on their way.
 _AHEAD = 16
 
 # Time limit for reaching the scheduler, in seconds.
 _PATIENCE = 15
 
-# Who logs what becomes of connections; the second has a level of its own.
+# Loggers of connections; the second has a level of its own.
 _LOGS = ("distributed", "distributed.client", "tornado.application")
 
 
@@ -69,13 +69,7 @@ def cluster(scheduler: str) -> Iterator[Cluster]:
 
 
 class Cluster:
-    """The workers of a Dask cluster; `cluster` connects to one.
-
-    Parameters
-    ----------
-    client : Client
-        Connected to its scheduler.
-    """
+    """The workers of a Dask cluster, as a map; `cluster` connects to one."""
 
     # A task costs the scheduler a millisecond or two, so it should be worth a fifth of a second.
     worth_sending = 0.2
@@ -102,8 +96,8 @@ class Cluster:
                 )
                 under_way.update(zip(futures, tasks, strict=True))
                 coming.update(futures)
-                for future, piece in coming.next_batch(block=True):
-                    self._record(call, future, under_way.pop(future), piece)
+                for future, batch_result in coming.next_batch(block=True):
+                    self._record(call, future, under_way.pop(future), batch_result)
                 yield from call.completed()
         finally:
             if under_way:

@@ -19,17 +19,7 @@ TRIES = 3
 
 @dataclass
 class Task:
-    """Batch with the number of its failed attempts.
-
-    Parameters
-    ----------
-    batch : Batch
-        The runs to make.
-    deaths : int
-        Number of workers that died while running it.
-    delays : int
-        Number of times it was ended because its time was over.
-    """
+    """Batch with its failed attempts: workers that died while running it, and time-outs."""
 
     batch: Batch
     deaths: int = 0
@@ -48,7 +38,7 @@ class TaskQueue:
     most : int
         Largest number of batches in progress or waiting to be started.
     pickled : bytes
-        The work as it is sent to workers; empty where it has not been pickled yet.
+        The work as it is sent to workers, if it has been pickled before.
     """
 
     def __init__(
