@@ -37,8 +37,8 @@ class Column:
     unit : str
         Its unit, as written in the file.
     load : callable
-        Its entries as numbers in that unit; called where they are wanted, so that a column that
-        nobody wants may hold anything. Raises TableError, with the line, for one that is none.
+        Returns its entries as numbers in that unit; TableError, with the line, for any other
+        entry. An unused column is not loaded, so it may contain anything.
     """
 
     name: str
@@ -53,15 +53,10 @@ class Column:
     def values(self, like: str) -> FloatArray:
         """Return the numbers in SI units.
 
-        Parameters
-        ----------
-        like : str
-            A unit of the dimension that they should have.
-
         Raises
         ------
         TableError
-            If the unit is of another dimension, or an entry is no finite number.
+            If the unit is not of the dimension of `like`, or an entry is no finite number.
         """
         numbers = self.load()
         try:
@@ -76,15 +71,7 @@ class Column:
 
 @dataclass(frozen=True)
 class ColumnFile:
-    """A file of columns.
-
-    Parameters
-    ----------
-    file : FileSnapshot
-        The file, read once; the columns hold its content at that time.
-    columns : tuple of Column
-        In its order.
-    """
+    """Snapshot of a file, and the columns of its content at that time."""
 
     file: FileSnapshot
     columns: tuple[Column, ...]

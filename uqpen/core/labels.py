@@ -1,15 +1,14 @@
 """Labels of data: dimensions, groups, attributes and the statuses of a run.
 
-Every name that stands in an archive stands here once, so that what writes it and what reads it
-cannot drift apart.
+Every name in an archive stands here once, so that writers and readers agree.
 """
 
 from __future__ import annotations
 
 import re
 
-# What a user may call a design, an input or an output: it becomes a NetCDF group or variable,
-# a key of JSON, the name of a folder and, for an input, a keyword argument.
+# Name of a design, an input or an output: it becomes a NetCDF group or variable, a key of JSON,
+# the name of a folder and, for an input, a keyword argument.
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}\Z")
 
 RUN = "run"
@@ -38,7 +37,7 @@ INTERVAL_LABEL = "interval_label"
 INTERVAL_LEVEL = "interval_level"
 NOTE = "note"
 
-# Of a surrogate's estimate that validation runs confirm, contradict, or cannot check.
+# Labels of a surrogate's estimate that validation runs confirm, contradict, or cannot check.
 CHECKED = "checked"
 REFUSED = "refused"
 UNCHECKED = "unchecked"
@@ -46,7 +45,7 @@ UNCHECKED = "unchecked"
 RUNS = "runs"
 STATISTICS_GROUP = "statistics"
 FAILURES_GROUP = "failures"
-# Of a source of statistics: a design, a surrogate or a publication, and where the latter stands.
+# Kind of a source (a design, a surrogate or a publication), and the citation of a publication.
 SOURCE_KIND = "kind"
 CITED = "cited"
 MOMENTS = "moments"
@@ -59,7 +58,7 @@ SURROGATES = "surrogates"
 COMPARISON = "comparison"
 TRAJECTORY = "trajectory"
 
-# Attributes that an analysis or a reader goes by.
+# Attributes that an analysis or a reader needs.
 ROLE = "role"
 SAMPLING = "sampling"
 CONDITIONAL = "conditional_on"
@@ -73,7 +72,7 @@ OPTIMIZED_BY = "points_optimized_by"
 # Moved inputs whose nominal value is 0, so that no step is relative to it.
 RELATIVE_TO_SPREAD = "relative_to_half_spread"
 
-# What kind of archive it is, at its root; those of studies do not say.
+# Kind of archive, at its root; archives of studies have none.
 KIND = "uqpen_kind"
 BENCHMARK = "head-to-head"
 
@@ -83,7 +82,7 @@ CONTENT = "content_sha256"
 # An archive of a benchmark of methods: its groups and dimensions.
 METHODS = "methods"
 REFERENCE = "reference"
-# Not "method", which is a keyword of xarray's where entries are chosen by name.
+# Not "method", which is a keyword of xarray's selection by label.
 METHOD_DIMENSION = "contestant"
 VARIANT = "variant"
 BUDGET = "budget"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -44,14 +45,14 @@ class Results:
     Parameters
     ----------
     outputs : mapping of str to ndarray, shape (run,)
-        SI values; NaN where a run failed (any value, for an output with categories).
+        SI values; NaN where a run failed (any value for a categorical output).
     status : ndarray of int8, shape (run,)
         See `uqpen.core.labels.Status`.
     reasons : mapping of int to str
         The reason why each failed run failed, by its position in the batch.
     files : set of str
-        The files that the model has been found to consist of, as lines of sha256sum: each one's
-        SHA-256 and its path from the study's folder; see `Model.record_files`.
+        The user's own files with which the runs were made, as lines of sha256sum: SHA-256 and path
+        from the study's folder.
     """
 
     outputs: Arrays
@@ -69,8 +70,8 @@ class Results:
 class Model(ABC):
     """Black-box model: it takes inputs, and returns outputs and a status for every run.
 
-    A subclass says its name, its inputs and its outputs, and implements `evaluate`. It is final:
-    frozen settings, no state that a call changes.
+    A subclass declares its name, inputs and outputs, and implements `evaluate`. It is final, with
+    frozen settings, and no call changes its state.
 
     Attributes
     ----------
@@ -108,7 +109,7 @@ class Model(ABC):
         Returns
         -------
         Results
-            Never an exception for a run that fails: a run that fails is data.
+            A failed run is data, so it raises no exception.
         """
 
     @property
@@ -124,7 +125,7 @@ class Model(ABC):
 
         Yields
         ------
-        holds : ndarray of bool, shape (run,)
+        satisfied : ndarray of bool, shape (run,)
             Mask of the runs that satisfy the condition.
         text : str
             The condition, as the reason of a run that is inadmissible.
@@ -142,31 +143,23 @@ class Model(ABC):
         return None
 
     def with_folder(self, folder: Path) -> Model:
-        """Return a model that keeps the files of its runs in another folder, if it keeps any.
+        """Return a model that keeps the files of its runs, if any, in another folder.
 
-        Parameters
-        ----------
-        folder : Path
-            It is made when there is something to keep.
+        The folder is made with the first file.
         """
         return self
 
     def record_files(self, files: frozenset[str]) -> None:  # noqa: B027 - most models have none
-        """Record files of the user's own with which runs were made, here or in another process.
-
-        Parameters
-        ----------
-        files : set of str
-            As in `Results.files`.
+        """Record files with which runs were made, here or in another process; see `Results`.
 
         Raises
         ------
         ModelError
-            If others were made with another version of one of them.
+            If other runs were made with another version of one of them.
         """
 
     def files(self) -> tuple[FileSnapshot, ...]:
-        """Return the files of the user's own that it consisted of when it was run."""
+        """Return snapshots of the user's own files that it consisted of when it was run."""
         return ()
 
     def identity(self) -> dict[str, str]:
@@ -183,10 +176,9 @@ class Model(ABC):
 
     def missing_inputs(self, given: Collection[str]) -> Iterator[str]:
         """Yield the inputs that still have to be given; of alternatives, the first."""
-        optional = {name for group in self.alternatives for name in group}
+        optional = {*given, *itertools.chain.from_iterable(self.alternatives)}
         for variable in self.inputs:
-            is_needed = variable.default is None and variable.name not in optional
-            if is_needed and variable.name not in given:
+            if variable.default is None and variable.name not in optional:
                 yield variable.name
         for group in self.alternatives:
             if not any(name in given for name in group):

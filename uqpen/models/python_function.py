@@ -44,8 +44,6 @@ class PythonFunction(Model):
         the units of `units`.
     name : str
         Name for display; with surroundings, the reference for `load_function`.
-    inputs, outputs : tuple
-        Inputs and outputs of the model, in SI units.
     units : mapping of str to str
         The unit that the function takes each input and gives each output in.
     vectorized : bool
@@ -125,7 +123,7 @@ class PythonFunction(Model):
             some = {name: values[batch].copy() for name, values in arguments.items()}
             answer = self._call(some, batch.stop - batch.start)
             if isinstance(answer, str) and batch.stop - batch.start > 1:
-                # One bad run must not take its batch along: halve until it is alone.
+                # One bad run must not spoil its batch: halve until it is alone.
                 middle = (batch.start + batch.stop) // 2
                 batches += [slice(middle, batch.stop), slice(batch.start, middle)]
             else:
@@ -192,7 +190,7 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], Mod
     with surroundings.on_import_path():
         module = _import_module(where, folder)
     if where.endswith(".py"):
-        # It may lie elsewhere.
+        # It may lie outside the folder.
         surroundings.read(str(folder / where))
     function = getattr(module, name, None)
     if not callable(function):
@@ -219,13 +217,7 @@ def _restore(
 
 
 def check_signature(function: Callable[..., Any], names: list[str]) -> None:
-    """Check that a function can be called with these keywords.
-
-    Raises
-    ------
-    ModelError
-        Naming what the function does take.
-    """
+    """Check that a function takes these keywords; ModelError gives its signature if it does not."""
     try:
         signature = inspect.signature(function)
     except ValueError:  # some compiled functions have none; the first run will show it

@@ -16,12 +16,12 @@ from uqpen.core.files import FileSnapshot
 
 __all__ = ["ModelFolder"]
 
-# Where Python and what is installed lie; a folder around them does not make them the user's.
+# Folders of Python and installed packages; a folder around them does not make them the user's.
 _INSTALLED = tuple(
     sysconfig.get_path(name) + os.sep for name in ("stdlib", "platstdlib", "purelib", "platlib")
 )
 
-# What stands between a hash and the name of its file, as sha256sum has it.
+# Text between a hash and the name of its file, as sha256sum writes it.
 _BETWEEN = "  "
 
 
@@ -29,9 +29,8 @@ class ModelFolder:
     """Modules beside a model, which it can import as if run from its own folder.
 
     Two models may lie beside modules of the same name, and the program that calls uqpen may have
-    imported yet others: so a model's own are in place only while it is loaded or run. What stands
-    in their files is read as soon as they have been imported, so that whoever edits one while the
-    study runs does not change what the study was made with.
+    imported yet others. So a model's modules are in place only while it is loaded or run. Their
+    files are read as soon as they have been imported: an edit during the study has no effect.
 
     Parameters
     ----------
@@ -44,8 +43,7 @@ class ModelFolder:
         self._modules: dict[str, ModuleType] = {}
         self._contents: dict[str, bytes] = {}
         self._imported: frozenset[str] = frozenset()
-        # Modules that have been found to lie outside the folder: there are more than a thousand,
-        # and every batch comes by here.
+        # Modules known to lie outside the folder: more than a thousand, checked at every batch.
         self._outside: dict[str, ModuleType] = {}
 
     @property
@@ -83,13 +81,7 @@ class ModelFolder:
         return self._imported
 
     def add_imported(self, imported: frozenset[str]) -> None:
-        """Add files to the imported ones; any process may have imported them.
-
-        Raises
-        ------
-        ModelError
-            If one of them is not as it is known here.
-        """
+        """Add files that any process has imported; ModelError if one differs from that here."""
         for record in sorted(imported - self._imported):
             name = record.partition(_BETWEEN)[2]
             self.read(str(self.folder / name))

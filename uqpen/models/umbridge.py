@@ -22,13 +22,7 @@ __all__ = ["UmbridgeModel", "VectorSizes", "request_sizes"]
 
 @dataclass(frozen=True)
 class VectorSizes:
-    """Lengths of the input and output vectors of a model.
-
-    Parameters
-    ----------
-    inputs, outputs : tuple of int
-        One for each vector.
-    """
+    """Lengths of each input vector and each output vector of a model."""
 
     inputs: tuple[int, ...]
     outputs: tuple[int, ...]
@@ -44,8 +38,6 @@ class UmbridgeModel(Model):
         Its name on the server.
     address : Address
         Address of the server; results do not depend on it.
-    inputs, outputs : tuple
-        Inputs and outputs of the model, in SI units.
     units : mapping of str to str
         The unit that the server takes each input and gives each output in.
     sizes : VectorSizes or None
@@ -83,7 +75,12 @@ class UmbridgeModel(Model):
                     values[run] = self._request_outputs(server, point)
                 except NoAnswerError as error:
                     status[run], reasons[run] = error.status, str(error)
-        return Results(self._in_si(values), status, reasons)
+        measures = [scale(self.units[output.name]) for output in self.outputs]
+        outputs = {
+            output.name: column * measure.factor + measure.offset
+            for output, measure, column in zip(self.outputs, measures, values.T, strict=True)
+        }
+        return Results(outputs, status, reasons)
 
     def identity(self) -> dict[str, str]:
         config = {"config": self.config} if self.config != "{}" else {}
@@ -100,22 +97,9 @@ class UmbridgeModel(Model):
         }
         return _join_vectors(server.request("Evaluate", request).get("output"), self.sizes.outputs)
 
-    def _in_si(self, values: FloatArray) -> dict[str, FloatArray]:
-        measures = [scale(self.units[output.name]) for output in self.outputs]
-        return {
-            output.name: values[:, column] * measure.factor + measure.offset
-            for column, (output, measure) in enumerate(zip(self.outputs, measures, strict=True))
-        }
-
 
 def request_sizes(server: UmbridgeClient, name: str, config: str) -> VectorSizes:
-    """Ask a server for the lengths of a model's vectors.
-
-    Raises
-    ------
-    NoAnswerError
-        If it does not answer with them.
-    """
+    """Request the lengths of a model's vectors; NoAnswerError if the server does not give them."""
     request = {"name": name, "config": json.loads(config)}
     found = []
     for what in ("InputSizes", "OutputSizes"):
@@ -135,17 +119,13 @@ def _split_vectors(values: Sequence[float], sizes: Sequence[int]) -> list[list[f
 
 def _join_vectors(vectors: Any, sizes: Sequence[int]) -> FloatArray:
     """Join the values of vectors after a check of their lengths."""
-    found = [len(v) if isinstance(v, list) else -1 for v in _as_list(vectors)]
-    if found != list(sizes):
+    lists = vectors if isinstance(vectors, list) else []
+    if [len(v) if isinstance(v, list) else -1 for v in lists] != list(sizes):
         expected = ", ".join(map(str, sizes))
         raise NoAnswerError(f"the server's output is not made of vectors of length {expected}")
-    flat = [value for vector in vectors for value in vector]
+    # JSON knows no NaN, and some servers write null instead.
+    flat = [np.nan if value is None else value for vector in lists for value in vector]
     for value in flat:
-        if value is not None and type(value) not in (int, float):
+        if type(value) not in (int, float):
             raise NoAnswerError(f"the server's output has {toml_text(value)}, not a number")
-    # JSON knows no NaN, and some write null instead.
-    return floats([np.nan if value is None else value for value in flat])
-
-
-def _as_list(vectors: object) -> list[Any]:
-    return vectors if isinstance(vectors, list) else []
+    return floats(flat)

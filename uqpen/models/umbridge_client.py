@@ -13,7 +13,6 @@ import re
 import socket
 import time
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -51,17 +50,7 @@ class NoAnswerError(Exception):
 
 @dataclass(frozen=True)
 class Address:
-    """Address of a server.
-
-    Parameters
-    ----------
-    host : str
-    port : int
-    path : str
-        Before the protocol's own; empty as a rule.
-    is_secure : bool
-        Whether it speaks HTTPS.
-    """
+    """Address of a server: HTTPS if it is secure; `path` stands before that of each request."""
 
     host: str
     port: int
@@ -75,7 +64,7 @@ class Address:
         Raises
         ------
         ValueError
-            If it is none, or has a part that a study should not hold: a password, say.
+            If it is none, or has a part that a study should not contain: a password, say.
         """
         parts = urlsplit(text)
         host = (parts.hostname or "").encode("idna").decode("ascii")
@@ -90,12 +79,7 @@ class Address:
 class UmbridgeClient:
     """Sequence of requests to a server, over one connection while it lasts.
 
-    Parameters
-    ----------
-    address : Address
-        Address of the server.
-    time_limit : float, optional
-        Time limit of an answer, in seconds.
+    The time limit is that of an answer, in seconds.
     """
 
     def __init__(self, address: Address, time_limit: float | None = None) -> None:
@@ -108,12 +92,7 @@ class UmbridgeClient:
     def __enter__(self) -> UmbridgeClient:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._connection.close()
 
     def request(self, what: str, body: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -124,7 +103,7 @@ class UmbridgeClient:
         what : str
             The request of the protocol, such as ``"Evaluate"``.
         body : dict, optional
-            The body, which must be convertible to JSON; without one, a GET request is sent.
+            Convertible to JSON; without a body, a GET request is sent.
 
         Raises
         ------
@@ -146,18 +125,13 @@ class UmbridgeClient:
 
     def _exchange(self, what: str, request: dict[str, Any] | None) -> tuple[int, str, bytes]:
         """Exchange a request for an answer over HTTP; return its code, phrase and content."""
-        was_open = self._is_open
-        try:
-            return self._try_request(what, request)
-        except ConnectionError:
-            # A server closes a connection that it finds old, which it says by not answering.
-            self._connection.close()
-            if not was_open:
-                raise NoAnswerError(_DISCONNECTED) from None
-        try:
-            return self._try_request(what, request)
-        except ConnectionError:
-            raise NoAnswerError(_DISCONNECTED) from None
+        # A server may close an old connection instead of answering; a new one is then tried.
+        for _ in range(2 if self._is_open else 1):
+            try:
+                return self._try_request(what, request)
+            except ConnectionError:
+                self._connection.close()
+        raise NoAnswerError(_DISCONNECTED)
 
     def _try_request(self, what: str, request: dict[str, Any] | None) -> tuple[int, str, bytes]:
         self._connect()
@@ -183,7 +157,7 @@ class UmbridgeClient:
             raise NoAnswerError("the server's answer is not HTTP") from None
         if len(content) > _LARGEST:
             raise NoAnswerError(f"the server's answer has more than {_LARGEST} bytes")
-        if response.length:  # of what it announced, that much has not come
+        if response.length:  # bytes that were announced and did not arrive
             raise ConnectionResetError
         return response.status, response.reason, content
 
@@ -200,7 +174,7 @@ class UmbridgeClient:
         try:
             self._connection.connect()
         except OSError:
-            # Whoever does not even refuse would keep every later run waiting as well.
+            # A host that does not even refuse would keep every later run waiting as well.
             self._is_gone = time.monotonic() - begun > _PATIENCE / 2
             raise NoAnswerError(_DISCONNECTED) from None
         self._connection.sock.settimeout(self._limits.seconds)
@@ -219,19 +193,14 @@ def _parse_object(content: bytes) -> dict[str, Any] | None:
     """Parse the JSON object of an answer; None if it is no object."""
     try:
         text = content.decode()
-        with contextlib.suppress(json.JSONDecodeError):
-            return _object(json.loads(text))
-        return _object(json.loads(_PYTHON_NUMBER.sub(_json_number, text)))
+        try:
+            answer = json.loads(text)
+        except json.JSONDecodeError:
+            numbers = _PYTHON_NUMBER.sub(lambda match: match[1] + _JSON_NUMBER[match[2]], text)
+            answer = json.loads(numbers)
     except (ValueError, RecursionError):
         return None
-
-
-def _object(answer: object) -> dict[str, Any] | None:
     return answer if isinstance(answer, dict) else None
-
-
-def _json_number(match: re.Match[str]) -> str:
-    return match[1] + _JSON_NUMBER[match[2]]
 
 
 def _error_reason(error: object) -> str:

@@ -22,7 +22,7 @@ class ProgramFile:
     Parameters
     ----------
     name : str
-        Its path from the study's folder, or what the command calls it.
+        Its path from the study's folder, or its name in the command.
     read : FileSnapshot
         The file.
     stamp : tuple of int
@@ -35,13 +35,7 @@ class ProgramFile:
 
     @classmethod
     def from_path(cls, name: str, path: Path) -> ProgramFile:
-        """Read an existing file.
-
-        Raises
-        ------
-        OSError
-            If it cannot be read.
-        """
+        """Read an existing file; OSError if it cannot be read."""
         stamp = _stamp(path)
         return cls(name, FileSnapshot.from_content(path, path.read_bytes()), stamp)
 
@@ -67,8 +61,8 @@ class Program:
     executed : ProgramFile
         The executed file.
     beside : tuple of ProgramFile
-        The study's own files: what is executed if it is one, words of the command that name one,
-        what is copied into the folder of each run, and templates.
+        The study's own files among the program, the words of the command, the files copied into
+        the folder of each run, and the templates.
     """
 
     folder: Path

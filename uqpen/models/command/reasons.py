@@ -10,7 +10,7 @@ from uqpen.models.reasons import one_line
 
 __all__ = ["last_line", "remove_variable_parts"]
 
-# Size of the end of a file in which its last line is searched.
+# Bytes at the end of a file in which its last line is searched.
 _TAIL = 8192
 
 # Parts of printed texts that differ between runs, and their replacements.
