@@ -30,7 +30,7 @@ def floats(value: object) -> FloatArray:
     Raises
     ------
     ValueError
-        If it is something else: text, a complex number, None. The message says what.
+        If it is something else: text, a complex number, None. The message names it.
     """
     try:
         array = np.asanyarray(value)

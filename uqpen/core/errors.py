@@ -4,7 +4,7 @@
 
     UqpenError
     ├── StudyError (ValueError)          a study file with mistakes, all of them listed
-    ├── SettingsError (ValueError)       a setting outside what its owner accepts
+    ├── SettingsError (ValueError)       a setting that its owner does not accept
     ├── QuantityError (ValueError)       text that is not a number with a unit
     │   └── ConstraintError              a constraint that cannot be read or has mixed units
     ├── UnknownNameError (LookupError)   a name that is not among the known ones

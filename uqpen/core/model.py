@@ -199,7 +199,7 @@ def violated_conditions(model: Model, inputs: Arrays) -> Iterator[tuple[BoolArra
         if variable.name in inputs:
             inside = variable.bounds.contain(inputs[variable.name])
             yield ~inside, f"{variable.name} {variable.bounds}"
-    # A NaN or an overflow inside a condition makes it false, which is what it should be.
+    # A NaN or an overflow in a condition makes it false, as it should.
     with np.errstate(all="ignore"):
         for is_satisfied, text in model.conditions(inputs):
             yield ~is_satisfied, text

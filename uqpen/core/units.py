@@ -32,7 +32,7 @@ DIMENSIONLESS = "1"
 
 
 class _AnyDimension(str):
-    """A type of its own: whatever text a user writes, it is not this object."""
+    """Type of a text that differs from any text of a user."""
 
     __slots__ = ()
 
@@ -96,6 +96,10 @@ class Scale:
             factor, offset = self._exact
             return float(Decimal(repr(float(value))) * factor + offset)
         return value * self.factor + self.offset
+
+    def array_to_si(self, values: Any) -> Any:
+        """Convert values of a program to SI units, in binary arithmetic."""
+        return values * self.factor + self.offset
 
     def difference_to_si(self, value: float) -> float:
         """Convert a difference of two values to SI units: 5 degC is 5 K, not 278.15 K."""

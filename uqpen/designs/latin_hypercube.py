@@ -21,8 +21,8 @@ __all__ = ["LatinHypercube"]
 class LatinHypercube(ReplicatedDesign):
     """Replicated Latin hypercubes: one point in each of the equally likely strata of every input.
 
-    The points of one hypercube depend on each other, so nothing but independent replicates shows
-    the error of what is estimated from them.
+    The points of one hypercube depend on each other, so only independent replicates show the
+    error of estimates.
 
     Parameters
     ----------

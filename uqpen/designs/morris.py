@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -43,10 +42,8 @@ class Morris(Design):
     """
 
     sampling = Sampling.TRAJECTORIES
-    assumes_independence: ClassVar[bool] = True
-    independence_reason: ClassVar[str] = (
-        "it moves an input while the others stay, which only independent ones do"
-    )
+    assumes_independence = True
+    independence_reason = "it moves an input while the others stay, which only independent ones do"
 
     trajectories: int = count(minimum=2)
     levels: int = count(minimum=2, default=4)
@@ -90,7 +87,7 @@ class Morris(Design):
 def _trajectory(
     rng: np.random.Generator, inputs: int, levels: int
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Levels of each input along a trajectory, the input moved at each place, and how far."""
+    """Return each input's level along a trajectory, the input moved at each place, and its step."""
     start = rng.integers(levels, size=inputs)
     order = rng.permutation(inputs)
     # Half of the levels up from the lower half of them, or down from the upper.

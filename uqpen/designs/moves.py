@@ -12,7 +12,7 @@ from uqpen.core.labels import MOVED_BY, MOVED_INPUT, RUN
 
 __all__ = ["add_move_coordinates", "moved_input_numbers"]
 
-# What stands for no input in the runs that move none; names of inputs begin with a letter.
+# Stands for no input, in the runs that move none; names of inputs begin with a letter.
 _NONE = "_none"
 
 
@@ -35,7 +35,7 @@ def add_move_coordinates(
     moved_inputs : ndarray of int, shape (run,)
         Position in `inputs` of the one that is moved; -1 where none is.
     by : ndarray, shape (run,)
-        How far, with its sign.
+        The signed step.
     measure : str
         Scale of the steps in words, for their ``long_name``.
     """

@@ -34,7 +34,7 @@ class OneAtATime(Design):
     Parameters
     ----------
     step : float
-        How far an input is moved, relative to its nominal value.
+        The step of an input, relative to its nominal value.
     fixed : bool
         Whether the fixed inputs are moved too, all but those that are 0.
     """

@@ -26,7 +26,7 @@ __all__ = ["MATRIX_A", "MATRIX_B", "BlockLayout", "BlockPart"]
 
 MATRIX_A, MATRIX_B = 0, 1
 
-# How the meanings of the mixed matrices begin, before the name of the input.
+# Prefixes of the flag meanings of mixed matrices, before the name of the input.
 _AB_PREFIX, _BA_PREFIX = "AB_", "BA_"
 
 
@@ -99,10 +99,11 @@ class BlockLayout:
         each = range(self.dimension)
         if self.second_order:
             drawn += [BlockPart(2 + self.dimension + i, 2 + self.dimension + i) for i in each]
-        sharing = [self.part_sharing_one(i) for i in each] + [
-            self.part_sharing_others(i) for i in each
+        sharing = [
+            *(self.part_sharing_one(i) for i in each),
+            *(self.part_sharing_others(i) for i in each),
+            *(self.part_sharing_pair(number) for number in range(len(self.pairs))),
         ]
-        sharing += [self.part_sharing_pair(number) for number in range(len(self.pairs))]
         return {part.matrix: part for part in [*drawn, *sharing]}
 
     def part_sharing_one(self, i: int) -> BlockPart:
@@ -121,17 +122,7 @@ class BlockLayout:
         return BlockPart(2 + 4 * self.dimension + number, 2 + j, anchor, (i, j), MATRIX_A)
 
     def matrices(self, A: FloatArray, B: FloatArray) -> FloatArray:
-        """Return the points of the first round.
-
-        Parameters
-        ----------
-        A, B : ndarray, shape (block, input)
-            The points drawn.
-
-        Returns
-        -------
-        ndarray, shape (block, matrix, input)
-        """
+        """Return the points of the first round, shape (block, matrix, input), from A and B."""
         each = range(self.dimension)
         matrices = [A, B, *(_exchange_column(A, B, i) for i in each)]
         if self.second_order:

@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -26,7 +25,7 @@ __all__ = ["WEIGHT_ATTRIBUTES", "Quadrature"]
 
 WEIGHT_ATTRIBUTES = {"units": "1", "long_name": "weight of the run in an integral over the inputs"}
 
-# Beyond, weights of the outer nodes are too small to matter, and time goes into nothing.
+# At higher orders, weights of the outer nodes are too small to matter.
 _HIGHEST_ORDER = 100
 
 # Nodes of two rules that lie closer than this, relative to the spread of the nodes, are the same:
@@ -55,8 +54,8 @@ class Quadrature(Design):
     """
 
     sampling = Sampling.QUADRATURE
-    assumes_independence: ClassVar[bool] = True
-    independence_reason: ClassVar[str] = "its nodes are those of inputs that vary independently"
+    assumes_independence = True
+    independence_reason = "its nodes are those of inputs that vary independently"
 
     order: int = count()
     grid: str = choice("tensor", "sparse", default="tensor")
@@ -92,7 +91,7 @@ class Quadrature(Design):
 
     def _most_nodes(self, inputs: int) -> int:
         """Count the nodes of all the grids that a sparse one combines; some coincide."""
-        # Grids of total level k together have as many nodes as (1 - x)^(-2 inputs) says at x^k.
+        # The grids of total level k have as many nodes as the term x^k in (1 - x)^(-2 inputs).
         levels = range(max(self.order - inputs + 1, 0), self.order + 1)
         return sum(math.comb(level + 2 * inputs - 1, level) for level in levels)
 
@@ -143,7 +142,7 @@ def _levels(found: Recurrence, order: int) -> tuple[FloatArray, list[IntArray], 
 
 
 def _multi_indices(inputs: int, order: int) -> Iterator[tuple[int, ...]]:
-    """Levels of each input whose sum is the order, or less by fewer than there are inputs."""
+    """Yield the levels of each input; their sum is the order, or less by fewer than the inputs."""
     for total in range(max(order - inputs + 1, 0), order + 1):
         # Bars between stars: every way to share out the total.
         for bars in itertools.combinations(range(total + inputs - 1), inputs - 1):

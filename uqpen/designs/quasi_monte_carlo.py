@@ -16,8 +16,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Halton", "SobolSequence", "sobol_points"]
 
-# All bits of a double: with fewer, a scrambled point falls on 0 now and then, where a quantile may
-# be infinite.
+# All bits of a double: with fewer, a scrambled point may be 0, where a quantile may be infinite.
 _BITS = 53
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -57,7 +57,7 @@ class Saltelli(Design):
     """
 
     sampling = Sampling.PICK_FREEZE
-    assumes_independence: ClassVar[bool] = True
+    assumes_independence = True
 
     base: int = count(minimum=2)
     replicates: int = count(minimum=2, default=16)

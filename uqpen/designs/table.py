@@ -55,7 +55,7 @@ class TableDesign(Design):
         return len(next(iter(self.columns(joint).values())))
 
     def columns(self, joint: JointDistribution) -> dict[str, FloatArray]:
-        """Columns of the table in SI units.
+        """Return the columns of the table in SI units.
 
         Raises
         ------

@@ -81,25 +81,20 @@ class Work(Protocol):
     @property
     def limits(self) -> Limits:
         """Resource limits of one run."""
-        ...
 
     @property
     def is_untrusted(self) -> bool:
         """True if it calls code that can hang or kill the process it is called in."""
-        ...
 
     @property
     def retries(self) -> int:
         """Number of further attempts at a missing run."""
-        ...
 
     def __call__(self, batch: Batch, /) -> BatchResult:
         """Return the result of a batch."""
-        ...
 
     def failed_result(self, batch: Batch, status: Status, reason: str) -> BatchResult:
         """Return the result of a batch whose runs all failed for one reason."""
-        ...
 
 
 # Like the built-in `map`, which is one; but results may come in any order, several for a batch.

@@ -10,7 +10,7 @@ from pathlib import Path
 
 __all__ = ["CAN_LIMIT", "limit_memory"]
 
-# Elsewhere the limit can be set and is not kept, or there is none.
+# Other systems have no such limit, or do not enforce it.
 CAN_LIMIT = sys.platform == "linux"
 
 

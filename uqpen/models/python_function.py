@@ -83,7 +83,7 @@ class PythonFunction(Model):
                     outputs[name][batch] = values
         for output in self.outputs:
             measure = scale(self.units[output.name])
-            outputs[output.name] = outputs[output.name] * measure.factor + measure.offset
+            outputs[output.name] = measure.array_to_si(outputs[output.name])
         imported = self.surroundings.imported if self.surroundings else frozenset()
         return Results(outputs, status, reasons, imported)
 
@@ -135,7 +135,7 @@ class PythonFunction(Model):
             returned = self.function(**arguments)
         except KeyboardInterrupt:
             raise
-        except BaseException as error:  # whatever else a black box raises is data
+        except BaseException as error:  # any other exception of a black box is data
             return _error_text(error)
         try:
             return _check_outputs(returned, [output.name for output in self.outputs], runs)

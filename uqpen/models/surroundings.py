@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
-from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
+from uqpen.models.reasons import changed_file_error
 
 __all__ = ["ModelFolder"]
 
@@ -86,11 +86,7 @@ class ModelFolder:
             name = record.partition(_BETWEEN)[2]
             self.read(str(self.folder / name))
             if record not in self._imported:
-                raise ModelError(
-                    f'"{name}" was changed while the study ran: its runs were made with '
-                    "different versions of it, so nothing can be told of them; change it back, "
-                    "or start over with --fresh"
-                )
+                raise changed_file_error(name)
 
     def files(self) -> tuple[FileSnapshot, ...]:
         """Return snapshots of the imported files."""

@@ -75,10 +75,9 @@ class UmbridgeModel(Model):
                     values[run] = self._request_outputs(server, point)
                 except NoAnswerError as error:
                     status[run], reasons[run] = error.status, str(error)
-        measures = [scale(self.units[output.name]) for output in self.outputs]
         outputs = {
-            output.name: column * measure.factor + measure.offset
-            for output, measure, column in zip(self.outputs, measures, values.T, strict=True)
+            output.name: scale(self.units[output.name]).array_to_si(column)
+            for output, column in zip(self.outputs, values.T, strict=True)
         }
         return Results(outputs, status, reasons)
 

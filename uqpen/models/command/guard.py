@@ -90,4 +90,4 @@ def _process_guard() -> subprocess.Popen[bytes]:
 
 def _stop(process: int) -> None:
     if process == os.getpid():
-        _guards.pop(process).communicate()  # the end of what it reads, and its own
+        _guards.pop(process).communicate()  # closes the pipe, and waits for the end

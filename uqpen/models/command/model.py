@@ -41,7 +41,7 @@ _NO_INTERPRETER = "cannot be started: what its first line names to run it with i
 
 
 class FolderPolicy(NamedTuple):
-    """Policy for the folders of runs after their end: which to keep, and in what folder."""
+    """Policy for the folders of runs: kept are ``"failed"``, ``"all"`` or ``"none"``, and where."""
 
     which: Literal["failed", "all", "none"]
     folder: Path
@@ -114,8 +114,7 @@ class Command(Model):
             if outcome.reason:
                 reasons[run] = outcome.reason
             for name, value in outcome.outputs.items():
-                measure = scale(self.units[name])
-                outputs[name][run] = value * measure.factor + measure.offset
+                outputs[name][run] = scale(self.units[name]).array_to_si(value)
         return Results(outputs, status, reasons)
 
     def record_files(self, files: frozenset[str]) -> None:

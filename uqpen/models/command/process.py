@@ -1,8 +1,8 @@
 """Process under limits: start it, wait for it, and kill it with all its child processes.
 
 It leads a session and a process group of its own, so that a Ctrl-C at the terminal does not reach
-it, and ending it ends its children as well. What it prints goes to files: nothing waits for a pipe
-that a child of it holds open.
+it, and ending it ends its children as well. Its output goes to files: nothing waits for a pipe that
+one of its children keeps open.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ def _session_groups(leader: int) -> set[int]:
     groups = set()
     for entry in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):
-            # The name in brackets can hold anything, so begin behind it.
+            # The name in brackets can contain anything, so begin behind it.
             fields = entry.read_bytes().rpartition(b")")[2].split()
             if int(fields[3]) == leader:
                 groups.add(int(fields[2]))

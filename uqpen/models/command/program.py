@@ -11,6 +11,7 @@ from pathlib import Path
 
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
+from uqpen.models.reasons import changed_file_error
 
 __all__ = ["Program", "ProgramFile", "find_program", "lies_in_study", "locate_program"]
 
@@ -82,20 +83,10 @@ class Program:
         return found
 
     def check_unchanged(self) -> None:
-        """Check that the files have not changed since the study was read.
-
-        Raises
-        ------
-        ModelError
-            Naming one that has changed.
-        """
+        """Check that no file has changed since the study was read; ModelError names one."""
         for file in (self.executed, *self.beside):
             if file.is_changed():
-                raise ModelError(
-                    f'"{file.name}" was changed while the study ran: its runs were made with '
-                    "different versions of it, so nothing can be told of them; change it back, "
-                    "or start over with --fresh"
-                )
+                raise changed_file_error(file.name)
 
 
 def locate_program(word: str, folder: Path, others: Iterable[str]) -> Program:
