@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from typing import ClassVar
 
 import numpy as np
@@ -90,10 +91,9 @@ class EllipticalCopula(Dependence):
     @property
     def description(self) -> str:
         pairs = [
-            f"{one} and {other} {self.matrix[row][column]:.4g}"
-            for row, one in enumerate(self.inputs)
-            for column, other in enumerate(self.inputs)
-            if row < column and self.matrix[row][column]
+            f"{one} and {other} {correlation:.4g}"
+            for (row, one), (column, other) in combinations(enumerate(self.inputs), 2)
+            if (correlation := self.matrix[row][column])
         ]
         scores = self.measures[0].replace("-", " ")
         return f"correlation of {scores}: {', '.join(pairs or ['none'])}"

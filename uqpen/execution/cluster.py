@@ -47,9 +47,8 @@ def cluster(scheduler: str) -> Iterator[Cluster]:
     try:
         from distributed import Client
     except ImportError:
-        raise ClusterError(
-            'a Dask cluster needs the extra "cluster": pip install "uqpen[cluster]"'
-        ) from None
+        needed = 'a Dask cluster needs the extra "cluster": pip install "uqpen[cluster]"'
+        raise ClusterError(needed) from None
     # Errors report the state of a connection; its log would interrupt the printed tables.
     for name in _LOGS:
         logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -87,13 +86,10 @@ class Cluster:
         try:
             while call.fill():
                 tasks = list(call.start_all())
-                # Never pure: a batch that is made again is not the result of before.
-                futures = self._client.map(
-                    _run_batch,
-                    [call.pickled] * len(tasks),
-                    [task.batch for task in tasks],
-                    pure=False,
-                )
+                # Never pure: a batch that is made again must not get its earlier result.
+                batches_to_run = [task.batch for task in tasks]
+                pickled = [call.pickled] * len(tasks)
+                futures = self._client.map(_run_batch, pickled, batches_to_run, pure=False)
                 under_way.update(zip(futures, tasks, strict=True))
                 coming.update(futures)
                 for future, batch_result in coming.next_batch(block=True):

@@ -41,14 +41,13 @@ _PATIENCE = 5.0
 _INTERRUPTED, _ORPHANED = 130, 1
 
 # Modules that take most of a worker's start-up; the program that starts it may name others.
-_PRELOADED = ["uqpen.execution"]
-_further_preloaded: list[str] = []
+_preloaded = ["uqpen.execution"]
 
 
 def preload_in_workers(module: str) -> None:
     """Preload the main module of the program in all workers that are started from now on."""
-    if module not in _further_preloaded:
-        _further_preloaded.append(module)
+    if module not in _preloaded:
+        _preloaded.append(module)
 
 
 class WorkerDiedError(Exception):
@@ -56,10 +55,10 @@ class WorkerDiedError(Exception):
 
 
 class Worker:
-    """Handle of a worker process, which is sent one batch at a time.
+    """Handle of a worker process, which receives one batch at a time.
 
-    Never a fork of this process: nothing of its state, its threads or its random numbers can get
-    into a run.
+    It is never a fork of this process, whose state, threads and random numbers cannot get into a
+    run.
     """
 
     def __init__(self) -> None:
@@ -223,7 +222,7 @@ def _start_context() -> ForkServerContext | SpawnContext:
     if sys.platform != "linux" or len(os.fsencode(tempfile.gettempdir())) > _LONGEST_FOLDER:
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([*_PRELOADED, *_further_preloaded])
+    context.set_forkserver_preload(_preloaded)
     return context
 
 

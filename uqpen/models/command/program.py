@@ -90,16 +90,7 @@ class Program:
 
 
 def locate_program(word: str, folder: Path, others: Iterable[str]) -> Program:
-    """Find the program that the first word of a command names, with its files.
-
-    Parameters
-    ----------
-    word : str
-        See `find_program`.
-    folder : Path
-        Folder of the study.
-    others : iterable of str
-        Names of further files that lie there.
+    """Find the program that the first word of a command names, and the other files of the study.
 
     Raises
     ------
