@@ -160,11 +160,7 @@ class JointDistribution:
 
 
 def points_dataset(
-    joint: JointDistribution,
-    values: Arrays,
-    coordinates: Arrays,
-    *,
-    runs: int,
+    joint: JointDistribution, values: Arrays, coordinates: Arrays, *, runs: int
 ) -> xr.Dataset:
     """Return points as a dataset; fixed inputs that `values` does not contain are added."""
     fixed = {entry.variable.name: entry.value for entry in joint.fixed}
