@@ -52,10 +52,6 @@ class _OneParameter(Dependence):
         """Kendall's rank correlation of each pair."""
 
     @property
-    def title(self) -> str:
-        return f"{type(self).__name__.removesuffix('Copula').lower()} copula"
-
-    @property
     def description(self) -> str:
         return f"theta {self.theta:g}, Kendall's rank correlation {self.kendall:.4g}"
 

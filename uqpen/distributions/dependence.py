@@ -49,9 +49,9 @@ class Dependence(ABC):
         return f"{self.title} of {', '.join(self.inputs)}: {self.description}"
 
     @property
-    @abstractmethod
     def title(self) -> str:
         """Name for display."""
+        return f"{type(self).__name__.removesuffix('Copula').lower()} copula"
 
     @property
     @abstractmethod

@@ -125,10 +125,6 @@ class GaussianCopula(EllipticalCopula):
 
     measures = ("normal-scores", "ranks", "kendall")
 
-    @property
-    def title(self) -> str:
-        return "gaussian copula"
-
     def score(self, probability: FloatArray) -> FloatArray:
         return special.ndtri(probability)
 
@@ -155,10 +151,6 @@ class StudentCopula(EllipticalCopula):
     measures = ("t-scores", "kendall")
 
     degrees: float = number(above=1, below=1000, default=4.0)
-
-    @property
-    def title(self) -> str:
-        return "student copula"
 
     @property
     def description(self) -> str:

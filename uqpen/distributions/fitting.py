@@ -126,10 +126,6 @@ def _distance(distribution: Distribution, measurements: FloatArray) -> float:
     return float(max((steps[1:] - probabilities).max(), (probabilities - steps[:-1]).max()))
 
 
-def _normal(x: FloatArray, size: float) -> Normal:
-    return Normal(float(x.mean()) * size, float(x.std()) * size)
-
-
 def _lognormal(x: FloatArray, size: float) -> Lognormal:
     logarithms = np.log(x)
     variance = float(logarithms.var())
@@ -195,7 +191,7 @@ def _root(slope: Callable[[float], float], low: float, high: float, scatter: flo
 
 
 FAMILIES: dict[str, Callable[[FloatArray, float], Distribution]] = {
-    "normal": _normal,
+    "normal": lambda x, size: Normal(float(x.mean()) * size, float(x.std()) * size),
     "lognormal": _lognormal,
     "uniform": lambda x, size: Uniform(*_ends(x, size)),
     "log-uniform": lambda x, size: LogUniform(*_ends(x, size)),

@@ -39,24 +39,20 @@ class ModelFolder:
     """
 
     def __init__(self, folder: Path) -> None:
-        self._folder = str(folder)
+        self.folder = folder
         self._modules: dict[str, ModuleType] = {}
         self._contents: dict[str, bytes] = {}
-        self._imported: frozenset[str] = frozenset()
+        self.imported: frozenset[str] = frozenset()
+        """Files imported as modules, in the form of `Results.files`."""
         # Modules known to lie outside the folder: more than a thousand, checked at every batch.
         self._outside: dict[str, ModuleType] = {}
-
-    @property
-    def folder(self) -> Path:
-        """Folder of the study."""
-        return Path(self._folder)
 
     @contextlib.contextmanager
     def on_import_path(self) -> Iterator[None]:
         """Put the folder first on the import path within this context."""
         outside = self._remove_modules()
         sys.modules.update(self._modules)
-        sys.path.insert(0, self._folder)
+        sys.path.insert(0, str(self.folder))
         try:
             yield
         finally:
@@ -66,26 +62,21 @@ class ModelFolder:
             sys.modules.update(outside)
             # The model may have rearranged the path itself.
             with contextlib.suppress(ValueError):
-                sys.path.remove(self._folder)
+                sys.path.remove(str(self.folder))
 
     def read(self, file: str) -> None:
         """Read an imported file, unless it has been read before."""
         path = Path(file)
         if file not in self._contents and path.is_file():
             self._contents[file] = path.read_bytes()
-            self._imported |= {self._record(path, self._contents[file])}
-
-    @property
-    def imported(self) -> frozenset[str]:
-        """Files imported as modules, in the form of `Results.files`."""
-        return self._imported
+            self.imported |= {self._record(path, self._contents[file])}
 
     def add_imported(self, imported: frozenset[str]) -> None:
         """Add files that any process has imported; ModelError if one differs from that here."""
-        for record in sorted(imported - self._imported):
+        for record in sorted(imported - self.imported):
             name = record.partition(_BETWEEN)[2]
             self.read(str(self.folder / name))
-            if record not in self._imported:
+            if record not in self.imported:
                 raise changed_file_error(name)
 
     def files(self) -> tuple[FileSnapshot, ...]:
@@ -101,7 +92,7 @@ class ModelFolder:
 
     def _remove_modules(self) -> dict[str, ModuleType]:
         """Remove the modules of the folder from the imported ones, and return them."""
-        inside = self._folder + os.sep
+        inside = f"{self.folder}{os.sep}"
         found = {}
         for name, module in list(sys.modules.items()):
             if self._outside.get(name) is module:

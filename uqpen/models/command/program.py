@@ -110,12 +110,7 @@ def locate_program(word: str, folder: Path, others: Iterable[str]) -> Program:
 def find_program(word: str, folder: Path) -> Path:
     """Find the program that the first word of a command names.
 
-    Parameters
-    ----------
-    word : str
-        A path (with a slash), from the study's folder if it is relative, or a name.
-    folder : Path
-        Folder of the study.
+    The word is a path (with a slash), from the study's folder if it is relative, or a name.
 
     Raises
     ------
