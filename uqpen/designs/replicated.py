@@ -93,15 +93,8 @@ def uneven_replicates(
 def split_replicates(runs: int, replicates: int, *, replicated: bool) -> tuple[int, int] | None:
     """Split runs into about a given number of replicates of at least two points each.
 
-    Parameters
-    ----------
-    runs : int
-        Largest number of runs.
-    replicates : int
-        Number of replicates wanted. The nearest number that divides the runs is taken, from half
-        to twice as many. Where none does, some of the runs are left out.
-    replicated : bool
-        Whether to use replicates at all.
+    The nearest number of replicates that divides the runs is taken, from half to twice as many as
+    given. If there is none, some of the runs are left out. Without replicates, all are one set.
 
     Returns
     -------

@@ -65,9 +65,7 @@ class Measurements:
         return read_columns(self.file)
 
     def column(self, heading: str) -> Column:
-        """Return the column with a heading, which may include its unit.
-
-        An empty heading stands for the only column of a file.
+        """Return the column with a heading, with or without its unit; empty for the only column.
 
         Raises
         ------

@@ -38,7 +38,7 @@ def vectorized_batches(columns: Arrays, done: BoolArray) -> Iterator[Batch]:
     columns : mapping of str to ndarray, shape (run,)
         The inputs.
     done : ndarray of bool, shape (run,)
-        Mask of the runs that have been made before.
+        Mask of the runs made before.
     """
     runs = len(done)
     size = min(max(-(-runs // _BATCHES), _SMALLEST), BLOCK)
@@ -64,12 +64,8 @@ def scalar_batches(columns: Arrays, done: BoolArray, pace: Pace) -> Iterator[Bat
 class Pace:
     """Rate at which runs complete; no result depends on it.
 
-    Parameters
-    ----------
-    worth_sending : float
-        Intended duration of the runs that are sent at once, in seconds.
-    is_alone : bool
-        Whether each run is sent by itself, because its time is limited.
+    `worth_sending` is the intended duration of the runs that are sent at once, in seconds. A run
+    with limits is sent alone.
     """
 
     def __init__(self, worth_sending: float, *, is_alone: bool = False) -> None:

@@ -27,15 +27,10 @@ def processes(workers: int) -> Iterator[ProcessPool]:
     that dies is replaced. Its batch is tried again, then halved, until the run that kills it is
     alone: that run fails as *crashed*, and no other.
 
-    Parameters
-    ----------
-    workers : int
-        Number of processes. No result depends on it.
-
     Raises
     ------
     SettingsError
-        If it is less than 1.
+        If the number of workers is less than 1.
     """
     if workers < 1:
         problem = Problem(("workers",), str(workers), "a number of processes, 1 or more")

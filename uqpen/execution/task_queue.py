@@ -29,16 +29,8 @@ class Task:
 class TaskQueue:
     """Queue of tasks to start, and of results not yet fetched.
 
-    Parameters
-    ----------
-    work : Work
-        The work on each batch.
-    batches : iterable of Batch
-        Taken as they are needed.
-    most : int
-        Largest number of batches in progress or waiting to be started.
-    pickled : bytes
-        The work as it is sent to workers, if it has been pickled before.
+    It takes batches as they are needed: at most `most` are in progress or waiting. `pickled` is
+    the work as it is sent to workers, if it has been pickled before.
     """
 
     def __init__(

@@ -174,9 +174,8 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], Mod
 
     Returns
     -------
-    function : callable
-    surroundings : ModelFolder
-        The folder that it must be called in.
+    function, surroundings
+        The function, and the folder that it must be called in.
 
     Raises
     ------

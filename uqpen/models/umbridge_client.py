@@ -96,14 +96,9 @@ class UmbridgeClient:
         self._connection.close()
 
     def request(self, what: str, body: dict[str, Any] | None = None) -> dict[str, Any]:
-        """Send a request to the server and return its answer.
+        """Send a request of the protocol, such as ``"Evaluate"``, and return the answer.
 
-        Parameters
-        ----------
-        what : str
-            The request of the protocol, such as ``"Evaluate"``.
-        body : dict, optional
-            Convertible to JSON; without a body, a GET request is sent.
+        The body must be convertible to JSON; without a body, a GET request is sent.
 
         Raises
         ------

@@ -57,16 +57,14 @@ def find_mistakes(
     Parameters
     ----------
     text : str
-        Anything.
+        Any text.
     numbers, paths : collection of str
         Names of placeholders; those of paths have no format.
 
     Yields
     ------
-    line : int
-        Counted from 1.
-    found, expected : str
-        The text there, and the expected one.
+    line, found, expected
+        Number of the line, from 1; the text there, and the expected one.
     """
     for token in _TOKEN.finditer(text):
         if expected := _expected(token, numbers, paths):

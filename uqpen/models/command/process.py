@@ -63,14 +63,8 @@ class ProcessEnd:
 def run_process(words: Sequence[str], folder: Path, limits: Limits) -> ProcessEnd:
     """Run a program in a folder, and kill its remaining processes at the end.
 
-    Parameters
-    ----------
-    words : sequence of str
-        The program's path and its arguments; no shell expands them.
-    folder : Path
-        Its working folder; `stdout` and `stderr` are written there.
-    limits : Limits
-        Its resource limits.
+    The words are the program's path and its arguments; no shell expands them. The folder gets its
+    `stdout` and `stderr`.
 
     Raises
     ------

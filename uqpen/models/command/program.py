@@ -20,14 +20,8 @@ __all__ = ["Program", "ProgramFile", "find_program", "lies_in_study", "locate_pr
 class ProgramFile:
     """File of a command, with its content at the time the study was read.
 
-    Parameters
-    ----------
-    name : str
-        Its path from the study's folder, or its name in the command.
-    read : FileSnapshot
-        The file.
-    stamp : tuple of int
-        Data that change when the file is written.
+    Its name is the path from the study's folder, or the name in the command. Its stamp changes when
+    the file is written.
     """
 
     name: str
