@@ -14,6 +14,7 @@ import functools
 import operator
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -23,6 +24,8 @@ from uqpen.core.settings import validate
 from uqpen.distributions.distribution import OPEN_INTERVAL
 
 __all__ = ["Dependence", "sum_columns"]
+
+_NONE_GIVEN: Mapping[int, FloatArray] = MappingProxyType({})
 
 
 class Dependence(ABC):
@@ -82,35 +85,23 @@ class Dependence(ABC):
             The scores of other inputs, by position; at least one.
         """
 
-    def inverse_rosenblatt(self, unit: FloatArray) -> FloatArray:
+    def inverse_rosenblatt(
+        self, unit: FloatArray, given: Mapping[int, FloatArray] = _NONE_GIVEN
+    ) -> FloatArray:
         """Map points with independent coordinates to points that follow the copula.
-
-        Parameters
-        ----------
-        unit : ndarray, shape (run, input)
-            Probabilities, a column for each of `inputs`.
-
-        Returns
-        -------
-        ndarray, shape (run, input)
-            Each column is uniform by itself; the first is as it was.
-        """
-        return self.conditional_points(unit, {})
-
-    def conditional_points(self, unit: FloatArray, given: Mapping[int, FloatArray]) -> FloatArray:
-        """Map points to the copula conditional on the probabilities of some of the inputs.
 
         Parameters
         ----------
         unit : ndarray, shape (run, input)
             Independent probabilities; the columns of given inputs are ignored.
         given : mapping of int to ndarray, shape (run,)
-            The probabilities of the given inputs, by position.
+            The probabilities of given inputs, by position; the copula is then conditional on them.
 
         Returns
         -------
         ndarray, shape (run, input)
-            The given columns are unchanged.
+            Given columns are unchanged, or else the first. Without given inputs, each column is
+            uniform by itself.
         """
         points = np.clip(unit, *OPEN_INTERVAL)
         for position, column in given.items():

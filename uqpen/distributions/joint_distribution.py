@@ -141,7 +141,7 @@ class JointDistribution:
         names = [entry.variable.name for entry in self.random]
         joined = [names.index(name) for name in self.dependence.inputs]
         among = {joined.index(key): column for key, column in given.items() if key in joined}
-        points[:, joined] = self.dependence.conditional_points(points[:, joined], among)
+        points[:, joined] = self.dependence.inverse_rosenblatt(points[:, joined], among)
         return points
 
     def ppf(self, probabilities: FloatArray) -> dict[str, FloatArray]:
