@@ -80,7 +80,8 @@ class Cluster:
         """Yield the results of batches as they complete."""
         from distributed import as_completed
 
-        call = TaskQueue(work, batches, _AHEAD * self._threads())
+        threads = max(1, sum(self._client.nthreads().values()))
+        call = TaskQueue(work, batches, _AHEAD * threads)
         under_way: dict[Future[BatchResult], Task] = {}
         coming = as_completed(loop=self._client.loop, with_results=True, raise_errors=False)
         try:
@@ -98,10 +99,6 @@ class Cluster:
         finally:
             if under_way:
                 self._client.cancel(list(under_way), force=True)
-
-    def _threads(self) -> int:
-        """Return the number of batches that the cluster can work on at once, now."""
-        return max(1, sum(self._client.nthreads().values()))
 
     def _record(
         self, call: TaskQueue, future: Future[BatchResult], task: Task, batch_result: BatchResult

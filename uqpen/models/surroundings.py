@@ -69,7 +69,9 @@ class ModelFolder:
         path = Path(file)
         if file not in self._contents and path.is_file():
             self._contents[file] = path.read_bytes()
-            self.imported |= {self._record(path, self._contents[file])}
+            sha256 = hashlib.sha256(self._contents[file]).hexdigest()
+            name = path.relative_to(self.folder) if path.is_relative_to(self.folder) else path
+            self.imported |= {f"{sha256}{_BETWEEN}{name}"}
 
     def add_imported(self, imported: frozenset[str]) -> None:
         """Add files that any process has imported; ModelError if one differs from that here."""
@@ -104,8 +106,3 @@ class ModelFolder:
             else:
                 self._outside[name] = module
         return found
-
-    def _record(self, path: Path, content: bytes) -> str:
-        """Return a file's hash and its path, relative to the folder if it is in it."""
-        name = path.relative_to(self.folder) if path.is_relative_to(self.folder) else path
-        return f"{hashlib.sha256(content).hexdigest()}{_BETWEEN}{name}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -89,11 +90,9 @@ class UmbridgeModel(Model):
         """Request the outputs of one run, in the server's units."""
         if self.sizes is None:
             raise NoAnswerError(f"{self.name}: the server is not asked without --trust")
-        request = {
-            "name": self.name,
-            "input": _split_vectors(point, self.sizes.inputs),
-            "config": json.loads(self.config),
-        }
+        values = iter(point)
+        vectors = [list(itertools.islice(values, size)) for size in self.sizes.inputs]
+        request = {"name": self.name, "input": vectors, "config": json.loads(self.config)}
         return _join_vectors(server.request("Evaluate", request).get("output"), self.sizes.outputs)
 
 
@@ -108,12 +107,6 @@ def request_sizes(server: UmbridgeClient, name: str, config: str) -> VectorSizes
             raise NoAnswerError(f"the server's answer to {what} is no list of whole numbers")
         found.append(tuple(sizes))
     return VectorSizes(*found)
-
-
-def _split_vectors(values: Sequence[float], sizes: Sequence[int]) -> list[list[float]]:
-    """Split values into vectors of these lengths."""
-    rest = iter(values)
-    return [[next(rest) for _ in range(size)] for size in sizes]
 
 
 def _join_vectors(vectors: Any, sizes: Sequence[int]) -> FloatArray:
