@@ -138,7 +138,7 @@ def run_design(
     stream : Stream
         Source of the design's random numbers.
     map, progress
-        As of `run`.
+        As in `run`.
     round_checkpoint : callable
         Returns the checkpoint of a model's runs in a round, given the model's name and the number
         of the round.

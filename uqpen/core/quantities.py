@@ -77,7 +77,7 @@ def parse_quantity(text: str | float, like: str, *, difference: bool = False) ->
 
 
 def parse_any_dimension(text: str) -> Quantity:
-    """Read a quantity of any dimension; QuantityError if it is not a finite number with a unit."""
+    """Read a finite number with a unit of any dimension, or none; QuantityError for other text."""
     return parse_quantity(text, _split(text, DIMENSIONLESS)[1])
 
 

@@ -91,7 +91,7 @@ class Quadrature(Design):
 
     def _most_nodes(self, inputs: int) -> int:
         """Count the nodes of all the grids that a sparse one combines; some coincide."""
-        # The grids of total level k have as many nodes as the term x^k in (1 - x)^(-2 inputs).
+        # Nodes of the grids of total level k: the coefficient of x^k in (1 - x)^(-2 inputs).
         levels = range(max(self.order - inputs + 1, 0), self.order + 1)
         return sum(math.comb(level + 2 * inputs - 1, level) for level in levels)
 

@@ -34,7 +34,7 @@ COPULAS = {
     "joe": "uqpen.distributions.copulas:JoeCopula",
 }
 
-# The least probability is 2**-54. Its power of minus this still has room in double precision.
+# The least probability, 2**-54, to the power of minus this has room in double precision.
 _STRONGEST = 16.0
 
 # Newton steps of Joe's copula: 7 suffice for theta above 1.1, and 21 for 1 + 1e-9.

@@ -41,7 +41,7 @@ _NO_INTERPRETER = "cannot be started: what its first line names to run it with i
 
 
 class FolderPolicy(NamedTuple):
-    """Policy for the folders of runs: kept are ``"failed"``, ``"all"`` or ``"none"``, and where."""
+    """Policy for the folders of runs: keep ``"failed"``, ``"all"`` or ``"none"``, in a folder."""
 
     which: Literal["failed", "all", "none"]
     folder: Path
