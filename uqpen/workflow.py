@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
@@ -31,7 +30,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.model import Model
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design, Rounds
+from uqpen.designs.design import Design
 from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds, worst_status_runs
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.statistics.analyze import OutputStatistics, analyze, analyze_failures
@@ -46,7 +45,7 @@ __all__ = ["Progress", "analyse_runs", "root_attributes", "run", "run_design"]
 
 Groups = Iterator[tuple[str, xr.Dataset]]
 Checkpoints = Callable[[str, str, int], Checkpoint]
-# The runs of each design by its name, or of each model by its.
+# Runs by the name of a design, or of a model.
 Runs = dict[str, xr.Dataset]
 
 
@@ -87,15 +86,7 @@ def run(
 
 
 def analyse_runs(study: Study, runs: Mapping[str, Runs]) -> xr.DataTree:
-    """Analyse runs and return the content of an archive.
-
-    Parameters
-    ----------
-    study : Study
-        The study of the runs.
-    runs : mapping of str to mapping of str to Dataset
-        By model, the runs of every design; archived or new ones.
-    """
+    """Analyse runs, given by model and design, and return the content of an archive."""
     groups = {"/": xr.Dataset(attrs=root_attributes(study))}
     for name, variant in study.models.items():
         root = f"/{MODELS}/{name}" if study.has_several_models else ""
@@ -146,20 +137,14 @@ def run_design(
         The study's own, or another in its place.
     stream : Stream
         Source of the design's random numbers.
-    map : callable
-        Like the built-in; it makes the batches of runs.
-    progress : Progress
-        Receives reports of progress.
+    map, progress
+        As in `run`.
     round_checkpoint : callable
         Returns the checkpoint of a model's runs in a round, given the model's name and the number
         of the round.
     """
 
-    def made(points: xr.Dataset, number: int) -> Runs:
-        """Make the runs of a round, by model."""
-        return {name: of_model(name, points, number) for name in study.models}
-
-    def of_model(name: str, points: xr.Dataset, number: int) -> xr.Dataset:
+    def model_runs(name: str, points: xr.Dataset, number: int) -> xr.Dataset:
         variant = study.models[name]
         try:
             return evaluate(
@@ -174,7 +159,17 @@ def run_design(
         except TooManyFailedError as error:
             raise TooManyFailedError(f"by {name}, {error}" if name else str(error)) from None
 
-    rounds = list(_run_rounds(design.rounds(study.joint, stream), made))
+    rounds: list[Runs] = []
+    generator = design.rounds(study.joint, stream)
+    points = next(generator)
+    while True:
+        number = len(rounds)
+        rounds.append({name: model_runs(name, points, number) for name in study.models})
+        try:
+            # The next round may depend on the runs of this one.
+            points = generator.send(worst_status_runs(list(rounds[-1].values())))
+        except StopIteration:
+            break
     sampling = {SAMPLING: str(design.sampling)}
     return {
         model: join_rounds([runs[model] for runs in rounds]).assign_attrs(sampling)
@@ -182,35 +177,11 @@ def run_design(
     }
 
 
-def _run_rounds(rounds: Rounds, made: Callable[[xr.Dataset, int], Runs]) -> Iterator[Runs]:
-    """Make the runs of a design by model, round by round; a round may depend on earlier ones."""
-    points = next(rounds)
-    for number in itertools.count():
-        runs = made(points, number)
-        yield runs
-        try:
-            points = rounds.send(worst_status_runs(list(runs.values())))
-        except StopIteration:
-            return
-
-
 class _Source(NamedTuple):
-    """A design, a surrogate or a publication with its statistics.
-
-    Attributes
-    ----------
-    attributes : dict
-        Attributes of the source: its kind, the number of its runs, and others of its kind.
-    outputs : mapping of str to mapping of str to DataArray
-        Its estimate arrays by output and statistic.
-    """
+    """A design or a surrogate: attributes of its group, and its estimate arrays by output."""
 
     attributes: dict[str, str | int]
     outputs: Mapping[str, OutputStatistics]
-
-    @property
-    def runs_spent(self) -> int:
-        return int(self.attributes[RUNS_SPENT])
 
     def groups(self, path: str) -> Groups:
         """Yield its groups of an archive, below a path."""
@@ -275,9 +246,9 @@ def _fit_surrogate(
         [ValidationRuns(validation, sources[validation].outputs) for validation in validation_runs],
         statistics.training_ranges,
     )
-    spent = sum(sources[design].runs_spent for design in [surrogate.design, *validation_runs[:1]])
+    used = [surrogate.design, *validation_runs[:1]]
     attributes: dict[str, str | int] = {
-        RUNS_SPENT: spent,
+        RUNS_SPENT: sum(runs[design].sizes[RUN] for design in used),
         "check": validation_runs[0] if validation_runs else "none",
     }
     source = _Source({SOURCE_KIND: "surrogate", **attributes}, outputs)
@@ -301,21 +272,17 @@ def _difference_groups(study: Study, runs: Mapping[str, Runs]) -> Groups:
 def _trajectory(study: Study, variant: Variant) -> xr.Dataset | None:
     """Return the model's trajectory at the nominal inputs, if it has one and all are given."""
     known = {variable.name for variable in variant.model.inputs}
-    nominal = {
-        name: value
-        for name, value in {**study.joint.nominal(), **variant.given}.items()
-        if name in known
-    }
+    given = {**study.joint.nominal(), **variant.given}
+    nominal = {name: value for name, value in given.items() if name in known}
     if next(variant.model.missing_inputs(nominal), None) is not None:
         return None
     try:
         trajectory = variant.model.trajectory(nominal)
     except TrajectoryError as error:
-        # The one run at the nominal inputs failed, which is data as any run's failure is.
+        # The run at the nominal inputs failed, which is data as that of any run.
         trajectory = xr.Dataset(attrs={"reason": str(error)})
-    if trajectory is None:
-        return None
-    return trajectory.assign_attrs({f"nominal_{name}": value for name, value in nominal.items()})
+    attributes = {f"nominal_{name}": value for name, value in nominal.items()}
+    return None if trajectory is None else trajectory.assign_attrs(attributes)
 
 
 def _display_units(study: Study) -> dict[str, str]:
@@ -335,7 +302,7 @@ def root_attributes(study: Study) -> dict[str, str | int]:
         "study_name": study.name,
         "study_text": study.text,
         "study_sha256": study.sha256,
-        # As text: a seed may be larger than any integer of NetCDF's.
+        # As text: a seed may be larger than any integer of NetCDF.
         "seed": str(study.seed),
         **({} if study.has_several_models else _model_identity(study.model)),
         **provenance(),

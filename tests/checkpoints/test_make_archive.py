@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 import platform
@@ -75,9 +74,7 @@ VECTORIZED = MODEL.replace(
 @pytest.fixture(autouse=True)
 def _slow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs are sent and kept one by one, as those are that take a second each."""
-    # The package has a function of the same name as the module.
-    module = importlib.import_module("uqpen.execution.evaluate")
-    monkeypatch.setattr(module, "WORTH_SENDING", 0.0)
+    monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
     monkeypatch.setattr("uqpen.checkpoints.checkpoint_folder._PATIENCE", 0.0)
     # Only a machine that goes down loses what was not brought to the disk.
     monkeypatch.setattr(os, "fsync", lambda file: None)

@@ -213,7 +213,7 @@ def test_two_normal_scores_follow_the_conditional_normal_law(
     for known, free in ((0, 1), (1, 0)):
         unit = np.full((1, 2), 0.123)
         unit[0, free] = special.ndtr(w)
-        found = gaussian.conditional_points(unit, {known: special.ndtr(np.array([z]))})
+        found = gaussian.inverse_rosenblatt(unit, {known: special.ndtr(np.array([z]))})
         score = correlation * z + math.sqrt(1 - correlation**2) * w
         assert found[0, free] == pytest.approx(special.ndtr(score), rel=1e-9, abs=1e-15)
 
@@ -233,7 +233,7 @@ def test_many_normal_scores_given_others_have_the_textbooks_mean_and_covariance(
     given_values = {
         key: np.full(4, special.ndtr(value)) for key, value in zip(known, z, strict=True)
     }
-    scores = special.ndtri(gaussian.conditional_points(unit, given_values))
+    scores = special.ndtri(gaussian.inverse_rosenblatt(unit, given_values))
     weights = matrix[np.ix_(free, known)] @ np.linalg.inv(matrix[np.ix_(known, known)])
     np.testing.assert_allclose(scores[0, free], weights @ z, atol=1e-9)
     root = (scores[1:, free] - scores[0, free]).T
@@ -245,7 +245,7 @@ def test_t_scores_given_another_follow_a_wider_t_law() -> None:
     student = StudentCopula(TWO, _pair(0.6), 3.0)
     p, x = np.array([0.01, 0.3, 0.9]), -1.7
     unit = np.column_stack([p, np.full(3, 0.5)])
-    found = student.conditional_points(unit, {1: np.full(3, stats.t(3).cdf(x))})[:, 0]
+    found = student.inverse_rosenblatt(unit, {1: np.full(3, stats.t(3).cdf(x))})[:, 0]
     scale = math.sqrt((3 + x * x) / 4 * (1 - 0.36))
     np.testing.assert_allclose(stats.t(3).ppf(found), stats.t(4, 0.6 * x, scale).ppf(p), rtol=1e-9)
 
@@ -257,7 +257,7 @@ def test_draws_given_draws_of_the_copula_are_draws_of_the_copula(name: str) -> N
     points = qmc.Sobol(2 * size, seed=2).random_base2(11)
     joint = dependence.inverse_rosenblatt(points[:, :size])
     last = size - 1
-    again = dependence.conditional_points(points[:, size:], {last: joint[:, last]})
+    again = dependence.inverse_rosenblatt(points[:, size:], {last: joint[:, last]})
     np.testing.assert_array_equal(again[:, last], joint[:, last])
     for column in again.T:
         assert stats.kstest(column, "uniform").statistic < 0.015

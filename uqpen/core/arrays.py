@@ -1,26 +1,22 @@
-"""Types of arrays, and the conversion of numbers from a user's function or a file."""
+"""Types of arrays, and conversion of numbers from a user's function or a file."""
 
 from __future__ import annotations
 
 import numbers
+from collections.abc import Mapping
 from decimal import Decimal
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["BoolArray", "FloatArray", "IntArray", "floats"]
+__all__ = ["Arrays", "BoolArray", "FloatArray", "IntArray", "floats"]
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+Arrays = Mapping[str, FloatArray]
 
-_NO_NUMBERS = {
-    "c": "complex numbers",
-    "U": "text",
-    "S": "bytes",
-    "M": "dates",
-    "m": "durations",
-}
+_NO_NUMBERS = {"c": "complex numbers", "U": "text", "S": "bytes", "M": "dates", "m": "durations"}
 
 
 def floats(value: object) -> FloatArray:
@@ -34,7 +30,7 @@ def floats(value: object) -> FloatArray:
     Raises
     ------
     ValueError
-        If it is something else: text, a complex number, None. The message says what.
+        If it is something else: text, a complex number, None. The message names it.
     """
     try:
         array = np.asanyarray(value)

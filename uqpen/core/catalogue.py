@@ -1,8 +1,8 @@
 """Catalogue of statistics: the meaning of each number of an archive.
 
-An entry says along which dimensions a statistic lies, in what unit it is, and what a person calls
-it. Whatever writes, checks or shows a statistic reads its entry here; nobody parses a name. A
-statistic that is not in the catalogue is described by its own variable, and shown from that.
+An entry gives the dimensions of a statistic, its unit and its name for display. All code that
+writes, checks or shows a statistic reads its entry here; nobody parses a name. A statistic that is
+not in the catalogue is described by its own variable, and shown from that.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = [
 ]
 
 PROBABILITY = "probability"
-# The share of the distribution that a tolerance limit has on its side.
+# The share of the distribution that a tolerance limit covers.
 CONTENT_LEVEL = "content"
 THRESHOLD = "threshold"
 CATEGORY = "category"
@@ -46,14 +46,10 @@ class UnitRule(Enum):
 
 @dataclass(frozen=True)
 class Dimension:
-    """Dimension of a statistic.
+    """Dimension of a statistic: the kind of its labels, ``"number"`` or ``"text"``.
 
-    Parameters
-    ----------
-    kind : str
-        ``"number"`` or ``"text"``: the type of the labels of its entries.
-    companions : mapping of str to str
-        Further coordinates along it, each with its kind: ``"number"``, ``"count"`` or ``"text"``.
+    Its companions are further coordinates along it, each of kind ``"number"``, ``"count"`` or
+    ``"text"``.
     """
 
     kind: str
@@ -87,11 +83,11 @@ class Statistic:
     dims : tuple of str
         Its dimensions, keys of `DIMENSIONS`; an estimate has ``bound`` behind them.
     unit : UnitRule
-        How its unit follows from the output's.
+        Relation of its unit to that of the output.
     has_bounds : bool
         Whether it is an estimate with bounds; a place on an axis, say, is none.
     note_is_of_estimate : bool
-        Whether a note says something of the estimate rather than of its interval.
+        Whether a note concerns the estimate rather than its interval.
     """
 
     name: str
@@ -158,20 +154,20 @@ _STATISTICS = [
     ),
 ]
 
-CATALOGUE: Mapping[str, Statistic] = MappingProxyType({each.name: each for each in _STATISTICS})
+_FAILURE_STATISTICS = [
+    Statistic("probability", "probability that a run ends so", (STATUS,)),
+    Statistic("larger", "probability that an input is larger in a failed run", (INPUT,)),
+    Statistic("further_out", "probability that an input is further out in a failed run", (INPUT,)),
+    Statistic("lowest", "lowest value in a failed run", (INPUT,), has_bounds=False),
+    Statistic("highest", "highest value in a failed run", (INPUT,), has_bounds=False),
+]
+
+
+def _by_name(statistics: list[Statistic]) -> Mapping[str, Statistic]:
+    return MappingProxyType({each.name: each for each in statistics})
+
+
+CATALOGUE = _by_name(_STATISTICS)
 
 # Statistics of a design's runs as a whole, of no output in particular.
-FAILURE_STATISTICS: Mapping[str, Statistic] = MappingProxyType(
-    {
-        each.name: each
-        for each in (
-            Statistic("probability", "probability that a run ends so", (STATUS,)),
-            Statistic("larger", "probability that an input is larger in a failed run", (INPUT,)),
-            Statistic(
-                "further_out", "probability that an input is further out in a failed run", (INPUT,)
-            ),
-            Statistic("lowest", "lowest value in a failed run", (INPUT,), has_bounds=False),
-            Statistic("highest", "highest value in a failed run", (INPUT,), has_bounds=False),
-        )
-    }
-)
+FAILURE_STATISTICS = _by_name(_FAILURE_STATISTICS)

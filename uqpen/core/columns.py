@@ -13,16 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from uqpen.core.arrays import floats
+from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import QuantityError, TableError, toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.units import DIMENSIONLESS, NUMBER, are_convertible, describe, scale
 
 __all__ = ["Column", "ColumnFile", "read_columns"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _NUMBER = re.compile(rf"\s*{NUMBER}\s*\Z")
 _HEADER = re.compile(r"\s*([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?\s*\Z")
@@ -39,8 +37,8 @@ class Column:
     unit : str
         Its unit, as written in the file.
     load : callable
-        Its entries as numbers in that unit; called where they are wanted, so that a column that
-        nobody wants may hold anything. Raises TableError, with the line, for one that is none.
+        Returns its entries as numbers in that unit; TableError, with the line, for any other
+        entry. An unused column is not loaded, so it may contain anything.
     """
 
     name: str
@@ -55,15 +53,10 @@ class Column:
     def values(self, like: str) -> FloatArray:
         """Return the numbers in SI units.
 
-        Parameters
-        ----------
-        like : str
-            A unit of the dimension that they should have.
-
         Raises
         ------
         TableError
-            If the unit is of another dimension, or an entry is no finite number.
+            If the unit is not of the dimension of `like`, or an entry is no finite number.
         """
         numbers = self.load()
         try:
@@ -78,15 +71,7 @@ class Column:
 
 @dataclass(frozen=True)
 class ColumnFile:
-    """A file of columns.
-
-    Parameters
-    ----------
-    file : FileSnapshot
-        The file, read once; the columns hold its content at that time.
-    columns : tuple of Column
-        In its order.
-    """
+    """Snapshot of a file, and the columns of its content at that time."""
 
     file: FileSnapshot
     columns: tuple[Column, ...]

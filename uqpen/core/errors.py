@@ -4,7 +4,7 @@
 
     UqpenError
     ├── StudyError (ValueError)          a study file with mistakes, all of them listed
-    ├── SettingsError (ValueError)       a setting outside what its owner accepts
+    ├── SettingsError (ValueError)       a setting that its owner does not accept
     ├── QuantityError (ValueError)       text that is not a number with a unit
     │   └── ConstraintError              a constraint that cannot be read or has mixed units
     ├── UnknownNameError (LookupError)   a name that is not among the known ones
@@ -62,7 +62,7 @@ class Problem:
     found : str
         The text there, as its author wrote it where that is possible.
     expected : str
-        The text that uqpen would accept in its place.
+        A description of the texts that uqpen accepts there.
     """
 
     path: tuple[str | int, ...]
@@ -72,10 +72,8 @@ class Problem:
     @property
     def key(self) -> str:
         """Dotted path, with positions in a list in brackets."""
-        text = ""
-        for part in self.path:
-            text += f"[{part}]" if isinstance(part, int) else f".{part}"
-        return text.removeprefix(".")
+        parts = [f"[{part}]" if isinstance(part, int) else f".{part}" for part in self.path]
+        return "".join(parts).removeprefix(".")
 
     def within(self, *prefix: str | int) -> Problem:
         """Return the problem with its path extended by that of an enclosing table."""
@@ -91,15 +89,7 @@ class UqpenError(Exception):
 
 
 class StudyError(UqpenError, ValueError):
-    """A study that cannot be run; `problems` lists every mistake in it.
-
-    Parameters
-    ----------
-    message : str
-        The whole report, as a user reads it.
-    problems : iterable of Problem
-        The problems, one by one.
-    """
+    """A study that cannot be run: the message reports all its `problems`, as a user reads it."""
 
     def __init__(self, message: str, problems: Iterable[Problem] = ()) -> None:
         super().__init__(message)

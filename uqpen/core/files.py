@@ -11,8 +11,8 @@ from pathlib import Path
 
 __all__ = ["LARGEST", "FileSnapshot", "replace_file"]
 
-# An archive keeps what is larger by its hash alone: sources and measurements are far smaller, and
-# a user with a larger table has it elsewhere as well.
+# An archive keeps only the hash of a larger file. Sources and measurements are far smaller, and
+# the user of a larger table has it elsewhere as well.
 LARGEST = 2**20
 
 
@@ -20,16 +20,7 @@ LARGEST = 2**20
 class FileSnapshot:
     """Snapshot of a file at the time it was read; later changes have no effect.
 
-    Parameters
-    ----------
-    path : Path
-        Its path.
-    sha256 : str
-        SHA-256 of its content.
-    size : int
-        In bytes.
-    content : bytes or None
-        None where it is larger than `LARGEST`.
+    Its size is in bytes; its content is None if it is larger than `LARGEST`.
     """
 
     path: Path
@@ -50,13 +41,13 @@ def replace_file(path: Path, content: bytes) -> None:
     Raises
     ------
     OSError
-        If it cannot be written; nothing is left of it then, and what stood there stays. Its
-        ``strerror`` can be shown to a user.
+        If it cannot be written; a file that was there before is unchanged. Its ``strerror`` can be
+        shown to a user.
     """
     if path.is_dir():
         raise OSError(errno.EISDIR, "it is a folder")
     if path.exists() and not path.is_file():
-        # A device or a pipe, say, which a file would take the place of.
+        # A device or a pipe, say, which must not be replaced by a file.
         raise OSError(errno.EEXIST, "there is something that is no file")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:

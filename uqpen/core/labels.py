@@ -1,84 +1,14 @@
 """Labels of data: dimensions, groups, attributes and the statuses of a run.
 
-Every name that stands in an archive stands here once, so that what writes it and what reads it
-cannot drift apart.
+Every name in an archive stands here once, so that writers and readers agree.
 """
 
 from __future__ import annotations
 
 import re
 
-__all__ = [
-    "BENCHMARK",
-    "BLOCK_NUMBER",
-    "BOUND",
-    "BOUNDS",
-    "BUDGET",
-    "CDFS",
-    "CHECKED",
-    "CITED",
-    "COMPARISON",
-    "CONDITIONAL",
-    "CONTENT",
-    "DEPENDENCE",
-    "DIFFERENCES",
-    "ESTIMATOR",
-    "EXCEEDANCE",
-    "FAILED_RUN",
-    "FAILURES_GROUP",
-    "FAILURE_REASON",
-    "INPUT",
-    "INTERVAL",
-    "INTERVAL_LABEL",
-    "INTERVAL_LEVEL",
-    "KIND",
-    "LARGEST_CONTRIBUTION",
-    "MATRIX",
-    "METHODS",
-    "METHOD_DIMENSION",
-    "MISSING",
-    "MODELS",
-    "MOMENTS",
-    "MOVED_BY",
-    "MOVED_INPUT",
-    "MOVED_UNCERTAINTY",
-    "NAME",
-    "NOTE",
-    "NOT_FITTED",
-    "OPTIMIZED_BY",
-    "PAIR",
-    "POSITION",
-    "QUADRATURE_WEIGHT",
-    "QUANTILES",
-    "RANK",
-    "REFERENCE",
-    "REFUSED",
-    "RELATIVE_TO_SPREAD",
-    "REPEAT",
-    "REPLICATE",
-    "REPLICATED",
-    "RESERVED",
-    "ROLE",
-    "ROUND",
-    "RUN",
-    "RUNS",
-    "RUNS_SPENT",
-    "SAMPLING",
-    "SENSITIVITY",
-    "SHARES",
-    "SINGLE",
-    "SOURCE",
-    "SOURCE_KIND",
-    "STATISTICS_GROUP",
-    "STATUS",
-    "SURROGATES",
-    "TRAJECTORY",
-    "UNCHECKED",
-    "VARIANT",
-]
-
-# What a user may call a design, an input or an output: it becomes a NetCDF group or variable,
-# a key of JSON, the name of a folder and, for an input, a keyword argument.
+# Name of a design, an input or an output: it becomes a NetCDF group or variable, a key of JSON,
+# the name of a folder and, for an input, a keyword argument.
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}\Z")
 
 RUN = "run"
@@ -107,7 +37,7 @@ INTERVAL_LABEL = "interval_label"
 INTERVAL_LEVEL = "interval_level"
 NOTE = "note"
 
-# Of a surrogate's estimate that validation runs confirm, contradict, or cannot check.
+# Labels of a surrogate's estimate that validation runs confirm, contradict, or cannot check.
 CHECKED = "checked"
 REFUSED = "refused"
 UNCHECKED = "unchecked"
@@ -115,7 +45,7 @@ UNCHECKED = "unchecked"
 RUNS = "runs"
 STATISTICS_GROUP = "statistics"
 FAILURES_GROUP = "failures"
-# Of a source of statistics: a design, a surrogate or a publication, and where the latter stands.
+# Kind of a source (a design, a surrogate or a publication), and the citation of a publication.
 SOURCE_KIND = "kind"
 CITED = "cited"
 MOMENTS = "moments"
@@ -128,7 +58,7 @@ SURROGATES = "surrogates"
 COMPARISON = "comparison"
 TRAJECTORY = "trajectory"
 
-# Attributes that an analysis or a reader goes by.
+# Attributes that an analysis or a reader needs.
 ROLE = "role"
 SAMPLING = "sampling"
 CONDITIONAL = "conditional_on"
@@ -144,7 +74,7 @@ OPTIMIZED_BY = "points_optimized_by"
 # Moved inputs whose nominal value is 0, so that no step is relative to it.
 RELATIVE_TO_SPREAD = "relative_to_half_spread"
 
-# What kind of archive it is, at its root; those of studies do not say.
+# Kind of archive, at its root; archives of studies have none.
 KIND = "uqpen_kind"
 BENCHMARK = "head-to-head"
 
@@ -154,7 +84,7 @@ CONTENT = "content_sha256"
 # An archive of a benchmark of methods: its groups and dimensions.
 METHODS = "methods"
 REFERENCE = "reference"
-# Not "method", which is a keyword of xarray's where entries are chosen by name.
+# Not "method", which is a keyword of xarray's selection by label.
 METHOD_DIMENSION = "contestant"
 VARIANT = "variant"
 BUDGET = "budget"
@@ -168,23 +98,7 @@ MODELS = "models"
 DIFFERENCES = "differences"
 
 # Names that the datasets of an archive use themselves.
-RESERVED = frozenset(
-    {
-        RUN,
-        BOUND,
-        REPLICATE,
-        ROUND,
-        BLOCK_NUMBER,
-        MATRIX,
-        POSITION,
-        MOVED_INPUT,
-        MOVED_BY,
-        MOVED_UNCERTAINTY,
-        QUADRATURE_WEIGHT,
-        INPUT,
-        STATUS,
-        FAILED_RUN,
-        FAILURE_REASON,
-        RANK,
-    }
-)
+_OF_RUNS = (RUN, REPLICATE, ROUND, BLOCK_NUMBER, MATRIX, POSITION, QUADRATURE_WEIGHT)
+_OF_MOVES = (MOVED_INPUT, MOVED_BY, MOVED_UNCERTAINTY)
+_OF_FAILURES = (STATUS, FAILED_RUN, FAILURE_REASON)
+RESERVED = frozenset([*_OF_RUNS, *_OF_MOVES, *_OF_FAILURES, BOUND, INPUT, RANK])

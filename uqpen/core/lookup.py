@@ -25,25 +25,15 @@ def resolve(reference: str) -> Any:
 def resolve_name(family: Mapping[str, str], name: str, what: str) -> Any:
     """Import the object that `name` stands for in `family`.
 
-    Parameters
-    ----------
-    family : mapping of str to str
-        Names and their references.
-    name : str
-        The name to look up.
-    what : str
-        Noun for a member of the family, in the singular, for the message of a miss.
-
     Raises
     ------
     UnknownNameError
-        If `name` is not in `family`; the message lists the choices, the nearest first.
+        If `name` is not in `family`. The message calls it a `what`, and lists the choices, the
+        nearest first.
     """
-    try:
-        reference = family[name]
-    except KeyError:
-        raise UnknownNameError(f'no {what} "{name}"; {choices(name, family)}') from None
-    return resolve(reference)
+    if name not in family:
+        raise UnknownNameError(f'no {what} "{name}"; {choices(name, family)}')
+    return resolve(family[name])
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

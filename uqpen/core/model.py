@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.core.arrays import Arrays, BoolArray, FloatArray
 from uqpen.core.errors import UnknownNameError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
@@ -21,12 +23,19 @@ from uqpen.core.variables import POSITIVE, Bounds, Category, Input, Output, Vari
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["POSITIVE", "Bounds", "Category", "Input", "Model", "Output", "Results", "Variable"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
-Arrays = Mapping[str, FloatArray]
+__all__ = [
+    "POSITIVE",
+    "Arrays",
+    "BoolArray",
+    "Bounds",
+    "Category",
+    "FloatArray",
+    "Input",
+    "Model",
+    "Output",
+    "Results",
+    "Variable",
+]
 
 
 @dataclass(frozen=True)
@@ -36,14 +45,14 @@ class Results:
     Parameters
     ----------
     outputs : mapping of str to ndarray, shape (run,)
-        SI values; NaN where a run failed (any value, for an output with categories).
+        SI values; NaN where a run failed (any value for a categorical output).
     status : ndarray of int8, shape (run,)
         See `uqpen.core.labels.Status`.
     reasons : mapping of int to str
         The reason why each failed run failed, by its position in the batch.
     files : set of str
-        The files that the model has been found to consist of, as lines of sha256sum: each one's
-        SHA-256 and its path from the study's folder; see `Model.record_files`.
+        The user's own files with which the runs were made, as lines of sha256sum: SHA-256 and path
+        from the study's folder.
     """
 
     outputs: Arrays
@@ -61,8 +70,8 @@ class Results:
 class Model(ABC):
     """Black-box model: it takes inputs, and returns outputs and a status for every run.
 
-    A subclass says its name, its inputs and its outputs, and implements `evaluate`. It is final:
-    frozen settings, no state that a call changes.
+    A subclass declares its name, inputs and outputs, and implements `evaluate`. It is final, with
+    frozen settings, and no call changes its state.
 
     Attributes
     ----------
@@ -100,7 +109,7 @@ class Model(ABC):
         Returns
         -------
         Results
-            Never an exception for a run that fails: a run that fails is data.
+            A failed run is data, so it raises no exception.
         """
 
     @property
@@ -116,7 +125,7 @@ class Model(ABC):
 
         Yields
         ------
-        holds : ndarray of bool, shape (run,)
+        satisfied : ndarray of bool, shape (run,)
             Mask of the runs that satisfy the condition.
         text : str
             The condition, as the reason of a run that is inadmissible.
@@ -134,31 +143,23 @@ class Model(ABC):
         return None
 
     def with_folder(self, folder: Path) -> Model:
-        """Return a model that keeps the files of its runs in another folder, if it keeps any.
+        """Return a model that keeps the files of its runs, if any, in another folder.
 
-        Parameters
-        ----------
-        folder : Path
-            It is made when there is something to keep.
+        The folder is made with the first file.
         """
         return self
 
     def record_files(self, files: frozenset[str]) -> None:  # noqa: B027 - most models have none
-        """Record files of the user's own with which runs were made, here or in another process.
-
-        Parameters
-        ----------
-        files : set of str
-            As in `Results.files`.
+        """Record files with which runs were made, here or in another process; see `Results`.
 
         Raises
         ------
         ModelError
-            If others were made with another version of one of them.
+            If other runs were made with another version of one of them.
         """
 
     def files(self) -> tuple[FileSnapshot, ...]:
-        """Return the files of the user's own that it consisted of when it was run."""
+        """Return snapshots of the user's own files that it consisted of when it was run."""
         return ()
 
     def identity(self) -> dict[str, str]:
@@ -175,10 +176,9 @@ class Model(ABC):
 
     def missing_inputs(self, given: Collection[str]) -> Iterator[str]:
         """Yield the inputs that still have to be given; of alternatives, the first."""
-        optional = {name for group in self.alternatives for name in group}
+        optional = {*given, *itertools.chain.from_iterable(self.alternatives)}
         for variable in self.inputs:
-            is_needed = variable.default is None and variable.name not in optional
-            if is_needed and variable.name not in given:
+            if variable.default is None and variable.name not in optional:
                 yield variable.name
         for group in self.alternatives:
             if not any(name in given for name in group):
@@ -199,7 +199,7 @@ def violated_conditions(model: Model, inputs: Arrays) -> Iterator[tuple[BoolArra
         if variable.name in inputs:
             inside = variable.bounds.contain(inputs[variable.name])
             yield ~inside, f"{variable.name} {variable.bounds}"
-    # A NaN or an overflow inside a condition makes it false, which is what it should be.
+    # A NaN or an overflow in a condition makes it false, as it should.
     with np.errstate(all="ignore"):
         for is_satisfied, text in model.conditions(inputs):
             yield ~is_satisfied, text

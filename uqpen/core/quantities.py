@@ -32,15 +32,7 @@ _DECIMAL_COMMA = re.compile(r"\s*([+-]?[0-9]+),([0-9]+)(.*)\Z", re.DOTALL)
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value in SI units, with the unit in which a person wrote it.
-
-    Parameters
-    ----------
-    value : float
-        In the coherent SI unit of `unit`.
-    unit : str
-        The unit to show it in.
-    """
+    """A value in the coherent SI unit of `unit`, the unit to show it in."""
 
     value: float
     unit: str
@@ -63,14 +55,9 @@ def parse_quantity(text: str | float, like: str, *, difference: bool = False) ->
     text : str or float
         Text of the user; a plain number where the dimension has no unit.
     like : str
-        A unit of the dimension that is expected.
+        A unit of the expected dimension.
     difference : bool
         Whether it is a difference, a standard deviation say: 5 degC is then 5 K.
-
-    Returns
-    -------
-    Quantity
-        With its value in SI units.
 
     Raises
     ------
@@ -90,23 +77,14 @@ def parse_quantity(text: str | float, like: str, *, difference: bool = False) ->
 
 
 def parse_any_dimension(text: str) -> Quantity:
-    """Read a quantity of any dimension.
-
-    Raises
-    ------
-    QuantityError
-        If it is not a finite number with a unit, or without one.
-    """
+    """Read a finite number with a unit of any dimension, or none; QuantityError for other text."""
     return parse_quantity(text, _split(text, DIMENSIONLESS)[1])
 
 
 def parse_spread(text: str, like: str) -> Spread | None:
     """Read a mean with a standard deviation such as ``"(2.5 ± 0.05) g/cm^3"``.
 
-    Returns
-    -------
-    Spread or None
-        None where `text` has no ``±`` (or ``+/-``), so is no spread at all.
+    Returns None for a text without ``±`` (or ``+/-``).
 
     Raises
     ------
@@ -149,13 +127,10 @@ def _split(text: str, like: str) -> tuple[float, str]:
 
 
 def _refuse_comma(text: str) -> None:
-    match = _DECIMAL_COMMA.match(text)
-    if match:
-        whole, fraction, rest = match.groups()
-        written = f"{whole}.{fraction}{rest}".strip()
-        raise QuantityError(
-            f"{toml_text(text)}, with a decimal comma", f'a decimal point: "{written}"'
-        )
+    if match := _DECIMAL_COMMA.match(text):
+        written = "{}.{}{}".format(*match.groups()).strip()
+        found = f"{toml_text(text)}, with a decimal comma"
+        raise QuantityError(found, f'a decimal point: "{written}"')
 
 
 def _checked_scale(text: str, unit: str, like: str) -> Scale:

@@ -1,4 +1,4 @@
-"""How the points of a design relate to each other."""
+"""Relation between the points of a design."""
 
 from __future__ import annotations
 

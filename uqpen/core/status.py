@@ -24,13 +24,4 @@ class Status(IntEnum):
         return self.name.lower()
 
 
-STATUS_TEXT = MappingProxyType(
-    {
-        Status.OK: "ok",
-        Status.INADMISSIBLE: "inadmissible",
-        Status.FAILED: "failed",
-        Status.NOT_FINITE: "not finite",
-        Status.TIMED_OUT: "timed out",
-        Status.CRASHED: "crashed",
-    }
-)
+STATUS_TEXT = MappingProxyType({status: status.meaning.replace("_", " ") for status in Status})

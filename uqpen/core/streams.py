@@ -1,8 +1,8 @@
 """Random generators, each with a key for its purpose.
 
 A generator's stream follows from the study's seed and from names (a design, a purpose, a
-replicate, a block), never from the order in which generators are made. So adding a design to a
-study changes no other design's points, and nothing about workers or interruptions can either.
+replicate, a block), never from the order in which generators are made. So neither a further design
+of the study nor workers and interruptions change the points of a design.
 """
 
 from __future__ import annotations

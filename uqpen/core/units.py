@@ -32,12 +32,12 @@ DIMENSIONLESS = "1"
 
 
 class _AnyDimension(str):
-    """A type of its own: whatever text a user writes, it is not this object."""
+    """Type of a text that differs from any text of a user."""
 
     __slots__ = ()
 
 
-# In place of a unit that is not known; it is recognised by its identity.
+# Stands for an unknown unit; it is recognised by its identity.
 ANY_DIMENSION = _AnyDimension("any dimension")
 
 # A decimal number, as a regular expression.
@@ -50,8 +50,7 @@ _POWER = r"(?:(?:\^|\*\*)?[+-]?[0-9]+)"
 _OPERAND = re.compile(rf"\(|(?!(?:nmi|mph)\b)[A-Za-z_%°µμΩΩÅ℃℉′″'\"]+{_POWER}?|1(?![0-9])")
 _OPERATOR = re.compile(rf"\){_POWER}?|\s*[*/·.]\s*|\s+")
 
-# Coherent units with a name of their own, preferred to their base units; what they measure, for
-# messages; and an example that a message can print.
+# Coherent units, preferred to their base units; for messages, the quantity and an example.
 _KNOWN = {
     "1": ("a plain number", "0.5"),
     "m": ("a length", "16 cm"),
@@ -98,6 +97,10 @@ class Scale:
             return float(Decimal(repr(float(value))) * factor + offset)
         return value * self.factor + self.offset
 
+    def array_to_si(self, values: Any) -> Any:
+        """Convert values of a program to SI units, in binary arithmetic."""
+        return values * self.factor + self.offset
+
     def difference_to_si(self, value: float) -> float:
         """Convert a difference of two values to SI units: 5 degC is 5 K, not 278.15 K."""
         return Scale(self.factor, 0.0, self._exact and (self._exact[0], Decimal(0))).to_si(value)
@@ -128,14 +131,13 @@ def _unit(text: str) -> Any:
 def _is_product_of_names(text: str) -> bool:
     """Check that a text consists of names with whole powers, multiplied and divided.
 
-    The library takes far more, and some of it not as it was meant: the ``.5`` of ``m^0.5`` for a
-    factor of 5, what follows a bracket too many for nothing, a ``nmi`` for a thousand millionth of
-    a mile and ``mph`` for a thousandth of a phot.
+    The library takes far more, and misreads some of it: the ``.5`` of ``m^0.5`` as a factor of 5,
+    ``nmi`` as a thousand millionth of a mile, ``mph`` as a thousandth of a phot. It ignores the
+    text after a bracket too many.
     """
     position, depth, wants_operand = 0, 0, True
     while position < len(text):
-        pattern = _OPERAND if wants_operand else _OPERATOR
-        match = pattern.match(text, position)
+        match = (_OPERAND if wants_operand else _OPERATOR).match(text, position)
         if match is None:
             return False
         depth += match[0].count("(") - match[0].count(")")
@@ -160,17 +162,9 @@ def _base(text: str) -> tuple[str, Decimal, Decimal]:
 
 
 def si_unit(text: str) -> str:
-    """Return the coherent SI unit of the same dimension.
+    """Return the coherent SI unit of the same dimension as a UDUNITS string.
 
-    Parameters
-    ----------
-    text : str
-        A UDUNITS string.
-
-    Returns
-    -------
-    str
-        A named unit where there is a usual one (``"Pa"``), else the product of base units.
+    It is a named unit where there is a usual one (``"Pa"``), else the product of base units.
 
     Raises
     ------

@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
+
+from uqpen.core.arrays import BoolArray, FloatArray
 
 __all__ = ["POSITIVE", "Bounds", "Category", "Input", "Output", "Variable"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -100,15 +98,7 @@ class Input(Variable):
 
 @dataclass(frozen=True)
 class Category:
-    """Category of a categorical output.
-
-    Parameters
-    ----------
-    flag : str
-        One word, as CF asks of ``flag_meanings``.
-    label : str
-        Text for display.
-    """
+    """Category of a categorical output: a word for CF's ``flag_meanings``, a label for display."""
 
     flag: str
     label: str
@@ -116,12 +106,6 @@ class Category:
 
 @dataclass(frozen=True)
 class Output(Variable):
-    """Output variable of a model.
-
-    Parameters
-    ----------
-    categories : sequence of Category
-        Not empty for a categorical output; its values are then positions in this sequence.
-    """
+    """Output variable of a model; values of a categorical one are positions in its categories."""
 
     categories: tuple[Category, ...] = ()

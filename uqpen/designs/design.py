@@ -24,12 +24,12 @@ class Design(ABC):
     """Design of experiments: frozen settings that determine the points to run."""
 
     assumes_independence: ClassVar[bool] = False
-    """Whether what it is made for has a meaning only where the inputs are independent."""
+    """True if its results have a meaning for independent inputs only."""
 
     independence_reason: ClassVar[str] = (
         "its indices split the variance among inputs that vary independently"
     )
-    """Why, for whoever asks for it where they are not."""
+    """The reason, for a message."""
 
     @property
     @abstractmethod
@@ -47,7 +47,7 @@ class Design(ABC):
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         """Generate the points to run, round by round.
 
-        A plain design yields once. One that adapts is sent each round's runs and yields the next.
+        A plain design yields once. An adaptive one receives each round's runs and yields the next.
 
         Parameters
         ----------
@@ -59,8 +59,8 @@ class Design(ABC):
         Yields
         ------
         Dataset
-            A variable for each input (SI values; along ``run``, or a scalar), and as coordinates
-            the information on a run that an analysis needs.
+            A variable for each input (SI values; along ``run``, or a scalar), and coordinates that
+            an analysis needs.
         """
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
@@ -92,7 +92,7 @@ class Design(ABC):
         joint : JointDistribution
             The inputs of the study.
         runs : int
-            Largest number of runs; it makes as many of them as it can.
+            Largest number of runs; the design makes as many of them as it can.
         replicated : bool
             In about as many replicates as this one has; otherwise as one set of points.
 

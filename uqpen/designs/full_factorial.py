@@ -33,11 +33,9 @@ class FullFactorial(Design):
         Number of values of each random input.
     """
 
-    levels: int = count(minimum=2)
+    sampling = Sampling.QUADRATURE
 
-    @property
-    def sampling(self) -> Sampling:
-        return Sampling.QUADRATURE
+    levels: int = count(minimum=2)
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
         inputs = len(joint.random)

@@ -14,7 +14,7 @@ __all__ = ["tensor_grid", "too_many_nodes"]
 
 Number = TypeVar("Number", np.float64, np.int64)
 
-# What a grid may grow to; it doubles and trebles with every input, so a mistake goes far beyond.
+# Most nodes of a grid, which doubles or trebles with every input: a mistake goes far beyond.
 _MOST_NODES = 10_000_000
 
 
@@ -24,19 +24,7 @@ def tensor_grid(columns: Sequence[npt.NDArray[Number]]) -> list[npt.NDArray[Numb
 
 
 def too_many_nodes(setting: str, value: int, nodes: int, inputs: int) -> Iterator[Problem]:
-    """Yield a problem if a grid has too many nodes.
-
-    Parameters
-    ----------
-    setting : str
-        Setting that makes it grow.
-    value : int
-        Value of the setting.
-    nodes : int
-        Number of its nodes.
-    inputs : int
-        Number of inputs.
-    """
+    """Yield a problem with a setting and its value if its grid over the inputs is too large."""
     if nodes > _MOST_NODES:
         found = f"{value}, which over {inputs} random inputs takes {nodes:.3g} runs"
         expected = f"a grid of at most {_MOST_NODES:_} runs: fewer nodes, or fewer random inputs"

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from uqpen.core.errors import Problem
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import OPTIMIZED_BY
-from uqpen.core.sampling import Sampling
 from uqpen.core.settings import choice, count
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design, Rounds
-from uqpen.designs.replicated import replicated_points, split_replicates, uneven_replicates
+from uqpen.designs.design import Rounds
+from uqpen.designs.replicated import ReplicatedDesign, split_replicates
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["LatinHypercube"]
 
 
 @dataclass(frozen=True)
-class LatinHypercube(Design):
+class LatinHypercube(ReplicatedDesign):
     """Replicated Latin hypercubes: one point in each of the equally likely strata of every input.
 
-    The points of one hypercube depend on each other, so nothing but independent replicates shows
-    the error of what is estimated from them.
+    The points of one hypercube depend on each other, so only independent replicates show the
+    error of estimates.
 
     Parameters
     ----------
@@ -47,26 +44,10 @@ class LatinHypercube(Design):
     replicates: int = count(default=10)
     optimization: str = choice("none", "random-cd", default="none")
 
-    def check_settings(self) -> Iterator[Problem]:
-        return uneven_replicates(self.runs, self.replicates)
-
-    @property
-    def sampling(self) -> Sampling:
-        return Sampling.STRATIFIED
-
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        points = replicated_points(
-            joint, stream, self._hypercube, runs=self.runs, replicates=self.replicates
-        )
-        is_optimized = self.optimization != "none"
-        yield points.assign_attrs({OPTIMIZED_BY: self.optimization}) if is_optimized else points
-
-    @property
-    def replicate_count(self) -> int:
-        return self.replicates
-
-    def run_count(self, joint: JointDistribution) -> int:
-        return self.runs
+        for points in super().rounds(joint, stream):
+            is_optimized = self.optimization != "none"
+            yield points.assign_attrs({OPTIMIZED_BY: self.optimization}) if is_optimized else points
 
     def scaled(
         self, joint: JointDistribution, runs: int, *, replicated: bool
@@ -74,10 +55,8 @@ class LatinHypercube(Design):
         shape = split_replicates(runs, self.replicates, replicated=replicated)
         return replace(self, runs=shape[0], replicates=shape[1]) if shape else None
 
-    def _hypercube(
-        self, rng: np.random.Generator, points: int, dimension: int
-    ) -> npt.NDArray[np.float64]:
-        # Imported where it is used: this part of SciPy takes longer to load than the rest.
+    def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
+        # Imported here: this part of SciPy takes longer to load than the rest.
         from scipy.stats import qmc
 
         chosen = None if self.optimization == "none" else self.optimization

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
 from uqpen.core.streams import BLOCK, Stream
@@ -26,15 +26,13 @@ class MonteCarlo(Design):
         Number of points. A larger number keeps the points of a smaller one.
     """
 
-    runs: int = count()
+    sampling = Sampling.INDEPENDENT
 
-    @property
-    def sampling(self) -> Sampling:
-        return Sampling.INDEPENDENT
+    runs: int = count()
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         dimension = len(joint.random)
-        blocks: list[npt.NDArray[np.float64]] = [
+        blocks: list[FloatArray] = [
             stream.generator("points", block).random((min(BLOCK, self.runs - start), dimension))
             for block, start in enumerate(range(0, self.runs, BLOCK))
         ]

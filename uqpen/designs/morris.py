@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import IntArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import BLOCK_NUMBER, POSITION
 from uqpen.core.sampling import Sampling
@@ -19,8 +18,6 @@ from uqpen.designs.moves import add_move_coordinates
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Morris"]
-
-IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -44,10 +41,9 @@ class Morris(Design):
     Morris, M. D. (1991). Technometrics 33, 161-174.
     """
 
-    assumes_independence: ClassVar[bool] = True
-    independence_reason: ClassVar[str] = (
-        "it moves an input while the others stay, which only independent ones do"
-    )
+    sampling = Sampling.TRAJECTORIES
+    assumes_independence = True
+    independence_reason = "it moves an input while the others stay, which only independent ones do"
 
     trajectories: int = count(minimum=2)
     levels: int = count(minimum=2, default=4)
@@ -55,10 +51,6 @@ class Morris(Design):
     def check_settings(self) -> Iterator[Problem]:
         if self.levels % 2:
             yield Problem(("levels",), str(self.levels), "an even number, such as 4")
-
-    @property
-    def sampling(self) -> Sampling:
-        return Sampling.TRAJECTORIES
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         inputs = len(joint.random)
@@ -95,7 +87,7 @@ class Morris(Design):
 def _trajectory(
     rng: np.random.Generator, inputs: int, levels: int
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Levels of each input along a trajectory, the input moved at each place, and how far."""
+    """Return each input's level along a trajectory, the input moved at each place, and its step."""
     start = rng.integers(levels, size=inputs)
     order = rng.permutation(inputs)
     # Half of the levels up from the lower half of them, or down from the upper.

@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import MOVED_BY, MOVED_INPUT, RUN
 
 __all__ = ["add_move_coordinates", "moved_input_numbers"]
 
-# What stands for no input in the runs that move none; names of inputs begin with a letter.
+# Stands for no input, in the runs that move none; names of inputs begin with a letter.
 _NONE = "_none"
 
 
 def add_move_coordinates(
     points: xr.Dataset,
     inputs: Sequence[str],
-    moved_inputs: npt.NDArray[np.int64],
-    by: npt.NDArray[np.float64],
+    moved_inputs: IntArray,
+    by: FloatArray,
     *,
     measure: str,
 ) -> xr.Dataset:
@@ -33,9 +33,9 @@ def add_move_coordinates(
     inputs : sequence of str
         The inputs that can be moved.
     moved_inputs : ndarray of int, shape (run,)
-        Position in `inputs` of the one that is moved; -1 where none is.
+        Position of the moved input in `inputs`; -1 for none.
     by : ndarray, shape (run,)
-        How far, with its sign.
+        The signed step.
     measure : str
         Scale of the steps in words, for their ``long_name``.
     """
@@ -45,23 +45,14 @@ def add_move_coordinates(
         "flag_meanings": " ".join([_NONE, *inputs]),
     }
     described = {"units": "1", "long_name": f"how far it is moved, {measure}"}
-    return points.assign_coords(
-        {
-            MOVED_INPUT: (RUN, moved_inputs.astype(np.int16), flags),
-            MOVED_BY: (RUN, by, described),
-        }
-    )
+    number = (RUN, moved_inputs.astype(np.int16), flags)
+    return points.assign_coords({MOVED_INPUT: number, MOVED_BY: (RUN, by, described)})
 
 
 def moved_input_numbers(runs: xr.Dataset) -> dict[str, int]:
     """Return the inputs that vary over some runs, with their numbers among the moved ones.
 
     Of several models, one may not take an input, or have a value of its own for it.
-
-    Parameters
-    ----------
-    runs : Dataset
-        Runs of a design with coordinates of its moves.
     """
     _, *names = str(runs[MOVED_INPUT].attrs["flag_meanings"]).split()
     return {

@@ -34,17 +34,15 @@ class OneAtATime(Design):
     Parameters
     ----------
     step : float
-        How far an input is moved, relative to its nominal value.
+        The step of an input, relative to its nominal value.
     fixed : bool
         Whether the fixed inputs are moved too, all but those that are 0.
     """
 
+    sampling = Sampling.ONE_AT_A_TIME
+
     step: float = number(above=0, below=1, default=0.01)
     fixed: bool = flag(default=False)
-
-    @property
-    def sampling(self) -> Sampling:
-        return Sampling.ONE_AT_A_TIME
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         moves = list(self._moves(joint))

@@ -3,9 +3,9 @@
 A block of the first round has a row of each of the matrices A and B, whose points are drawn, and of
 those that mix their columns: AB_i is A with input i of B, BA_i is B with input i of A. Sobol'
 indices compare points that share some inputs and are independent in the others. For a distribution
-conditional on admissible draws, the others must be drawn given the inputs that they share. So a
-block is read as *parts*; each names the other part and the inputs that it shares with it. Where no
-draw was inadmissible, the rows of the first round serve as all of them.
+conditional on admissible draws, the others must be drawn given the shared inputs. So a block is
+read as *parts*; each names another part, and the inputs shared with it. If no draw was
+inadmissible, the rows of the first round serve as all parts.
 """
 
 from __future__ import annotations
@@ -16,19 +16,17 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import BLOCK_NUMBER, MATRIX, ROUND
 
 __all__ = ["MATRIX_A", "MATRIX_B", "BlockLayout", "BlockPart"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 MATRIX_A, MATRIX_B = 0, 1
 
-# How the meanings of the mixed matrices begin, before the name of the input.
+# Prefixes of the flag meanings of mixed matrices, before the name of the input.
 _AB_PREFIX, _BA_PREFIX = "AB_", "BA_"
 
 
@@ -41,13 +39,13 @@ class BlockPart:
     matrix : int
         Label of the rows of later rounds that were drawn for it.
     first : int
-        The matrix whose row of the first round serves, where none had to be drawn again.
+        The matrix whose row of the first round serves if none had to be drawn again.
     anchor : int or None
-        The part that it shares inputs with, by its `matrix`; None for a point of its own.
+        The `matrix` of the part with shared inputs; None for a point of its own.
     shared : tuple of int
-        The inputs it shares with that one, as columns.
+        Columns of the shared inputs.
     rest : int
-        The matrix whose first row gives the other inputs when it is proposed first.
+        The matrix whose first row gives the other inputs of the first proposal.
     """
 
     matrix: int
@@ -101,10 +99,11 @@ class BlockLayout:
         each = range(self.dimension)
         if self.second_order:
             drawn += [BlockPart(2 + self.dimension + i, 2 + self.dimension + i) for i in each]
-        sharing = [self.part_sharing_one(i) for i in each] + [
-            self.part_sharing_others(i) for i in each
+        sharing = [
+            *(self.part_sharing_one(i) for i in each),
+            *(self.part_sharing_others(i) for i in each),
+            *(self.part_sharing_pair(number) for number in range(len(self.pairs))),
         ]
-        sharing += [self.part_sharing_pair(number) for number in range(len(self.pairs))]
         return {part.matrix: part for part in [*drawn, *sharing]}
 
     def part_sharing_one(self, i: int) -> BlockPart:
@@ -123,17 +122,7 @@ class BlockLayout:
         return BlockPart(2 + 4 * self.dimension + number, 2 + j, anchor, (i, j), MATRIX_A)
 
     def matrices(self, A: FloatArray, B: FloatArray) -> FloatArray:
-        """Return the points of the first round.
-
-        Parameters
-        ----------
-        A, B : ndarray, shape (block, input)
-            The points drawn.
-
-        Returns
-        -------
-        ndarray, shape (block, matrix, input)
-        """
+        """Return the points of the first round, shape (block, matrix, input), from A and B."""
         each = range(self.dimension)
         matrices = [A, B, *(_exchange_column(A, B, i) for i in each)]
         if self.second_order:
@@ -158,12 +147,7 @@ class BlockLayout:
         }
 
     def run_numbers(self, runs: xr.Dataset) -> dict[int, IntArray]:
-        """Return the run of each part of each block: the last that was made for it.
-
-        Parameters
-        ----------
-        runs : Dataset
-            All runs of the design.
+        """Return the last run of each part of each block, from all runs of the design.
 
         Returns
         -------

@@ -6,11 +6,10 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import QUADRATURE_WEIGHT
 from uqpen.core.sampling import Sampling
@@ -23,12 +22,10 @@ from uqpen.distributions.orthogonal_polynomials import Recurrence, recurrence
 
 __all__ = ["WEIGHT_ATTRIBUTES", "Quadrature"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 WEIGHT_ATTRIBUTES = {"units": "1", "long_name": "weight of the run in an integral over the inputs"}
 
-# Beyond, weights of the outer nodes are too small to matter, and time goes into nothing.
+# At higher orders, weights of the outer nodes are too small to matter.
 _HIGHEST_ORDER = 100
 
 # Nodes of two rules that lie closer than this, relative to the spread of the nodes, are the same:
@@ -56,8 +53,9 @@ class Quadrature(Design):
     Smolyak, S. A. (1963). Dokl. Akad. Nauk SSSR 148, 1042-1045.
     """
 
-    assumes_independence: ClassVar[bool] = True
-    independence_reason: ClassVar[str] = "its nodes are those of inputs that vary independently"
+    sampling = Sampling.QUADRATURE
+    assumes_independence = True
+    independence_reason = "its nodes are those of inputs that vary independently"
 
     order: int = count()
     grid: str = choice("tensor", "sparse", default="tensor")
@@ -65,10 +63,6 @@ class Quadrature(Design):
     def check_settings(self) -> Iterator[Problem]:
         if self.order > _HIGHEST_ORDER:
             yield Problem(("order",), str(self.order), f"at most {_HIGHEST_ORDER}")
-
-    @property
-    def sampling(self) -> Sampling:
-        return Sampling.QUADRATURE
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
         inputs = len(joint.random)
@@ -97,7 +91,7 @@ class Quadrature(Design):
 
     def _most_nodes(self, inputs: int) -> int:
         """Count the nodes of all the grids that a sparse one combines; some coincide."""
-        # Grids of total level k together have as many nodes as (1 - x)^(-2 inputs) says at x^k.
+        # Nodes of the grids of total level k: the coefficient of x^k in (1 - x)^(-2 inputs).
         levels = range(max(self.order - inputs + 1, 0), self.order + 1)
         return sum(math.comb(level + 2 * inputs - 1, level) for level in levels)
 
@@ -148,7 +142,7 @@ def _levels(found: Recurrence, order: int) -> tuple[FloatArray, list[IntArray], 
 
 
 def _multi_indices(inputs: int, order: int) -> Iterator[tuple[int, ...]]:
-    """Levels of each input whose sum is the order, or less by fewer than there are inputs."""
+    """Yield the levels of each input; their sum is the order, or less by fewer than the inputs."""
     for total in range(max(order - inputs + 1, 0), order + 1):
         # Bars between stars: every way to share out the total.
         for bars in itertools.combinations(range(total + inputs - 1), inputs - 1):

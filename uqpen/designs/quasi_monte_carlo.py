@@ -6,25 +6,30 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
-from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
-from uqpen.core.streams import Stream
-from uqpen.designs.design import Design, Rounds
-from uqpen.designs.replicated import Draw, replicated_points, split_replicates, uneven_replicates
+from uqpen.designs.design import Design
+from uqpen.designs.replicated import ReplicatedDesign, split_replicates
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Halton", "SobolSequence", "sobol_points"]
 
-# All bits of a double: with fewer, a scrambled point falls on 0 now and then, where a quantile may
-# be infinite.
+# All bits of a double: with fewer, a scrambled point may be 0, where a quantile may be infinite.
 _BITS = 53
 
 
+class _Sequence(ReplicatedDesign):
+    """Scrambled points of a low-discrepancy sequence."""
+
+    def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> Design | None:
+        shape = split_replicates(runs, self.replicates, replicated=replicated)
+        return _SequencePoints(self, *shape) if shape else None
+
+
 @dataclass(frozen=True)
-class SobolSequence(Design):
+class SobolSequence(_Sequence):
     """Scrambled Sobol' points: every replicate is balanced over all its elementary intervals.
 
     Parameters
@@ -41,34 +46,17 @@ class SobolSequence(Design):
     Owen, A. B. (1998). ACM Trans. Model. Comput. Simul. 8, 71-102.
     """
 
+    needs_powers_of_two = True
+
     runs: int = count(minimum=2)
     replicates: int = count(minimum=2, default=16)
 
-    def check_settings(self) -> Iterator[Problem]:
-        return uneven_replicates(self.runs, self.replicates, powers_of_two=True)
-
-    @property
-    def sampling(self) -> Sampling:
-        return Sampling.STRATIFIED
-
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        yield replicated_points(
-            joint, stream, sobol_points, runs=self.runs, replicates=self.replicates
-        )
-
-    @property
-    def replicate_count(self) -> int:
-        return self.replicates
-
-    def run_count(self, joint: JointDistribution) -> int:
-        return self.runs
-
-    def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> Design | None:
-        return _SequencePoints.scaled_to(sobol_points, runs, self.replicates, replicated=replicated)
+    def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
+        return sobol_points(rng, points, dimension)
 
 
 @dataclass(frozen=True)
-class Halton(Design):
+class Halton(_Sequence):
     """Scrambled Halton points, of any number.
 
     Parameters
@@ -87,81 +75,35 @@ class Halton(Design):
     runs: int = count(minimum=2)
     replicates: int = count(minimum=2, default=16)
 
-    def check_settings(self) -> Iterator[Problem]:
-        return uneven_replicates(self.runs, self.replicates)
+    def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
+        from scipy.stats import qmc
 
-    @property
-    def sampling(self) -> Sampling:
-        return Sampling.STRATIFIED
-
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        yield replicated_points(joint, stream, _halton, runs=self.runs, replicates=self.replicates)
-
-    @property
-    def replicate_count(self) -> int:
-        return self.replicates
-
-    def run_count(self, joint: JointDistribution) -> int:
-        return self.runs
-
-    def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> Design | None:
-        return _SequencePoints.scaled_to(_halton, runs, self.replicates, replicated=replicated)
+        return qmc.Halton(dimension, scramble=True, rng=rng).random(points)
 
 
 @dataclass(frozen=True)
-class _SequencePoints(Design):
+class _SequencePoints(ReplicatedDesign):
     """Any number of points of a sequence, balanced or not, for a comparison of methods.
 
     No study can use them: the error of a single set cannot be estimated, and a Sobol' sequence is
     balanced only where the number of its points is a power of two. A comparison shows both effects.
-
-    Parameters
-    ----------
-    draw : callable
-        Draws the points of one set.
-    runs, replicates : int
-        Number of points in all, and number of sets.
     """
 
-    draw: Draw
+    sequence: _Sequence
     runs: int
     replicates: int
 
-    @classmethod
-    def scaled_to(
-        cls, draw: Draw, runs: int, replicates: int, *, replicated: bool
-    ) -> _SequencePoints | None:
-        """Return the points for a number of runs; see `Design.scaled`."""
-        shape = split_replicates(runs, replicates, replicated=replicated)
-        return cls(draw, *shape) if shape else None
+    def check_settings(self) -> Iterator[Problem]:
+        yield from ()
 
-    @property
-    def sampling(self) -> Sampling:
-        return Sampling.STRATIFIED
-
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        yield replicated_points(
-            joint, stream, self.draw, runs=self.runs, replicates=self.replicates
-        )
-
-    @property
-    def replicate_count(self) -> int:
-        return self.replicates
-
-    def run_count(self, joint: JointDistribution) -> int:
-        return self.runs
+    def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
+        return self.sequence.draw(rng, points, dimension)
 
 
-def sobol_points(rng: np.random.Generator, points: int, dimension: int) -> npt.NDArray[np.float64]:
+def sobol_points(rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
     """Draw scrambled Sobol' points of the unit cube; a power of two of them are balanced."""
-    # Imported where it is used: this part of SciPy takes longer to load than the rest.
+    # Imported here: this part of SciPy takes longer to load than the rest.
     from scipy.stats import qmc
 
     engine = qmc.Sobol(dimension, scramble=True, bits=_BITS, rng=rng)
     return engine.random_base2((points - 1).bit_length())[:points]
-
-
-def _halton(rng: np.random.Generator, points: int, dimension: int) -> npt.NDArray[np.float64]:
-    from scipy.stats import qmc
-
-    return qmc.Halton(dimension, scramble=True, rng=rng).random(points)

@@ -2,45 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from abc import abstractmethod
+from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
-import xarray as xr
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import REPLICATE
+from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
+from uqpen.designs.design import Design, Rounds
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = ["Draw", "replicated_points", "split_replicates", "uneven_replicates"]
-
-# A generator, how many points and of what dimension, into points of the unit cube.
-Draw = Callable[[np.random.Generator, int, int], npt.NDArray[np.float64]]
+__all__ = ["ReplicatedDesign", "split_replicates", "uneven_replicates"]
 
 
-def replicated_points(
-    joint: JointDistribution, stream: Stream, draw: Draw, *, runs: int, replicates: int
-) -> xr.Dataset:
-    """Draw the points of all replicates, each from a generator of its own.
+class ReplicatedDesign(Design):
+    """Design of independent replicates, each drawn from a generator of its own.
 
-    Parameters
+    A subclass is a dataclass with at least these fields.
+
+    Attributes
     ----------
-    joint : JointDistribution
-        Joint distribution that the points are mapped to.
-    stream : Stream
-        Source of the random numbers.
-    draw : callable
-        Draws the points of one replicate.
     runs, replicates : int
         Number of points in all, and number of replicates.
     """
-    each, dimension = runs // replicates, len(joint.random)
-    sets = [
-        draw(stream.generator("points", replicate), each, dimension)
-        for replicate in range(replicates)
-    ]
-    return joint.points(np.concatenate(sets), {REPLICATE: np.repeat(np.arange(replicates), each)})
+
+    sampling = Sampling.STRATIFIED
+    needs_powers_of_two: ClassVar[bool] = False
+    """True if each replicate must have a power of two of points."""
+
+    runs: int
+    replicates: int
+
+    @abstractmethod
+    def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
+        """Draw one replicate: points of the unit cube."""
+
+    def check_settings(self) -> Iterator[Problem]:
+        return uneven_replicates(self.runs, self.replicates, powers_of_two=self.needs_powers_of_two)
+
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        each, dimension = self.runs // self.replicates, len(joint.random)
+        sets = [
+            self.draw(stream.generator("points", replicate), each, dimension)
+            for replicate in range(self.replicates)
+        ]
+        numbers = np.repeat(np.arange(self.replicates), each)
+        yield joint.points(np.concatenate(sets), {REPLICATE: numbers})
+
+    @property
+    def replicate_count(self) -> int:
+        return self.replicates
+
+    def run_count(self, joint: JointDistribution) -> int:
+        return self.runs
 
 
 def uneven_replicates(
@@ -75,15 +93,8 @@ def uneven_replicates(
 def split_replicates(runs: int, replicates: int, *, replicated: bool) -> tuple[int, int] | None:
     """Split runs into about a given number of replicates of at least two points each.
 
-    Parameters
-    ----------
-    runs : int
-        Largest number of runs.
-    replicates : int
-        Number of replicates wanted. The nearest number that divides the runs is taken, from half
-        to twice as many. Where none does, some of the runs are left out.
-    replicated : bool
-        Whether to use replicates at all.
+    The nearest number of replicates that divides the runs is taken, from half to twice as many as
+    given. If there is none, some of the runs are left out. Without replicates, all are one set.
 
     Returns
     -------

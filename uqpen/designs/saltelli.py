@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.errors import Problem
 from uqpen.core.labels import BLOCK_NUMBER, MATRIX, REPLICATE, STATUS
 from uqpen.core.sampling import Sampling
@@ -24,11 +25,8 @@ from uqpen.distributions.joint_distribution import JointDistribution, points_dat
 
 __all__ = ["MOST_ROUNDS", "Saltelli"]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
 
-# Most rounds of redrawing; a point that is still inadmissible then stays so.
+# Most rounds of redrawing; afterwards, an inadmissible point stays so.
 MOST_ROUNDS = 100
 
 
@@ -49,8 +47,8 @@ class Saltelli(Design):
     replicates : int
         Number of sets, each scrambled by itself; their scatter shows the error.
     second_order : bool
-        Whether there are also points of B with one input from A, for indices of pairs of inputs; a
-        block then takes twice as many runs as there are random inputs, and two.
+        Whether there are also points of B with one input from A, for indices of pairs of inputs. A
+        block of d random inputs then takes 2 d + 2 runs.
 
     References
     ----------
@@ -58,7 +56,8 @@ class Saltelli(Design):
     Saltelli, A. et al. (2010). Comput. Phys. Commun. 181, 259-270.
     """
 
-    assumes_independence: ClassVar[bool] = True
+    sampling = Sampling.PICK_FREEZE
+    assumes_independence = True
 
     base: int = count(minimum=2)
     replicates: int = count(minimum=2, default=16)
@@ -66,10 +65,6 @@ class Saltelli(Design):
 
     def check_settings(self) -> Iterator[Problem]:
         return uneven_replicates(self.base, self.replicates, powers_of_two=True, setting="base")
-
-    @property
-    def sampling(self) -> Sampling:
-        return Sampling.PICK_FREEZE
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         layout = self._layout(joint)
@@ -145,16 +140,8 @@ class _Redraws:
     """Parts of blocks that are still to be drawn, given the results of the rounds before.
 
     Rows of a part are proposed until one is admissible. Each is an unconditional draw but for the
-    inputs that it shares; so the admissible one is a draw of the conditional distribution.
-
-    Parameters
-    ----------
-    layout : BlockLayout
-        The parts of a block.
-    A, B : ndarray, shape (block, input)
-        The points of the first round.
-    status : ndarray, shape (block, matrix)
-        The statuses of the first round.
+    inputs that it shares; so the admissible one is a draw of the conditional distribution. `A` and
+    `B`, shape (block, input), and `status`, shape (block, matrix), are of the first round.
     """
 
     def __init__(
@@ -162,13 +149,13 @@ class _Redraws:
     ) -> None:
         self._layout = layout
         self._first = (A, B)
-        # The points that others share inputs with, once they have been drawn again.
+        # Points whose inputs other parts share; replaced when they are drawn again.
         self._anchors = dict(enumerate(layout.matrices(A, B).swapaxes(0, 1)))
         self._settled: dict[int, BoolArray] = {}
         self._proposed: dict[int, BoolArray] = {}
         self._dropped = np.zeros(len(A), dtype=np.bool_)
         for number, part in layout.parts.items():
-            # The row of the first round is a proposal only if its anchor's row is there to stay.
+            # The row of the first round is a proposal only if its anchor's row is final.
             self._proposed[number] = self._may_be_proposed(part)
             reached = status[:, part.first]
             self._settled[number] = self._proposed[number] & (reached != Status.INADMISSIBLE)

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
+from uqpen.core.arrays import FloatArray
 from uqpen.core.columns import ColumnFile, read_columns
 from uqpen.core.errors import TableError
 from uqpen.core.files import FileSnapshot
@@ -56,8 +54,8 @@ class TableDesign(Design):
     def run_count(self, joint: JointDistribution) -> int:
         return len(next(iter(self.columns(joint).values())))
 
-    def columns(self, joint: JointDistribution) -> dict[str, npt.NDArray[np.float64]]:
-        """Columns of the table in SI units.
+    def columns(self, joint: JointDistribution) -> dict[str, FloatArray]:
+        """Return the columns of the table in SI units.
 
         Raises
         ------
@@ -65,7 +63,7 @@ class TableDesign(Design):
             If it cannot be read, or a column is no input, has the wrong unit or no number.
         """
         known = {variable.name: variable for variable in joint.variables}
-        columns: dict[str, npt.NDArray[np.float64]] = {}
+        columns: dict[str, FloatArray] = {}
         for column in self._file.columns:
             name = column.name
             if name not in known:

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import Arrays, BoolArray
 from uqpen.core.errors import ConstraintError, QuantityError, toml_text
 from uqpen.core.lookup import choices
 from uqpen.core.quantities import Quantity, parse_any_dimension
@@ -31,17 +31,13 @@ _SHAPE = 'a comparison of inputs, such as "plasticity_radius > crater_radius"'
 _LONGEST = 500
 _HIGHEST_POWER = 9
 
-_COMPARISONS: Mapping[type[ast.cmpop], Callable[[Any, Any], Any]] = {
+_OPERATIONS: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Lt: operator.lt,
     ast.LtE: operator.le,
     ast.Gt: operator.gt,
     ast.GtE: operator.ge,
-}
-_SUMS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
-}
-_PRODUCTS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
 }
@@ -49,20 +45,12 @@ _PRODUCTS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
 
 @dataclass(frozen=True)
 class Constraint:
-    """Comparison that the inputs of an admissible run must satisfy.
-
-    Parameters
-    ----------
-    text : str
-        Text of its author.
-    names : frozenset of str
-        The inputs that it compares.
-    """
+    """Comparison that the inputs of an admissible run must satisfy: its text, and their names."""
 
     text: str
     names: frozenset[str]
 
-    def is_satisfied(self, inputs: Mapping[str, npt.NDArray[np.float64]]) -> npt.NDArray[np.bool_]:
+    def is_satisfied(self, inputs: Arrays) -> BoolArray:
         """Return a mask of the points that satisfy it; false where a value in it is not finite.
 
         Parameters
@@ -71,7 +59,15 @@ class Constraint:
             SI values of the inputs, of shapes that broadcast.
         """
         with np.errstate(all="ignore"):
-            return np.asarray(_is_satisfied(_parse(self.text), inputs))
+            tree = _parse(self.text)
+            sides = [_evaluate(side, inputs) for side in (tree.left, *tree.comparators)]
+            results = [
+                _OPERATIONS[type(comparison)](left, right)
+                for comparison, left, right in zip(tree.ops, sides, sides[1:], strict=False)
+            ]
+            return np.asarray(
+                functools.reduce(np.logical_and, [*results, *map(np.isfinite, sides)])
+            )
 
 
 def parse_constraint(text: str, units: Mapping[str, str]) -> Constraint:
@@ -107,24 +103,15 @@ def _parse(text: str) -> ast.Compare:
         raise ConstraintError(f"{len(text)} characters", f"at most {_LONGEST}")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # what Python would only warn of is no comparison
+            warnings.simplefilter("error")  # a text that Python warns of is no comparison
             tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise ConstraintError(f"{toml_text(text)}", _SHAPE) from None
+        raise ConstraintError(toml_text(text), _SHAPE) from None
     if not isinstance(tree, ast.Compare):
-        raise ConstraintError(f"{toml_text(text)}", _SHAPE)
-    if not all(type(comparison) in _COMPARISONS for comparison in tree.ops):
-        raise ConstraintError(f"{toml_text(text)}", "one of <, <=, >, >= between its sides")
+        raise ConstraintError(toml_text(text), _SHAPE)
+    if not all(type(comparison) in _OPERATIONS for comparison in tree.ops):
+        raise ConstraintError(toml_text(text), "one of <, <=, >, >= between its sides")
     return tree
-
-
-def _is_satisfied(tree: ast.Compare, inputs: Mapping[str, Any]) -> Any:
-    sides = [_evaluate(side, inputs) for side in (tree.left, *tree.comparators)]
-    results = [
-        _COMPARISONS[type(comparison)](left, right)
-        for comparison, left, right in zip(tree.ops, sides, sides[1:], strict=False)
-    ]
-    return functools.reduce(np.logical_and, [*results, *map(np.isfinite, sides)])
 
 
 def _evaluate(node: ast.expr, inputs: Mapping[str, Any]) -> Any:
@@ -140,8 +127,7 @@ def _evaluate(node: ast.expr, inputs: Mapping[str, Any]) -> Any:
         case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int(power))):
             return _evaluate(left, inputs) ** power
         case ast.BinOp(left=left, op=op, right=right):
-            apply = {**_SUMS, **_PRODUCTS}[type(op)]
-            return apply(_evaluate(left, inputs), _evaluate(right, inputs))
+            return _OPERATIONS[type(op)](_evaluate(left, inputs), _evaluate(right, inputs))
     raise AssertionError(ast.dump(node))
 
 
@@ -164,11 +150,11 @@ def _check_unit(node: ast.expr, units: Mapping[str, str]) -> str:
             for _ in range(power - 1):
                 unit = product(unit, base)
             return unit
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in _SUMS:
+        case ast.BinOp(left=left, op=ast.Add() | ast.Sub(), right=right):
             one, other = _check_unit(left, units), _check_unit(right, units)
             _check_same_unit([one, other], ast.unparse(node))
             return one
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in _PRODUCTS:
+        case ast.BinOp(left=left, op=ast.Mult() | ast.Div() as op, right=right):
             combine = product if isinstance(op, ast.Mult) else ratio
             return combine(_check_unit(left, units), _check_unit(right, units))
     raise ConstraintError(
@@ -176,13 +162,11 @@ def _check_unit(node: ast.expr, units: Mapping[str, str]) -> str:
     )
 
 
-def _check_same_unit(found: list[str], text: str) -> None:
-    for one, other in itertools.pairwise(found):
+def _check_same_unit(units: list[str], text: str) -> None:
+    for one, other in itertools.pairwise(units):
         if not are_convertible(one, other):
-            raise ConstraintError(
-                f"{toml_text(text)}, which compares {one} with {other}",
-                "sides of the same dimension",
-            )
+            found = f"{toml_text(text)}, which compares {one} with {other}"
+            raise ConstraintError(found, "sides of the same dimension")
 
 
 def _quantity(value: object) -> Quantity:

@@ -7,13 +7,14 @@ of the variable, not of its logarithm.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.settings import difference, number, quantity
 from uqpen.distributions.distribution import Distribution, order_problem
@@ -31,7 +32,6 @@ __all__ = [
     "Weibull",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 
 DISTRIBUTIONS = {
     "normal": "uqpen.distributions.continuous:Normal",
@@ -66,16 +66,11 @@ class Normal(Distribution):
         return special.ndtr((self.mean - value) / self.std)
 
 
-@dataclass(frozen=True)
-class Lognormal(Distribution):
-    """Lognormal distribution; mean and std are those of the variable, not of its logarithm."""
+class _OfLogarithm(Distribution):
+    """Distribution of a variable whose logarithm has a simpler one."""
 
-    mean: float = quantity(above=0)
-    std: float = difference(above=0)
-
-    def _logarithm(self) -> Normal:
-        variance = math.log1p((self.std / self.mean) ** 2)
-        return Normal(math.log(self.mean) - variance / 2, math.sqrt(variance))
+    @abstractmethod
+    def _logarithm(self) -> Distribution: ...
 
     def ppf(self, probability: FloatArray) -> FloatArray:
         return np.exp(self._logarithm().ppf(probability))
@@ -88,6 +83,18 @@ class Lognormal(Distribution):
 
     def sf(self, value: FloatArray) -> FloatArray:
         return self._logarithm().sf(_log(value))
+
+
+@dataclass(frozen=True)
+class Lognormal(_OfLogarithm):
+    """Lognormal distribution; mean and std are those of the variable, not of its logarithm."""
+
+    mean: float = quantity(above=0)
+    std: float = difference(above=0)
+
+    def _logarithm(self) -> Normal:
+        variance = math.log1p((self.std / self.mean) ** 2)
+        return Normal(math.log(self.mean) - variance / 2, math.sqrt(variance))
 
 
 @dataclass(frozen=True)
@@ -114,7 +121,7 @@ class Uniform(Distribution):
 
 
 @dataclass(frozen=True)
-class LogUniform(Distribution):
+class LogUniform(_OfLogarithm):
     """Log-uniform distribution: the logarithm of the variable is uniform."""
 
     lower: float = quantity(above=0)
@@ -128,16 +135,10 @@ class LogUniform(Distribution):
 
     def ppf(self, probability: FloatArray) -> FloatArray:
         # Rounding must not carry a value past the ends.
-        return np.clip(np.exp(self._logarithm().ppf(probability)), self.lower, self.upper)
+        return np.clip(super().ppf(probability), self.lower, self.upper)
 
     def isf(self, probability: FloatArray) -> FloatArray:
-        return np.clip(np.exp(self._logarithm().isf(probability)), self.lower, self.upper)
-
-    def cdf(self, value: FloatArray) -> FloatArray:
-        return self._logarithm().cdf(_log(value))
-
-    def sf(self, value: FloatArray) -> FloatArray:
-        return self._logarithm().sf(_log(value))
+        return np.clip(super().isf(probability), self.lower, self.upper)
 
 
 @dataclass(frozen=True)

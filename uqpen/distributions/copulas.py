@@ -15,16 +15,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.settings import number
 from uqpen.distributions.dependence import Dependence, sum_columns
 
 __all__ = ["COPULAS", "ClaytonCopula", "FrankCopula", "GumbelCopula", "JoeCopula"]
 
-FloatArray = npt.NDArray[np.float64]
 
 COPULAS = {
     "gaussian": "uqpen.distributions.elliptical_copulas:GaussianCopula",
@@ -35,11 +34,10 @@ COPULAS = {
     "joe": "uqpen.distributions.copulas:JoeCopula",
 }
 
-# The least probability is 2**-54; its power of minus this is the largest that double precision
-# holds with something to spare.
+# The least probability, 2**-54, to the power of minus this has room in double precision.
 _STRONGEST = 16.0
 
-# Joe's needs 7 where theta is above 1.1, and 21 where it is 1 and a thousand millionth.
+# Newton steps of Joe's copula: 7 suffice for theta above 1.1, and 21 for 1 + 1e-9.
 _STEPS = 25
 
 
@@ -52,10 +50,6 @@ class _OneParameter(Dependence):
     @abstractmethod
     def kendall(self) -> float:
         """Kendall's rank correlation of each pair."""
-
-    @property
-    def title(self) -> str:
-        return f"{type(self).__name__.removesuffix('Copula').lower()} copula"
 
     @property
     def description(self) -> str:

@@ -14,17 +14,18 @@ import functools
 import operator
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem, SettingsError
 from uqpen.core.settings import validate
 from uqpen.distributions.distribution import OPEN_INTERVAL
 
 __all__ = ["Dependence", "sum_columns"]
 
-FloatArray = npt.NDArray[np.float64]
+_NONE_GIVEN: Mapping[int, FloatArray] = MappingProxyType({})
 
 
 class Dependence(ABC):
@@ -39,8 +40,7 @@ class Dependence(ABC):
     inputs: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        problems = list(self._check_input_names())
-        if problems:
+        if problems := list(self._check_input_names()):
             raise SettingsError(problems)
         validate(self, self.check_settings())
 
@@ -52,9 +52,9 @@ class Dependence(ABC):
         return f"{self.title} of {', '.join(self.inputs)}: {self.description}"
 
     @property
-    @abstractmethod
     def title(self) -> str:
         """Name for display."""
+        return f"{type(self).__name__.removesuffix('Copula').lower()} copula"
 
     @property
     @abstractmethod
@@ -78,55 +78,41 @@ class Dependence(ABC):
         Parameters
         ----------
         position : int
-            Which of `inputs`.
+            Position in `inputs`.
         probability : ndarray, shape (run,)
             Strictly between 0 and 1.
         known : mapping of int to ndarray, shape (run,)
             The scores of other inputs, by position; at least one.
         """
 
-    def inverse_rosenblatt(self, unit: FloatArray) -> FloatArray:
+    def inverse_rosenblatt(
+        self, unit: FloatArray, given: Mapping[int, FloatArray] = _NONE_GIVEN
+    ) -> FloatArray:
         """Map points with independent coordinates to points that follow the copula.
 
         Parameters
         ----------
         unit : ndarray, shape (run, input)
-            Probabilities, a column for each of `inputs`.
-
-        Returns
-        -------
-        ndarray, shape (run, input)
-            Each column is uniform by itself; the first is as it was.
-        """
-        return self.conditional_points(unit, {})
-
-    def conditional_points(self, unit: FloatArray, given: Mapping[int, FloatArray]) -> FloatArray:
-        """Map points to the copula conditional on the probabilities of some of the inputs.
-
-        Parameters
-        ----------
-        unit : ndarray, shape (run, input)
-            Independent probabilities; the columns of given inputs are not looked at.
+            Independent probabilities; the columns of given inputs are ignored.
         given : mapping of int to ndarray, shape (run,)
-            The probabilities of the given inputs, by position.
+            The probabilities of given inputs, by position; the copula is then conditional on them.
 
         Returns
         -------
         ndarray, shape (run, input)
-            With the given columns as they are given.
+            Given columns are unchanged, or else the first. Without given inputs, each column is
+            uniform by itself.
         """
         points = np.clip(unit, *OPEN_INTERVAL)
         for position, column in given.items():
             points[:, position] = np.clip(column, *OPEN_INTERVAL)
         known = {position: self.score(points[:, position]) for position in sorted(given)}
         for position in range(len(self.inputs)):
-            if position in known:
-                continue
-            if known:
+            if not known:
+                known[position] = self.score(points[:, position])
+            elif position not in known:
                 known[position] = self.conditional_score(position, points[:, position], known)
                 points[:, position] = np.clip(self.probability(known[position]), *OPEN_INTERVAL)
-            else:
-                known[position] = self.score(points[:, position])
         return points
 
     def _check_input_names(self) -> Iterator[Problem]:

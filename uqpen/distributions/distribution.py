@@ -9,16 +9,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem, SettingsError
 from uqpen.core.settings import validate
 
 __all__ = ["OPEN_INTERVAL", "Distribution", "order_problem"]
 
-FloatArray = npt.NDArray[np.float64]
 
-# Generators give 0 now and then, and rounding 1, where a quantile may be infinite: so draws are
+# A generator may return 0, and rounding may give 1, where a quantile may be infinite. So draws are
 # kept half a step of the generator inside.
 OPEN_INTERVAL = (2.0**-54, 1 - 2.0**-53)
 

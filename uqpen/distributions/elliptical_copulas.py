@@ -9,22 +9,22 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.settings import number
 from uqpen.distributions.dependence import Dependence, sum_columns
 
 __all__ = ["MEASURES", "EllipticalCopula", "GaussianCopula", "StudentCopula", "score_correlation"]
 
-FloatArray = npt.NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
 
-# No conditional variance is below it; rounding leaves ten digits of one that large.
+# No conditional variance is smaller; rounding leaves it ten digits.
 _LEAST_EIGENVALUE = 1e-6
 
 MEASURES = {
@@ -43,8 +43,8 @@ def score_correlation(correlation: float, measure: str) -> float:
     correlation : float
         Between -1 and 1.
     measure : str
-        One of `MEASURES`: what it is a correlation of. The conversion of Kendall's is the same for
-        every elliptical distribution, that of Spearman's is the one of the normal distribution.
+        One of `MEASURES`. The conversion of Kendall's is the same for every elliptical
+        distribution; that of Spearman's is the one of the normal distribution.
 
     References
     ----------
@@ -70,7 +70,7 @@ class EllipticalCopula(Dependence):
     """
 
     measures: ClassVar[tuple[str, ...]]
-    """Those of `MEASURES` that convert exactly into a correlation of its scores."""
+    """Keys of `MEASURES` that convert exactly into a correlation of its scores."""
 
     inputs: tuple[str, ...]
     matrix: Matrix
@@ -91,10 +91,9 @@ class EllipticalCopula(Dependence):
     @property
     def description(self) -> str:
         pairs = [
-            f"{one} and {other} {self.matrix[row][column]:.4g}"
-            for row, one in enumerate(self.inputs)
-            for column, other in enumerate(self.inputs)
-            if row < column and self.matrix[row][column]
+            f"{one} and {other} {correlation:.4g}"
+            for (row, one), (column, other) in combinations(enumerate(self.inputs), 2)
+            if (correlation := self.matrix[row][column])
         ]
         scores = self.measures[0].replace("-", " ")
         return f"correlation of {scores}: {', '.join(pairs or ['none'])}"
@@ -126,10 +125,6 @@ class GaussianCopula(EllipticalCopula):
 
     measures = ("normal-scores", "ranks", "kendall")
 
-    @property
-    def title(self) -> str:
-        return "gaussian copula"
-
     def score(self, probability: FloatArray) -> FloatArray:
         return special.ndtri(probability)
 
@@ -156,10 +151,6 @@ class StudentCopula(EllipticalCopula):
     measures = ("t-scores", "kendall")
 
     degrees: float = number(above=1, below=1000, default=4.0)
-
-    @property
-    def title(self) -> str:
-        return "student copula"
 
     @property
     def description(self) -> str:

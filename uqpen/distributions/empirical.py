@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.distributions.distribution import Distribution
 
 __all__ = ["Empirical"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -22,8 +20,8 @@ class Empirical(Distribution):
     """Empirical distribution: quantiles are interpolated linearly between measurements.
 
     The measurement of rank ``i`` of ``n`` is the quantile of ``(i - 1/2) / n``; beyond the first
-    and the last the quantile stays what it is. So nothing is ever drawn outside the measured
-    range, whatever the truth does there, and the mean is exactly the measurements'.
+    and the last the quantile is constant. So no draw lies outside the measured range, and the mean
+    is exactly that of the measurements.
 
     Parameters
     ----------

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import optimize, special
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem, SettingsError
 from uqpen.distributions.continuous import (
     Gamma,
@@ -24,9 +24,8 @@ from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
 
 __all__ = ["FAMILIES", "LOWEST_P_VALUE", "NOT_FITTABLE", "DistributionFit", "fit_distribution"]
 
-FloatArray = npt.NDArray[np.float64]
 
-# Samples of the bootstrap: enough to distinguish a probability of 0.05 from 0.03 and 0.07.
+# Bootstrap samples: enough to distinguish a probability of 0.05 from 0.03 and 0.07.
 _SAMPLES = 999
 
 # Most measurements in all samples; a hundred samples still distinguish a bad fit from a good one.
@@ -44,15 +43,15 @@ NOT_FITTABLE = {
 
 @dataclass(frozen=True)
 class DistributionFit:
-    """Distribution fitted to measurements.
+    """Distribution fitted to measurements by maximum likelihood.
 
     Parameters
     ----------
     distribution : Distribution
-        With the likeliest parameters.
+        The fitted distribution.
     distance : float
-        The Kolmogorov-Smirnov distance: the largest difference between its distribution function
-        and the measurements'.
+        Kolmogorov-Smirnov distance: the largest difference of its cdf from that of the
+        measurements.
     p_value : float
         Share of samples of the fitted distribution, each fitted anew, that lie as far from their
         fit as the measurements from theirs.
@@ -108,8 +107,7 @@ def _maximum_likelihood(family: str, measurements: FloatArray) -> Distribution:
     if family in _POSITIVE and not (measurements > 0).all():
         found = f"a measurement of {measurements.min():g}"
         raise SettingsError([Problem((), found, f"values above 0, as those of a {family} law are")])
-    # In units of a power of two near their size, which is exact: powers then neither overflow nor
-    # vanish.
+    # Scaled by a power of two near their size, which is exact: powers neither overflow nor vanish.
     size = math.ldexp(1.0, math.frexp(float(np.abs(measurements).max()))[1] - 1)
     try:
         with np.errstate(all="ignore"):
@@ -117,7 +115,7 @@ def _maximum_likelihood(family: str, measurements: FloatArray) -> Distribution:
             if distribution.is_finite:
                 return distribution
     except (ArithmeticError, ValueError, RuntimeError):
-        pass  # of equations that have no solution within double precision
+        pass  # the equations have no solution within double precision
     found = f"measurements too far apart, or too near each other, for a {family} law"
     raise SettingsError([Problem((), found, "another family")])
 
@@ -128,10 +126,6 @@ def _distance(distribution: Distribution, measurements: FloatArray) -> float:
     return float(max((steps[1:] - probabilities).max(), (probabilities - steps[:-1]).max()))
 
 
-def _normal(x: FloatArray, size: float) -> Normal:
-    return Normal(float(x.mean()) * size, float(x.std()) * size)
-
-
 def _lognormal(x: FloatArray, size: float) -> Lognormal:
     logarithms = np.log(x)
     variance = float(logarithms.var())
@@ -139,12 +133,8 @@ def _lognormal(x: FloatArray, size: float) -> Lognormal:
     return Lognormal(mean, mean * math.sqrt(math.expm1(variance)))
 
 
-def _uniform(x: FloatArray, size: float) -> Uniform:
-    return Uniform(float(x.min() * size), float(x.max() * size))
-
-
-def _log_uniform(x: FloatArray, size: float) -> LogUniform:
-    return LogUniform(float(x.min() * size), float(x.max() * size))
+def _ends(x: FloatArray, size: float) -> tuple[float, float]:
+    return float(x.min() * size), float(x.max() * size)
 
 
 def _gamma(x: FloatArray, size: float) -> Gamma:
@@ -201,10 +191,10 @@ def _root(slope: Callable[[float], float], low: float, high: float, scatter: flo
 
 
 FAMILIES: dict[str, Callable[[FloatArray, float], Distribution]] = {
-    "normal": _normal,
+    "normal": lambda x, size: Normal(float(x.mean()) * size, float(x.std()) * size),
     "lognormal": _lognormal,
-    "uniform": _uniform,
-    "log-uniform": _log_uniform,
+    "uniform": lambda x, size: Uniform(*_ends(x, size)),
+    "log-uniform": lambda x, size: LogUniform(*_ends(x, size)),
     "gamma": _gamma,
     "weibull": _weibull,
     "gumbel": _gumbel,

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import DEPENDENCE, ROLE, RUN
 from uqpen.core.model import Input
@@ -18,22 +18,10 @@ from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
 
 __all__ = ["FixedInput", "JointDistribution", "RandomInput", "points_dataset"]
 
-FloatArray = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class FixedInput:
-    """An input with one value.
-
-    Parameters
-    ----------
-    variable : Input
-        The input.
-    value : float
-        In its SI unit.
-    display_unit : str
-        The unit to show it in.
-    """
+    """An input with one value, in its SI unit."""
 
     variable: Input
     value: float
@@ -47,16 +35,10 @@ class FixedInput:
 
 @dataclass(frozen=True)
 class RandomInput:
-    """An input with a distribution.
+    """An input with a distribution over its SI unit.
 
     Parameters
     ----------
-    variable : Input
-        The input.
-    distribution : Distribution
-        Over its SI unit.
-    display_unit : str
-        The unit to show it in.
     description : str
         The distribution as its author wrote it.
     fit : mapping of str to str, int or float
@@ -87,7 +69,7 @@ class JointDistribution:
     inputs : tuple of FixedInput or RandomInput
         At most one of each name.
     variables : tuple of Input
-        All that the model takes: a table of points may give those that the study does not.
+        All inputs of the model: a table of points may give some that the study does not.
     dependence : Dependence, optional
         The copula of some of the random inputs; the others are independent.
     """
@@ -120,7 +102,7 @@ class JointDistribution:
         """Return one value for each input: the fixed one, or the median."""
         return {entry.variable.name: entry.nominal for entry in self.inputs}
 
-    def points(self, unit: FloatArray, coordinates: Mapping[str, FloatArray]) -> xr.Dataset:
+    def points(self, unit: FloatArray, coordinates: Arrays) -> xr.Dataset:
         """Map points of the unit cube to the input space.
 
         Parameters
@@ -129,11 +111,6 @@ class JointDistribution:
             Independent probabilities, one column for each random input in order.
         coordinates : mapping of str to ndarray, shape (run,)
             Coordinates of the design for an analysis, such as the replicate.
-
-        Returns
-        -------
-        Dataset
-            A variable for each input, along ``run`` where it is random.
         """
         values = self.ppf(self.conditional_probabilities(unit, {}))
         return points_dataset(self, values, coordinates, runs=len(unit))
@@ -146,16 +123,15 @@ class JointDistribution:
         Parameters
         ----------
         unit : ndarray, shape (run, random input)
-            Independent probabilities; the columns of given inputs are not looked at.
+            Independent probabilities; the columns of given inputs are ignored.
         given : mapping of int to ndarray, shape (run,)
             By position in `random`, the probability below each given value: 0.5 for a median.
-            With none, draws are of the joint distribution itself.
+            If empty, draws are of the joint distribution itself.
 
         Returns
         -------
         ndarray, shape (run, random input)
-            Argument for `ppf`. The given columns stand as they are given; of independent inputs,
-            the others do so too.
+            Argument for `ppf`. Given columns are unchanged, and those of independent inputs too.
         """
         points = np.clip(unit, *OPEN_INTERVAL)
         for position, column in given.items():
@@ -165,7 +141,7 @@ class JointDistribution:
         names = [entry.variable.name for entry in self.random]
         joined = [names.index(name) for name in self.dependence.inputs]
         among = {joined.index(key): column for key, column in given.items() if key in joined}
-        points[:, joined] = self.dependence.conditional_points(points[:, joined], among)
+        points[:, joined] = self.dependence.inverse_rosenblatt(points[:, joined], among)
         return points
 
     def ppf(self, probabilities: FloatArray) -> dict[str, FloatArray]:
@@ -184,34 +160,28 @@ class JointDistribution:
 
 
 def points_dataset(
-    joint: JointDistribution,
-    values: Mapping[str, FloatArray],
-    coordinates: Mapping[str, FloatArray],
-    *,
-    runs: int,
+    joint: JointDistribution, values: Arrays, coordinates: Arrays, *, runs: int
 ) -> xr.Dataset:
     """Return points as a dataset; fixed inputs that `values` does not contain are added."""
     fixed = {entry.variable.name: entry.value for entry in joint.fixed}
+    fits = {entry.variable.name: entry.fit for entry in joint.random}
     variables: dict[str, Any] = {}
+    # One of several models may not take an input, which is described all the same.
     for variable in joint.variables:
-        if variable.name in values:
-            variables[variable.name] = (RUN, values[variable.name])
-        elif variable.name in fixed:
-            variables[variable.name] = ((), fixed[variable.name])
+        name = variable.name
+        attributes = {
+            "long_name": variable.title,
+            ROLE: "input",
+            "units": variable.unit,
+            "display_units": variable.preferred_unit,
+            **fits.get(name, {}),
+        }
+        if name in values:
+            variables[name] = (RUN, values[name], attributes)
+        elif name in fixed:
+            variables[name] = ((), fixed[name], attributes)
     indexes = {name: (RUN, column) for name, column in coordinates.items()}
     points = xr.Dataset(variables, {RUN: np.arange(runs), **indexes})
-    # Of several models one may not take an input, which is described all the same.
-    for variable in joint.variables:
-        if variable.name in points:
-            points[variable.name].attrs = {
-                "long_name": variable.title,
-                ROLE: "input",
-                "units": variable.unit,
-                "display_units": variable.preferred_unit,
-            }
-    for entry in joint.random:
-        if entry.variable.name in points:
-            points[entry.variable.name].attrs.update(entry.fit)
     if joint.dependence is not None:
         points.attrs[DEPENDENCE] = str(joint.dependence)
     return points

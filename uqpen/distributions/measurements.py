@@ -8,8 +8,8 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.columns import Column, ColumnFile, read_columns
 from uqpen.core.errors import Problem, TableError
 from uqpen.core.files import FileSnapshot
@@ -28,10 +28,9 @@ __all__ = [
     "value_text",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 
 # On average, a share (n - 1) / (n + 1) of the distribution lies between the least and the greatest
-# of n measurements. An empirical distribution has nothing else; with ten it has 82 %.
+# of n measurements. An empirical distribution has no more than this share: 82 % for n = 10.
 FEWEST = 10
 
 # A family adds the rest of the distribution. More measurements than its two parameters are needed
@@ -66,17 +65,12 @@ class Measurements:
         return read_columns(self.file)
 
     def column(self, heading: str) -> Column:
-        """Return the column with a heading, which may include its unit.
-
-        Parameters
-        ----------
-        heading : str
-            Empty for the only column of a file.
+        """Return the column with a heading, with or without its unit; empty for the only column.
 
         Raises
         ------
         TableError
-            If it is none, or more than one.
+            If there is none, or more than one.
         """
         headings = [column.heading for column in self.columns]
         if not heading and len(headings) > 1:
@@ -121,12 +115,12 @@ def parameters_text(distribution: Distribution, unit: str) -> str:
     for field, setting in declared_settings(distribution):
         value = getattr(distribution, field.name)
         if setting.kind == "quantity":
-            parts.append(f"{field.name} {value_text(value, unit)}")
+            text = value_text(value, unit)
         elif setting.kind == "difference":
-            difference = _with_unit(scale(unit).difference_from_si(value), unit)
-            parts.append(f"{field.name} {difference}")
+            text = _with_unit(scale(unit).difference_from_si(value), unit)
         else:
-            parts.append(f"{field.name} {value:.4g}")
+            text = f"{value:.4g}"
+        parts.append(f"{field.name} {text}")
     return ", ".join(parts)
 
 

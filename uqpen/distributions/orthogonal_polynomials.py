@@ -16,27 +16,25 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import linalg, special
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.distributions.continuous import Beta, Gamma, Lognormal, Normal, Uniform
 from uqpen.distributions.distribution import Distribution
 
 __all__ = ["Recurrence", "recurrence"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # A distribution is integrated over z, where Φ(z) is the probability below. The range ends here,
 # where Φ(-z) is almost the smallest probability that a double can represent.
 _FARTHEST = 37.0
-# Every distribution has a value up to here, where its draws end
-# (`uqpen.distributions.distribution.OPEN_INTERVAL`).
+# Every distribution has a value up to here, where its draws end (see `OPEN_INTERVAL`).
 _GIVEN_UP = 8.2
 _PANELS = 148
 _NODES_PER_PANEL = 20
 # Two halves of a panel must agree with the whole to this, relative to the distribution's spread.
 _AGREEMENT = 1e-14
-# A panel is halved until what it holds of a corner or a jump is below rounding.
+# A panel is halved until its share of a corner or a jump is below rounding.
 _HALVINGS = 48
 # A distribution of n values has n polynomials; the remainder for the next is rounding.
 _NOTHING = 1e-10
@@ -104,8 +102,8 @@ def recurrence(distribution: Distribution, order: int) -> Recurrence:
     Parameters
     ----------
     distribution : Distribution
-        Any one with a quantile function. The classical ones have formulas; the coefficients of any
-        other are those of its quantile function, integrated to rounding.
+        The classical ones have formulas. The coefficients of any other follow from its quantile
+        function, integrated to rounding.
     order : int
         The highest k of the coefficients.
     """
@@ -226,21 +224,22 @@ def _has_converged(
     upper: FloatArray,
     values: FloatArray,
     weights: FloatArray,
-) -> npt.NDArray[np.bool_]:
+) -> BoolArray:
     """Return a mask of the panels whose first two moments agree with those of their halves."""
     low, middle, high = _values(distribution, np.array([-1.0, 0.0, 1.0]))
     between = (lower + upper) / 2
     moments = np.zeros((2, len(lower)))
+    spread = (high - low) or 1.0
     for sign, (x, weight) in (
         (1, (values, weights)),
         (-1, _panel_nodes(distribution, lower, between)),
         (-1, _panel_nodes(distribution, between, upper)),
     ):
-        t = (x - middle) / ((high - low) or 1.0)
+        t = (x - middle) / spread
         moments += sign * np.stack([(t * weight).sum(axis=1), (t**2 * weight).sum(axis=1)])
-    largest = np.abs((values - middle) / ((high - low) or 1.0)).max(axis=1)
+    largest = np.abs((values - middle) / spread).max(axis=1)
     allowed = _AGREEMENT * np.clip(largest, 1.0, 1e3)
-    settled: npt.NDArray[np.bool_] = (np.abs(moments) <= allowed).all(axis=0)
+    settled: BoolArray = (np.abs(moments) <= allowed).all(axis=0)
     return settled
 
 

@@ -7,14 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.distributions.distribution import Distribution, order_problem
 
 __all__ = ["Truncated"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -49,21 +47,24 @@ class Truncated(Distribution):
 
     def cdf(self, value: FloatArray) -> FloatArray:
         x = np.clip(value, self.lower, self.upper)
-        parent, lower = self.parent, np.array(self.lower)
-        if self._is_upper_tail():
-            return (parent.sf(lower) - parent.sf(x)) / self._mass()
-        return (parent.cdf(x) - parent.cdf(lower)) / self._mass()
+        return self._probability(np.array(self.lower), x) / self._mass()
 
     def sf(self, value: FloatArray) -> FloatArray:
         x = np.clip(value, self.lower, self.upper)
-        parent, upper = self.parent, np.array(self.upper)
-        if self._is_upper_tail():
-            return (parent.sf(x) - parent.sf(upper)) / self._mass()
-        return (parent.cdf(upper) - parent.cdf(x)) / self._mass()
+        return self._probability(x, np.array(self.upper)) / self._mass()
 
     def _is_upper_tail(self) -> bool:
         """Check that the support lies in the parent's upper half, where 1 - F is accurate."""
         return bool(self.parent.cdf(np.array(self.lower)) > 0.5)
+
+    def _probability(self, lower: FloatArray, upper: FloatArray) -> FloatArray:
+        """Return the parent's probability between two values."""
+        if self._is_upper_tail():
+            return self.parent.sf(lower) - self.parent.sf(upper)
+        return self.parent.cdf(upper) - self.parent.cdf(lower)
+
+    def _mass(self) -> float:
+        return float(self._probability(np.array(self.lower), np.array(self.upper)))
 
     def _has_mass(self) -> bool:
         try:
@@ -71,18 +72,10 @@ class Truncated(Distribution):
         except ArithmeticError:
             return False  # parameters so large or small that the formulas overflow
 
-    def _mass(self) -> float:
-        lower, upper = np.array(self.lower), np.array(self.upper)
-        if self._is_upper_tail():
-            return float(self.parent.sf(lower) - self.parent.sf(upper))
-        return float(self.parent.cdf(upper) - self.parent.cdf(lower))
-
     def _inverse(self, probability: FloatArray, complement: FloatArray) -> FloatArray:
-        lower, upper = np.array(self.lower), np.array(self.upper)
-        if self._is_upper_tail():
-            ends = self.parent.sf(lower), self.parent.sf(upper)
-            value = self.parent.isf(complement * ends[0] + probability * ends[1])
-        else:
-            ends = self.parent.cdf(lower), self.parent.cdf(upper)
-            value = self.parent.ppf(complement * ends[0] + probability * ends[1])
-        return np.clip(value, self.lower, self.upper)
+        parent = self.parent
+        tail, inverse = (
+            (parent.sf, parent.isf) if self._is_upper_tail() else (parent.cdf, parent.ppf)
+        )
+        lower, upper = tail(np.array(self.lower)), tail(np.array(self.upper))
+        return np.clip(inverse(complement * lower + probability * upper), self.lower, self.upper)

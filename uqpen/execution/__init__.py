@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqpen.execution.batch import Map
-from uqpen.execution.evaluate import evaluate
+from uqpen.execution.evaluation import evaluate
 from uqpen.execution.evaluator import Evaluator
 from uqpen.execution.failures import FailurePolicy
 from uqpen.execution.progress import Progress

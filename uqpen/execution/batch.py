@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import Arrays
 from uqpen.core.limits import Limits
 from uqpen.core.model import Results
 from uqpen.core.status import Status
@@ -18,26 +18,18 @@ __all__ = ["Batch", "BatchResult", "Map", "PacedMap", "Work", "join_results"]
 
 @dataclass(frozen=True)
 class Batch:
-    """Runs that are made together.
-
-    Parameters
-    ----------
-    start : int
-        The number of the first; the others follow it.
-    inputs : mapping of str to ndarray, shape (run,)
-        SI values.
-    """
+    """Consecutive runs that are made together: the number of the first, and inputs in SI units."""
 
     start: int
-    inputs: Mapping[str, npt.NDArray[np.float64]]
+    inputs: Arrays
 
     def __len__(self) -> int:
         return len(next(iter(self.inputs.values())))
 
-    def halves(self) -> Iterator[Batch]:
+    def halves(self) -> tuple[Batch, Batch]:
         """Split the batch into two; it must have two runs at least."""
         middle = len(self) // 2
-        yield from (self._slice(0, middle), self._slice(middle, len(self)))
+        return self._slice(0, middle), self._slice(middle, len(self))
 
     def singles(self) -> Iterator[Batch]:
         """Split the batch into batches of one run."""
@@ -50,16 +42,9 @@ class Batch:
 
 @dataclass(frozen=True)
 class BatchResult:
-    """Result of a batch, or of a part of one.
+    """Result of a batch, or of a part of one, which begins at the run `start`.
 
-    Parameters
-    ----------
-    start : int
-        The number of its first run.
-    results : Results
-        The results of that run and of those that follow.
-    warnings : tuple of str
-        Warnings that Python issued meanwhile; they change no result.
+    Warnings are those that Python issued meanwhile; they change no result.
     """
 
     start: int
@@ -96,25 +81,20 @@ class Work(Protocol):
     @property
     def limits(self) -> Limits:
         """Resource limits of one run."""
-        ...
 
     @property
     def is_untrusted(self) -> bool:
         """True if it calls code that can hang or kill the process it is called in."""
-        ...
 
     @property
     def retries(self) -> int:
         """Number of further attempts at a missing run."""
-        ...
 
     def __call__(self, batch: Batch, /) -> BatchResult:
         """Return the result of a batch."""
-        ...
 
     def failed_result(self, batch: Batch, status: Status, reason: str) -> BatchResult:
         """Return the result of a batch whose runs all failed for one reason."""
-        ...
 
 
 # Like the built-in `map`, which is one; but results may come in any order, several for a batch.
@@ -123,13 +103,7 @@ Map = Callable[[Work, Iterable[Batch]], Iterable[BatchResult]]
 
 @runtime_checkable
 class PacedMap(Protocol):
-    """Map that declares the intended duration of a batch, as sending one takes time.
-
-    Attributes
-    ----------
-    worth_sending : float
-        Seconds.
-    """
+    """Map that declares the intended duration of a batch in seconds, as sending one takes time."""
 
     worth_sending: float
 

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import Arrays, BoolArray
 from uqpen.core.streams import BLOCK
 from uqpen.execution.batch import Batch
 
 __all__ = ["WORTH_SENDING", "Pace", "scalar_batches", "vectorized_batches"]
 
-Columns = Mapping[str, npt.NDArray[np.float64]]
-BoolArray = npt.NDArray[np.bool_]
 
-# Into how many batches the runs of a vectorised model are divided, how small and how large.
+# Number of batches of a vectorised model, and their smallest size.
 _BATCHES, _SMALLEST = 16, 1024
 
 # Intended duration of the runs of one batch, in seconds: a crash must not
@@ -25,22 +23,22 @@ _BATCHES, _SMALLEST = 16, 1024
 WORTH_SENDING = 0.01
 _MOST_AT_ONCE = 1024
 
-# Over how many answers the pace is measured.
+# Number of answers over which the pace is measured.
 _WINDOW = 32
 
 
-def vectorized_batches(columns: Columns, done: BoolArray) -> Iterator[Batch]:
-    """Yield batches for a model that takes many runs at a time.
+def vectorized_batches(columns: Arrays, done: BoolArray) -> Iterator[Batch]:
+    """Yield batches for a model that takes many runs at a time, except those that are wholly done.
 
-    They follow from how many runs there are, and from nothing else: a function of the user's own
-    may give other last bits in another batch. So one that is not wholly done is made as a whole.
+    They depend on the number of runs alone: a user's function may give other last bits in another
+    batch. So a batch that is done in part is made again as a whole.
 
     Parameters
     ----------
     columns : mapping of str to ndarray, shape (run,)
         The inputs.
     done : ndarray of bool, shape (run,)
-        Mask of the runs that have been made before.
+        Mask of the runs made before.
     """
     runs = len(done)
     size = min(max(-(-runs // _BATCHES), _SMALLEST), BLOCK)
@@ -49,17 +47,10 @@ def vectorized_batches(columns: Columns, done: BoolArray) -> Iterator[Batch]:
             yield _batch(columns, start, start + size)
 
 
-def scalar_batches(columns: Columns, done: BoolArray, pace: Pace) -> Iterator[Batch]:
+def scalar_batches(columns: Arrays, done: BoolArray, pace: Pace) -> Iterator[Batch]:
     """Yield batches for a model that takes a run at a time; their size depends on its pace.
 
-    Parameters
-    ----------
-    columns : mapping of str to ndarray, shape (run,)
-        The inputs.
-    done : ndarray of bool, shape (run,)
-        Mask of the runs that have been made before.
-    pace : Pace
-        The rate at which runs complete.
+    The other arguments are those of `vectorized_batches`.
     """
     # Start and end of each stretch of runs to make.
     edges = np.flatnonzero(np.diff(~done, prepend=False, append=False))
@@ -73,12 +64,8 @@ def scalar_batches(columns: Columns, done: BoolArray, pace: Pace) -> Iterator[Ba
 class Pace:
     """Rate at which runs complete; no result depends on it.
 
-    Parameters
-    ----------
-    worth_sending : float
-        Intended duration of the runs that are sent at once, in seconds.
-    is_alone : bool
-        Whether each run is sent by itself, because its time is limited.
+    `worth_sending` is the intended duration of the runs that are sent at once, in seconds. A run
+    with limits is sent alone.
     """
 
     def __init__(self, worth_sending: float, *, is_alone: bool = False) -> None:
@@ -102,5 +89,5 @@ class Pace:
         return max(1, int(runs * self._worth_sending / took))
 
 
-def _batch(columns: Columns, start: int, end: int) -> Batch:
+def _batch(columns: Arrays, start: int, end: int) -> Batch:
     return Batch(start, {name: column[start:end] for name, column in columns.items()})

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
-import numpy as np
-import numpy.typing as npt
-
+from uqpen.core.arrays import Arrays
 from uqpen.execution.batch import BatchResult
 
 __all__ = ["Checkpoint"]
@@ -15,17 +13,9 @@ __all__ = ["Checkpoint"]
 class Checkpoint:
     """Store of finished runs of a model over points; this base class stores none."""
 
-    def restore(self, inputs: Mapping[str, npt.NDArray[np.float64]]) -> Iterator[BatchResult]:
-        """Yield the stored runs at these points.
-
-        Parameters
-        ----------
-        inputs : mapping of str to ndarray, shape (run,)
-            All points, in SI units.
-        """
+    def restore(self, inputs: Arrays) -> Iterator[BatchResult]:
+        """Yield the stored runs at these points, all points of a round in SI units."""
         yield from ()
 
-    def save(
-        self, inputs: Mapping[str, npt.NDArray[np.float64]], batch_result: BatchResult
-    ) -> None:
+    def save(self, inputs: Arrays, batch_result: BatchResult) -> None:
         """Store a batch result of the runs at these points."""

@@ -19,28 +19,17 @@ _one_at_a_time = threading.Lock()
 def run_in_child(work: Work, batch: Batch, pickled: bytes = b"") -> BatchResult:
     """Run a batch in a child of this process; the first call starts it, later ones use it again.
 
-    Parameters
-    ----------
-    work : Work
-        Its limits are enforced.
-    batch : Batch
-        If one of its runs kills the child, that run fails as *crashed*, and no other.
-    pickled : bytes
-        The work as it is sent to the child; empty where it has not been pickled yet.
+    The limits of the work are enforced. A run that kills the child fails as *crashed*, and no
+    other. `pickled` is the work as it is sent to the child, if it has been pickled before.
     """
-    # A limit is one run's.
+    # Limits are those of one run.
     batches = batch.singles() if work.limits else [batch]
     with _one_at_a_time:
         batch_results = list(_child_pool()(work, batches, pickled))
-    batch_results.sort(key=lambda batch_result: batch_result.start)
-    warnings = dict.fromkeys(
-        text for batch_result in batch_results for text in batch_result.warnings
-    )
-    return BatchResult(
-        batch.start,
-        join_results([batch_result.results for batch_result in batch_results]),
-        tuple(warnings),
-    )
+    batch_results.sort(key=lambda part: part.start)
+    warnings = dict.fromkeys(text for part in batch_results for text in part.warnings)
+    results = join_results([part.results for part in batch_results])
+    return BatchResult(batch.start, results, tuple(warnings))
 
 
 def _child_pool() -> ProcessPool:

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Cluster", "cluster"]
 
-# Batches that are under way, for each thread of the cluster: one to work on, others on their way.
+# Batches in progress for each thread of the cluster: one to work on, and others on their way.
 _AHEAD = 16
 
 # Time limit for reaching the scheduler, in seconds.
 _PATIENCE = 15
 
-# Who logs what becomes of connections; the second has a level of its own.
+# Loggers of connections; the second has a level of its own.
 _LOGS = ("distributed", "distributed.client", "tornado.application")
 
 
@@ -47,9 +47,8 @@ def cluster(scheduler: str) -> Iterator[Cluster]:
     try:
         from distributed import Client
     except ImportError:
-        raise ClusterError(
-            'a Dask cluster needs the extra "cluster": pip install "uqpen[cluster]"'
-        ) from None
+        needed = 'a Dask cluster needs the extra "cluster": pip install "uqpen[cluster]"'
+        raise ClusterError(needed) from None
     # Errors report the state of a connection; its log would interrupt the printed tables.
     for name in _LOGS:
         logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -69,13 +68,7 @@ def cluster(scheduler: str) -> Iterator[Cluster]:
 
 
 class Cluster:
-    """The workers of a Dask cluster; `cluster` connects to one.
-
-    Parameters
-    ----------
-    client : Client
-        Connected to its scheduler.
-    """
+    """The workers of a Dask cluster, as a map; `cluster` connects to one."""
 
     # A task costs the scheduler a millisecond or two, so it should be worth a fifth of a second.
     worth_sending = 0.2
@@ -87,31 +80,25 @@ class Cluster:
         """Yield the results of batches as they complete."""
         from distributed import as_completed
 
-        call = TaskQueue(work, batches, _AHEAD * self._threads())
+        threads = max(1, sum(self._client.nthreads().values()))
+        call = TaskQueue(work, batches, _AHEAD * threads)
         under_way: dict[Future[BatchResult], Task] = {}
         coming = as_completed(loop=self._client.loop, with_results=True, raise_errors=False)
         try:
             while call.fill():
                 tasks = list(call.start_all())
-                # Never pure: a batch that is made again is not the result of before.
-                futures = self._client.map(
-                    _run_batch,
-                    [call.pickled] * len(tasks),
-                    [task.batch for task in tasks],
-                    pure=False,
-                )
+                # Never pure: a batch that is made again must not get its earlier result.
+                batches_to_run = [task.batch for task in tasks]
+                pickled = [call.pickled] * len(tasks)
+                futures = self._client.map(_run_batch, pickled, batches_to_run, pure=False)
                 under_way.update(zip(futures, tasks, strict=True))
                 coming.update(futures)
-                for future, piece in coming.next_batch(block=True):
-                    self._record(call, future, under_way.pop(future), piece)
+                for future, batch_result in coming.next_batch(block=True):
+                    self._record(call, future, under_way.pop(future), batch_result)
                 yield from call.completed()
         finally:
             if under_way:
                 self._client.cancel(list(under_way), force=True)
-
-    def _threads(self) -> int:
-        """Return the number of batches that the cluster can work on at once, now."""
-        return max(1, sum(self._client.nthreads().values()))
 
     def _record(
         self, call: TaskQueue, future: Future[BatchResult], task: Task, batch_result: BatchResult

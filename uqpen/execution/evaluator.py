@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.limits import Limits
 from uqpen.core.model import Arrays, Model, Results, violated_conditions
 from uqpen.core.status import Status
@@ -21,7 +21,6 @@ from uqpen.execution.process_role import is_child_process
 
 __all__ = ["Evaluator", "EvaluatorWork"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Most warnings of one batch; a model may warn at every run.
 _MOST_WARNINGS = 16
@@ -54,54 +53,33 @@ class Evaluator:
                 reasons[run] = reason
             status[violated] = Status.INADMISSIBLE
         outputs = {output.name: np.full(runs, np.nan) for output in self.model.outputs}
-        files: frozenset[str] = frozenset()
         admissible = np.flatnonzero(status == Status.OK)
-        if admissible.size:
-            # A constraint may be on an input that this model of several does not take.
-            taken = [variable.name for variable in self.model.inputs if variable.name in inputs]
-            some = {name: inputs[name][admissible] for name in taken}
-            results = self.model.evaluate(some)
-            self._fill(admissible, results, outputs, status, reasons)
-            files = results.files
-        return Results(outputs, status, reasons, files)
+        if not admissible.size:
+            return Results(outputs, status, reasons)
+        # A constraint may be on an input that this model of several does not take.
+        taken = [variable.name for variable in self.model.inputs if variable.name in inputs]
+        results = self.model.evaluate({name: inputs[name][admissible] for name in taken})
+        status[admissible] = results.status
+        reasons |= {int(admissible[run]): reason for run, reason in results.reasons.items()}
+        for name, values in results.outputs.items():
+            outputs[name][admissible] = values
+            broken = admissible[~np.isfinite(values) & (status[admissible] == Status.OK)]
+            status[broken] = Status.NOT_FINITE
+            for run in broken.tolist():
+                reasons[run] = f"{name} is {outputs[name][run]}"
+        for values in outputs.values():
+            values[status != Status.OK] = np.nan
+        return Results(outputs, status, reasons, results.files)
 
     def _violations(self, inputs: dict[str, FloatArray]) -> Iterator[tuple[Any, str]]:
         yield from violated_conditions(self.model, inputs)
         for constraint in self.constraints:
             yield ~constraint.is_satisfied(inputs), constraint.text
 
-    def _fill(
-        self,
-        runs: npt.NDArray[np.int64],
-        results: Results,
-        outputs: dict[str, FloatArray],
-        status: npt.NDArray[np.int8],
-        reasons: dict[int, str],
-    ) -> None:
-        """Insert a model's results, and mark the runs with values that are not finite."""
-        status[runs] = results.status
-        reasons.update({int(runs[run]): reason for run, reason in results.reasons.items()})
-        for name, values in results.outputs.items():
-            outputs[name][runs] = values
-            broken = runs[~np.isfinite(values) & (status[runs] == Status.OK)]
-            status[broken] = Status.NOT_FINITE
-            for run in broken.tolist():
-                reasons[run] = f"{name} is {outputs[name][run]}"
-        for values in outputs.values():
-            values[status != Status.OK] = np.nan
-
 
 @dataclass(frozen=True)
 class EvaluatorWork:
-    """Evaluator as work for an executor.
-
-    Parameters
-    ----------
-    evaluator : Evaluator
-        It makes the runs of a batch.
-    retries : int
-        Number of further attempts at a missing run.
-    """
+    """Evaluator as work for an executor, with a number of further attempts at a missing run."""
 
     evaluator: Evaluator
     retries: int = 0

@@ -45,15 +45,7 @@ class FailurePolicy:
 
 @dataclass
 class FailureCount:
-    """Count of a model's missing runs in a design so far.
-
-    Parameters
-    ----------
-    allowed : float
-        The share that may be missing, from 0 to 1.
-    runs : int
-        Number of runs in all.
-    """
+    """Count of a model's missing runs in a design so far; `allowed` is a share of all `runs`."""
 
     allowed: float
     runs: int
@@ -71,15 +63,12 @@ class FailureCount:
         TooManyFailedError
             If there are now more than are allowed.
         """
-        status = batch_result.results.status
-        failed = [
-            run
-            for run in np.flatnonzero(status > Status.INADMISSIBLE).tolist()
-            if batch_result.start + run not in self.counted
-        ]
-        self.counted.update(batch_result.start + run for run in failed)
-        self.statuses.update(Status(int(status[run])) for run in failed)
-        self.reasons.update(batch_result.results.reasons[run] for run in failed)
+        start, results = batch_result.start, batch_result.results
+        missing = np.flatnonzero(results.status > Status.INADMISSIBLE).tolist()
+        failed = [run for run in missing if start + run not in self.counted]
+        self.counted.update(start + run for run in failed)
+        self.statuses.update(Status(int(results.status[run])) for run in failed)
+        self.reasons.update(results.reasons[run] for run in failed)
         # 29 of 100 are no more than 0.29, although 0.29 * 100 < 29 in floating point.
         if failed and self.statuses.total() > self.allowed * self.runs * (1 + _ROUNDING):
             raise TooManyFailedError(self._message())

@@ -10,19 +10,15 @@ from pathlib import Path
 
 __all__ = ["CAN_LIMIT", "limit_memory"]
 
-# Elsewhere the limit can be set and is not kept, or there is none.
+# Other systems have no such limit, or do not enforce it.
 CAN_LIMIT = sys.platform == "linux"
 
 
 @contextlib.contextmanager
 def limit_memory(memory: int | None) -> Iterator[None]:
-    """Limit the additional memory of this process within this context.
+    """Limit the additional memory of this process, in bytes, within this context.
 
-    Parameters
-    ----------
-    memory : int or None
-        In bytes; None for no limit. What asks for more gets a MemoryError, or from C a null
-        pointer.
+    A request for more raises a MemoryError; C code gets a null pointer.
     """
     if memory is None or not CAN_LIMIT:
         yield

@@ -8,11 +8,11 @@ _is_child_process = False
 
 
 def is_child_process() -> bool:
-    """Return whether this process is one that another can end, should a run hang."""
+    """Check that another process can end this one, should a run hang."""
     return _is_child_process
 
 
 def mark_as_child_process() -> None:
-    """Note that this process is one that another can end."""
+    """Record that another process can end this one."""
     global _is_child_process
     _is_child_process = True

@@ -15,7 +15,7 @@ from uqpen.execution.worker import Worker, WorkerDiedError
 
 __all__ = ["ProcessPool", "processes"]
 
-# Batches that are under way or taken to be begun next, for each worker.
+# Batches for each worker: one in progress, and one to begin next.
 _AHEAD = 2
 
 
@@ -27,15 +27,10 @@ def processes(workers: int) -> Iterator[ProcessPool]:
     that dies is replaced. Its batch is tried again, then halved, until the run that kills it is
     alone: that run fails as *crashed*, and no other.
 
-    Parameters
-    ----------
-    workers : int
-        Number of processes. No result depends on it.
-
     Raises
     ------
     SettingsError
-        If it is less than 1.
+        If the number of workers is less than 1.
     """
     if workers < 1:
         problem = Problem(("workers",), str(workers), "a number of processes, 1 or more")
@@ -71,10 +66,9 @@ class ProcessPool:
                 self._wait_for_workers(call)
                 yield from call.completed()
         finally:
-            # Only where the results are wanted no longer is anyone still busy.
+            # A worker is still busy only if the results are no longer wanted.
             for worker in [worker for worker in self._workers if worker.task is not None]:
-                self._workers.remove(worker)
-                worker.kill()
+                self._remove(worker)
 
     def start_workers(self) -> None:
         """Start as many workers as are missing."""
@@ -95,18 +89,22 @@ class ProcessPool:
             worker.kill()
         self._workers.clear()
 
+    def _remove(self, worker: Worker) -> None:
+        self._workers.remove(worker)
+        worker.kill()
+
     def _wait_for_workers(self, call: TaskQueue) -> None:
         """Wait until workers have answered or died, and record the results of their tasks."""
-        speakers = {sign: worker for worker in self._workers for sign in worker.waitables}
+        workers = {waitable: worker for worker in self._workers for waitable in worker.waitables}
         late_at = min(worker.late_at for worker in self._workers)
         patience = None if late_at == math.inf else max(0.0, late_at - time.monotonic())
-        for worker in dict.fromkeys(speakers[sign] for sign in wait(list(speakers), patience)):
+        ready = wait(list(workers), patience)
+        for worker in dict.fromkeys(workers[waitable] for waitable in ready):
             self._receive(worker, call)
         now = time.monotonic()
         for worker in [worker for worker in self._workers if worker.late_at < now]:
             if not worker.has_message:
-                self._workers.remove(worker)
-                worker.kill()
+                self._remove(worker)
                 call.record_timeout(worker.task)
 
     def _receive(self, worker: Worker, call: TaskQueue) -> None:
@@ -126,9 +124,8 @@ class ProcessPool:
             call.complete(answer)
 
     def _remove_dead(self, worker: Worker, call: TaskQueue, reason: str) -> None:
-        """Remove a worker that has died."""
-        self._workers.remove(worker)
-        worker.kill()
+        """Remove a worker that has died, and record its death."""
+        self._remove(worker)
         if not worker.is_ready:
             self._failed_starts += 1
             if self._failed_starts == TRIES:

@@ -14,17 +14,9 @@ __all__ = ["join_rounds", "status_counts", "worst_status_runs"]
 
 
 def join_rounds(rounds: Sequence[xr.Dataset]) -> xr.Dataset:
-    """Join the runs of several rounds of a design and number them consecutively.
+    """Join the runs of one or more rounds of a design, and number them consecutively.
 
-    Parameters
-    ----------
-    rounds : sequence of Dataset
-        Results of `evaluate`, at least one.
-
-    Returns
-    -------
-    Dataset
-        With the number of each run's round as a coordinate, where there is more than one.
+    If there are several, each run gets the number of its round as a coordinate.
     """
     if len(rounds) == 1:
         return rounds[0]
@@ -47,23 +39,16 @@ def join_rounds(rounds: Sequence[xr.Dataset]) -> xr.Dataset:
 def worst_status_runs(runs: Sequence[xr.Dataset]) -> xr.Dataset:
     """Return the runs of the first of several models, failed where the run of any model failed.
 
-    Parameters
-    ----------
-    runs : sequence of Dataset
-        Runs of several models at the same points, at least one.
-
-    Returns
-    -------
-    Dataset
-        Runs that are inadmissible to one model are inadmissible; others have the highest status.
+    All models have runs at the same points. A run that is inadmissible to one model is
+    inadmissible; others have the highest status.
     """
     first, *others = runs
     if not others:
         return first
     statuses = np.stack([each[STATUS].values for each in runs])
-    gravest = statuses.max(axis=0)
-    gravest[(statuses == Status.INADMISSIBLE).any(axis=0)] = Status.INADMISSIBLE
-    return first.assign({STATUS: first[STATUS].copy(data=gravest)})
+    worst = statuses.max(axis=0)
+    worst[(statuses == Status.INADMISSIBLE).any(axis=0)] = Status.INADMISSIBLE
+    return first.assign({STATUS: first[STATUS].copy(data=worst)})
 
 
 def status_counts(runs: xr.Dataset) -> dict[Status, int]:

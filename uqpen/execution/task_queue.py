@@ -19,17 +19,7 @@ TRIES = 3
 
 @dataclass
 class Task:
-    """Batch with the number of its failed attempts.
-
-    Parameters
-    ----------
-    batch : Batch
-        The runs to make.
-    deaths : int
-        Number of workers that died while running it.
-    delays : int
-        Number of times it was ended because its time was over.
-    """
+    """Batch with its failed attempts: workers that died while running it, and time-outs."""
 
     batch: Batch
     deaths: int = 0
@@ -39,16 +29,8 @@ class Task:
 class TaskQueue:
     """Queue of tasks to start, and of results not yet fetched.
 
-    Parameters
-    ----------
-    work : Work
-        The work on each batch.
-    batches : iterable of Batch
-        Taken as they are needed.
-    most : int
-        Largest number of batches in progress or waiting to be started.
-    pickled : bytes
-        The work as it is sent to workers; empty where it has not been pickled yet.
+    It takes batches as they are needed: at most `most` are in progress or waiting. `pickled` is
+    the work as it is sent to workers, if it has been pickled before.
     """
 
     def __init__(

@@ -37,24 +37,17 @@ _LONGEST_FOLDER = 70
 # Time that a worker may take to end once it is asked to, in seconds.
 _PATIENCE = 5.0
 
-# Exit codes that nobody is left to read.
+# Exit codes; nobody is left to read them.
 _INTERRUPTED, _ORPHANED = 130, 1
 
-# What most of the start-up of a worker is spent on, besides what the program that starts it names.
-_PRELOADED = ["uqpen.execution"]
-_further_preloaded: list[str] = []
+# Modules that take most of a worker's start-up; the program that starts it may name others.
+_preloaded = ["uqpen.execution"]
 
 
 def preload_in_workers(module: str) -> None:
-    """Let workers that are started from now on share a module that has been loaded.
-
-    Parameters
-    ----------
-    module : str
-        Of the program that starts them, which they import as their main module.
-    """
-    if module not in _further_preloaded:
-        _further_preloaded.append(module)
+    """Preload the main module of the program in all workers that are started from now on."""
+    if module not in _preloaded:
+        _preloaded.append(module)
 
 
 class WorkerDiedError(Exception):
@@ -62,10 +55,10 @@ class WorkerDiedError(Exception):
 
 
 class Worker:
-    """Handle of a worker process, which is sent one batch at a time.
+    """Handle of a worker process, which receives one batch at a time.
 
-    Never a fork of this process: nothing of its state, its threads or its random numbers can get
-    into a run.
+    It is never a fork of this process, whose state, threads and random numbers cannot get into a
+    run.
     """
 
     def __init__(self) -> None:
@@ -106,7 +99,7 @@ class Worker:
         if work in self._known:
             self.mark_started()
         self._known.add(work)
-        # If it is dead, its end is noticed as that of any other worker with a task.
+        # If it is dead, its end is noticed later, as that of any worker with a task.
         with contextlib.suppress(OSError):
             self.connection.send((work, task.batch, limits.bytes))
 
@@ -176,7 +169,7 @@ def _worker_loop(connection: Connection[Any, Any]) -> None:
 
 
 def _start_process_group() -> None:
-    """Make what runs start one group with this process, so that both can be ended at once."""
+    """Lead a process group, so that this process and those that its runs start end at once."""
     parent = multiprocessing.parent_process()
     if sys.platform == "win32" or parent is None:
         return
@@ -184,7 +177,7 @@ def _start_process_group() -> None:
     if sys.platform == "linux":
         import fcntl
 
-        # Compiled code may let no thread of ours run: then the system ends the group, by a signal
+        # Compiled code may let no thread of ours run. Then the system ends the group by a signal,
         # when the pipe from the parent is closed.
         fcntl.fcntl(parent.sentinel, fcntl.F_SETOWN, -os.getpid())
         fcntl.fcntl(parent.sentinel, fcntl.F_SETSIG, signal.SIGKILL)
@@ -229,7 +222,7 @@ def _start_context() -> ForkServerContext | SpawnContext:
     if sys.platform != "linux" or len(os.fsencode(tempfile.gettempdir())) > _LONGEST_FOLDER:
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([*_PRELOADED, *_further_preloaded])
+    context.set_forkserver_preload(_preloaded)
     return context
 
 

@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from uqpen.core.arrays import floats
+from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
@@ -45,8 +44,6 @@ class PythonFunction(Model):
         the units of `units`.
     name : str
         Name for display; with surroundings, the reference for `load_function`.
-    inputs, outputs : tuple
-        Inputs and outputs of the model, in SI units.
     units : mapping of str to str
         The unit that the function takes each input and gives each output in.
     vectorized : bool
@@ -86,7 +83,7 @@ class PythonFunction(Model):
                     outputs[name][batch] = values
         for output in self.outputs:
             measure = scale(self.units[output.name])
-            outputs[output.name] = outputs[output.name] * measure.factor + measure.offset
+            outputs[output.name] = measure.array_to_si(outputs[output.name])
         imported = self.surroundings.imported if self.surroundings else frozenset()
         return Results(outputs, status, reasons, imported)
 
@@ -112,7 +109,7 @@ class PythonFunction(Model):
 
     def _batch_results(
         self, arguments: Arrays, runs: int
-    ) -> Iterator[tuple[slice, dict[str, npt.NDArray[np.float64]] | str]]:
+    ) -> Iterator[tuple[slice, dict[str, FloatArray] | str]]:
         """Yield for each batch of runs its outputs, or the reason why it has none."""
         if not self.vectorized:
             columns = {name: values.tolist() for name, values in arguments.items()}
@@ -126,21 +123,19 @@ class PythonFunction(Model):
             some = {name: values[batch].copy() for name, values in arguments.items()}
             answer = self._call(some, batch.stop - batch.start)
             if isinstance(answer, str) and batch.stop - batch.start > 1:
-                # One bad run must not take its batch along: halve until it is alone.
+                # One bad run must not spoil its batch: halve until it is alone.
                 middle = (batch.start + batch.stop) // 2
                 batches += [slice(middle, batch.stop), slice(batch.start, middle)]
             else:
                 yield batch, answer
 
-    def _call(
-        self, arguments: Mapping[str, Any], runs: int | None
-    ) -> dict[str, npt.NDArray[np.float64]] | str:
+    def _call(self, arguments: Mapping[str, Any], runs: int | None) -> dict[str, FloatArray] | str:
         """Return the outputs of one call, or the reason why there are none."""
         try:
             returned = self.function(**arguments)
         except KeyboardInterrupt:
             raise
-        except BaseException as error:  # whatever else a black box raises is data
+        except BaseException as error:  # any other exception of a black box is data
             return _error_text(error)
         try:
             return _check_outputs(returned, [output.name for output in self.outputs], runs)
@@ -148,9 +143,7 @@ class PythonFunction(Model):
             return one_line(str(refused))
 
 
-def _check_outputs(
-    returned: object, names: list[str], runs: int | None
-) -> dict[str, npt.NDArray[np.float64]]:
+def _check_outputs(returned: object, names: list[str], runs: int | None) -> dict[str, FloatArray]:
     """Extract the outputs from the value that a function returned, which can be anything."""
     if not isinstance(returned, Mapping):
         raise _UnusableError(f"returned {type(returned).__name__}, not a mapping of outputs")
@@ -181,9 +174,8 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], Mod
 
     Returns
     -------
-    function : callable
-    surroundings : ModelFolder
-        The folder that it must be called in.
+    function, surroundings
+        The function, and the folder that it must be called in.
 
     Raises
     ------
@@ -197,7 +189,7 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], Mod
     with surroundings.on_import_path():
         module = _import_module(where, folder)
     if where.endswith(".py"):
-        # It may lie elsewhere.
+        # It may lie outside the folder.
         surroundings.read(str(folder / where))
     function = getattr(module, name, None)
     if not callable(function):
@@ -224,13 +216,7 @@ def _restore(
 
 
 def check_signature(function: Callable[..., Any], names: list[str]) -> None:
-    """Check that a function can be called with these keywords.
-
-    Raises
-    ------
-    ModelError
-        Naming what the function does take.
-    """
+    """Check that a function takes these keywords; ModelError gives its signature if it does not."""
     try:
         signature = inspect.signature(function)
     except ValueError:  # some compiled functions have none; the first run will show it

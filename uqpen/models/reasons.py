@@ -1,10 +1,20 @@
-"""Reason of a failed run in the form of an archive: one line, not too long."""
+"""Texts of failures of a model: the reason of a run, and files that changed meanwhile."""
 
 from __future__ import annotations
 
-__all__ = ["one_line"]
+from uqpen.core.errors import ModelError
+
+__all__ = ["changed_file_error", "one_line"]
 
 _LONGEST = 200
+
+
+def changed_file_error(name: str) -> ModelError:
+    """Return the error of a file whose versions differ between runs of a study."""
+    return ModelError(
+        f'"{name}" was changed while the study ran: its runs were made with different versions of '
+        "it, so nothing can be told of them; change it back, or start over with --fresh"
+    )
 
 
 def one_line(text: str) -> str:

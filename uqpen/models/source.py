@@ -1,4 +1,4 @@
-"""The source of the built-in models, which identifies their version."""
+"""Source of the built-in models, which identifies their version."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["BuiltInModel", "source_sha256"]
 _PACKAGE = "uqpen.models"
 _FOLDER = Path(__file__).parent
 
-# What all of them import, and none of their numbers depends on: this module.
+# This module: all of them import it, and none of their numbers depends on it.
 _APART = Path(__file__).stem
 
 
@@ -25,7 +25,7 @@ class BuiltInModel(Model):
     """A model that comes with uqpen, identified by its settings, version and source."""
 
     def identity(self) -> dict[str, str]:
-        """Its name and settings, uqpen's version, and the hash of the model's source."""
+        """Return its name and settings, uqpen's version, and the hash of the model's source."""
         settings = {
             field.name: repr(getattr(self, field.name)) for field, _ in declared_settings(self)
         }
@@ -39,22 +39,17 @@ class BuiltInModel(Model):
 
 @functools.cache
 def source_sha256(module: str) -> str:
-    """The SHA-256 of the sources that a built-in model is made of.
+    """Return the SHA-256 of the sources of a built-in model.
 
-    They are found from import statements, so that it does not matter what has been imported.
-
-    Parameters
-    ----------
-    module : str
-        The module of this package that defines the model; with it go all others of the package
-        that it imports, and those that they import.
+    They are the module that defines the model, all modules of this package that it imports, and
+    those that these import. They follow from import statements alone.
     """
     sources: dict[str, bytes] = {}
     found = [module.removeprefix(f"{_PACKAGE}.")]
     while found:
         name = found.pop()
         if name != _APART and name not in sources:
-            # Whoever has checked it out on Windows has other ends of lines.
+            # A checkout on Windows has other ends of lines.
             sources[name] = _path(name).read_bytes().replace(b"\r\n", b"\n")
             found += _imported_modules(sources[name])
     digest = hashlib.sha256()
@@ -65,7 +60,7 @@ def source_sha256(module: str) -> str:
 
 
 def _imported_modules(source: bytes) -> Iterator[str]:
-    """The modules of this package that a source imports, wherever in it."""
+    """Yield the modules of this package that a source imports anywhere."""
     if _PACKAGE.encode() not in source and b"from ." not in source:
         return
     for node in ast.walk(ast.parse(source)):

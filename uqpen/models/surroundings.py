@@ -12,17 +12,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
-from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
+from uqpen.models.reasons import changed_file_error
 
 __all__ = ["ModelFolder"]
 
-# Where Python and what is installed lie; a folder around them does not make them the user's.
+# Folders of Python and installed packages; a folder around them does not make them the user's.
 _INSTALLED = tuple(
     sysconfig.get_path(name) + os.sep for name in ("stdlib", "platstdlib", "purelib", "platlib")
 )
 
-# What stands between a hash and the name of its file, as sha256sum has it.
+# Text between a hash and the name of its file, as sha256sum writes it.
 _BETWEEN = "  "
 
 
@@ -30,9 +30,8 @@ class ModelFolder:
     """Modules beside a model, which it can import as if run from its own folder.
 
     Two models may lie beside modules of the same name, and the program that calls uqpen may have
-    imported yet others: so a model's own are in place only while it is loaded or run. What stands
-    in their files is read as soon as they have been imported, so that whoever edits one while the
-    study runs does not change what the study was made with.
+    imported yet others. So a model's modules are in place only while it is loaded or run. Their
+    files are read as soon as they have been imported: an edit during the study has no effect.
 
     Parameters
     ----------
@@ -41,25 +40,21 @@ class ModelFolder:
     """
 
     def __init__(self, folder: Path) -> None:
-        self._folder = str(folder)
+        self.folder = folder
         self._modules: dict[str, ModuleType] = {}
         self._contents: dict[str, bytes] = {}
-        self._imported: frozenset[str] = frozenset()
-        # Modules that have been found to lie outside the folder, in their order: there are more
-        # than a thousand, and every batch comes by here.
+        self.imported: frozenset[str] = frozenset()
+        """Files imported as modules, in the form of `Results.files`."""
+        # Modules known to lie outside the folder, in their order: more than a thousand, checked at
+        # every batch.
         self._outside: dict[str, ModuleType] = {}
-
-    @property
-    def folder(self) -> Path:
-        """Folder of the study."""
-        return Path(self._folder)
 
     @contextlib.contextmanager
     def on_import_path(self) -> Iterator[None]:
         """Put the folder first on the import path within this context."""
         outside = self._remove_modules()
         sys.modules.update(self._modules)
-        sys.path.insert(0, self._folder)
+        sys.path.insert(0, str(self.folder))
         try:
             yield
         finally:
@@ -69,37 +64,24 @@ class ModelFolder:
             sys.modules.update(outside)
             # The model may have rearranged the path itself.
             with contextlib.suppress(ValueError):
-                sys.path.remove(self._folder)
+                sys.path.remove(str(self.folder))
 
     def read(self, file: str) -> None:
         """Read an imported file, unless it has been read before."""
         path = Path(file)
         if file not in self._contents and path.is_file():
             self._contents[file] = path.read_bytes()
-            self._imported |= {self._record(path, self._contents[file])}
-
-    @property
-    def imported(self) -> frozenset[str]:
-        """Files imported as modules, in the form of `Results.files`."""
-        return self._imported
+            sha256 = hashlib.sha256(self._contents[file]).hexdigest()
+            name = path.relative_to(self.folder) if path.is_relative_to(self.folder) else path
+            self.imported |= {f"{sha256}{_BETWEEN}{name}"}
 
     def add_imported(self, imported: frozenset[str]) -> None:
-        """Add files to the imported ones; any process may have imported them.
-
-        Raises
-        ------
-        ModelError
-            If one of them is not as it is known here.
-        """
-        for record in sorted(imported - self._imported):
+        """Add files that any process has imported; ModelError if one differs from that here."""
+        for record in sorted(imported - self.imported):
             name = record.partition(_BETWEEN)[2]
             self.read(str(self.folder / name))
-            if record not in self._imported:
-                raise ModelError(
-                    f'"{name}" was changed while the study ran: its runs were made with '
-                    "different versions of it, so nothing can be told of them; change it back, "
-                    "or start over with --fresh"
-                )
+            if record not in self.imported:
+                raise changed_file_error(name)
 
     def files(self) -> tuple[FileSnapshot, ...]:
         """Return snapshots of the imported files."""
@@ -114,7 +96,7 @@ class ModelFolder:
 
     def _remove_modules(self) -> dict[str, ModuleType]:
         """Remove the modules of the folder from the imported ones, and return them."""
-        inside = self._folder + os.sep
+        inside = f"{self.folder}{os.sep}"
         found = {}
         imported = list(sys.modules.items())
         # What is imported later stands after what has been looked at, unless it was replaced.
@@ -132,8 +114,3 @@ class ModelFolder:
             else:
                 self._outside[name] = module
         return found
-
-    def _record(self, path: Path, content: bytes) -> str:
-        """Return a file's hash and its path, relative to the folder if it is in it."""
-        name = path.relative_to(self.folder) if path.is_relative_to(self.folder) else path
-        return f"{hashlib.sha256(content).hexdigest()}{_BETWEEN}{name}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.core.arrays import floats
+from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import toml_text
 from uqpen.core.limits import Limits
-from uqpen.core.model import Arrays, FloatArray, Input, Model, Output, Results
+from uqpen.core.model import Arrays, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.models.umbridge_client import Address, NoAnswerError, UmbridgeClient
@@ -22,13 +23,7 @@ __all__ = ["UmbridgeModel", "VectorSizes", "request_sizes"]
 
 @dataclass(frozen=True)
 class VectorSizes:
-    """Lengths of the input and output vectors of a model.
-
-    Parameters
-    ----------
-    inputs, outputs : tuple of int
-        One for each vector.
-    """
+    """Lengths of each input vector and each output vector of a model."""
 
     inputs: tuple[int, ...]
     outputs: tuple[int, ...]
@@ -44,8 +39,6 @@ class UmbridgeModel(Model):
         Its name on the server.
     address : Address
         Address of the server; results do not depend on it.
-    inputs, outputs : tuple
-        Inputs and outputs of the model, in SI units.
     units : mapping of str to str
         The unit that the server takes each input and gives each output in.
     sizes : VectorSizes or None
@@ -83,7 +76,11 @@ class UmbridgeModel(Model):
                     values[run] = self._request_outputs(server, point)
                 except NoAnswerError as error:
                     status[run], reasons[run] = error.status, str(error)
-        return Results(self._in_si(values), status, reasons)
+        outputs = {
+            output.name: scale(self.units[output.name]).array_to_si(column)
+            for output, column in zip(self.outputs, values.T, strict=True)
+        }
+        return Results(outputs, status, reasons)
 
     def identity(self) -> dict[str, str]:
         config = {"config": self.config} if self.config != "{}" else {}
@@ -93,29 +90,14 @@ class UmbridgeModel(Model):
         """Request the outputs of one run, in the server's units."""
         if self.sizes is None:
             raise NoAnswerError(f"{self.name}: the server is not asked without --trust")
-        request = {
-            "name": self.name,
-            "input": _split_vectors(point, self.sizes.inputs),
-            "config": json.loads(self.config),
-        }
+        values = iter(point)
+        vectors = [list(itertools.islice(values, size)) for size in self.sizes.inputs]
+        request = {"name": self.name, "input": vectors, "config": json.loads(self.config)}
         return _join_vectors(server.request("Evaluate", request).get("output"), self.sizes.outputs)
-
-    def _in_si(self, values: FloatArray) -> dict[str, FloatArray]:
-        measures = [scale(self.units[output.name]) for output in self.outputs]
-        return {
-            output.name: values[:, column] * measure.factor + measure.offset
-            for column, (output, measure) in enumerate(zip(self.outputs, measures, strict=True))
-        }
 
 
 def request_sizes(server: UmbridgeClient, name: str, config: str) -> VectorSizes:
-    """Ask a server for the lengths of a model's vectors.
-
-    Raises
-    ------
-    NoAnswerError
-        If it does not answer with them.
-    """
+    """Request the lengths of a model's vectors; NoAnswerError if the server does not give them."""
     request = {"name": name, "config": json.loads(config)}
     found = []
     for what in ("InputSizes", "OutputSizes"):
@@ -127,25 +109,15 @@ def request_sizes(server: UmbridgeClient, name: str, config: str) -> VectorSizes
     return VectorSizes(*found)
 
 
-def _split_vectors(values: Sequence[float], sizes: Sequence[int]) -> list[list[float]]:
-    """Split values into vectors of these lengths."""
-    rest = iter(values)
-    return [[next(rest) for _ in range(size)] for size in sizes]
-
-
 def _join_vectors(vectors: Any, sizes: Sequence[int]) -> FloatArray:
     """Join the values of vectors after a check of their lengths."""
-    found = [len(v) if isinstance(v, list) else -1 for v in _as_list(vectors)]
-    if found != list(sizes):
+    lists = vectors if isinstance(vectors, list) else []
+    if [len(v) if isinstance(v, list) else -1 for v in lists] != list(sizes):
         expected = ", ".join(map(str, sizes))
         raise NoAnswerError(f"the server's output is not made of vectors of length {expected}")
-    flat = [value for vector in vectors for value in vector]
+    # JSON knows no NaN, and some servers write null instead.
+    flat = [np.nan if value is None else value for vector in lists for value in vector]
     for value in flat:
-        if value is not None and type(value) not in (int, float):
+        if type(value) not in (int, float):
             raise NoAnswerError(f"the server's output has {toml_text(value)}, not a number")
-    # JSON knows no NaN, and some write null instead.
-    return floats([np.nan if value is None else value for value in flat])
-
-
-def _as_list(vectors: object) -> list[Any]:
-    return vectors if isinstance(vectors, list) else []
+    return floats(flat)

@@ -13,7 +13,6 @@ import re
 import socket
 import time
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -29,12 +28,7 @@ PROTOCOL = 1.0
 _PATIENCE = 5.0
 # Checks for a host that vanishes during a run: delay and interval in seconds, number of checks,
 # and the time in milliseconds that it may take to accept a request.
-_SILENCE = {
-    "TCP_KEEPIDLE": 30,
-    "TCP_KEEPINTVL": 10,
-    "TCP_KEEPCNT": 3,
-    "TCP_USER_TIMEOUT": 60_000,
-}
+_SILENCE = {"TCP_KEEPIDLE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 60_000}
 
 _LARGEST = 16 * 1024 * 1024
 
@@ -56,17 +50,7 @@ class NoAnswerError(Exception):
 
 @dataclass(frozen=True)
 class Address:
-    """Address of a server.
-
-    Parameters
-    ----------
-    host : str
-    port : int
-    path : str
-        Before the protocol's own; empty as a rule.
-    is_secure : bool
-        Whether it speaks HTTPS.
-    """
+    """Address of a server: HTTPS if it is secure; `path` stands before that of each request."""
 
     host: str
     port: int
@@ -80,7 +64,7 @@ class Address:
         Raises
         ------
         ValueError
-            If it is none, or has a part that a study should not hold: a password, say.
+            If it is none, or has a part that a study should not contain: a password, say.
         """
         parts = urlsplit(text)
         host = (parts.hostname or "").encode("idna").decode("ascii")
@@ -95,12 +79,7 @@ class Address:
 class UmbridgeClient:
     """Sequence of requests to a server, over one connection while it lasts.
 
-    Parameters
-    ----------
-    address : Address
-        Address of the server.
-    time_limit : float, optional
-        Time limit of an answer, in seconds.
+    The time limit is that of an answer, in seconds.
     """
 
     def __init__(self, address: Address, time_limit: float | None = None) -> None:
@@ -113,23 +92,13 @@ class UmbridgeClient:
     def __enter__(self) -> UmbridgeClient:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._connection.close()
 
     def request(self, what: str, body: dict[str, Any] | None = None) -> dict[str, Any]:
-        """Send a request to the server and return its answer.
+        """Send a request of the protocol, such as ``"Evaluate"``, and return the answer.
 
-        Parameters
-        ----------
-        what : str
-            The request of the protocol, such as ``"Evaluate"``.
-        body : dict, optional
-            The body, which must be convertible to JSON; without one, a GET request is sent.
+        The body must be convertible to JSON; without a body, a GET request is sent.
 
         Raises
         ------
@@ -151,18 +120,13 @@ class UmbridgeClient:
 
     def _exchange(self, what: str, request: dict[str, Any] | None) -> tuple[int, str, bytes]:
         """Exchange a request for an answer over HTTP; return its code, phrase and content."""
-        was_open = self._is_open
-        try:
-            return self._try_request(what, request)
-        except ConnectionError:
-            # A server closes a connection that it finds old, which it says by not answering.
-            self._connection.close()
-            if not was_open:
-                raise NoAnswerError(_DISCONNECTED) from None
-        try:
-            return self._try_request(what, request)
-        except ConnectionError:
-            raise NoAnswerError(_DISCONNECTED) from None
+        # A server may close an old connection instead of answering; a new one is then tried.
+        for _ in range(2 if self._is_open else 1):
+            try:
+                return self._try_request(what, request)
+            except ConnectionError:
+                self._connection.close()
+        raise NoAnswerError(_DISCONNECTED)
 
     def _try_request(self, what: str, request: dict[str, Any] | None) -> tuple[int, str, bytes]:
         self._connect()
@@ -188,7 +152,7 @@ class UmbridgeClient:
             raise NoAnswerError("the server's answer is not HTTP") from None
         if len(content) > _LARGEST:
             raise NoAnswerError(f"the server's answer has more than {_LARGEST} bytes")
-        if response.length:  # of what it announced, that much has not come
+        if response.length:  # bytes that were announced and did not arrive
             raise ConnectionResetError
         return response.status, response.reason, content
 
@@ -205,7 +169,7 @@ class UmbridgeClient:
         try:
             self._connection.connect()
         except OSError:
-            # Whoever does not even refuse would keep every later run waiting as well.
+            # A host that does not even refuse would keep every later run waiting as well.
             self._is_gone = time.monotonic() - begun > _PATIENCE / 2
             raise NoAnswerError(_DISCONNECTED) from None
         self._connection.sock.settimeout(self._limits.seconds)
@@ -224,19 +188,14 @@ def _parse_object(content: bytes) -> dict[str, Any] | None:
     """Parse the JSON object of an answer; None if it is no object."""
     try:
         text = content.decode()
-        with contextlib.suppress(json.JSONDecodeError):
-            return _object(json.loads(text))
-        return _object(json.loads(_PYTHON_NUMBER.sub(_json_number, text)))
+        try:
+            answer = json.loads(text)
+        except json.JSONDecodeError:
+            numbers = _PYTHON_NUMBER.sub(lambda match: match[1] + _JSON_NUMBER[match[2]], text)
+            answer = json.loads(numbers)
     except (ValueError, RecursionError):
         return None
-
-
-def _object(answer: object) -> dict[str, Any] | None:
     return answer if isinstance(answer, dict) else None
-
-
-def _json_number(match: re.Match[str]) -> str:
-    return match[1] + _JSON_NUMBER[match[2]]
 
 
 def _error_reason(error: object) -> str:

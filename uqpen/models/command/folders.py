@@ -16,13 +16,7 @@ _SHORT = 12
 
 @contextlib.contextmanager
 def working_folder() -> Iterator[Path]:
-    """Make a new folder; remove it at the end of the context unless it has been moved.
-
-    Raises
-    ------
-    OSError
-        If there is no room for one.
-    """
+    """Make a new folder; remove it at the end of the context unless it has been moved."""
     folder = Path(tempfile.mkdtemp(prefix="uqpen-")).resolve()
     try:
         yield folder

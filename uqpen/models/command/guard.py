@@ -1,8 +1,8 @@
 """Guard process: it outlives this one briefly, to kill the processes that it has left.
 
-A worker that is killed, or a program that is, cannot end its runs itself. So each has a guard: a
-shell that reads from a pipe what is under way, and finds the pipe's end when nobody is left to
-write. It sleeps until then, and knows one run at a time.
+A process that is killed cannot end its runs itself. So each has a guard: a shell that reads the
+current run from a pipe, and finds the pipe's end when nobody is left to write. It sleeps until
+then, and knows one run at a time.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from pathlib import Path
 
 __all__ = ["guard_folder"]
 
-# What it has read last is what is under way: the number of a process group and its folder; 0 where
-# it has no number yet, as it is being started; or nothing. Other groups of the session are ended
-# too, and, where the system reports it, every process in the folder.
+# The last line read is the current run: the number of its process group (0 while it is started) and
+# its folder, or nothing. Other groups of the session are ended too, and, where the system reports
+# it, every process in the folder.
 _SCRIPT = """\
 trap '' HUP INT TERM
 group= folder=
@@ -41,12 +41,9 @@ rm -rf -- "$folder"
 
 @contextlib.contextmanager
 def guard_folder(folder: Path) -> Iterator[Callable[[int], None]]:
-    """Ensure within this context that no process started in a folder outlives this one.
+    """Ensure within this context that no process started in a run's folder outlives this one.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of one run. If this process dies, the guard removes it and kills the processes in it.
+    If this process dies, the guard kills the processes in the folder and removes it.
 
     Yields
     ------
@@ -58,18 +55,18 @@ def guard_folder(folder: Path) -> Iterator[Callable[[int], None]]:
     try:
         yield lambda group: _send(f"{group} {folder}")
     except BaseException:
-        # It may have been about to be started. Its number can be another's by the time of the end.
+        # The run may have been about to start. By the end, its number can be that of another.
         _send(starting)
         raise
     _send("")
 
 
-def _send(what: str) -> None:
+def _send(line: str) -> None:
     # If it cannot be started, or has been killed, runs continue without it.
     with contextlib.suppress(OSError):
         pipe = _process_guard().stdin
         assert pipe is not None
-        os.write(pipe.fileno(), f"{what}\n".encode("utf-8", "surrogateescape"))
+        os.write(pipe.fileno(), f"{line}\n".encode("utf-8", "surrogateescape"))
 
 
 _guards: dict[int, subprocess.Popen[bytes]] = {}
@@ -93,4 +90,4 @@ def _process_guard() -> subprocess.Popen[bytes]:
 
 def _stop(process: int) -> None:
     if process == os.getpid():
-        _guards.pop(process).communicate()  # the end of what it reads, and its own
+        _guards.pop(process).communicate()  # closes the pipe, and waits for the end

@@ -36,21 +36,12 @@ INPUTS, OUTPUTS, OUTCOME = "inputs.json", "outputs.json", "outcome.txt"
 
 _PATHS = {"inputs": INPUTS, "outputs": OUTPUTS}
 
-
-# The file was there when the study was read; the system means the program that it is to be run by.
+# The file was there when the study was read, so the system means the interpreter that it names.
 _NO_INTERPRETER = "cannot be started: what its first line names to run it with is not there"
 
 
 class FolderPolicy(NamedTuple):
-    """Policy for the folders of runs after their end.
-
-    Attributes
-    ----------
-    which : str
-        The folders that are kept: those of ``"failed"`` runs, ``"all"`` or ``"none"``.
-    folder : Path
-        Folder for the kept ones.
-    """
+    """Policy for the folders of runs: keep ``"failed"``, ``"all"`` or ``"none"``, in a folder."""
 
     which: Literal["failed", "all", "none"]
     folder: Path
@@ -72,22 +63,16 @@ class Command(Model):
     ----------
     words : tuple of str
         The command as a study has it: the program and its arguments, with placeholders.
-    inputs, outputs : tuple
-        Inputs and outputs of the model, in SI units.
     units : mapping of str to str
         The unit that the program takes each input and gives each output in.
     readings : mapping of str to OutputReader
         Reader of each output.
-    folder_policy : FolderPolicy
-        Which folders of runs are kept, and where.
     program : Program, optional
         The program; without it, the model cannot be run.
     templates : mapping of str to str
         By their names in the folder of a run, texts with placeholders.
     copied : tuple of str
         Files beside the study that each run finds in its folder.
-    limits : Limits
-        Resource limits of one run.
     """
 
     words: tuple[str, ...]
@@ -112,7 +97,8 @@ class Command(Model):
         return self.limits
 
     def evaluate(self, inputs: Arrays) -> Results:
-        program = self._required_program()
+        if self.program is None:
+            raise ModelError(f"{self.name} is not executed without --trust")
         arguments = {
             name: scale(self.units[name]).from_si(values).tolist()
             for name, values in inputs.items()
@@ -122,13 +108,13 @@ class Command(Model):
         status = np.full(runs, Status.OK, dtype=np.int8)
         reasons: dict[int, str] = {}
         for run in range(runs):
-            outcome = self._run(program, {name: column[run] for name, column in arguments.items()})
+            one = {name: column[run] for name, column in arguments.items()}
+            outcome = self._run(self.program, one)
             status[run] = outcome.status
             if outcome.reason:
                 reasons[run] = outcome.reason
             for name, value in outcome.outputs.items():
-                measure = scale(self.units[name])
-                outputs[name][run] = value * measure.factor + measure.offset
+                outputs[name][run] = scale(self.units[name]).array_to_si(value)
         return Results(outputs, status, reasons)
 
     def record_files(self, files: frozenset[str]) -> None:
@@ -146,11 +132,6 @@ class Command(Model):
         """Return a copy that keeps the folders of runs in another folder."""
         return replace(self, folder_policy=self.folder_policy._replace(folder=folder))
 
-    def _required_program(self) -> Program:
-        if self.program is None:
-            raise ModelError(f"{self.name} is not executed without --trust")
-        return self.program
-
     def _run(self, program: Program, inputs: Mapping[str, float]) -> _Outcome:
         """Make one run; any failure becomes its status."""
         try:
@@ -160,10 +141,8 @@ class Command(Model):
                 ending = run_process(words, folder, self.limits)
                 outcome = self._outcome(ending, folder, program)
                 if self._is_kept(outcome):
-                    note = _outcome_note(outcome, words)
-                    keep_folder(
-                        folder, self.folder_policy.folder / folder_name(inputs), {OUTCOME: note}
-                    )
+                    destination = self.folder_policy.folder / folder_name(inputs)
+                    keep_folder(folder, destination, {OUTCOME: _outcome_note(outcome, words)})
                 return outcome
         except OSError as error:  # a disk that is full, a program for another machine
             if error.filename == str(program.executed.read.path) and error.errno == errno.ENOENT:
@@ -173,14 +152,12 @@ class Command(Model):
 
     def _furnish(self, folder: Path, program: Program, inputs: Mapping[str, float]) -> None:
         """Put the program's input files into a run's folder."""
+        for name in [*self.copied, *self.templates]:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
         for name in self.copied:
-            copy = folder / name
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(program.folder / name, copy)
+            shutil.copy(program.folder / name, folder / name)
         for name, text in self.templates.items():
-            file = folder / name
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(fill(text, {**inputs, **_PATHS}).encode())
+            (folder / name).write_bytes(fill(text, {**inputs, **_PATHS}).encode())
         (folder / INPUTS).write_text(json.dumps(inputs) + "\n", encoding="utf-8")
 
     def _command(self, program: Program, inputs: Mapping[str, float]) -> list[str]:
@@ -198,16 +175,13 @@ class Command(Model):
     def _outcome(self, ending: ProcessEnd, folder: Path, program: Program) -> _Outcome:
         """Return the outcome of a run whose program has ended."""
         if ending.is_late:
-            late = self.limits.timeout_reason
-            return _Outcome({}, Status.TIMED_OUT, late)
+            return _Outcome({}, Status.TIMED_OUT, self.limits.timeout_reason)
         if ending.code:
             status = Status.CRASHED if ending.signal else Status.FAILED
             how = f"ended by {ending.signal}" if ending.signal else f"exit code {ending.code}"
             message = remove_variable_parts(last_line(folder / STDERR), [folder, program.folder])
             return _Outcome({}, status, f"{how}: {message}" if message else how)
-        return self._read(RunFiles(folder))
-
-    def _read(self, written: RunFiles) -> _Outcome:
+        written = RunFiles(folder)
         try:
             found = {name: reading.value(written) for name, reading in self.readings.items()}
         except UnreadableError as error:
@@ -218,10 +192,8 @@ class Command(Model):
         return _Outcome(found)
 
     def _is_kept(self, outcome: _Outcome) -> bool:
-        is_failed = outcome.status != Status.OK
-        return self.folder_policy.which == "all" or (
-            self.folder_policy.which == "failed" and is_failed
-        )
+        which = self.folder_policy.which
+        return which == "all" or (which == "failed" and outcome.status != Status.OK)
 
 
 def _outcome_note(outcome: _Outcome, words: list[str]) -> str:

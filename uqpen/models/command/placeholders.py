@@ -57,20 +57,17 @@ def find_mistakes(
     Parameters
     ----------
     text : str
-        Anything.
+        Any text.
     numbers, paths : collection of str
-        The names that placeholders can have; those of paths have no format.
+        Names of placeholders; those of paths have no format.
 
     Yields
     ------
-    line : int
-        Counted from 1.
-    found, expected : str
-        The text there, and what was expected.
+    line, found, expected
+        Number of the line, from 1; the text there, and the expected one.
     """
     for token in _TOKEN.finditer(text):
-        expected = _expected(token, numbers, paths)
-        if expected:
+        if expected := _expected(token, numbers, paths):
             found = token[0] if len(token[0]) > 1 else f"a single {token[0]}"
             yield text.count("\n", 0, token.start()) + 1, found, expected
 
@@ -91,10 +88,7 @@ def _expected(token: re.Match[str], numbers: Collection[str], paths: Collection[
 
 
 def _is_format(form: str) -> bool:
-    if not form or not _FORMAT.fullmatch(form):
-        return False
     try:
-        format(1.5, form)
+        return bool(form and _FORMAT.fullmatch(form) and format(1.5, form))
     except ValueError:
         return False
-    return True

@@ -1,8 +1,8 @@
 """Process under limits: start it, wait for it, and kill it with all its child processes.
 
 It leads a session and a process group of its own, so that a Ctrl-C at the terminal does not reach
-it, and ending it ends its children as well. What it prints goes to files: nothing waits for a pipe
-that a child of it holds open.
+it, and ending it ends its children as well. Its output goes to files: nothing waits for a pipe that
+one of its children keeps open.
 """
 
 from __future__ import annotations
@@ -25,12 +25,11 @@ __all__ = ["ProcessEnd", "run_process"]
 
 STDOUT, STDERR = "stdout", "stderr"
 
-# Sets the limit on address space, in KiB, and becomes the program; no word of it is looked into.
+# Sets the limit on address space, in KiB, and becomes the program; no word of it is expanded.
 _WITH_LESS_MEMORY = 'ulimit -v "$0" && exec "$@"'
 
 # Interval between checks for the end of a process where the system does not report it, in seconds.
 _GLANCE = 0.005
-
 
 # More seconds than the system can be asked to wait for: 23 days.
 _FOREVER = 2e6
@@ -38,14 +37,9 @@ _FOREVER = 2e6
 
 @dataclass(frozen=True)
 class ProcessEnd:
-    """End of a process.
+    """End of a process: its exit code, or the negative number of the signal that ended it.
 
-    Parameters
-    ----------
-    code : int
-        Its exit code; the negative number of the signal that ended it.
-    is_late : bool
-        Whether it was ended because its time was over.
+    A late process was killed because its time was over.
     """
 
     code: int
@@ -69,22 +63,19 @@ class ProcessEnd:
 def run_process(words: Sequence[str], folder: Path, limits: Limits) -> ProcessEnd:
     """Run a program in a folder, and kill its remaining processes at the end.
 
-    Parameters
-    ----------
-    words : sequence of str
-        The program's path and its arguments; no shell looks into them.
-    folder : Path
-        Its working folder; `stdout` and `stderr` are written there.
-    limits : Limits
-        Its resource limits.
+    The words are the program's path and its arguments; no shell expands them. The folder gets its
+    `stdout` and `stderr`.
 
     Raises
     ------
     OSError
         If it cannot be started.
     """
+    if limits.bytes is not None:
+        # Not by code of ours between fork and exec: that can deadlock where there are threads.
+        words = ["/bin/sh", "-c", _WITH_LESS_MEMORY, str(limits.bytes // 1024), *words]
     with guard_folder(folder) as watch:
-        process = _start(_with_memory_limit(words, limits), folder)
+        process = _start(words, folder)
         try:
             watch(process.pid)
             is_late = not _wait(process, limits.seconds)
@@ -110,18 +101,11 @@ def _start(words: Sequence[str], folder: Path) -> subprocess.Popen[bytes]:
         )
 
 
-def _with_memory_limit(words: Sequence[str], limits: Limits) -> list[str]:
-    # Not by code of ours between fork and exec: that can deadlock where there are threads.
-    if limits.bytes is None:
-        return list(words)
-    return ["/bin/sh", "-c", _WITH_LESS_MEMORY, str(limits.bytes // 1024), *words]
-
-
 def _end(process: subprocess.Popen[bytes], *, is_forced: bool) -> None:
     """Kill the remaining processes of a process's group, and wait for the process.
 
-    A program that does not end by itself may have children in other groups; to look for them
-    takes a millisecond or more, so one that does is taken at its word.
+    If it was forced to end, it may have children in other groups. To look for them takes a
+    millisecond or more, so this is not done for a program that ended by itself.
     """
     if process.returncode is None:
         # As long as it has not been waited for, its number cannot be that of another group.
@@ -138,14 +122,11 @@ def _kill(group: int) -> None:
 
 
 def _session_groups(leader: int) -> set[int]:
-    """Return the process groups of a session, if the system lists them.
-
-    MPI launchers make new ones.
-    """
+    """Return the process groups of a session, if the system lists them; MPI launchers make some."""
     groups = set()
     for entry in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):
-            # The name in brackets can hold anything, so begin behind it.
+            # The name in brackets can contain anything, so begin behind it.
             fields = entry.read_bytes().rpartition(b")")[2].split()
             if int(fields[3]) == leader:
                 groups.add(int(fields[2]))

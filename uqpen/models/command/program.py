@@ -11,6 +11,7 @@ from pathlib import Path
 
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
+from uqpen.models.reasons import changed_file_error
 
 __all__ = ["Program", "ProgramFile", "find_program", "lies_in_study", "locate_program"]
 
@@ -19,14 +20,8 @@ __all__ = ["Program", "ProgramFile", "find_program", "lies_in_study", "locate_pr
 class ProgramFile:
     """File of a command, with its content at the time the study was read.
 
-    Parameters
-    ----------
-    name : str
-        Its path from the study's folder, or what the command calls it.
-    read : FileSnapshot
-        The file.
-    stamp : tuple of int
-        Data that change when the file is written.
+    Its name is the path from the study's folder, or the name in the command. Its stamp changes when
+    the file is written.
     """
 
     name: str
@@ -35,13 +30,7 @@ class ProgramFile:
 
     @classmethod
     def from_path(cls, name: str, path: Path) -> ProgramFile:
-        """Read an existing file.
-
-        Raises
-        ------
-        OSError
-            If it cannot be read.
-        """
+        """Read an existing file; OSError if it cannot be read."""
         stamp = _stamp(path)
         return cls(name, FileSnapshot.from_content(path, path.read_bytes()), stamp)
 
@@ -67,8 +56,8 @@ class Program:
     executed : ProgramFile
         The executed file.
     beside : tuple of ProgramFile
-        The study's own files: what is executed if it is one, words of the command that name one,
-        what is copied into the folder of each run, and templates.
+        The study's own files among the program, the words of the command, the files copied into
+        the folder of each run, and the templates.
     """
 
     folder: Path
@@ -88,33 +77,14 @@ class Program:
         return found
 
     def check_unchanged(self) -> None:
-        """Check that the files have not changed since the study was read.
-
-        Raises
-        ------
-        ModelError
-            Naming one that has changed.
-        """
+        """Check that no file has changed since the study was read; ModelError names one."""
         for file in (self.executed, *self.beside):
             if file.is_changed():
-                raise ModelError(
-                    f'"{file.name}" was changed while the study ran: its runs were made with '
-                    "different versions of it, so nothing can be told of them; change it back, "
-                    "or start over with --fresh"
-                )
+                raise changed_file_error(file.name)
 
 
 def locate_program(word: str, folder: Path, others: Iterable[str]) -> Program:
-    """Find the program that the first word of a command names, with its files.
-
-    Parameters
-    ----------
-    word : str
-        See `find_program`.
-    folder : Path
-        Folder of the study.
-    others : iterable of str
-        Names of further files that lie there.
+    """Find the program that the first word of a command names, and the other files of the study.
 
     Raises
     ------
@@ -134,12 +104,7 @@ def locate_program(word: str, folder: Path, others: Iterable[str]) -> Program:
 def find_program(word: str, folder: Path) -> Path:
     """Find the program that the first word of a command names.
 
-    Parameters
-    ----------
-    word : str
-        A path (with a slash), from the study's folder if it is relative, or a name.
-    folder : Path
-        Folder of the study.
+    The word is a path (with a slash), from the study's folder if it is relative, or a name.
 
     Raises
     ------

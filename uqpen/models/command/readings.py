@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from abc import ABC, abstractmethod
+from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from uqpen.core.arrays import floats
+from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import toml_text
 from uqpen.models.command.written import RunFiles, UnreadableError
 
@@ -19,25 +18,13 @@ __all__ = ["CsvReader", "JsonReader", "NetcdfReader", "OutputReader", "TextReade
 
 @dataclass(frozen=True)
 class OutputReader(ABC):
-    """Reader of an output.
-
-    Parameters
-    ----------
-    file : str
-        Its path in the folder of the run; ``stdout`` and ``stderr`` are what the program printed.
-    """
+    """Reader of an output in a file of the run's folder, ``stdout`` and ``stderr`` among them."""
 
     file: str
 
     @abstractmethod
     def value(self, written: RunFiles) -> float:
-        """Return the output, in the program's unit.
-
-        Raises
-        ------
-        UnreadableError
-            With the reason why there is none.
-        """
+        """Return the output in the program's unit; UnreadableError gives the reason for none."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +106,7 @@ class NetcdfReader(OutputReader):
             raise UnreadableError(f"there is no row {self.row} of {place}")
         return float(values[self.row])
 
-    def _values(self, written: RunFiles) -> npt.NDArray[np.float64]:
+    def _values(self, written: RunFiles) -> FloatArray:
         import netCDF4
 
         path = written.path(self.file)
@@ -132,9 +119,8 @@ class NetcdfReader(OutputReader):
             raise UnreadableError(f'"{self.variable}" in {self.file} is no number') from None
         except (OSError, RuntimeError, AttributeError):
             # A group has no values; for a damaged file, the library raises several types of errors.
-            raise UnreadableError(
-                f'{self.file} is not NetCDF, or has no "{self.variable}"'
-            ) from None
+            reason = f'{self.file} is not NetCDF, or has no "{self.variable}"'
+            raise UnreadableError(reason) from None
 
 
 @dataclass(frozen=True)
@@ -144,19 +130,17 @@ class TextReader(OutputReader):
     Parameters
     ----------
     pattern : str
-        A regular expression, its last match counts.
+        A regular expression; its last match counts.
     group : int
-        Which of its groups is the number.
+        Number of the group that contains the number.
     """
 
     pattern: str
     group: int = 1
 
     def value(self, written: RunFiles) -> float:
-        pattern = re.compile(self.pattern, re.MULTILINE)
-        last = None
-        for last in pattern.finditer(written.text(self.file)):  # noqa: B007 - it is the last
-            pass
+        matches = re.finditer(self.pattern, written.text(self.file), re.MULTILINE)
+        last = next(iter(deque(matches, maxlen=1)), None)
         if last is None:
             raise UnreadableError(f"no match for {toml_text(self.pattern)} in {self.file}")
         place = f"what {toml_text(self.pattern)} matches in {self.file}"
@@ -171,7 +155,7 @@ def _has_part(found: Any, part: str) -> bool:
 
 
 def _to_float(value: float) -> float:
-    """Convert an integer, which has any size in JSON, to a float."""
+    """Convert a number of JSON to a float; an integer may be too large for one."""
     try:
         return float(value)
     except OverflowError:
@@ -181,11 +165,7 @@ def _to_float(value: float) -> float:
 def _parse_number(text: str, place: str) -> float:
     """Parse a printed number, which may have a Fortran exponent."""
     written = text.strip().lower()
-    try:
-        return float(written)
-    except ValueError:
-        pass
-    try:
-        return float(written.replace("d", "e"))
-    except ValueError:
-        raise UnreadableError(f"{place} is no number") from None
+    for number in (written, written.replace("d", "e")):
+        with contextlib.suppress(ValueError):
+            return float(number)
+    raise UnreadableError(f"{place} is no number")

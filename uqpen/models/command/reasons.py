@@ -10,7 +10,7 @@ from uqpen.models.reasons import one_line
 
 __all__ = ["last_line", "remove_variable_parts"]
 
-# Size of the end of a file in which its last line is searched.
+# Bytes at the end of a file in which its last line is searched.
 _TAIL = 8192
 
 # Parts of printed texts that differ between runs, and their replacements.
@@ -39,12 +39,7 @@ def last_line(path: Path) -> str:
 def remove_variable_parts(text: str, folders: Iterable[Path]) -> str:
     """Remove the parts of a line that differ between runs or machines.
 
-    Parameters
-    ----------
-    text : str
-        Text printed by a program.
-    folders : iterable of Path
-        Its working folder, and the folder of its files; names of files in them are kept.
+    The folders are those that may occur in it; names of files in them are kept.
 
     >>> line = "[812] /usr/lib/solver.so: overflow at 0x7f3a at 12:31:07"
     >>> remove_variable_parts(line, [])

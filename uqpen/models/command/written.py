@@ -14,7 +14,7 @@ from typing import Any
 
 __all__ = ["RunFiles", "UnreadableError"]
 
-# More than this is read of no file: a run gone wild must not take this process along.
+# Largest file that is read: a run gone wild must not take this process along.
 _LARGEST = 64 * 1024 * 1024
 
 
@@ -24,13 +24,7 @@ class UnreadableError(Exception):
 
 @dataclass
 class RunFiles:
-    """Files of a run's folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the run.
-    """
+    """Files in the folder of a run."""
 
     folder: Path
     _texts: dict[str, str] = field(default_factory=dict)

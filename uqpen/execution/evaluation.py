@@ -62,11 +62,8 @@ def evaluate(
     TooManyFailedError
         If more runs are missing than allowed.
     """
-    progress, checkpoint, failures = (
-        progress or Progress(),
-        checkpoint or Checkpoint(),
-        failures or FailurePolicy(),
-    )
+    progress, checkpoint = progress or Progress(), checkpoint or Checkpoint()
+    failures = failures or FailurePolicy()
     model, total = evaluator.model, points.sizes[RUN]
     columns = {str(name): np.broadcast_to(points[name].values, total) for name in points.data_vars}
     record = _RunRecord(model.outputs, total)
@@ -79,16 +76,18 @@ def evaluate(
         progress.count_restored(int(record.done.sum()))
     worth_sending = map.worth_sending if isinstance(map, PacedMap) else WORTH_SENDING
     pace = Pace(worth_sending, is_alone=bool(model.enforced_limits))
-    batches = record.count_batches(
-        vectorized_batches(columns, record.done.copy())
+    done = record.done.copy()
+    batches = (
+        vectorized_batches(columns, done)
         if model.vectorized
-        else scalar_batches(columns, record.done.copy(), pace)
+        else scalar_batches(columns, done, pace)
     )
-    for batch_result in map(EvaluatorWork(evaluator, failures.retry), batches):
+    work = EvaluatorWork(evaluator, failures.retry)
+    for batch_result in map(work, record.count_batches(batches)):
         pace.record(len(batch_result))
         record.under_way -= len(batch_result)
         record.add(batch_result)
-        # Before it is kept, as it may be of another version of the model.
+        # Before it is stored, as it may be of another version of the model.
         model.record_files(batch_result.results.files)
         checkpoint.save(columns, batch_result)
         for warning in batch_result.warnings:
@@ -117,21 +116,17 @@ class _RunRecord:
 
     def add(self, batch_result: BatchResult) -> None:
         """Insert the results of some runs."""
-        runs, results = (
-            slice(batch_result.start, batch_result.start + len(batch_result)),
-            batch_result.results,
-        )
+        start, results = batch_result.start, batch_result.results
+        runs = slice(start, start + len(batch_result))
         if self.done[runs].any():
             # A batch with some restored runs is made as a whole.
-            for run in range(batch_result.start, batch_result.start + len(batch_result)):
+            for run in range(runs.start, runs.stop):
                 self._reasons.pop(run, None)
         self.done[runs] = True
         for name, values in results.outputs.items():
             self._outputs[name][runs] = values
         self._status[runs] = results.status
-        self._reasons |= {
-            batch_result.start + run: reason for run, reason in results.reasons.items()
-        }
+        self._reasons |= {start + run: reason for run, reason in results.reasons.items()}
 
     def variables(self, outputs: Sequence[Output]) -> dict[str, Any]:
         """Return all runs as variables of a dataset."""
@@ -158,20 +153,16 @@ def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, 
             if variable.name in runs:
                 shown = display_units.get(variable.name, variable.preferred_unit)
                 measure = {"units": variable.unit, "display_units": shown}
-                kinds = variable.categories if isinstance(variable, Output) else ()
-                runs[variable.name].attrs = {
-                    **runs[variable.name].attrs,
+                categories = variable.categories if isinstance(variable, Output) else ()
+                runs[variable.name].attrs |= {
                     "long_name": variable.title,
                     ROLE: role,
-                    **(_category_attributes(kinds) if kinds else measure),
+                    **(_category_attributes(categories) if categories else measure),
                 }
     runs[STATUS].attrs = {"long_name": "what became of the run"}
     runs[STATUS].attrs |= _flag_attributes(list(Status), [status.meaning for status in Status])
-    runs[RUN].attrs = {
-        "standard_name": "realization",
-        "units": "1",
-        "long_name": "number of the run",
-    }
+    number = {"units": "1", "long_name": "number of the run"}
+    runs[RUN].attrs = {"standard_name": "realization", **number}
     if REPLICATE in runs:
         runs[REPLICATE].attrs = {"units": "1", "long_name": "number of the run's replicate"}
     if FAILED_RUN in runs:
@@ -181,10 +172,9 @@ def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, 
 
 def _category_attributes(categories: Sequence[Category]) -> dict[str, Any]:
     """Return the attributes of a categorical output; failed runs have a category of their own."""
-    flags = _flag_attributes(
-        range(-1, len(categories)), ["lost", *(kind.flag for kind in categories)]
-    )
-    return {**flags, "flag_labels": ["lost", *(kind.label for kind in categories)]}
+    meanings = ["lost", *(category.flag for category in categories)]
+    labels = ["lost", *(category.label for category in categories)]
+    return {**_flag_attributes(range(-1, len(categories)), meanings), "flag_labels": labels}
 
 
 def _flag_attributes(values: Sequence[int], meanings: Sequence[str]) -> dict[str, Any]:
