@@ -50,11 +50,6 @@ class Verdict:
     level: tuple[str, ...]
     doubt: str = ""
 
-    @property
-    def is_decided(self) -> bool:
-        """True if one method leads all others significantly."""
-        return len(self.level) == 1 and not self.doubt
-
 
 def find_verdict(
     names: Sequence[str], accuracies: Accuracy, resolution: float = 0.0
@@ -68,7 +63,7 @@ def find_verdict(
     accuracies : Accuracy
         Of shape (method,).
     resolution : float
-        Error of the reference itself; NaN where it is not known.
+        Error of the reference itself; NaN for unknown.
     """
     logarithm, error = accuracies.logarithm, accuracies.error
     order = [i for i in np.argsort(logarithm, kind="stable") if not math.isnan(logarithm[i])]
@@ -119,21 +114,15 @@ def verdict_sentence(verdict: Verdict | None, budget: int) -> str:
     if verdict.doubt:
         seen = f"{verdict.winner} is ahead of {verdict.runner_up}"
         return f"{where} {seen} by a factor of {_factor_text(over.factor)}, but {verdict.doubt}"
-    factor = (
-        f"{_factor_text(over.factor)} ({_factor_text(over.lower)} … {_factor_text(over.upper)})"
-    )
-    return f"{where} {verdict.winner} leads {verdict.runner_up} by a factor of {factor}"
+    factor, lower, upper = map(_factor_text, (over.factor, over.lower, over.upper))
+    lead = f"{verdict.winner} leads {verdict.runner_up} by a factor of {factor}"
+    return f"{where} {lead} ({lower} … {upper})"
 
 
 def reference_remark(error: float, half_width: float) -> str:
-    """Remark on the reference's own error, compared with an error measured against it.
+    """Return a remark on the half-width of the reference's interval, which may be NaN.
 
-    Parameters
-    ----------
-    error : float
-        The smallest error of a comparison.
-    half_width : float
-        Of the reference's interval; NaN where it has none.
+    It is compared with the smallest error that was measured against the reference.
     """
     if math.isnan(error):
         return ""
