@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.benchmark.accuracy import Accuracy, ErrorRatio, error_ratio
+from uqpen.results.benchmark_tables import join_names
 from uqpen.results.digits import grouped_number
 
 __all__ = ["NO_VERDICT", "Verdict", "find_verdict", "reference_remark", "verdict_sentence"]
@@ -65,17 +66,13 @@ def find_verdict(
     resolution : float
         Error of the reference itself; NaN for unknown.
     """
-    logarithm, error = accuracies.logarithm, accuracies.error
+    logarithm, error = accuracies.logarithm.tolist(), accuracies.error.tolist()
     order = [i for i in np.argsort(logarithm, kind="stable") if not math.isnan(logarithm[i])]
     if len(order) < 2:
         return None
     best = order[0]
     leads = {
-        i: error_ratio(
-            (float(logarithm[best]), float(error[best])),
-            (float(logarithm[i]), float(error[i])),
-            accuracies.repeats,
-        )
+        i: error_ratio((logarithm[best], error[best]), (logarithm[i], error[i]), accuracies.repeats)
         for i in order[1:]
     }
     # A method whose error a few repeats dominate is not level: it is behind, or ahead in doubt.
@@ -106,8 +103,7 @@ def verdict_sentence(verdict: Verdict | None, budget: int) -> str:
     if verdict is None:
         return f"{where} {NO_VERDICT}"
     if len(verdict.level) > 1:
-        *most, last = verdict.level
-        return f"{where} {', '.join(most)} and {last} are level"
+        return f"{where} {join_names(verdict.level)} are level"
     over = verdict.lead
     if math.isinf(over.factor):
         return f"{where} {verdict.winner} alone is exact"

@@ -76,7 +76,7 @@ def _draw(
     axes: Axes,
 ) -> Iterator[str]:
     ok, failed = runs
-    x, x_lost = (view.scale(name).from_si(each[name].values) for each in runs)
+    x, x_failed = (view.scale(name).from_si(each[name].values) for each in runs)
     y = _vertical_positions(axes, view, output, ok)
     axes.plot(x, y, ".", color=colour, markersize=2.2, alpha=0.6)
     axes.set(xlabel=view.axis_label(name), ylabel=view.axis_label(output))
@@ -89,8 +89,8 @@ def _draw(
             yield "axes of outputs end where all but 1 % lies inside"
     if failed.sizes[RUN]:
         axes.plot(
-            x_lost,
-            np.full(x_lost.size, 0.02),
+            x_failed,
+            np.full(x_failed.size, 0.02),
             "x",
             color=VERMILION,
             markersize=4,

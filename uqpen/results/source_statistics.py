@@ -32,9 +32,6 @@ from uqpen.results.table import first_runs, output_names
 __all__ = ["SourceStatistics", "source_entries"]
 
 
-_ACCOUNTS = (CONDITIONAL, MISSING)
-
-
 @dataclass(frozen=True)
 class SourceStatistics:
     """The statistics of one model, or of the difference of two.
@@ -123,10 +120,8 @@ class SourceStatistics:
         self, output: str, statistic: str, sources: Iterable[str] | None = None
     ) -> dict[str, xr.DataArray]:
         """Return a statistic of an output from the sources that have it, of all or of some."""
-        found = {
-            source: self.get(source, output, statistic)
-            for source in (self.sources if sources is None else sources)
-        }
+        asked = self.sources if sources is None else sources
+        found = {source: self.get(source, output, statistic) for source in asked}
         return {source: array for source, array in found.items() if array is not None}
 
     def largest_contribution(self, publication: str, output: str) -> str:
@@ -165,8 +160,8 @@ class SourceStatistics:
 
     def run_accounts(self, design: str) -> dict[str, str]:
         """Return the attributes by which failed runs qualify the statistics of a design."""
-        chances = self.failures(design).get("probability", xr.DataArray())
-        return {name: chances.attrs[name] for name in _ACCOUNTS if name in chances.attrs}
+        attributes = self.failures(design).get("probability", xr.DataArray()).attrs
+        return {name: attributes[name] for name in (CONDITIONAL, MISSING) if name in attributes}
 
     def to_frame(self, model: str = "", *, functions: bool = False) -> pd.DataFrame:
         """Return all estimates as a long table, one entry of one statistic a row.
