@@ -18,7 +18,6 @@ from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import student_quantile
 
 __all__ = [
-    "JACKKNIFE",
     "Accuracy",
     "ErrorRatio",
     "convergence_slope",
@@ -28,8 +27,6 @@ __all__ = [
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
-
-JACKKNIFE = "Student t on the logarithm, jackknife over repeats"
 
 # With a kurtosis of the errors above this, too few repeats dominate their mean square for a
 # reliable interval; for normally distributed errors the kurtosis is 3.

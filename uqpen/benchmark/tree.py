@@ -17,7 +17,6 @@ from uqpen.archive.benchmark_layout import (
     ArchiveVariable,
 )
 from uqpen.archive.estimates import estimate_array, pack
-from uqpen.benchmark.accuracy import JACKKNIFE
 from uqpen.benchmark.record import EstimateRecord
 from uqpen.benchmark.statistics import BenchmarkStatistic, Estimates
 from uqpen.benchmark.verdicts import Verdict, reference_remark, verdict_sentence
@@ -50,13 +49,11 @@ Values = npt.NDArray[Any]
 
 _VARIANTS = (SINGLE, REPLICATED)
 
-_ON_JACKKNIFE = JACKKNIFE.partition(", ")[2]
-
-# How the intervals of the variables with bounds are made.
+# Methods of the intervals of the variables with bounds.
 _INTERVALS = {
-    "error": JACKKNIFE,
-    "slope": f"Student t on a line by least squares, {_ON_JACKKNIFE}",
-    "lead": f"Welch's t on the logarithm, {_ON_JACKKNIFE}",
+    "error": "Student t on the logarithm, jackknife over repeats",
+    "slope": "Student t on a line by least squares, jackknife over repeats",
+    "lead": "Welch's t on the logarithm, jackknife over repeats",
 }
 _INTERVAL_NOTE = (
     "none where a few of the repeats decide an error; a tail that none has met cannot show"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import xarray as xr
 
@@ -135,9 +134,9 @@ def _entry_comparison(entry: BenchmarkEntry) -> EntryComparison:
 
 def _notes(notes: list[str], budgets: list[int]) -> Iterator[str]:
     """Yield what the reference's own error means for the verdicts, a sentence a remark."""
-    for note, where in _group_budgets([(note,) if note else () for note in notes], budgets):
-        if note:
-            yield f"at {_list_budgets(where)} runs, {note[0]}"
+    for note in dict.fromkeys(filter(None, notes)):
+        where = [budget for budget, each in zip(budgets, notes, strict=True) if each == note]
+        yield f"at {_list_budgets(where)} runs, {note}"
 
 
 def _replicated_verdicts(levels: list[str], budgets: list[int]) -> Iterator[str]:
@@ -164,11 +163,11 @@ def _single_set_verdicts(levels: list[str], texts: list[str], budgets: list[int]
     yield from (sentences[budget] for budget in sorted(sentences))
 
 
-def _group_budgets(keys: list[Any], budgets: list[int]) -> list[tuple[tuple[str, ...], list[int]]]:
-    """Budgets with the same verdict together, in the order of the first of each."""
-    found: dict[frozenset[str], tuple[tuple[str, ...], list[int]]] = {}
-    for key, budget in zip(keys, budgets, strict=True):
-        names = tuple(key.split()) if isinstance(key, str) else key
+def _group_budgets(levels: list[str], budgets: list[int]) -> list[tuple[list[str], list[int]]]:
+    """Return the budgets at which the same methods are level, in the order of the first of each."""
+    found: dict[frozenset[str], tuple[list[str], list[int]]] = {}
+    for level, budget in zip(levels, budgets, strict=True):
+        names = level.split()
         found.setdefault(frozenset(names), (names, []))[1].append(budget)
     return list(found.values())
 
