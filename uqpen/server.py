@@ -31,14 +31,11 @@ __all__ = ["ModelServer", "ServedModel"]
 _LARGEST = 1024 * 1024
 _DISCARDED = 16 * _LARGEST
 
-# How long a client may keep a connection without a word, in seconds.
-_PATIENCE = 300
-
-# What UM-Bridge knows beside runs, and uqpen does not offer.
+# UM-Bridge also has derivatives and runs by shared memory, which uqpen does not offer.
 _DERIVATIVES = ("Gradient", "ApplyJacobian", "ApplyHessian")
-_RUNS = ("Evaluate", *_DERIVATIVES)
-_BY_SHARED_MEMORY = ("TestShMem", *(f"{name}ShMem" for name in _RUNS))
-_REQUESTS = ("ModelInfo", "InputSizes", "OutputSizes", *_RUNS, *_BY_SHARED_MEMORY)
+_BY_SHARED_MEMORY = ("TestShMem", *(f"{name}ShMem" for name in ("Evaluate", *_DERIVATIVES)))
+_SUPPORTED = ("ModelInfo", "InputSizes", "OutputSizes", "Evaluate")
+_REQUESTS = (*_SUPPORTED, *_DERIVATIVES, *_BY_SHARED_MEMORY)
 
 
 class _RefusedError(Exception):
@@ -76,9 +73,8 @@ class ServedModel:
         for name in self.varied_inputs:
             model.input(name)
         if len(set(self.varied_inputs)) < len(self.varied_inputs):
-            raise ModelError(
-                f"{self.name}: an input is given twice: {', '.join(self.varied_inputs)}"
-            )
+            names = ", ".join(self.varied_inputs)
+            raise ModelError(f"{self.name}: an input is given twice: {names}")
         if missing := list(model.missing_inputs(given)):
             raise ModelError(f"{self.name} also needs {', '.join(missing)}")
 
@@ -98,13 +94,7 @@ class ServedModel:
         return self.model.outputs
 
     def run(self, values: Sequence[float]) -> list[float]:
-        """Return the outputs of one run.
-
-        Raises
-        ------
-        _RefusedError
-            If the run fails.
-        """
+        """Return the outputs of one run; a `_RefusedError` says that it failed."""
         given = {**self.fixed_inputs, **dict(zip(self.varied_inputs, values, strict=True))}
         results = self.evaluator({name: np.array([value]) for name, value in given.items()})
         status = Status(int(results.status[0]))
@@ -122,14 +112,9 @@ class ModelServer(socketserver.ThreadingTCPServer):
     offers : sequence of ServedModel
         Its models, each with a unique name.
     host : str
-        The address where it listens. Only this machine can reach ``127.0.0.1``.
+        Address to listen at; `OSError` if that fails. Only this machine reaches ``127.0.0.1``.
     port : int
         The port; 0 for any free one.
-
-    Raises
-    ------
-    OSError
-        If it cannot listen at that address.
     """
 
     allow_reuse_address = True
@@ -158,17 +143,15 @@ class ModelServer(socketserver.ThreadingTCPServer):
             super().handle_error(request, client_address)
 
     def answer(self, what: str, request: dict[str, Any]) -> dict[str, Any]:
-        """Return the response to a request.
-
-        Raises
-        ------
-        _RefusedError
-            If the response is an error.
-        """
-        offer = self._find_model(request.get("name"))
+        """Return the response to a request; a `_RefusedError` stands for an error."""
+        name = request.get("name")
+        if not isinstance(name, str) or name not in self.offers:
+            message = f"no model {json.dumps(name)}; known: {', '.join(self.offers)}"
+            raise _RefusedError("ModelNotFound", message)
+        offer = self.offers[name]
         if what == "ModelInfo":
             return {"support": {"Evaluate": True, **dict.fromkeys(_DERIVATIVES, False)}}
-        if what not in ("InputSizes", "OutputSizes", "Evaluate"):
+        if what not in _SUPPORTED:
             raise _RefusedError("UnsupportedFeature", f"{what} is not supported")
         if request.get("config"):
             raise _RefusedError("InvalidInput", f"{offer.name} takes no config")
@@ -180,27 +163,16 @@ class ModelServer(socketserver.ThreadingTCPServer):
         with self.turn:
             return {"output": [offer.run(values)]}
 
-    def _find_model(self, name: object) -> ServedModel:
-        if isinstance(name, str) and name in self.offers:
-            return self.offers[name]
-        message = f"no model {json.dumps(name)}; known: {', '.join(self.offers)}"
-        raise _RefusedError("ModelNotFound", message)
 
-
-def _only_vector(vectors: object, size: int) -> list[float]:
+def _only_vector(vectors: Any, size: int) -> list[float]:
     """Return the only vector of an input; refuse one of another size."""
-    expected = f"expected one vector of {size} numbers"
-    if not isinstance(vectors, list) or len(vectors) != 1:
-        raise _RefusedError("InvalidInput", expected)
-    vector = vectors[0]
-    if not isinstance(vector, list) or len(vector) != size:
-        raise _RefusedError("InvalidInput", expected)
-    if not all(type(value) in (int, float) for value in vector):
-        raise _RefusedError("InvalidInput", expected)
-    try:
-        return [float(value) for value in vector]
-    except OverflowError:
-        raise _RefusedError("InvalidInput", "a number is too large") from None
+    match vectors:
+        case [[*vector]] if len(vector) == size and {*map(type, vector)} <= {int, float}:
+            try:
+                return [float(value) for value in vector]
+            except OverflowError:
+                raise _RefusedError("InvalidInput", "a number is too large") from None
+    raise _RefusedError("InvalidInput", f"expected one vector of {size} numbers")
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -210,7 +182,7 @@ class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     server_version = "uqpen"
     sys_version = ""
-    timeout = _PATIENCE
+    timeout = 300  # seconds without a word from the client
     # A short answer must not wait for the client to acknowledge what came before it.
     disable_nagle_algorithm = True
 
@@ -248,11 +220,8 @@ class _Handler(BaseHTTPRequestHandler):
         length = self.headers.get("Content-Length", "")
         if not (length.isascii() and length.isdecimal()):
             self.close_connection = True
-            raise _RefusedError(
-                "LengthRequired",
-                "the length of the request is not told",
-                HTTPStatus.LENGTH_REQUIRED,
-            )
+            message = "the length of the request is not told"
+            raise _RefusedError("LengthRequired", message, HTTPStatus.LENGTH_REQUIRED)
         if len(length) > 9 or int(length) > _LARGEST:
             self.close_connection = True
             self._discard(int(length[:12]))

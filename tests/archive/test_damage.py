@@ -257,7 +257,7 @@ class TestWhatUqpenDoesNotKnow:
         assert found.get("first", "y", "skewness") is None
         assert found.get("first", "y", "mean") is not None
         assert found.statistics("second", "y") == {}
-        assert found.sources_of("y", "mean") == ["first", "chaos"]
+        assert list(found.by_source("y", "mean")) == ["first", "chaos"]
         assert found.failures("first") == {}
 
     def test_one_that_is_not_in_the_catalogue_is_kept_and_listed(self, copy: Path) -> None:

@@ -149,7 +149,7 @@ class TestVerdict:
         heavy = Accuracy(known.logarithm, known.error, np.array([False, True, False]), 30)
         found = find_verdict(self.NAMES, heavy)
         assert found is not None
-        assert not found.is_decided
+        assert found.doubt
         assert verdict_sentence(found, 128) == (
             "at 128 runs b is ahead of a by a factor of 2.7, but few of the repeats decide that"
         )
@@ -162,7 +162,7 @@ class TestVerdict:
         assert found.level == ("a", "b")
         alone = find_verdict(self.NAMES[1:], Accuracy(*(x[1:] for x in noisy_parts(noisy)), 30))
         assert alone is not None
-        assert not alone.is_decided
+        assert alone.doubt
         assert alone.level == ("b",)
 
     def test_so_does_a_reference_that_is_no_better(self) -> None:
@@ -173,7 +173,9 @@ class TestVerdict:
         assert verdict_sentence(found, 128).endswith(
             "its errors are no larger than the reference's own"
         )
-        assert find_verdict(self.NAMES, accuracies([0.0, -1.0, 1.0]), resolution=0.3).is_decided  # type: ignore[union-attr]
+        better = find_verdict(self.NAMES, accuracies([0.0, -1.0, 1.0]), resolution=0.3)
+        assert better is not None
+        assert (better.level, better.doubt) == (("b",), "")
 
     def test_who_has_no_figure_is_passed_over(self) -> None:
         found = find_verdict(self.NAMES, accuracies([0.0, math.nan, 1.0]))

@@ -54,8 +54,8 @@ def test_each_source_stands_with_its_runs(tree: xr.DataTree) -> None:
 def test_a_source_has_what_it_tells_and_nothing_else(tree: xr.DataTree) -> None:
     statistics = SourceStatistics(tree)
     assert statistics.get("steps", "y", "mean") is None
-    assert statistics.sources_of("y", "mean") == ["mc", "blocks", "pce"]
-    assert statistics.sources_of("y", "response") == ["steps"]
+    assert list(statistics.by_source("y", "mean")) == ["mc", "blocks", "pce"]
+    assert list(statistics.by_source("y", "response")) == ["steps"]
     response = statistics.statistics("steps", "y")["response"]
     assert np.isfinite(response.sel(bound="estimate")).all()
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,6 @@ from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import student_quantile
 
 __all__ = [
-    "JACKKNIFE",
     "Accuracy",
     "ErrorRatio",
     "convergence_slope",
@@ -27,8 +27,6 @@ __all__ = [
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
-
-JACKKNIFE = "Student t on the logarithm, jackknife over repeats"
 
 # With a kurtosis of the errors above this, too few repeats dominate their mean square for a
 # reliable interval; for normally distributed errors the kurtosis is 3.
@@ -57,28 +55,25 @@ class Accuracy:
     is_heavy: BoolArray
     repeats: int
 
+    def __getitem__(self, at: Any) -> Accuracy:
+        return Accuracy(self.logarithm[at], self.error[at], self.is_heavy[at], self.repeats)
+
+    @property
+    def reliable_error(self) -> FloatArray:
+        """Standard error of each logarithm; NaN where a few of the repeats decide."""
+        return np.where(self.is_heavy, np.nan, self.error)
+
     @property
     def bounds(self) -> FloatArray:
-        """Estimate, lower and upper bound of the root mean squares, along a last axis.
-
-        There are no bounds where a few of the repeats decide.
-        """
-        error = np.where(self.is_heavy, np.nan, self.error)
-        half = student_quantile(self.repeats - 1, LEVEL) * error
+        """Root mean squares and their `reliable_error` bounds, along a last axis."""
+        half = student_quantile(self.repeats - 1, LEVEL) * self.reliable_error
         ends = [self.logarithm, self.logarithm - half, self.logarithm + half]
-        found: FloatArray = np.exp(np.stack(ends, axis=-1))
-        return found
+        return np.asarray(np.exp(np.stack(ends, axis=-1)))
 
 
 @dataclass(frozen=True)
 class ErrorRatio:
-    """Factor by which one method's error is below another's.
-
-    Parameters
-    ----------
-    factor, lower, upper : float
-        The factor and its interval.
-    """
+    """Factor by which one method's error is below another's, and its interval."""
 
     factor: float
     lower: float
@@ -91,7 +86,7 @@ class ErrorRatio:
 
 
 def root_mean_square_errors(errors: FloatArray) -> Accuracy:
-    """Root mean squares over repeats, with the jackknife's standard error of their logarithms.
+    """Return root mean squares over repeats, with the jackknife's errors of their logarithms.
 
     Parameters
     ----------
@@ -122,7 +117,7 @@ def root_mean_square_errors(errors: FloatArray) -> Accuracy:
 def convergence_slope(
     logarithm: FloatArray, error: FloatArray, runs: FloatArray, repeats: int
 ) -> FloatArray:
-    """Slope of the straight line through logarithms of errors over those of runs.
+    """Return the slope of the straight line through logarithms of errors over those of runs.
 
     The line is fitted by least squares. The interval covers the noise of the errors only: it is the
     interval of the line through these budgets, even if the errors do not lie on a line.
@@ -158,12 +153,7 @@ def error_ratio(
 ) -> ErrorRatio:
     """Estimate the factor between two errors whose repeats are independent of each other.
 
-    Parameters
-    ----------
-    ahead, behind : tuple of float
-        The logarithm of each and its standard error.
-    repeats : int
-        Of how many repeats each is.
+    Each is given by its logarithm and the standard error of that.
 
     References
     ----------

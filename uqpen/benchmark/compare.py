@@ -45,7 +45,7 @@ def compare(
     Parameters
     ----------
     study : Study
-        Result of `load_study`; its designs and surrogates are the methods.
+        Its designs and surrogates are the methods.
     settings : BenchmarkSettings, optional
         Budgets, repeats and the size of the reference.
     map : callable
@@ -81,34 +81,23 @@ def compare(
     record = EstimateRecord.empty(
         methods,
         settings,
-        tuple(benchmark_statistics(study.quantities_of_interest)),
+        list(benchmark_statistics(study.quantities_of_interest)),
         truth,
         reference_runs=runs,
     )
     # Repeat by repeat: each takes as long as the one before, so the end can be predicted.
     for repeat in range(settings.repeats):
-        _run_repeat(runner, record, repeat)
+        for position, method in enumerate(methods):
+            for number, budget in enumerate(settings.budgets):
+                if method.cost(budget).runs:
+                    stream = Stream(study.seed, "head_to_head", method.name, budget, repeat)
+                    record.add(position, number, repeat, method.estimates(runner, budget, stream))
         progress.finish_repeat(repeat + 1)
     return benchmark_tree(study, record, truth)
 
 
-def _run_repeat(runner: BenchmarkRunner, record: EstimateRecord, repeat: int) -> None:
-    """Try every method once at every budget, with random numbers of its own each time."""
-    for position, method in enumerate(record.methods):
-        for number, budget in enumerate(record.settings.budgets):
-            if method.cost(budget).runs:
-                stream = Stream(runner.study.seed, "head_to_head", method.name, budget, repeat)
-                record.add(position, number, repeat, method.estimates(runner, budget, stream))
-
-
 def check_study(study: Study, settings: BenchmarkSettings) -> None:
-    """Refuse a study that has nothing to compare, before anything runs.
-
-    Raises
-    ------
-    SettingsError
-        Saying what was found and what is expected.
-    """
+    """Raise a `SettingsError` for a study that has nothing to compare, before anything runs."""
     if study.has_several_models:
         found = f"{len(study.models)} models, {', '.join(study.models)}"
         expected = "a single [model]: methods are compared on one"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from uqpen.benchmark.runner import BenchmarkRunner
@@ -51,10 +51,16 @@ class BenchmarkMethod(ABC):
         The name of its design or surrogate in the study.
     variants : tuple of str
         The comparisons that it takes part in: `SINGLE`, `REPLICATED` or both.
+    design : Design
+        The design of its runs, as the study has it.
+    joint : JointDistribution
+        The study's inputs.
     """
 
     source: str
     variants: tuple[str, ...]
+    design: Design
+    joint: JointDistribution
 
     @abstractmethod
     def cost(self, budget: int) -> MethodCost:
@@ -64,19 +70,9 @@ class BenchmarkMethod(ABC):
     def estimates(self, runner: BenchmarkRunner, budget: int, stream: Stream) -> Estimates:
         """Return its estimates from one budget of new runs, by output and statistic.
 
-        Parameters
-        ----------
-        runner : BenchmarkRunner
-            Makes and analyses the runs.
-        budget : int
-            Number of runs; sufficient according to `cost`.
-        stream : Stream
-            Source of its random numbers.
+        The budget has to be sufficient according to `cost`. The stream is the source of all its
+        random numbers.
         """
-
-    def is_equivalent(self, other: BenchmarkMethod, budgets: Sequence[int]) -> bool:
-        """Return True if it would make the same runs as another, except for random numbers."""
-        return False
 
     @property
     def name(self) -> str:
@@ -86,41 +82,23 @@ class BenchmarkMethod(ABC):
 
 @dataclass(frozen=True)
 class DesignMethod(BenchmarkMethod):
-    """A design of the study, scaled.
-
-    Parameters
-    ----------
-    source, variants
-        As of `BenchmarkMethod`.
-    design : Design
-        As the study has it.
-    joint : JointDistribution
-        The study's inputs.
-    """
-
-    design: Design
-    joint: JointDistribution
+    """A design of the study, scaled."""
 
     def cost(self, budget: int) -> MethodCost:
         """Return the numbers of runs and replicates of the scaled design."""
-        scaled = self._scaled(budget)
+        scaled = self.scaled(budget)
         if scaled is None:
             return MethodCost(0, 0)
         return MethodCost(scaled.run_count(self.joint), scaled.replicate_count)
 
     def estimates(self, runner: BenchmarkRunner, budget: int, stream: Stream) -> Estimates:
         """Return the estimates from the runs of the scaled design."""
-        scaled = self._scaled(budget)
+        scaled = self.scaled(budget)
         assert scaled is not None
         return runner.estimates(runner.run_design(scaled, stream))
 
-    def is_equivalent(self, other: BenchmarkMethod, budgets: Sequence[int]) -> bool:
-        """Return True if both designs are equal once they are scaled."""
-        if not isinstance(other, DesignMethod):
-            return False
-        return all(self._scaled(budget) == other._scaled(budget) for budget in budgets)
-
-    def _scaled(self, budget: int) -> Design | None:
+    def scaled(self, budget: int) -> Design | None:
+        """Return the design scaled to a budget; None where that is too small."""
         return self.design.scaled(self.joint, budget, replicated=SINGLE not in self.variants)
 
 
@@ -133,25 +111,19 @@ class SurrogateMethod(BenchmarkMethod):
 
     Parameters
     ----------
-    source, variants
-        As of `BenchmarkMethod`.
+    source, variants, design, joint
+        As of `BenchmarkMethod`; the design is that of the training.
     surrogate : Surrogate
         As the study has it.
-    training : Design
-        The design that it is fitted to.
     share : float
         The share of a budget for the training.
-    joint : JointDistribution
-        The study's inputs.
     """
 
     surrogate: Surrogate
-    training: Design
     share: float
-    joint: JointDistribution
 
     def cost(self, budget: int) -> MethodCost:
-        """Training and check together."""
+        """Return the number of training and validation runs together."""
         scaled = self._scaled(budget)
         if scaled is None:
             return MethodCost(0, 0)
@@ -171,7 +143,7 @@ class SurrogateMethod(BenchmarkMethod):
     def _scaled(self, budget: int) -> Design | None:
         if budget > _MOST_WITH_SURROGATE:
             return None
-        return self.training.scaled(self.joint, self._training_budget(budget), replicated=False)
+        return self.design.scaled(self.joint, self._training_budget(budget), replicated=False)
 
 
 def study_methods(study: Study, budgets: Sequence[int]) -> tuple[BenchmarkMethod, ...]:
@@ -179,43 +151,35 @@ def study_methods(study: Study, budgets: Sequence[int]) -> tuple[BenchmarkMethod
 
     A method without replicates, such as a design of independent points, is in both comparisons. If
     several designs are equal once they are scaled, the first represents all.
-
-    Parameters
-    ----------
-    study : Study
-        The study with the designs and surrogates.
-    budgets : sequence of int
-        Numbers of runs.
     """
-    found: list[BenchmarkMethod] = []
-    for method in (*_design_methods(study, budgets), *_surrogate_methods(study)):
-        can_do = any(method.cost(budget).runs for budget in budgets)
-        if can_do and not any(method.is_equivalent(other, budgets) for other in found):
-            found.append(method)
-    return tuple(found)
+    methods: list[BenchmarkMethod] = []
+    known: list[list[Design | None]] = []
+    for method in _design_methods(study, budgets):
+        scaled = [method.scaled(budget) for budget in budgets]
+        if scaled not in known:
+            known.append(scaled)
+            methods.append(method)
+    methods += _surrogate_methods(study)
+    return tuple(each for each in methods if any(each.cost(budget).runs for budget in budgets))
 
 
-def _design_methods(study: Study, budgets: Sequence[int]) -> Iterator[BenchmarkMethod]:
+def _design_methods(study: Study, budgets: Sequence[int]) -> Iterator[DesignMethod]:
     # What only serves a surrogate comes last, so that it does not stand for a design like it.
     serving = {name for each in study.surrogates.values() for name in (each.design, each.check)}
     for name in sorted(study.designs, key=lambda name: name in serving):
-        design = study.designs[name]
-        replicated = DesignMethod(name, (REPLICATED,), design, study.joint)
+        replicated = DesignMethod(name, (REPLICATED,), study.designs[name], study.joint)
         has_both = any(replicated.cost(budget).runs for budget in budgets)
-        variants = (SINGLE,) if has_both else (SINGLE, REPLICATED)
-        yield DesignMethod(name, variants, design, study.joint)
+        yield replace(replicated, variants=(SINGLE,) if has_both else (SINGLE, REPLICATED))
         if has_both:
             yield replicated
 
 
-def _surrogate_methods(study: Study) -> Iterator[BenchmarkMethod]:
+def _surrogate_methods(study: Study) -> Iterator[SurrogateMethod]:
+    joint = study.joint
     for name, surrogate in study.surrogates.items():
-        training = study.designs[surrogate.design]
-        checked = _DEFAULT_CHECK
+        training, check = study.designs[surrogate.design], _DEFAULT_CHECK
         if surrogate.check is not None:
-            proportion = study.designs[surrogate.check].run_count(study.joint) / training.run_count(
-                study.joint
-            )
-            checked = proportion if proportion <= 1 else _DEFAULT_CHECK
-        share = 1 / (1 + checked)
-        yield SurrogateMethod(name, (SINGLE, REPLICATED), surrogate, training, share, study.joint)
+            ratio = study.designs[surrogate.check].run_count(joint) / training.run_count(joint)
+            check = ratio if ratio <= 1 else _DEFAULT_CHECK
+        variants = (SINGLE, REPLICATED)
+        yield SurrogateMethod(name, variants, training, joint, surrogate, 1 / (1 + check))

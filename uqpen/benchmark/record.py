@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,6 @@ from uqpen.benchmark.methods import BenchmarkMethod
 from uqpen.benchmark.settings import BenchmarkSettings
 from uqpen.benchmark.statistics import BenchmarkStatistic, Estimates
 from uqpen.benchmark.verdicts import Verdict, find_verdict
-from uqpen.core.labels import BOUNDS
 
 __all__ = ["EstimateRecord"]
 
@@ -52,22 +51,12 @@ class EstimateRecord:
         cls,
         methods: tuple[BenchmarkMethod, ...],
         settings: BenchmarkSettings,
-        statistics: tuple[BenchmarkStatistic, ...],
+        statistics: Sequence[BenchmarkStatistic],
         reference: Estimates,
         *,
         reference_runs: int,
     ) -> EstimateRecord:
-        """Return a record of nothing but the reference.
-
-        Parameters
-        ----------
-        methods, settings, reference_runs
-            As of the class.
-        statistics : tuple of BenchmarkStatistic
-            The statistics that are judged.
-        reference : mapping
-            The reference's estimate arrays by output and statistic.
-        """
+        """Return a record of nothing but the reference's estimates of some statistics."""
         shape = (len(methods), len(settings.budgets), settings.repeats)
         truth = {each: each.estimates(reference) for each in statistics}
         spreads = {each: float(reference[each.output]["std"].values[0]) for each in statistics}
@@ -86,18 +75,15 @@ class EstimateRecord:
             found[method, budget, repeat] = statistic.estimates(estimates)
 
     def accuracy(self, statistic: BenchmarkStatistic) -> Accuracy:
-        """Relative errors of shape (method, budget, entry)."""
+        """Return the relative errors, of shape (method, budget, entry)."""
         values = np.moveaxis(self.estimates[statistic][..., 0], 2, -1)
         truth = self.reference[statistic][:, :1]
         return root_mean_square_errors((values - truth) / self.scales[statistic][:, np.newaxis])
 
     def coverage(self, statistic: BenchmarkStatistic) -> FloatArray:
-        """Share of the repeats whose interval contains the reference.
+        """Return the share of the intervals that contain the reference; NaN for no intervals.
 
-        Returns
-        -------
-        ndarray, shape (method, budget, entry)
-            Of the repeats that have an interval; NaN where none has.
+        Its shape is (method, budget, entry).
         """
         lower, upper = np.moveaxis(self.estimates[statistic][..., 1:], -1, 0)
         truth = self.reference[statistic][:, 0]
@@ -108,38 +94,33 @@ class EstimateRecord:
         return share
 
     def reference_error(self, statistic: BenchmarkStatistic, entry: int) -> float:
-        """Half-width of the reference's interval, relative as errors are; NaN without bounds."""
+        """Return the half-width of the reference's interval, relative as errors; NaN for none."""
         _, lower, upper = self.reference[statistic][entry]
         return float((upper - lower) / 2 / self.scales[statistic][entry])
 
     def slopes(self, statistic: BenchmarkStatistic) -> FloatArray:
-        """Convergence rates over the usable budgets, of shape (method, entry, bound)."""
+        """Return convergence rates over the usable budgets, of shape (method, entry, bound)."""
         errors = self.accuracy(statistic)
-        found = np.full((*errors.logarithm[:, 0].shape, len(BOUNDS)), np.nan)
+        slopes = []
         for position, method in enumerate(self.methods):
             runs = np.array([method.cost(budget).runs for budget in self.settings.budgets])
-            used = runs > 0
-            found[position] = convergence_slope(
-                errors.logarithm[position, used],
-                np.where(errors.is_heavy, np.nan, errors.error)[position, used],
-                runs[used].astype(np.float64),
-                errors.repeats,
-            )
-        return found
+            used = errors[position, runs > 0]
+            runs = runs[runs > 0].astype(np.float64)
+            error = used.reliable_error
+            slopes.append(convergence_slope(used.logarithm, error, runs, errors.repeats))
+        return np.stack(slopes)
+
+    def contestants(self, variant: str) -> list[int]:
+        """Return the positions of the methods in one comparison."""
+        return [i for i, method in enumerate(self.methods) if variant in method.variants]
 
     def verdict(
         self, statistic: BenchmarkStatistic, variant: str, budget: int, entry: int
     ) -> Verdict | None:
         """Return the verdict of one comparison; budget and entry by their positions."""
-        inside = [i for i, method in enumerate(self.methods) if variant in method.variants]
-        errors = self.accuracy(statistic)
+        inside = self.contestants(variant)
         return find_verdict(
             [self.methods[i].source for i in inside],
-            Accuracy(
-                errors.logarithm[inside, budget, entry],
-                errors.error[inside, budget, entry],
-                errors.is_heavy[inside, budget, entry],
-                errors.repeats,
-            ),
+            self.accuracy(statistic)[inside, budget, entry],
             self.reference_error(statistic, entry),
         )

@@ -28,17 +28,7 @@ _TIMED_VECTORIZED, _TIMED = 4096, 1
 
 @dataclass(frozen=True)
 class BenchmarkRunner:
-    """Runs and analyses of a study's model.
-
-    Parameters
-    ----------
-    study : Study
-        With a single model.
-    map : callable
-        Makes the batches of runs.
-    progress : Progress
-        Receives reports of progress.
-    """
+    """Runs and analyses of the single model of a study; the map makes batches of runs."""
 
     study: Study
     map: Map
@@ -51,8 +41,7 @@ class BenchmarkRunner:
 
     def estimates(self, runs: xr.Dataset) -> Estimates:
         """Return the estimates from runs, by output and statistic."""
-        quantities = self.study.quantities_of_interest
-        return analyze(runs, quantities, only=COMPARED_ANALYSES)
+        return analyze(runs, self.study.quantities_of_interest, only=COMPARED_ANALYSES)
 
     def surrogate_estimates(self, fitted: FittedSurrogate, stream: Stream) -> Estimates:
         """Return the estimates of a fitted surrogate, without bounds.

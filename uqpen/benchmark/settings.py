@@ -41,8 +41,7 @@ class BenchmarkSettings:
     reference: int | None = None
 
     def __post_init__(self) -> None:
-        problems = list(self._problems())
-        if problems:
+        if problems := self._problems():
             raise SettingsError(problems)
         object.__setattr__(self, "budgets", tuple(sorted(set(self.budgets))))
 
@@ -65,13 +64,7 @@ class BenchmarkSettings:
         return found
 
     def reference_design(self, *, vectorized: bool) -> tuple[int, int]:
-        """Runs and replicates of the reference.
-
-        Parameters
-        ----------
-        vectorized : bool
-            True if the model takes many points at a time, so that runs are cheap.
-        """
+        """Return runs and replicates of the reference; runs of a vectorized model are cheap."""
         wanted = self.reference
         if wanted is None:
             largest = _REPLICATES * max(self.budgets)

@@ -15,12 +15,7 @@ from uqpen.core.labels import BOUNDS, EXCEEDANCE, MOMENTS, QUANTILES
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
-__all__ = [
-    "COMPARED_ANALYSES",
-    "BenchmarkStatistic",
-    "Estimates",
-    "benchmark_statistics",
-]
+__all__ = ["COMPARED_ANALYSES", "BenchmarkStatistic", "Estimates", "benchmark_statistics"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -79,11 +74,6 @@ class BenchmarkStatistic:
         return f"{self._described.title} of {self.quantity.output.title}"
 
     @property
-    def is_location(self) -> bool:
-        """True for a location statistic, whose value may be zero without being small."""
-        return self._described.unit is UnitRule.VALUE
-
-    @property
     def _described(self) -> Statistic:
         return CATALOGUE[self.name]
 
@@ -92,18 +82,7 @@ class BenchmarkStatistic:
         return self._described.unit is not UnitRule.NONE
 
     def estimates(self, estimates: Estimates) -> FloatArray:
-        """Return its estimates with their bounds.
-
-        Parameters
-        ----------
-        estimates : mapping
-            Estimate arrays by output and statistic.
-
-        Returns
-        -------
-        ndarray, shape (entry, bound)
-            NaN where there is none.
-        """
+        """Return its estimates out of all, of shape (entry, bound); NaN for missing ones."""
         shape = (len(self.entries), len(BOUNDS))
         array = estimates.get(self.output, {}).get(self.name)
         if array is None:
@@ -111,20 +90,14 @@ class BenchmarkStatistic:
         return np.asarray(array.values, dtype=np.float64).reshape(shape)
 
     def error_scale(self, truth: FloatArray, spread: float) -> FloatArray:
-        """Return the size that errors are relative to.
+        """Return the sizes that errors are relative to, of shape (entry,).
 
-        Parameters
-        ----------
-        truth : ndarray, shape (entry,)
-            The reference's values.
-        spread : float
-            The standard deviation of the output.
+        They follow from the reference's values and the standard deviation of the output.
         """
         size = np.abs(truth)
-        if self.is_location:
+        if self._described.unit is UnitRule.VALUE:  # may be zero without being small
             size = np.where(size < _SMALL * spread, spread, size)
-        scale: FloatArray = np.where(size > 0, size, 1.0)
-        return scale
+        return np.where(size > 0, size, 1.0)
 
 
 def benchmark_statistics(quantities: Sequence[QuantityOfInterest]) -> Iterator[BenchmarkStatistic]:

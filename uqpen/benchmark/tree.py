@@ -17,7 +17,6 @@ from uqpen.archive.benchmark_layout import (
     ArchiveVariable,
 )
 from uqpen.archive.estimates import estimate_array, pack
-from uqpen.benchmark.accuracy import JACKKNIFE
 from uqpen.benchmark.record import EstimateRecord
 from uqpen.benchmark.statistics import BenchmarkStatistic, Estimates
 from uqpen.benchmark.verdicts import Verdict, reference_remark, verdict_sentence
@@ -50,13 +49,11 @@ Values = npt.NDArray[Any]
 
 _VARIANTS = (SINGLE, REPLICATED)
 
-_ON_JACKKNIFE = JACKKNIFE.partition(", ")[2]
-
-# How the intervals of the variables with bounds are made.
+# Methods of the intervals of the variables with bounds.
 _INTERVALS = {
-    "error": JACKKNIFE,
-    "slope": f"Student t on a line by least squares, {_ON_JACKKNIFE}",
-    "lead": f"Welch's t on the logarithm, {_ON_JACKKNIFE}",
+    "error": "Student t on the logarithm, jackknife over repeats",
+    "slope": "Student t on a line by least squares, jackknife over repeats",
+    "lead": "Welch's t on the logarithm, jackknife over repeats",
 }
 _INTERVAL_NOTE = (
     "none where a few of the repeats decide an error; a tail that none has met cannot show"
@@ -64,34 +61,24 @@ _INTERVAL_NOTE = (
 
 
 def benchmark_tree(study: Study, record: EstimateRecord, reference: Estimates) -> xr.DataTree:
-    """Return all estimates, and what they come to, in the layout of an archive.
+    """Return all estimates and their comparison in the layout of an archive.
 
-    Parameters
-    ----------
-    study : Study
-        The study of the methods.
-    record : EstimateRecord
-        Every estimate.
-    reference : mapping
-        The reference's estimate arrays by output and statistic.
+    The reference's estimate arrays are given by output and statistic.
     """
     attributes = {**root_attributes(study), KIND: BENCHMARK}
     groups = {"/": xr.Dataset(attrs=attributes), f"/{METHODS}": _methods(record)}
     groups |= {f"/{REFERENCE}/{output}": pack(arrays) for output, arrays in reference.items()}
     for statistic in record.reference:
-        output = f"/{BENCHMARK_GROUP}/{statistic.output}"
-        groups[output] = xr.Dataset(attrs=_output_attributes(statistic))
-        groups[f"{output}/{statistic.name}"] = _statistic_dataset(record, statistic)
+        place, quantity = f"/{BENCHMARK_GROUP}/{statistic.output}", statistic.quantity
+        groups[place] = xr.Dataset(
+            attrs={
+                "long_name": quantity.output.title,
+                "units": quantity.output.unit,
+                "display_units": quantity.display_unit,
+            }
+        )
+        groups[f"{place}/{statistic.name}"] = _statistic_dataset(record, statistic)
     return xr.DataTree.from_dict(groups)
-
-
-def _output_attributes(statistic: BenchmarkStatistic) -> dict[str, str]:
-    quantity = statistic.quantity
-    return {
-        "long_name": quantity.output.title,
-        "units": quantity.output.unit,
-        "display_units": quantity.display_unit,
-    }
 
 
 def _statistic_dataset(record: EstimateRecord, statistic: BenchmarkStatistic) -> xr.Dataset:
@@ -139,9 +126,9 @@ def _entry_coordinate(statistic: BenchmarkStatistic) -> tuple[str, Any, dict[str
     """Return the coordinate that labels the entries of a statistic."""
     if statistic.dimension == PROBABILITY:
         described = {"units": "1", "long_name": "probability of lying below the quantile"}
-        return statistic.dimension, np.array(statistic.entries), described
-    described = {"long_name": "value exceeded, as written"}
-    return statistic.dimension, _texts(map(str, statistic.entries)), described
+        return PROBABILITY, np.array(statistic.entries), described
+    texts = _texts(map(str, statistic.entries))
+    return statistic.dimension, texts, {"long_name": "value exceeded, as written"}
 
 
 def _methods(record: EstimateRecord) -> xr.Dataset:
@@ -201,8 +188,8 @@ def _remark(
     if verdict is None or verdict.doubt:
         return ""
     variant, budget, entry = at
-    inside = [i for i, m in enumerate(record.methods) if _VARIANTS[variant] in m.variants]
-    errors = record.accuracy(statistic).bounds[inside, budget, entry, 0]
+    inside = record.contestants(_VARIANTS[variant])
+    errors = record.accuracy(statistic)[inside, budget, entry].bounds[:, 0]
     return reference_remark(float(np.nanmin(errors)), record.reference_error(statistic, entry))
 
 
@@ -214,18 +201,10 @@ def _array(
 ) -> xr.DataArray:
     """Return a variable of a statistic with its coordinates.
 
-    Parameters
-    ----------
-    statistic : BenchmarkStatistic
-    variable : ArchiveVariable
-        Its description.
-    values : ndarray
-        Along the variable's dimensions, the statistic's entries and bounds, if it has these. A
-        single entry has no dimension in the archive.
-    coordinates : mapping
-        The coordinates by dimension.
+    The values lie along the variable's dimensions, the statistic's entries and the bounds, if it
+    has these.
     """
-    if not statistic.dimension:
+    if not statistic.dimension:  # a single entry has no dimension in the archive
         values = np.take(values, 0, axis=len(variable.dims))
     dims = variable.dims_of(statistic.name)
     attributes = {"long_name": variable.long_name.format(statistic.long_name)}

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.benchmark.accuracy import Accuracy, ErrorRatio, error_ratio
+from uqpen.results.benchmark_tables import join_names
 from uqpen.results.digits import grouped_number
 
 __all__ = ["NO_VERDICT", "Verdict", "find_verdict", "reference_remark", "verdict_sentence"]
@@ -50,11 +51,6 @@ class Verdict:
     level: tuple[str, ...]
     doubt: str = ""
 
-    @property
-    def is_decided(self) -> bool:
-        """True if one method leads all others significantly."""
-        return len(self.level) == 1 and not self.doubt
-
 
 def find_verdict(
     names: Sequence[str], accuracies: Accuracy, resolution: float = 0.0
@@ -68,19 +64,15 @@ def find_verdict(
     accuracies : Accuracy
         Of shape (method,).
     resolution : float
-        Error of the reference itself; NaN where it is not known.
+        Error of the reference itself; NaN for unknown.
     """
-    logarithm, error = accuracies.logarithm, accuracies.error
+    logarithm, error = accuracies.logarithm.tolist(), accuracies.error.tolist()
     order = [i for i in np.argsort(logarithm, kind="stable") if not math.isnan(logarithm[i])]
     if len(order) < 2:
         return None
     best = order[0]
     leads = {
-        i: error_ratio(
-            (float(logarithm[best]), float(error[best])),
-            (float(logarithm[i]), float(error[i])),
-            accuracies.repeats,
-        )
+        i: error_ratio((logarithm[best], error[best]), (logarithm[i], error[i]), accuracies.repeats)
         for i in order[1:]
     }
     # A method whose error a few repeats dominate is not level: it is behind, or ahead in doubt.
@@ -111,29 +103,22 @@ def verdict_sentence(verdict: Verdict | None, budget: int) -> str:
     if verdict is None:
         return f"{where} {NO_VERDICT}"
     if len(verdict.level) > 1:
-        *most, last = verdict.level
-        return f"{where} {', '.join(most)} and {last} are level"
+        return f"{where} {join_names(verdict.level)} are level"
     over = verdict.lead
     if math.isinf(over.factor):
         return f"{where} {verdict.winner} alone is exact"
     if verdict.doubt:
         seen = f"{verdict.winner} is ahead of {verdict.runner_up}"
         return f"{where} {seen} by a factor of {_factor_text(over.factor)}, but {verdict.doubt}"
-    factor = (
-        f"{_factor_text(over.factor)} ({_factor_text(over.lower)} … {_factor_text(over.upper)})"
-    )
-    return f"{where} {verdict.winner} leads {verdict.runner_up} by a factor of {factor}"
+    factor, lower, upper = map(_factor_text, (over.factor, over.lower, over.upper))
+    lead = f"{verdict.winner} leads {verdict.runner_up} by a factor of {factor}"
+    return f"{where} {lead} ({lower} … {upper})"
 
 
 def reference_remark(error: float, half_width: float) -> str:
-    """Remark on the reference's own error, compared with an error measured against it.
+    """Return a remark on the half-width of the reference's interval, which may be NaN.
 
-    Parameters
-    ----------
-    error : float
-        The smallest error of a comparison.
-    half_width : float
-        Of the reference's interval; NaN where it has none.
+    It is compared with the smallest error that was measured against the reference.
     """
     if math.isnan(error):
         return ""

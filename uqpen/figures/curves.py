@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,15 +11,13 @@ import numpy.typing as npt
 from uqpen.archive.estimates import interval_text
 from uqpen.core.labels import INTERVAL_LEVEL, NOTE
 from uqpen.core.units import Scale
+from uqpen.figures.panel import Axes
 from uqpen.results.digits import percent_text
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle
 from uqpen.results.texts import plain_text
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-__all__ = ["Curve", "axis_span", "draw_band", "draw_curve"]
+__all__ = ["CUT", "Curve", "axis_span", "draw_band", "draw_curve"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -30,6 +27,8 @@ _FEW = 500
 _STRIDE = 4
 # How much further than 99 % of all values a tail may go before the axis leaves it out.
 _LONG = 0.35
+# The note on such an axis.
+CUT = "axes end where all but 1 % lies inside"
 
 
 @dataclass(frozen=True)
@@ -47,9 +46,9 @@ class Curve:
     level : float
         Of the band; NaN without one.
     note : str
-        Why there is none.
+        Reason why there is no band.
     runs : int
-        That it is made of.
+        Number of its runs.
     """
 
     name: str
@@ -63,21 +62,9 @@ class Curve:
     def from_source(
         cls, name: str, statistics: SourceStatistics, source: str, output: str, measure: Scale
     ) -> Curve | None:
-        """Take the function of an output out of an archive.
+        """Return the function of an output, which is shown in the unit of a scale.
 
-        Parameters
-        ----------
-        name : str
-            The curve's.
-        statistics : SourceStatistics
-        source, output : str
-        measure : Scale
-            Of the unit that is shown.
-
-        Returns
-        -------
-        Curve or None
-            None where the source has no such function, or none of its values is finite.
+        None where the source has no such function, or none of its values is finite.
         """
         values = statistics.get(source, output, "cdf_value")
         band = statistics.get(source, output, "cdf_band")
@@ -93,10 +80,7 @@ class Curve:
         )
 
     def extended(self, lower: float, upper: float) -> Curve:
-        """Return the curve continued to both ends of an axis: nothing below, nothing above.
-
-        The band is of the whole function, so it goes on with the width that it has.
-        """
+        """Return the curve continued to both ends of an axis; the band keeps its width."""
         values, band = self.values, self.band
         if lower < values[0]:
             values = np.concatenate([[lower], values])
@@ -113,6 +97,10 @@ class Curve:
             return self
         return replace(self, values=self.values[::_STRIDE], band=self.band[::_STRIDE])
 
+    def complement(self) -> Curve:
+        """Return the probabilities of exceeding its values."""
+        return replace(self, band=1 - self.band)
+
     @property
     def is_stepped(self) -> bool:
         """True if the distinct values are so few that steps between them can be seen."""
@@ -124,14 +112,11 @@ class Curve:
         return bool(np.isfinite(self.band[:, 1:]).any())
 
 
-def draw_curve(
-    axes: Axes, curve: Curve, appearance: SourceStyle, *, is_thick: bool, exceeding: bool = False
-) -> None:
-    """Draw the function, or what it leaves to 1."""
-    heights = 1 - curve.band[:, 0] if exceeding else curve.band[:, 0]
+def draw_curve(axes: Axes, curve: Curve, appearance: SourceStyle, *, is_thick: bool) -> None:
+    """Draw a function, thick as the leading one or thin."""
     axes.plot(
         curve.values,
-        heights,
+        curve.band[:, 0],
         color=appearance.colour,
         linestyle="-" if is_thick else appearance.line,
         linewidth=1.5 if is_thick else 0.9,
@@ -140,16 +125,15 @@ def draw_curve(
     )
 
 
-def draw_band(axes: Axes, curve: Curve, colour: str, *, exceeding: bool = False) -> Iterator[str]:
-    """Draw the simultaneous band, or say why there is none."""
+def draw_band(axes: Axes, curve: Curve, colour: str) -> Iterator[str]:
+    """Draw the simultaneous band, or yield why there is none."""
     if not curve.has_band:
         yield f"no band of {plain_text(curve.name, 40)}: {plain_text(curve.note or 'none is told')}"
         return
-    bounds = 1 - curve.band if exceeding else curve.band
     axes.fill_between(
         curve.values,
-        bounds[:, 1],
-        bounds[:, 2],
+        curve.band[:, 1],
+        curve.band[:, 2],
         step="post" if curve.is_stepped else None,
         color=colour,
         alpha=0.35,
@@ -163,12 +147,7 @@ def axis_span(
 ) -> tuple[float, float, bool]:
     """Return the ends of an axis of values, and whether it leaves a long tail out.
 
-    Parameters
-    ----------
-    every : sequence of ndarray
-        Each as likely as the others; NaN among them are not counted.
-    marked : sequence of float
-        Values that have to be on it.
+    All marked values are on it. NaN are not counted.
     """
     ends = np.array([_axis_limits(values) for values in every])
     lower, upper = min([*ends[:, 0], *marked]), max([*ends[:, 1], *marked])

@@ -1,32 +1,34 @@
-"""Distribution functions of the outputs, and the probabilities of exceeding a value."""
+"""Distribution functions of the outputs, by source or model, and exceedance probabilities."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.archive.estimates import interval_text
 from uqpen.core.catalogue import THRESHOLD
-from uqpen.core.labels import INTERVAL_LABEL, INTERVAL_LEVEL, REFUSED, UNCHECKED
-from uqpen.figures.curves import Curve, axis_span, draw_band, draw_curve
+from uqpen.core.labels import INTERVAL_LEVEL
+from uqpen.figures.curves import CUT, Curve, axis_span, draw_band, draw_curve
 from uqpen.figures.estimate_dots import error_bar_lengths
-from uqpen.figures.panel import Panel
+from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import estimate_text, percent_text
-from uqpen.results.source_style import BLACK, GREY
+from uqpen.results.digits import percent_text
+from uqpen.results.source_style import BLACK, GREY, source_style
+from uqpen.results.table import estimate_with_verdict, identity
 from uqpen.results.texts import plain_text
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-__all__ = ["CUT", "cdf", "distribution_curves", "exceedance", "exceedance_span", "thresholds"]
-
-FloatArray = npt.NDArray[np.float64]
+__all__ = [
+    "CUT",
+    "cdf",
+    "distribution_curves",
+    "exceedance",
+    "exceedance_span",
+    "model_curves",
+    "model_panels",
+    "thresholds",
+]
 
 # An asked probability below which probabilities are shown by their logarithms.
 _SMALL = 0.02
@@ -34,8 +36,6 @@ _SMALL = 0.02
 _FAR = 1.5
 # The part of an axis that a value takes which is written upright.
 _ROOM = 0.03
-
-CUT = "axes end where all but 1 % lies inside"
 
 
 def cdf(view: ArchiveView) -> Iterator[Panel]:
@@ -51,6 +51,25 @@ def exceedance(view: ArchiveView) -> Iterator[Panel]:
         if curves := distribution_curves(view, output):
             title = view.title(f"{output}, by {curves[0].name}")
             yield Panel(title, partial(_draw_exceedance, view, output, curves[0]))
+
+
+def model_panels(view: ArchiveView) -> Iterator[Panel]:
+    """Distribution functions by each of several models."""
+    if not view.model:
+        return
+    for output in view.numeric_outputs:
+        source = next(iter(view.estimates(output, "cdf_value")), "")
+        if curves := model_curves(view, output, source):
+            yield Panel(f"{output}, by {source}", partial(_draw_models, view, output, curves))
+
+
+def model_curves(view: ArchiveView, output: str, source: str) -> list[Curve]:
+    """Return the functions of an output by one source of each model."""
+    curves = (
+        Curve.from_source(each.model, each.statistics, source, output, view.scale(output))
+        for each in view.model_views
+    )
+    return [curve for curve in curves if curve is not None]
 
 
 def distribution_curves(view: ArchiveView, output: str) -> list[Curve]:
@@ -82,12 +101,25 @@ def _draw_cdf(view: ArchiveView, output: str, curves: list[Curve], axes: Axes) -
         yield CUT
 
 
+def _draw_models(view: ArchiveView, output: str, curves: list[Curve], axes: Axes) -> Iterator[str]:
+    names = [each.model for each in view.model_views]
+    lower, upper, is_cut = axis_span([curve.values for curve in curves])
+    for curve in curves:
+        style, thin = source_style(names.index(curve.name)), curve.thinned().extended(lower, upper)
+        yield from draw_band(axes, thin, style.colour)
+        draw_curve(axes, thin, style, is_thick=False)
+    axes.set(xlabel=view.axis_label(output), ylabel="P(at most x)")
+    axes.set(xlim=(lower, upper), ylim=(0, 1))
+    if is_cut:
+        yield CUT
+
+
 def _draw_exceedance(view: ArchiveView, output: str, curve: Curve, axes: Axes) -> Iterator[str]:
     appearance = view.look(curve.name)
     lower, upper, is_cut = exceedance_span(view, output, curve)
-    curve = curve.extended(lower, upper)
-    yield from draw_band(axes, curve, appearance.colour, exceeding=True)
-    draw_curve(axes, curve, appearance, is_thick=True, exceeding=True)
+    curve = curve.extended(lower, upper).complement()
+    yield from draw_band(axes, curve, appearance.colour)
+    draw_curve(axes, curve, appearance, is_thick=True)
     probabilities = view.statistics.get(curve.name, output, "exceedance")
     axes.set_xlim(lower, upper)
     yield from _mark(axes, view, output, at_foot=False)
@@ -114,37 +146,34 @@ def _draw_thresholds(
     axes: Axes, probabilities: xr.DataArray, view: ArchiveView, output: str
 ) -> None:
     """Draw the probabilities of exceeding the values that the study asks for."""
-    places = view.scale(output).from_si(_threshold_values(probabilities))
-    written = probabilities[THRESHOLD].values
-    for number, place in enumerate(places):
-        bounds = probabilities.values[number]
-        label = interval_text(probabilities[number], INTERVAL_LABEL)
-        verdict = f" {label}" if label in (REFUSED, UNCHECKED) else ""
-        caption = f"P({plain_text(output, 30)} > {plain_text(str(written[number]), 20)})"
-        has_interval = np.isfinite(bounds[1:]).any()
+    places = _thresholds(view, output, probabilities)
+    for (written, place), estimate in zip(places, probabilities, strict=True):
+        error = error_bar_lengths(estimate.values)
+        caption = f"P({plain_text(output, 30)} > {plain_text(written, 20)})"
         axes.errorbar(
             [place],
-            bounds[:1],
-            yerr=error_bar_lengths(bounds) if has_interval else None,
+            estimate.values[:1],
+            yerr=error,
             fmt="o",
             color=BLACK,
-            markerfacecolor=BLACK if has_interval else "white",
+            markerfacecolor="white" if error is None else BLACK,
             capsize=3,
             zorder=5,
-            label=f"{caption} = {estimate_text(*bounds)}{verdict}",
+            label=f"{caption} = {estimate_with_verdict(estimate, identity)}",
         )
 
 
 def thresholds(view: ArchiveView, output: str) -> dict[str, float]:
     """Return the values whose exceedance the study asks for, as written and in the unit shown."""
-    for probabilities in view.estimates(output, "exceedance").values():
-        shown = view.scale(output).from_si(_threshold_values(probabilities)).tolist()
-        return dict(zip(map(str, probabilities[THRESHOLD].values), shown, strict=True))
-    return {}
+    first = next(iter(view.estimates(output, "exceedance").values()), None)
+    return {} if first is None else dict(_thresholds(view, output, first))
 
 
-def _threshold_values(probabilities: xr.DataArray) -> FloatArray:
-    return np.asarray(probabilities["threshold_value"].values, dtype=np.float64)
+def _thresholds(
+    view: ArchiveView, output: str, probabilities: xr.DataArray
+) -> list[tuple[str, float]]:
+    shown = view.scale(output).from_si(probabilities["threshold_value"].values)
+    return list(zip(map(str, probabilities[THRESHOLD].values), shown.tolist(), strict=True))
 
 
 def _mark(axes: Axes, view: ArchiveView, output: str, *, at_foot: bool) -> Iterator[str]:
@@ -157,24 +186,20 @@ def _mark(axes: Axes, view: ArchiveView, output: str, *, at_foot: bool) -> Itera
             continue
         axes.axvline(place, color=GREY, linewidth=0.9, linestyle=(0, (2, 2)), zorder=1)
         if place - last > _ROOM * (upper - lower):
-            _write_along(axes, place, plain_text(written, 20), at_foot=at_foot)
+            axes.annotate(
+                plain_text(written, 20),
+                (place, 0 if at_foot else 1),
+                (2, 3 if at_foot else -2),
+                xycoords=("data", "axes fraction"),
+                textcoords="offset points",
+                rotation=90,
+                va="bottom" if at_foot else "top",
+                fontsize=6.5,
+                color=GREY,
+            )
             last = place
     if beyond:
         yield f"asked for beyond the axis of {plain_text(output, 30)}: {', '.join(beyond)}"
-
-
-def _write_along(axes: Axes, place: float, text: str, *, at_foot: bool) -> None:
-    axes.annotate(
-        text,
-        (place, 0 if at_foot else 1),
-        (2, 3 if at_foot else -2),
-        xycoords=("data", "axes fraction"),
-        textcoords="offset points",
-        rotation=90,
-        va="bottom" if at_foot else "top",
-        fontsize=6.5,
-        color=GREY,
-    )
 
 
 def exceedance_span(view: ArchiveView, output: str, curve: Curve) -> tuple[float, float, bool]:

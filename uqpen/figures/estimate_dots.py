@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -13,12 +12,10 @@ import xarray as xr
 
 from uqpen.archive.estimates import interval_text
 from uqpen.core.labels import INTERVAL_LABEL, INTERVAL_LEVEL, REFUSED
+from uqpen.figures.panel import Axes
 from uqpen.results.digits import percent_text
 from uqpen.results.source_style import SourceStyle
 from uqpen.results.table import Conversion
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = ["HOLLOW", "REFUSED_NOTE", "EstimateDot", "draw_dots", "error_bar_lengths"]
 
@@ -35,12 +32,13 @@ class EstimateDot:
     Parameters
     ----------
     bounds : ndarray
-        Estimate, lower, upper, in the unit that is shown; NaN for a bound that is none.
+        Estimate, lower, upper, in the unit that is shown; NaN for a missing bound.
     place : float
         The row, or a place near it.
     look : SourceStyle
+        Colour and marker.
     label : str
-        What the legend says of it; empty for nothing.
+        Its legend; empty for none.
     is_refused : bool
         Whether independent runs contradict it.
     level : float
@@ -74,44 +72,41 @@ class EstimateDot:
         )
 
     @property
-    def has_interval(self) -> bool:
-        """True if at least one bound of the interval is finite."""
-        return bool(np.isfinite(self.bounds[1:]).any())
+    def error_bar(self) -> FloatArray | None:
+        """The lengths of its error bar; None without an interval."""
+        return error_bar_lengths(self.bounds)
 
 
-def error_bar_lengths(bounds: FloatArray) -> FloatArray:
-    """The lengths of an interval below and above its estimate; 0 where a bound is none."""
+def error_bar_lengths(bounds: FloatArray) -> FloatArray | None:
+    """Return the lengths of an interval below and above its estimate; None without any bound."""
     estimate, lower, upper = bounds
+    if not np.isfinite(bounds[1:]).any():
+        return None
     sides = np.array([[estimate - lower], [upper - estimate]])
     lengths: FloatArray = np.maximum(np.nan_to_num(sides), 0.0)
     return lengths
 
 
 def draw_dots(axes: Axes, dots: list[EstimateDot]) -> Iterator[str]:
-    """Draw estimates along the horizontal axis.
-
-    Yields
-    ------
-    str
-        What a reader must know of the markers.
-    """
+    """Draw estimates along the horizontal axis, and yield notes on their markers."""
+    barred = [dot for dot in dots if dot.error_bar is not None]
     for dot in dots:
         axes.errorbar(
             dot.bounds[:1],
             [dot.place],
-            xerr=error_bar_lengths(dot.bounds) if dot.has_interval else None,
+            xerr=dot.error_bar,
             fmt=dot.look.marker,
             color=dot.look.colour,
-            markerfacecolor=dot.look.colour if dot.has_interval else "white",
+            markerfacecolor="white" if dot.error_bar is None else dot.look.colour,
             elinewidth=1.2,
             capsize=2,
             label=dot.label or None,
         )
         if dot.is_refused:
             axes.plot(dot.bounds[:1], [dot.place], "x", color="black", markersize=7)
-    for level in sorted({dot.level for dot in dots if dot.has_interval and dot.level > 0}):
+    for level in sorted({dot.level for dot in barred if dot.level > 0}):
         yield f"bars: {percent_text(level)} intervals"
-    if not all(dot.has_interval for dot in dots):
+    if len(barred) < len(dots):
         yield HOLLOW
     if any(dot.is_refused for dot in dots):
         yield REFUSED_NOTE

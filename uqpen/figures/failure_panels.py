@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import INPUT, RUN, RUNS, STATUS
+from uqpen.core.labels import INPUT, RUN, RUNS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import status_counts
 from uqpen.figures.estimate_dots import EstimateDot, draw_dots
-from uqpen.figures.panel import Panel
+from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.source_style import GREY, source_style
 from uqpen.results.table import identity
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = ["ASSOCIATIONS", "failed_run_counts", "failure_panels"]
 
@@ -56,21 +52,20 @@ def _draw_shares(view: ArchiveView, designs: list[str], axes: Axes) -> Iterator[
     dots: list[EstimateDot] = []
     named: set[Status] = set()
     for row, design in enumerate(designs):
-        probabilities = view.statistics.failures(design).get("probability")
-        known = [] if probabilities is None else probabilities[STATUS].values.tolist()
+        probabilities = view.statistics.status_probabilities(design)
         failed = failed_run_counts(view, design)
         for number, (status, count) in enumerate(failed.items()):
-            share = count / read_group(view.tree, RUNS, design).sizes[RUN]
             place = row + (number + 1) / (len(failed) + 1) - 0.5
+            style = source_style(int(status) - 1)
             label = "" if status in named else STATUS_TEXT[status]
             named.add(status)
-            appearance = source_style(int(status) - 1)
-            if probabilities is None or status.meaning not in known:
-                alone = np.array([share, np.nan, np.nan])
-                dots.append(EstimateDot(alone, place, appearance, label))
+            if status.meaning in probabilities:
+                estimate = probabilities[status.meaning]
+                dots.append(EstimateDot.from_array(estimate, identity, place, style, label))
             else:
-                estimate = probabilities[known.index(status.meaning)]
-                dots.append(EstimateDot.from_array(estimate, identity, place, appearance, label))
+                share = count / read_group(view.tree, RUNS, design).sizes[RUN]
+                alone = np.array([share, np.nan, np.nan])
+                dots.append(EstimateDot(alone, place, style, label))
     axes.set_xlabel("probability of losing a run")
     yield from draw_dots(axes, dots)
     axes.set_xlim(left=0)
@@ -82,12 +77,9 @@ def _draw_associations(associations: Mapping[str, xr.DataArray], axes: Axes) -> 
     for number, (name, label) in enumerate(ASSOCIATIONS):
         for row, chance in enumerate(associations.get(name, ())):
             if np.isfinite(chance.values[0]):
-                place = row + 0.3 * (number - 0.5)
-                dots.append(
-                    EstimateDot.from_array(
-                        chance, identity, place, source_style(number), "" if row else label
-                    )
-                )
+                place, style = row + 0.3 * (number - 0.5), source_style(number)
+                legend = "" if row else label
+                dots.append(EstimateDot.from_array(chance, identity, place, style, legend))
     axes.set(xlabel="P(a lost run's input is so)", xlim=(-0.02, 1.02))
     yield from draw_dots(axes, dots)
     yield "0.5: the input does not go with the losses"

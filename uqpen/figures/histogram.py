@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -14,15 +13,12 @@ from uqpen.core.catalogue import PROBABILITY
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.curves import axis_span
 from uqpen.figures.estimate_dots import error_bar_lengths
-from uqpen.figures.panel import Panel
+from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.source_style import BLACK, VERMILION
 from uqpen.results.table import quantile_label
 from uqpen.results.texts import plain_text
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = ["bin_values", "histogram", "marked_estimates"]
 
@@ -72,12 +68,10 @@ def _draw(
 ) -> Iterator[str]:
     counts, edges = bin_values(values)
     lower, upper, outside = edges[0], edges[-1], values.size - int(counts.sum())
-    axes.stairs(
-        counts, edges, fill=True, color=view.look(design).colour, alpha=_LIGHT, label="runs"
-    )
-    axes.set(
-        xlabel=view.axis_label(output), ylabel="runs in a bin", xlim=(lower, upper), ylim=(0, None)
-    )
+    colour = view.look(design).colour
+    axes.stairs(counts, edges, fill=True, color=colour, alpha=_LIGHT, label="runs")
+    axes.set(xlabel=view.axis_label(output), ylabel="runs in a bin")
+    axes.set(xlim=(lower, upper), ylim=(0, None))
     if outside:
         yield f"{output}: {grouped_number(outside)} runs lie outside of the axis"
     marks = list(marked_estimates(view, output, design))
@@ -94,13 +88,11 @@ def marked_estimates(
     view: ArchiveView, output: str, design: str
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """Yield the names of what is marked, and its estimates along ``bound``, in SI units."""
-    mean = view.statistics.get(design, output, "mean")
-    if mean is not None:
-        yield "mean", mean
-    quantiles = view.statistics.get(design, output, "quantile")
-    if quantiles is not None:
-        for position, p in enumerate(quantiles[PROBABILITY].values.tolist()):
-            yield quantile_label(p), quantiles[position]
+    statistics = view.statistics.statistics(design, output)
+    if "mean" in statistics:
+        yield "mean", statistics["mean"]
+    for quantile in statistics.get("quantile", ()):
+        yield quantile_label(quantile[PROBABILITY].item()), quantile
 
 
 def _mark(axes: Axes, name: str, bounds: FloatArray) -> str:
@@ -118,9 +110,8 @@ def _draw_shares(
 ) -> Iterator[str]:
     colour = view.look(design).colour
     for row, bounds in enumerate(shares.values):
-        has_interval = bool(np.isfinite(bounds[1:]).any())
-        error = error_bar_lengths(bounds) if has_interval else None
         axes.barh(row, bounds[0], height=0.6, color=colour, alpha=_LIGHT)
+        error = error_bar_lengths(bounds)
         axes.errorbar(bounds[:1], [row], xerr=error, fmt="none", color=BLACK, capsize=3)
     axes.set(xlabel=f"share of {plain_text(output, 40)}", xlim=(0, 1))
     if not np.isfinite(shares.values[:, 1:]).any():

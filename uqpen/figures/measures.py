@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,13 +12,10 @@ import xarray as xr
 
 from uqpen.core.labels import INPUT
 from uqpen.figures.estimate_dots import EstimateDot, draw_dots
-from uqpen.figures.panel import Panel
+from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.source_style import GREY, SourceStyle
 from uqpen.results.table import Conversion
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = ["MeasureSeries", "largest_inputs", "measure_series", "measures_panel"]
 
@@ -43,38 +40,29 @@ def measure_series(
 ) -> list[MeasureSeries]:
     """Return some measures by all sources, without those that have no estimate.
 
-    Parameters
-    ----------
-    view : ArchiveView
-    output : str
-    measures : sequence of tuple
-        The statistic, its name in a legend, and its marker.
+    Each is given as a `Measure`: the statistic, its name in a legend, and its marker.
     """
-    arrays = {name: view.estimates(output, name) for name, _, _ in measures}
-    return [
-        MeasureSeries(source, label, marker, arrays[name][source])
-        for source in view.sources
+    found = [
+        MeasureSeries(source, label, marker, array)
         for name, label, marker in measures
-        if source in arrays[name] and np.isfinite(arrays[name][source].values[:, 0]).any()
+        for source, array in view.estimates(output, name).items()
+        if np.isfinite(array.values[:, 0]).any()
     ]
+    return sorted(found, key=lambda each: view.sources.index(each.source))
 
 
 def measures_panel(
-    view: ArchiveView,
-    title: str,
-    axis: str,
-    found: Sequence[MeasureSeries],
-    convert: Conversion,
+    view: ArchiveView, title: str, axis: str, found: Sequence[MeasureSeries], convert: Conversion
 ) -> Panel:
-    """A panel with a row for each input, and in that a dot for each series."""
+    """Return a panel with a row for each input, and in that a dot for each series."""
     inputs, note = largest_inputs(found)
     height = _FRAME + len(inputs) * (_GAP + _ROW * len(found))
-    draw = partial(_draw, view, axis, found, inputs, note, convert)
-    return Panel(title, draw, height, inputs)
+    dots = list(_dots(view, found, inputs, convert))
+    return Panel(title, partial(_draw, axis, dots, note), height, inputs)
 
 
 def largest_inputs(found: Sequence[MeasureSeries]) -> tuple[tuple[str, ...], str]:
-    """The inputs with the largest estimates, in the study's order, and what is said if not all."""
+    """Return the inputs with the largest estimates, in the study's order, and a note if not all."""
     largest: dict[str, float] = {}
     for each in found:
         sizes = np.nan_to_num(np.abs(each.array.values[:, 0])).tolist()
@@ -87,29 +75,18 @@ def largest_inputs(found: Sequence[MeasureSeries]) -> tuple[tuple[str, ...], str
     return inputs, f"the {len(inputs)} inputs with the largest estimates, of {len(largest)}"
 
 
-def _draw(
-    view: ArchiveView,
-    axis: str,
-    found: Sequence[MeasureSeries],
-    inputs: tuple[str, ...],
-    note: str,
-    convert: Conversion,
-    axes: Axes,
-) -> Iterator[str]:
+def _draw(axis: str, dots: list[EstimateDot], note: str, axes: Axes) -> Iterator[str]:
     axes.axvline(0, color=GREY, linewidth=0.8)
-    for row in range(1, len(inputs)):
+    for row in range(1, len(axes.get_yticks())):
         axes.axhline(row - 0.5, color=GREY, linewidth=0.4, alpha=0.4)
     axes.set_xlabel(axis)
-    yield from draw_dots(axes, list(_dots(view, found, inputs, convert)))
+    yield from draw_dots(axes, dots)
     if note:
         yield note
 
 
 def _dots(
-    view: ArchiveView,
-    found: Sequence[MeasureSeries],
-    inputs: tuple[str, ...],
-    convert: Conversion,
+    view: ArchiveView, found: Sequence[MeasureSeries], inputs: tuple[str, ...], convert: Conversion
 ) -> Iterator[EstimateDot]:
     room = 1 / (len(found) + 1)
     for number, each in enumerate(found):

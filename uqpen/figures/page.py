@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
@@ -14,15 +14,13 @@ from uqpen.core.errors import ArchiveError, FigureError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.lookup import resolve_name
 from uqpen.figures import FIGURES
-from uqpen.figures.panel import LONGEST_ROW, Panel
+from uqpen.figures.panel import LONGEST_ROW, Axes, Panel
 from uqpen.figures.requirements import find_faults
 from uqpen.figures.style import figure_style, require_matplotlib
 from uqpen.results.archive_view import ArchiveView, select_view
 from uqpen.results.texts import plain_text
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from uqpen.figures.drawing import Drawing
 
 __all__ = ["available", "check_archive", "figure", "panels"]
@@ -45,12 +43,12 @@ def figure(
     source: str | None = None,
     model: str | None = None,
 ) -> Drawing:
-    """A figure of an archive, or several on a page.
+    """Return a figure of an archive, or several on a page.
 
     Parameters
     ----------
     tree : DataTree
-        What `run` returns, or `open_archive` reads.
+        As `run` returns it, or `open_archive` reads it.
     name, *others : str
         Of those that are `available`.
     output : str, optional
@@ -59,12 +57,12 @@ def figure(
         The design, surrogate or publication to show, or to show with its band; without it one
         that suits the figure.
     model : str, optional
-        Which of several models; the first without it.
+        One of several models; the first without it.
 
     Returns
     -------
     Drawing
-        A figure of matplotlib's; a notebook shows it, and its `save_figure` writes it to a file.
+        A figure of matplotlib's; a notebook shows it, and its `save` writes it to a file.
 
     Raises
     ------
@@ -92,7 +90,7 @@ def panels(
     source: str | None = None,
     model: str | None = None,
 ) -> list[Panel]:
-    """The panels of a figure, each to be drawn onto axes of one's own by its method `on`.
+    """Return the panels of a figure; `Panel.draw_on_axes` draws each onto axes of one's own.
 
     Parameters and errors are those of `figure`.
     """
@@ -100,33 +98,21 @@ def panels(
     found = list(resolve_name(FIGURES, name, "figure")(view))
     if not found:
         selection = " and ".join(f'"{each}"' for each in (output, source, model) if each)
-        of = f" of {selection}" if selection else ""
+        what = f'"{name}" of {selection}' if selection else f'"{name}"'
+        if not any(map(view.has_completed_runs, view.designs)):
+            what += ", as no run came back"
         has = ", ".join(_available_names(_select_view(tree, None, None, model))) or "none"
-        no_runs_note = (
-            "" if any(map(view.has_completed_runs, view.designs)) else ", as no run came back"
-        )
-        found_none = (
-            f'the archive has nothing for the figure "{name}"{of}{no_runs_note}; it has: {has}'
-        )
-        raise FigureError(found_none)
+        raise FigureError(f"the archive has nothing for the figure {what}; it has: {has}")
     return found
 
 
 def available(tree: xr.DataTree) -> dict[str, str]:
-    """The figures that an archive has something for, and what each shows."""
+    """Return the figures that an archive has data for, each with its description."""
     return _available_names(_select_view(tree, None, None, None))
 
 
 def check_archive(tree: xr.DataTree) -> None:
-    """Check that an archive has what figures need.
-
-    Raises
-    ------
-    FigureError
-        If it is a benchmark of methods.
-    ArchiveError
-        If it lacks anything.
-    """
+    """Raise a `FigureError` for a benchmark of methods, an `ArchiveError` for a damaged archive."""
     if tree.attrs.get(KIND) == BENCHMARK:
         raise FigureError("there are no figures of an archive of methods head to head")
     for each in model_trees(tree).values():
@@ -160,23 +146,24 @@ def _lay_out(found: Sequence[Panel], title: str) -> Drawing:
         page = Drawing(layout="constrained")
         grid = page.add_gridspec(len(rows), columns, height_ratios=heights)
         notes: dict[str, None] = {}
-        for place, panel, left in _place_panels(rows):
-            axes = page.add_subplot(grid[place])
-            notes |= dict.fromkeys(panel.draw_on_axes(axes))
-            has_rows = left is None or not panel.rows or panel.rows != left.rows
-            _fit_panel(axes, panel, columns, has_rows=has_rows)
+        for number, row in enumerate(rows):
+            for column, panel in enumerate(row):
+                axes = page.add_subplot(grid[number, column])
+                notes |= dict.fromkeys(panel.draw_on_axes(axes))
+                # Rows are named once where they are the same as those on the left.
+                has_rows = not column or not panel.rows or panel.rows != row[column - 1].rows
+                _fit_panel(axes, panel, columns, has_rows=has_rows)
         if len(shown) < len(found):
             notes |= {f"the first {len(shown)} of {len(found)} panels; ask for one output": None}
         below = _legend(page, list(notes), columns)
         page.set_size_inches(_WIDTHS[columns], sum(heights) + below + _HEAD)
-        page.suptitle(
-            plain_text(title, int(13 * _WIDTHS[columns])), x=0.01, ha="left", parse_math=False
-        )
+        shown_title = plain_text(title, int(13 * _WIDTHS[columns]))
+        page.suptitle(shown_title, x=0.01, ha="left", parse_math=False)
     return page
 
 
 def _fit_panel(axes: Axes, panel: Panel, columns: int, *, has_rows: bool) -> None:
-    """Break what is too long for its place; rows are named once where they are the same."""
+    """Break the texts that are too long for their places."""
     longest = min(max(map(len, panel.rows), default=0), LONGEST_ROW)
     across = _TITLE[columns] - longest // columns
     axes.set_title(_break_lines(panel.title, across, 3), parse_math=False)
@@ -205,17 +192,8 @@ def _panel_rows(shown: Sequence[Panel]) -> tuple[int, list[list[Panel]]]:
     return columns, rows
 
 
-def _place_panels(
-    rows: Sequence[Sequence[Panel]],
-) -> Iterator[tuple[tuple[int, int], Panel, Panel | None]]:
-    """Each panel with its row and column, and what stands to the left of it."""
-    for row, panels_of_row in enumerate(rows):
-        for column, panel in enumerate(panels_of_row):
-            yield (row, column), panel, panels_of_row[column - 1] if column else None
-
-
 def _legend(page: Drawing, notes: list[str], columns: int) -> float:
-    """Put the legend of all panels below them, the notes above its entries; its height."""
+    """Put one legend, with the notes above its entries, below all panels; return its height."""
     handles: dict[str, Any] = {}
     for axes in page.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from uqpen.figures.style import figure_style
 from uqpen.results.texts import plain_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+else:  # matplotlib is only there where figures are drawn
+    Axes = Any
 
-__all__ = ["LONGEST_ROW", "Panel"]
+__all__ = ["LONGEST_ROW", "Axes", "Panel"]
 
 # Characters of a row's name that are shown.
 LONGEST_ROW = 28
@@ -28,11 +29,11 @@ class Panel:
     title : str
         Plain text, above the axes.
     draw : callable
-        Draws onto axes, and returns what a reader must know of it.
+        Draws onto axes, and returns notes for the reader.
     height : float
         In inches.
     rows : tuple of str
-        What stands along the vertical axis, where that has names in place of numbers.
+        Names along the vertical axis, in place of numbers.
     group : str
         Panels of another group begin a row of their own.
     """
@@ -44,23 +45,14 @@ class Panel:
     group: str = ""
 
     def draw_on_axes(self, axes: Axes) -> tuple[str, ...]:
-        """Draw onto axes of the caller's own.
-
-        Returns
-        -------
-        tuple of str
-            What a reader must know, to stand below the figure.
-        """
+        """Draw onto axes of the caller's own, and return the notes below the figure."""
         from matplotlib.text import Text
 
-        with figure_style(), warnings.catch_warnings():
-            # A character that the font lacks is drawn as a box.
-            warnings.filterwarnings("ignore", "Glyph", UserWarning)
+        with figure_style():
             axes.set_title(plain_text(self.title), parse_math=False)
             if self.rows:
-                axes.set_yticks(
-                    range(len(self.rows)), [plain_text(row, LONGEST_ROW) for row in self.rows]
-                )
+                names = [plain_text(row, LONGEST_ROW) for row in self.rows]
+                axes.set_yticks(range(len(names)), names)
                 axes.set_ylim(len(self.rows) - 0.5, -0.5)
                 axes.tick_params(axis="y", length=0)
                 axes.grid(visible=False, axis="y")

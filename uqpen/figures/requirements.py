@@ -1,4 +1,7 @@
-"""The needs of figures that the opening of an archive does not look at."""
+"""Faults of runs, trajectories and levels, on which only figures depend.
+
+Opening an archive checks the form of its statistics by the catalogue.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,7 @@ import xarray as xr
 
 from uqpen.archive.layout import has_kind
 from uqpen.archive.read import group_names, read_group
-from uqpen.core.catalogue import CATALOGUE, FAILURE_STATISTICS, THRESHOLD, Statistic
 from uqpen.core.labels import (
-    BOUND,
-    BOUNDS,
     INPUT,
     INTERVAL_LEVEL,
     MATRIX,
@@ -24,6 +24,7 @@ from uqpen.core.labels import (
     TRAJECTORY,
 )
 from uqpen.core.sampling import Sampling
+from uqpen.results.failure_tables import ASSOCIATIONS
 from uqpen.results.source_statistics import SourceStatistics
 
 __all__ = ["find_faults", "find_level_faults"]
@@ -33,47 +34,16 @@ def find_faults(tree: xr.DataTree) -> Iterator[str]:
     """Yield what is wrong with the groups of a model, a line each."""
     designs = {name: read_group(tree, RUNS, name) for name in group_names(tree, RUNS)}
     known = _variable_roles(next(iter(designs.values())))
+    statistics = SourceStatistics(tree)
     for name, runs in designs.items():
         if _variable_roles(runs) != known:
             yield f"/{RUNS}/{name}: other inputs or outputs than elsewhere"
+        if failures := statistics.failures(name).keys() - {"probability"}:
+            for missing in (each for each in ASSOCIATIONS if each not in failures):
+                yield f"{missing} of lost runs of {name}: not of numbers for each {INPUT}"
         yield from (f"/{RUNS}/{name}: {fault}" for fault in _run_faults(runs))
-    yield from _statistic_faults(SourceStatistics(tree), known)
     yield from (f"/{TRAJECTORY}: {fault}" for fault in _trajectory_faults(tree, known))
     yield from find_level_faults(tree)
-
-
-def _statistic_faults(statistics: SourceStatistics, known: dict[str, bool]) -> Iterator[str]:
-    """Yield what the opening of an archive of schema 2 does not look at."""
-    outputs = [name for name, is_output in known.items() if is_output]
-    for source in statistics.sources:
-        for output in outputs:
-            function = {n: statistics.get(source, output, n) for n in ("cdf_value", "cdf_band")}
-            if any(array is not None for array in function.values()):
-                for name, array in function.items():
-                    if not _lies_right(array, CATALOGUE[name]):
-                        yield f"{name} of {output} by {source}: not of numbers along its dimensions"
-            exceedance = statistics.get(source, output, "exceedance")
-            if exceedance is not None and not _has_thresholds(exceedance):
-                yield f"exceedance of {output} by {source}: no value for each {THRESHOLD}"
-        failures = statistics.failures(source)
-        if failures.keys() - {"probability"}:
-            for name in ("larger", "further_out"):
-                array = failures.get(name)
-                lies_right = _lies_right(array, FAILURE_STATISTICS[name])
-                if array is None or not lies_right or INPUT not in array.coords:
-                    yield f"{name} of lost runs of {source}: not of numbers for each {INPUT}"
-
-
-def _lies_right(array: xr.DataArray | None, statistic: Statistic) -> bool:
-    if array is None or not has_kind(array, "number"):
-        return False
-    dims = (*statistic.dims, BOUND) if statistic.has_bounds else statistic.dims
-    return array.dims == dims and array.sizes.get(BOUND, len(BOUNDS)) == len(BOUNDS)
-
-
-def _has_thresholds(exceedance: xr.DataArray) -> bool:
-    values = exceedance.coords.get("threshold_value")
-    return values is not None and values.dims == (THRESHOLD,) and has_kind(values, "number")
 
 
 def _variable_roles(runs: xr.Dataset) -> dict[str, bool]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,14 +14,11 @@ from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.figures.curves import axis_span
-from uqpen.figures.panel import Panel
+from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_style import VERMILION
 from uqpen.results.texts import plain_text
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = ["category_labels", "jitter", "scatter_panels", "thin_runs"]
 
@@ -44,21 +41,20 @@ def scatter_panels(view: ArchiveView) -> Iterator[Panel]:
     every = view.runs(design)
     is_ok = every[STATUS].values == Status.OK
     most = max(_FEWEST_RUNS, min(_MOST_RUNS, _MOST_IN_ALL // panels))
-    ok, failed = (every.isel({RUN: np.flatnonzero(which)}) for which in (is_ok, ~is_ok))
-    parts = (thin_runs(ok, most), thin_runs(failed, _MOST_LOST))
-    note = "; ".join(
-        f"{grouped_number(some.sizes[RUN])} of {grouped_number(whole.sizes[RUN])} runs {what}"
-        for some, whole, what in zip(parts, (ok, failed), ("that came back", "lost"), strict=True)
-        if whole.sizes[RUN]
-    )
-    note = f"drawn of {design}: {note}"
+    parts, counts = [], []
+    for which, limit, end in ((is_ok, most, "that came back"), (~is_ok, _MOST_LOST, "lost")):
+        whole = every.isel({RUN: np.flatnonzero(which)})
+        parts.append(thin_runs(whole, limit))
+        if whole.sizes[RUN]:
+            shown = grouped_number(parts[-1].sizes[RUN])
+            counts.append(f"{shown} of {grouped_number(whole.sizes[RUN])} runs {end}")
+    note = f"drawn of {design}: {'; '.join(counts)}"
     colour = view.look(design).colour
     for output in outputs:
         for name in inputs:
             title = view.title(f"{output}, {name}")
-            yield Panel(
-                title, partial(_draw, view, name, output, parts, colour, note), 2.2, group=output
-            )
+            draw = partial(_draw, view, name, output, parts, colour, note)
+            yield Panel(title, draw, 2.2, group=output)
 
 
 def thin_runs(runs: xr.Dataset, most: int) -> xr.Dataset:
@@ -74,13 +70,13 @@ def _draw(
     view: ArchiveView,
     name: str,
     output: str,
-    runs: tuple[xr.Dataset, xr.Dataset],
+    runs: list[xr.Dataset],
     colour: str,
-    told: str,
+    note: str,
     axes: Axes,
 ) -> Iterator[str]:
     ok, failed = runs
-    x, x_lost = (view.scale(name).from_si(each[name].values) for each in runs)
+    x, x_failed = (view.scale(name).from_si(each[name].values) for each in runs)
     y = _vertical_positions(axes, view, output, ok)
     axes.plot(x, y, ".", color=colour, markersize=2.2, alpha=0.6)
     axes.set(xlabel=view.axis_label(name), ylabel=view.axis_label(output))
@@ -93,8 +89,8 @@ def _draw(
             yield "axes of outputs end where all but 1 % lies inside"
     if failed.sizes[RUN]:
         axes.plot(
-            x_lost,
-            np.full(x_lost.size, 0.02),
+            x_failed,
+            np.full(x_failed.size, 0.02),
             "x",
             color=VERMILION,
             markersize=4,
@@ -102,7 +98,7 @@ def _draw(
             label="lost runs, at the foot",
             clip_on=False,
         )
-    yield told
+    yield note
 
 
 def _vertical_positions(axes: Axes, view: ArchiveView, output: str, runs: xr.Dataset) -> FloatArray:
@@ -120,10 +116,9 @@ def category_labels(output: xr.DataArray) -> dict[int, str]:
     """Return the labels of an output's kinds by code, without the kind of failed runs."""
     attributes: dict[Any, Any] = dict(output.attrs)
     codes = np.asarray(attributes["flag_values"]).tolist()
-    labels = map(
-        str, np.atleast_1d(attributes.get("flag_labels", attributes["flag_meanings"].split()))
-    )
-    return {code: label for code, label in zip(codes, labels, strict=True) if label != "lost"}
+    labels = np.atleast_1d(attributes.get("flag_labels", attributes["flag_meanings"].split()))
+    named = zip(codes, map(str, labels), strict=True)
+    return {code: label for code, label in named if label != "lost"}
 
 
 def jitter(codes: npt.NDArray[np.integer], kinds: Iterable[int]) -> FloatArray:

@@ -1,27 +1,38 @@
-"""The inputs' shares in the variance of each output."""
+"""The inputs' shares in the variance of each output, and its responses to them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from uqpen.core.labels import RUN
+import numpy as np
+import numpy.typing as npt
+
 from uqpen.figures.measures import MeasureSeries, measure_series, measures_panel
 from uqpen.figures.panel import Panel
-from uqpen.results import measure_labels as measures
+from uqpen.results import measure_labels
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.best_sources import best_sources as best_source_names
+from uqpen.results.measure_labels import INDICES
 from uqpen.results.table import identity
 
-__all__ = ["EFFECTS", "INDICES", "best_sources", "sensitivity_panels"]
+__all__ = [
+    "EFFECTS",
+    "INDICES",
+    "RESPONSES",
+    "best_sources",
+    "magnitudes",
+    "response_panels",
+    "sensitivity_panels",
+]
 
-_MARKERS = {"first_order": "o", "total_order": "s", "shapley": "D", "mu_star": "o", "sigma": "^"}
+FloatArray = npt.NDArray[np.float64]
 
-# Name, label and marker.
-INDICES = tuple((each.statistic, each.label, _MARKERS[each.statistic]) for each in measures.INDICES)
-EFFECTS = tuple(
-    (each.statistic, each.label, _MARKERS[each.statistic])
-    for each in measures.EFFECTS
-    if each.statistic in _MARKERS
+# The mean effect stands in the tables alone: effects of both signs cancel in it.
+EFFECTS = tuple(each for each in measure_labels.EFFECTS if each.statistic != "mu")
+# Name, title and axis.
+RESPONSES = (
+    ("response", "response", "|response| [%]"),
+    ("contribution", "response × uncertainty", "|response × uncertainty| [%]"),
 )
 
 
@@ -34,21 +45,29 @@ def sensitivity_panels(view: ArchiveView) -> Iterator[Panel]:
     for output in view.numeric_outputs:
         if found := measure_series(view, output, EFFECTS):
             title = view.title(f"{output}: elementary effects")
-            convert = view.scale(output).difference_from_si
-            yield measures_panel(view, title, _effect_unit_label(view, output), found, convert)
+            axis = f"effect on {view.axis_label(output)}"
+            yield measures_panel(view, title, axis, found, view.scale(output).difference_from_si)
 
 
-def _effect_unit_label(view: ArchiveView, output: str) -> str:
-    return f"effect on {view.axis_label(output)}"
+def response_panels(view: ArchiveView) -> Iterator[Panel]:
+    """Relative responses to the inputs, and × uncertainty."""
+    for output in view.numeric_outputs:
+        for name, label, axis in RESPONSES:
+            if found := measure_series(view, output, ((name, "", "o"),)):
+                title = view.title(f"{output}: {label}")
+                yield measures_panel(view, title, axis, found, magnitudes)
 
 
 def best_sources(view: ArchiveView, found: list[MeasureSeries]) -> list[MeasureSeries]:
     """Leave plain samples out, unless one is asked for or there is nothing else."""
-    runs = {
-        each.source: view.runs(each.source).sizes[RUN] if view.is_sample_design(each.source) else 0
-        for each in found
-    }
-    if view.source is not None and all(map(view.is_sample_design, runs)):
+    if view.source is not None and all(view.is_sample_design(each.source) for each in found):
         return found
-    shown = best_source_names(view.tree, runs)
+    shown = best_source_names(view.tree, ((each.source, each.array) for each in found))
     return [each for each in found if each.source in shown]
+
+
+def magnitudes(bounds: FloatArray) -> FloatArray:
+    """Return magnitudes in per cent; of a negative estimate the bounds change their places."""
+    if bounds[0] < 0:
+        bounds = -bounds[[0, 2, 1]]
+    return 100 * bounds

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import CATALOGUE, PROBABILITY, THRESHOLD, UnitRule
+from uqpen.core.catalogue import PROBABILITY, THRESHOLD
 from uqpen.figures.estimate_dots import EstimateDot, draw_dots
-from uqpen.figures.panel import Panel
+from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.source_statistics import source_entries
 from uqpen.results.table import Conversion, exceedance_label, quantile_label
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = ["ComparedStatistic", "compared_statistics", "source_panels"]
 
@@ -55,10 +53,8 @@ class ComparedStatistic(NamedTuple):
     ----------
     statistic : str
         An entry of the catalogue.
-    label : str
-        Its name in tables.
-    axis : str
-        The label of its axis.
+    label, axis : str
+        Its name in tables, and the label of its axis.
     convert : callable
         From SI to the unit that it is shown in.
     estimates : mapping of str to DataArray
@@ -79,27 +75,15 @@ class ComparedStatistic(NamedTuple):
 
 def compared_statistics(view: ArchiveView, output: str) -> Iterator[ComparedStatistic]:
     """Yield mean, standard deviation, quantiles, probabilities and shares of an output."""
-    for name, label in _SINGLE.items():
-        arrays = view.estimates(output, name)
-        axis, convert = _axis(view, output, name), view.conversion(output, name)
-        yield ComparedStatistic(name, label, axis, convert, arrays)
-    for name, (coordinate, entry_label) in _BY_ENTRY.items():
-        arrays = view.estimates(output, name)
-        axis, convert = _axis(view, output, name), view.conversion(output, name)
-        for position, entry in enumerate(_entries(arrays, coordinate)):
-            found = {source: array[position] for source, array in arrays.items()}
-            yield ComparedStatistic(name, entry_label(entry), axis, convert, found)
-
-
-def _axis(view: ArchiveView, output: str, statistic: str) -> str:
-    has_unit = CATALOGUE[statistic].unit is not UnitRule.NONE
-    return view.axis_label(output) if has_unit else _AXES[statistic]
-
-
-def _entries(arrays: Mapping[str, xr.DataArray], coordinate: str) -> list[Any]:
-    """Return the names of a statistic's entries, which are the same for all sources."""
-    first = next(iter(arrays.values()), None)
-    return [] if first is None else list(first[coordinate].values.tolist())
+    for name in (*_SINGLE, *_BY_ENTRY):
+        arrays, convert = view.estimates(output, name), view.conversion(output, name)
+        axis = _AXES.get(name) or view.axis_label(output)
+        if name in _SINGLE:
+            yield ComparedStatistic(name, _SINGLE[name], axis, convert, arrays)
+        else:
+            coordinate, entry_label = _BY_ENTRY[name]
+            for entry, found in source_entries(arrays, coordinate):
+                yield ComparedStatistic(name, entry_label(entry), axis, convert, found)
 
 
 def _draw(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -42,13 +43,7 @@ _SETTINGS: dict[str, Any] = {
 
 
 def require_matplotlib() -> Any:
-    """The package that draws.
-
-    Raises
-    ------
-    FigureError
-        If it is not installed.
-    """
+    """Return matplotlib; a `FigureError` says that it is not installed."""
     try:
         import matplotlib.style
     except ModuleNotFoundError:
@@ -61,5 +56,7 @@ def require_matplotlib() -> Any:
 @contextmanager
 def figure_style() -> Iterator[None]:
     """Draw in the style of these figures, and restore the outside settings afterwards."""
-    with require_matplotlib().style.context(["default", _SETTINGS]):
+    with require_matplotlib().style.context(["default", _SETTINGS]), warnings.catch_warnings():
+        # A character that the font lacks is drawn as a box.
+        warnings.filterwarnings("ignore", "Glyph", UserWarning)
         yield

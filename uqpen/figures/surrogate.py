@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -13,7 +12,7 @@ from uqpen.archive.read import group_names, read_group
 from uqpen.core.errors import ArchiveError
 from uqpen.core.labels import RUN, RUNS, STATUS, SURROGATES
 from uqpen.core.status import Status
-from uqpen.figures.panel import Panel
+from uqpen.figures.panel import Axes, Panel
 from uqpen.figures.scatter import thin_runs
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
@@ -21,9 +20,6 @@ from uqpen.results.source_style import GREY
 from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs
 from uqpen.results.texts import title_with_unit
 from uqpen.surrogates.restoring import restore_surrogate
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = ["fit_quality", "predict", "surrogate_panels", "test_design"]
 
@@ -61,13 +57,10 @@ def _draw(view: ArchiveView, name: str, design: str, output: str, axes: Axes) ->
     truth = view.scale(output).from_si(shown[output].values)
     guess = view.scale(output).from_si(predict(made, name, shown, output))
     ends = np.array([min(truth.min(), guess.min()), max(truth.max(), guess.max())])
-    colour = view.look(name).colour
     axes.plot(ends, ends, color=GREY, linewidth=0.9, label="surrogate = model")
-    axes.plot(truth, guess, ".", color=colour, markersize=2.5, alpha=0.6)
-    unit = view.unit(output)
-    axes.set(
-        xlabel=title_with_unit("run of the model", unit), ylabel=title_with_unit("surrogate", unit)
-    )
+    axes.plot(truth, guess, ".", color=view.look(name).colour, markersize=2.5, alpha=0.6)
+    axes.set_xlabel(title_with_unit("run of the model", view.unit(output)))
+    axes.set_ylabel(title_with_unit("surrogate", view.unit(output)))
     is_fitted_to = design == str(made.attrs["design"])
     whose = "the very runs it was fitted to" if is_fitted_to else "which it was not fitted to"
     counted = f"{grouped_number(shown.sizes[RUN])} of {grouped_number(runs.sizes[RUN])}"
@@ -75,13 +68,7 @@ def _draw(view: ArchiveView, name: str, design: str, output: str, axes: Axes) ->
 
 
 def predict(made: xr.DataTree, name: str, runs: xr.Dataset, output: str) -> np.ndarray:
-    """Return a surrogate's predictions of runs, in the SI unit of the output.
-
-    Raises
-    ------
-    ArchiveError
-        If the surrogate is not whole.
-    """
+    """Return a surrogate's predictions of runs, in SI; an `ArchiveError` if it is not whole."""
     try:
         model = restore_surrogate(made, name)
     except (KeyError, TypeError, ValueError) as error:

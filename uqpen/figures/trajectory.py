@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -12,13 +11,10 @@ import xarray as xr
 from uqpen.archive.read import read_group
 from uqpen.core.labels import TRAJECTORY
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.figures.panel import Panel
+from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.source_style import source_style
 from uqpen.results.texts import plain_text, title_with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = [
     "find_trajectories",
@@ -62,10 +58,9 @@ def shared_panels(course: xr.Dataset) -> list[list[str]]:
     for name, variable in course.data_vars.items():
         for names in found:
             other = course[names[0]]
+            own, others = _largest_value(variable), _largest_value(other)
             is_same = other.attrs.get("units") == variable.attrs.get("units")
-            if is_same and _largest_value(other) < _ALIKE * _largest_value(
-                variable
-            ) < _ALIKE**2 * _largest_value(other):
+            if is_same and others < _ALIKE * own < _ALIKE**2 * others:
                 names.append(str(name))
                 break
         else:
@@ -110,9 +105,8 @@ def _draw(
             if number and model:
                 yield f"thin lines: {quantity_name(trajectory[name])}"
     axes.set_xlabel(title_with_unit(quantity_name(first[along]), view.unit(along)))
-    axes.set_ylabel(
-        title_with_unit(", ".join(quantity_symbol(first[name]) for name in names), unit)
-    )
+    symbols = ", ".join(quantity_symbol(first[name]) for name in names)
+    axes.set_ylabel(title_with_unit(symbols, unit))
     axes.set(xlim=(0, None), ylim=(0, None))
     if lacking := [name for name in every if name not in trajectories]:
         yield f"no course is told by {', '.join(map(plain_text, lacking))}"

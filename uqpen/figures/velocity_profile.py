@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -18,12 +17,9 @@ import xarray as xr
 
 from uqpen.archive.read import read_group
 from uqpen.core.labels import TRAJECTORY
-from uqpen.figures.panel import Panel
+from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.source_style import GREY, source_style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 __all__ = ["axial_velocity", "velocity_profile_panels"]
 
@@ -49,7 +45,7 @@ def velocity_profile_panels(view: ArchiveView) -> Iterator[Panel]:
 def axial_velocity(
     velocities: tuple[float, float], s: float, nominal: tuple[float, float, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Distances from the nose, m, and the velocities there, m s-1.
+    """Return distances from the nose, m, and the velocities there, m s-1.
 
     Parameters
     ----------
@@ -67,8 +63,7 @@ def axial_velocity(
     in_rod = u + (u - v) / (s * (2 - epsilon)) * (2 * inside + epsilon * power)  # (2.4)
     r = np.linspace(R, S, _POINTS)
     in_target = u * ((S / r) ** 2 - 1) / ((S / R) ** 2 - 1)  # (2.6)
-    ends = ([-2 * s], [S - R + s])
-    places = np.concatenate([ends[0], inside, r - R, ends[1]])
+    places = np.concatenate([[-2 * s], inside, r - R, [S - R + s]])
     return places, np.concatenate([[v], in_rod, in_target, [0.0]])
 
 

@@ -1,17 +1,14 @@
-"""The part of an archive that a figure is asked of, and its names and units."""
+"""The part of an archive that a figure shows, and its names and units."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.catalogue import CATALOGUE, UnitRule
 from uqpen.core.errors import UnknownNameError
 from uqpen.core.labels import ROLE, RUNS, SAMPLING, STATUS
 from uqpen.core.lookup import choices
@@ -21,14 +18,11 @@ from uqpen.core.units import DIMENSIONLESS, Scale, scale
 from uqpen.results.best_sources import is_sample_design
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle, source_style
-from uqpen.results.table import Conversion, identity, output_names
+from uqpen.results.table import Conversion, conversion, first_runs, output_names
 from uqpen.results.texts import title_with_unit
 from uqpen.statistics.sample import input_sample
 
 __all__ = ["ArchiveView", "select_view"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -85,48 +79,40 @@ class ArchiveView:
         ]
 
     def look(self, source: str) -> SourceStyle:
-        """Return how a source is drawn, in every figure of the archive."""
+        """Return the style of a source, in every figure of the archive."""
         return source_style(self.sources.index(source))
 
     def estimates(self, output: str, statistic: str) -> dict[str, xr.DataArray]:
         """Return a statistic by source, of the one asked for alone if any."""
-        statistics = self.statistics
-        asked = statistics.sources if self.source is None else [self.source]
-        found = {source: statistics.get(source, output, statistic) for source in asked}
-        return {source: array for source, array in found.items() if array is not None}
+        sources = None if self.source is None else [self.source]
+        return self.statistics.by_source(output, statistic, sources)
 
     def conversion(self, output: str, statistic: str) -> Conversion:
-        """Return how a statistic is brought from SI to the unit that is shown."""
-        rule = CATALOGUE[statistic].unit
-        if rule is UnitRule.NONE:
-            return identity
-        shown = self.scale(output)
-        return shown.from_si if rule is UnitRule.VALUE else shown.difference_from_si
+        """Return the conversion of a statistic from SI to the unit that is shown."""
+        return conversion(statistic, self.scale(output))
 
-    def source_groups(self, kind: str) -> Iterator[tuple[str, xr.Dataset]]:
-        """Yield a group of each source, as `estimates` does; for the report, until it moves."""
-        for source in self.sources:
-            if self.source in (None, source) and source in group_names(self.tree, kind):
-                yield source, read_group(self.tree, kind, source)
+    @property
+    def outputs(self) -> list[str]:
+        """The outputs of the model."""
+        return output_names(first_runs(self.tree))
 
     @property
     def numeric_outputs(self) -> list[str]:
         """The outputs that are numbers, the one asked for alone if any."""
-        return [name for name in self._outputs if "flag_meanings" not in self.attributes(name)]
+        return [name for name in self._selected if "flag_meanings" not in self.attributes(name)]
 
     @property
     def categorical_outputs(self) -> list[str]:
         """The outputs that have kinds, likewise."""
-        return [name for name in self._outputs if "flag_meanings" in self.attributes(name)]
+        return [name for name in self._selected if "flag_meanings" in self.attributes(name)]
 
     @property
-    def _outputs(self) -> list[str]:
-        every = output_names(read_group(self.tree, RUNS, self.designs[0]))
-        return [name for name in every if self.output in (None, name)]
+    def _selected(self) -> list[str]:
+        return [name for name in self.outputs if self.output in (None, name)]
 
     def attributes(self, name: str) -> dict[Any, Any]:
-        """The attributes of an input or output."""
-        return dict(read_group(self.tree, RUNS, self.designs[0])[name].attrs)
+        """Return the attributes of an input or output."""
+        return dict(first_runs(self.tree)[name].attrs)
 
     def unit(self, name: str) -> str:
         """The unit that an input or output is shown in."""
@@ -170,17 +156,11 @@ class ArchiveView:
 def select_view(
     tree: xr.DataTree, output: str | None, source: str | None, model: str | None
 ) -> ArchiveView:
-    """Return the part of an archive that is asked for.
-
-    Raises
-    ------
-    UnknownNameError
-        If the archive has no such output, source or model; the message lists those it has.
-    """
+    """Return a part of an archive; an `UnknownNameError` lists the names that it has."""
     models = model_trees(tree)
     _check_name("model", model, [name for name in models if name])
     view = ArchiveView(tree, model or next(iter(models)))
-    _check_name("output", output, output_names(read_group(view.tree, RUNS, view.designs[0])))
+    _check_name("output", output, view.outputs)
     _check_name("source", source, view.sources)
     return replace(view, output=output, source=source)
 

@@ -12,11 +12,11 @@ import xarray as xr
 from uqpen.archive.benchmark_layout import BENCHMARK_GROUP
 from uqpen.archive.estimates import unpack
 from uqpen.archive.read import group_names, read_group
-from uqpen.core.catalogue import CATALOGUE, UnitRule
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import EXCEEDANCE, NOTE, REFERENCE
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import estimate_text
-from uqpen.results.table import exceedance_label, quantile_label
+from uqpen.results.table import conversion, exceedance_label, quantile_label
 
 __all__ = ["BenchmarkEntry", "entries", "output_title", "reference_attributes"]
 
@@ -32,7 +32,7 @@ class BenchmarkEntry:
     output, statistic : str
         The names of the output, and of the statistic in the catalogue.
     position : int or None
-        The position among the entries; None of a statistic that has one only.
+        Among the entries; None for a statistic with a single one.
     """
 
     tree: xr.DataTree
@@ -111,32 +111,19 @@ class BenchmarkEntry:
     def reference_text(self) -> str:
         """The reference's estimate in the unit that the study shows."""
         unit = self.display_units
-        measure = scale(unit)
-        is_difference = CATALOGUE[self.statistic].unit is UnitRule.DIFFERENCE
-        convert = measure.difference_from_si if is_difference else measure.from_si
+        convert = conversion(self.statistic, scale(unit))
         text = estimate_text(*(float(value) for value in convert(self.reference.values)))
         return text if unit == DIMENSIONLESS else f"{text} {unit}"
 
 
 def entries(tree: xr.DataTree) -> Iterator[BenchmarkEntry]:
     """Yield all entries of all statistics, output by output."""
-    for output, node in _outputs(tree).items():
-        for statistic in map(str, node.children):
-            yield from _statistic_entries(tree, output, statistic)
-
-
-def _outputs(tree: xr.DataTree) -> dict[str, xr.DataTree]:
-    names = group_names(tree, BENCHMARK_GROUP)
-    return {name: tree.children[BENCHMARK_GROUP].children[name] for name in names}
-
-
-def _statistic_entries(tree: xr.DataTree, output: str, statistic: str) -> Iterator[BenchmarkEntry]:
-    dims = CATALOGUE[statistic].dims
-    if not dims:
-        yield BenchmarkEntry(tree, output, statistic, None)
-        return
-    count = read_group(tree, BENCHMARK_GROUP, output, statistic).sizes[dims[0]]
-    yield from (BenchmarkEntry(tree, output, statistic, position) for position in range(count))
+    for output in group_names(tree, BENCHMARK_GROUP):
+        for statistic in group_names(tree.children[BENCHMARK_GROUP], output):
+            dims = CATALOGUE[statistic].dims
+            sizes = read_group(tree, BENCHMARK_GROUP, output, statistic).sizes
+            positions = range(sizes[dims[0]]) if dims else (None,)
+            yield from (BenchmarkEntry(tree, output, statistic, each) for each in positions)
 
 
 def output_title(tree: xr.DataTree, output: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import xarray as xr
@@ -10,7 +9,7 @@ import xarray as xr
 from uqpen.archive.read import read_group
 from uqpen.core.labels import BUDGET, KIND, METHOD_DIMENSION, METHODS, VARIANT
 from uqpen.results.benchmark_entries import BenchmarkEntry, entries
-from uqpen.results.estimate_json import estimate_json
+from uqpen.results.estimate_json import entries_json, estimate_json, json_value
 from uqpen.results.json import archive_identity
 
 __all__ = ["benchmark_json"]
@@ -72,29 +71,23 @@ def _outputs_json(tree: xr.DataTree) -> dict[str, dict[str, Any]]:
 
 
 def _statistic_json(entry: BenchmarkEntry) -> dict[str, Any]:
-    errors, coverage, slopes = map(entry.variable, ("error", "coverage", "slope"))
-    names = [str(name) for name in errors[METHOD_DIMENSION].values]
+    errors, coverage, leads = map(entry.variable, ("error", "coverage", "lead"))
     budgets = [str(budget) for budget in errors[BUDGET].values]
-    return {
+    found: dict[str, Any] = {
         "units": entry.units,
         "reference": estimate_json(entry.reference),
         "relative_to": entry.error_scale,
-        "errors": {
-            name: {
-                budget: {
-                    **estimate_json(errors[i, j]),
-                    "coverage": _json_number(float(coverage[i, j])),
-                }
-                for j, budget in enumerate(budgets)
-            }
-            for i, name in enumerate(names)
-        },
-        "slopes": {name: estimate_json(slopes[i]) for i, name in enumerate(names)},
+        "errors": entries_json(errors),
+        "slopes": entries_json(entry.variable("slope")),
         "verdicts": {
             str(variant): {budget: _verdict_json(entry, i, j) for j, budget in enumerate(budgets)}
-            for i, variant in enumerate(entry.variable("lead")[VARIANT].values)
+            for i, variant in enumerate(leads[VARIANT].values)
         },
     }
+    for by_budget, shares in zip(found["errors"].values(), coverage.values, strict=True):
+        for error, share in zip(by_budget.values(), shares, strict=True):
+            error["coverage"] = json_value(share)
+    return found
 
 
 def _verdict_json(entry: BenchmarkEntry, variant: int, budget: int) -> dict[str, Any]:
@@ -109,7 +102,3 @@ def _verdict_json(entry: BenchmarkEntry, variant: int, budget: int) -> dict[str,
         "verdict": text("verdict"),
         "note": text("remark"),
     }
-
-
-def _json_number(value: float) -> float | None:
-    return None if math.isnan(value) else value

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import xarray as xr
 
@@ -47,12 +46,11 @@ class EntryComparison:
     Parameters
     ----------
     entry : BenchmarkEntry
+        An entry of a statistic.
     table : OutputTable
         A row for each method, a column for each budget, the slope last.
-    verdicts : tuple of str
-        Those among single sets.
-    notes : tuple of str
-        What must be known of them.
+    verdicts, notes : tuple of str
+        The verdicts among single sets, and remarks on them.
     replicated_verdicts : tuple of str
         The verdicts among replicated sets in one sentence; none where there are no replicates.
     """
@@ -73,17 +71,12 @@ def methods_table(tree: xr.DataTree) -> OutputTable:
     """Return the table of the runs that each method makes of each budget."""
     methods = read_group(tree, METHODS)
     repeats, reference = (int(methods.attrs[name]) for name in ("repeats", "reference_runs"))
-    title = (
-        f"runs made of each budget, {repeats} times; reference: {grouped_number(reference)} runs"
-    )
+    made = f"runs made of each budget, {repeats} times"
+    title = f"{made}; reference: {grouped_number(reference)} runs"
     table = OutputTable(title, [grouped_number(int(budget)) for budget in methods[BUDGET].values])
-    for position, label in enumerate(_labels(tree)):
-        shapes = zip(
-            methods["runs"].values[position].tolist(),
-            methods["replicates"].values[position].tolist(),
-            strict=True,
-        )
-        table.rows.append((label, [_runs_text(*shape) for shape in shapes]))
+    counts = (methods[name].values.tolist() for name in ("runs", "replicates"))
+    for label, *of_method in zip(_labels(tree), *counts, strict=True):
+        table.rows.append((label, list(map(_runs_text, *of_method))))
     return table
 
 
@@ -100,20 +93,16 @@ def entry_comparisons(tree: xr.DataTree) -> Iterator[EntryComparison]:
 def standings_table(tree: xr.DataTree) -> OutputTable:
     """Return the table of how often each method leads, and is level with the best."""
     found = [entry.single_set_standings for entry in entries(tree)]
-    methods = read_group(tree, METHODS)
-    budgets = methods[BUDGET].values
+    budgets = read_group(tree, METHODS)[BUDGET].values
     title = f"of {len(found)} statistics: led by more than the noise + level with the best"
     table = OutputTable(title, [grouped_number(int(budget)) for budget in budgets])
-    for source, variants in zip(methods["source"].values, methods["contests"].values, strict=True):
-        if SINGLE not in str(variants).split():
-            continue
-        marks = [
-            [standing_mark(str(source), *level_and_bound) for level_and_bound in standings]
-            for standings in found
-        ]
-        columns = [[row[column] for row in marks] for column in range(len(budgets))]
-        cells = [f"{marked.count(WINS)} + {marked.count(IS_LEVEL)}" for marked in columns]
-        table.rows.append((str(source), cells))
+    for source, variants in _methods(tree):
+        if SINGLE in variants:
+            marks = [
+                [standing_mark(source, *each) for each in at] for at in zip(*found, strict=True)
+            ]
+            cells = [f"{marked.count(WINS)} + {marked.count(IS_LEVEL)}" for marked in marks]
+            table.rows.append((source, cells))
     return table
 
 
@@ -122,26 +111,22 @@ def _entry_comparison(entry: BenchmarkEntry) -> EntryComparison:
     budgets = errors[BUDGET].values.tolist()
     title = f"{entry.output}, {entry.label}: {entry.reference_text}"
     table = OutputTable(title, [*map(grouped_number, budgets), "slope"])
-    methods = read_group(entry.tree, METHODS)
-    for position, label in enumerate(_labels(entry.tree)):
-        name = str(methods["source"].values[position])
-        is_single = SINGLE in str(methods["contests"].values[position]).split()
-        cells = [
-            percentage_text(float(error))
-            + (standing_mark(name, *level_and_bound) if is_single else " ")
-            for error, level_and_bound in zip(
-                errors.values[position, :, 0], entry.single_set_standings, strict=True
-            )
-        ]
-        table.rows.append((label, [*cells, _slope_text(slopes.values[position].tolist())]))
-    levels, texts, notes = (
+    methods, standings = _methods(entry.tree), entry.single_set_standings
+    for position, (label, (source, variants)) in enumerate(
+        zip(_labels(entry.tree), methods, strict=True)
+    ):
+        marks = [standing_mark(source, *each) if SINGLE in variants else " " for each in standings]
+        texts = map(percentage_text, errors.values[position, :, 0].tolist())
+        cells = [f"{text}{mark}" for text, mark in zip(texts, marks, strict=True)]
+        table.rows.append((label, [*cells, _slope_text(*slopes.values[position].tolist())]))
+    levels, verdicts, notes = (
         entry.variable(name).values.tolist() for name in ("level", "verdict", "remark")
     )
-    has_replicates = methods["contests"].isin([REPLICATED]).any()
+    has_replicates = any(variants == [REPLICATED] for _, variants in methods)
     return EntryComparison(
         entry,
         table,
-        tuple(_single_set_verdicts(levels[0], texts[0], budgets)),
+        tuple(_single_set_verdicts(levels[0], verdicts[0], budgets)),
         tuple(_notes(notes[0], budgets)),
         tuple(_replicated_verdicts(levels[1], budgets)) if has_replicates else (),
     )
@@ -149,9 +134,9 @@ def _entry_comparison(entry: BenchmarkEntry) -> EntryComparison:
 
 def _notes(notes: list[str], budgets: list[int]) -> Iterator[str]:
     """Yield what the reference's own error means for the verdicts, a sentence a remark."""
-    for note, where in _group_budgets([(note,) if note else () for note in notes], budgets):
-        if note:
-            yield f"at {_list_budgets(where)} runs, {note[0]}"
+    for note in dict.fromkeys(filter(None, notes)):
+        where = [budget for budget, each in zip(budgets, notes, strict=True) if each == note]
+        yield f"at {_list_budgets(where)} runs, {note}"
 
 
 def _replicated_verdicts(levels: list[str], budgets: list[int]) -> Iterator[str]:
@@ -170,33 +155,35 @@ def _single_set_verdicts(levels: list[str], texts: list[str], budgets: list[int]
     """A sentence for each budget that has a winner, and one for all with the same ones level."""
     ties = [(names, where) for names, where in _group_budgets(levels, budgets) if len(names) > 1]
     tied = {budget for _, where in ties for budget in where}
-    sentences = [
-        (where[0], f"at {_list_budgets(where)} runs {join_names(names)} are level")
-        for names, where in ties
-    ]
-    sentences += [
-        (budget, text) for budget, text in zip(budgets, texts, strict=True) if budget not in tied
-    ]
-    yield from (text for _, text in sorted(sentences))
+    sentences = {
+        budget: text for budget, text in zip(budgets, texts, strict=True) if budget not in tied
+    }
+    for names, where in ties:
+        sentences[where[0]] = f"at {_list_budgets(where)} runs {join_names(names)} are level"
+    yield from (sentences[budget] for budget in sorted(sentences))
 
 
-def _group_budgets(keys: list[Any], budgets: list[int]) -> list[tuple[tuple[str, ...], list[int]]]:
-    """Budgets with the same verdict together, in the order of the first of each."""
-    found: dict[frozenset[str], tuple[tuple[str, ...], list[int]]] = {}
-    for key, budget in zip(keys, budgets, strict=True):
-        names = tuple(key.split()) if isinstance(key, str) else key
+def _group_budgets(levels: list[str], budgets: list[int]) -> list[tuple[list[str], list[int]]]:
+    """Return the budgets at which the same methods are level, in the order of the first of each."""
+    found: dict[frozenset[str], tuple[list[str], list[int]]] = {}
+    for level, budget in zip(levels, budgets, strict=True):
+        names = level.split()
         found.setdefault(frozenset(names), (names, []))[1].append(budget)
     return list(found.values())
 
 
-def _labels(tree: xr.DataTree) -> list[str]:
-    """The first column: a replicated design stands below its single set, where there is one."""
+def _methods(tree: xr.DataTree) -> list[tuple[str, list[str]]]:
+    """Return the source of each method, and the variants that it is in."""
     methods = read_group(tree, METHODS)
+    variants = [str(text).split() for text in methods["contests"].values]
+    return list(zip(map(str, methods["source"].values), variants, strict=True))
+
+
+def _labels(tree: xr.DataTree) -> list[str]:
+    """Return the first column: a replicated design stands below its single set, if any."""
     found: list[str] = []
-    for source, variants in zip(
-        methods["source"].values.tolist(), methods["contests"].values.tolist(), strict=True
-    ):
-        if SINGLE in variants.split():
+    for source, variants in _methods(tree):
+        if SINGLE in variants:
             found.append(source)
         else:
             is_below = bool(found) and found[-1] == source
@@ -207,11 +194,8 @@ def _labels(tree: xr.DataTree) -> list[str]:
 def _runs_text(runs: int, replicates: int) -> str:
     if not runs:
         return NOTHING
-    return (
-        grouped_number(runs)
-        if replicates == 1
-        else f"{replicates} × {grouped_number(runs // replicates)}"
-    )
+    each = grouped_number(runs // replicates)
+    return each if replicates == 1 else f"{replicates} × {each}"
 
 
 def percentage_text(error: float) -> str:
@@ -227,12 +211,10 @@ def standing_mark(name: str, level: str, lowest: float) -> str:
 
     Parameters
     ----------
-    name : str
-        The method's.
-    level : str
-        The names of all that are level with the best, the best first.
+    name, level : str
+        The method, and all that are level with the best, the best first.
     lowest : float
-        The lower bound of the lead of a single best; NaN where that is in doubt.
+        Lower bound of the lead of a single best; NaN for a doubtful lead.
     """
     names = level.split()
     if name not in names:
@@ -242,8 +224,7 @@ def standing_mark(name: str, level: str, lowest: float) -> str:
     return IS_DOUBTFUL if math.isnan(lowest) else WINS
 
 
-def _slope_text(bounds: list[float]) -> str:
-    estimate, lower, upper = bounds
+def _slope_text(estimate: float, lower: float, upper: float) -> str:
     if math.isnan(estimate):
         return NOTHING
     half = (upper - lower) / 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 
 import xarray as xr
 
@@ -14,15 +14,7 @@ __all__ = ["best_sources", "is_sample_design"]
 
 
 def is_sample_design(tree: xr.DataTree, source: str) -> bool:
-    """Return whether a source is a design for no quantity of interest in particular.
-
-    Parameters
-    ----------
-    tree : DataTree
-        What an archive has of one model.
-    source : str
-        The name of a design, surrogate or publication.
-    """
+    """Return whether a source of a model is a design for no quantity of interest in particular."""
     runs = read_group(tree, RUNS, source)
     if not runs:
         return False
@@ -30,22 +22,20 @@ def is_sample_design(tree: xr.DataTree, source: str) -> bool:
     return sampling.is_sample and sampling is not Sampling.PICK_FREEZE
 
 
-def best_sources(tree: xr.DataTree, runs: Mapping[str, int]) -> list[str]:
-    """Return the sources whose indices of an output are shown.
+def best_sources(tree: xr.DataTree, found: Iterable[tuple[str, xr.DataArray]]) -> list[str]:
+    """Return the sources whose indices of an output are shown: all but plain samples.
+
+    Where there are only these, the largest of them is shown, the first of equals.
 
     Parameters
     ----------
     tree : DataTree
-        What an archive has of one model.
-    runs : mapping of str to int
-        The sources that have indices, and how many runs these are of.
-
-    Returns
-    -------
-    list of str
-        All but plain samples. Where there are only these, the largest of them, the first of equals.
+        The part of an archive on one model.
+    found : iterable of tuple
+        A source and an array of its indices, which has their number of runs.
     """
+    runs: dict[str, int] = {}
+    for source, array in found:
+        runs.setdefault(source, int(array.attrs.get("runs", 0)))
     dedicated = [source for source in runs if not is_sample_design(tree, source)]
-    if dedicated or not runs:
-        return dedicated
-    return [max(runs, key=lambda source: runs[source])]
+    return dedicated or sorted(runs, key=lambda source: -runs[source])[:1]

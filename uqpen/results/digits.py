@@ -37,9 +37,9 @@ def estimate_text(estimate: float, lower: float, upper: float) -> str:
     >>> estimate_text(71.1, 70.6, 72.9)
     '71.1 (70.6 … 72.9)'
     """
-    sides = [side for side in (estimate - lower, upper - estimate) if not math.isnan(side)]
+    sides = _sides(estimate, lower, upper)
     half = max(sides, default=math.nan)
-    if not half > 0 or math.isinf(half):
+    if not 0 < half < math.inf:
         return _text_without_interval(estimate)
     number_format = _NumberFormat(estimate, half)
     if len(sides) == 2 and half < _UNEVEN * min(sides):
@@ -71,8 +71,7 @@ def estimate_texts(estimate: float, lower: float, upper: float, *others: float) 
     ('0.4927', '0.4900', '0.4954', '0.5000')
     """
     values = (estimate, lower, upper, *others)
-    sides = (side for side in (estimate - lower, upper - estimate) if not math.isnan(side))
-    half = max(sides, default=math.nan)
+    half = max(_sides(estimate, lower, upper), default=math.nan)
     if not 0 < half < math.inf:
         return tuple(map(_text_without_interval, values))
     number_format = _NumberFormat(estimate, half)
@@ -92,8 +91,12 @@ def percent_text(probability: float) -> str:
     return f"{100 * probability:.10g} %"
 
 
+def _sides(estimate: float, lower: float, upper: float) -> list[float]:
+    """Return the lengths of an interval below and above its estimate, where there are bounds."""
+    return [side for side in (estimate - lower, upper - estimate) if not math.isnan(side)]
+
+
 def _text_without_interval(estimate: float) -> str:
-    """An estimate without an interval."""
     return "–" if math.isnan(estimate) else f"{estimate:.4g}"
 
 
@@ -105,6 +108,8 @@ class _NumberFormat:
         exponent = max(-300, math.floor(math.log10(max(abs(estimate), half))))
         self.exponent = 0 if -3 <= exponent < 6 else exponent
         self._power = 10.0**self.exponent
+        superscript = str(self.exponent).translate(SUPERSCRIPTS)
+        self._power_text = f"×10{superscript}" if self.exponent else ""
         self._places = max(0, 1 - math.floor(math.log10(half / self._power)))
 
     def __call__(self, value: float) -> str:
@@ -112,11 +117,8 @@ class _NumberFormat:
 
     def full_text(self, value: float) -> str:
         """A value with its power of ten."""
-        power = f"×10{str(self.exponent).translate(SUPERSCRIPTS)}" if self.exponent else ""
-        return f"{self(value)}{power}"
+        return f"{self(value)}{self._power_text}"
 
     def write(self, body: str) -> str:
         """The body with the power of ten that its figures leave out."""
-        if not self.exponent:
-            return body
-        return f"({body})×10{str(self.exponent).translate(SUPERSCRIPTS)}"
+        return f"({body}){self._power_text}" if self.exponent else body

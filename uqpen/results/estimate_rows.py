@@ -24,12 +24,7 @@ _BEHIND = (*BOUNDS, "unit", *INTERVAL_TEXTS)
 def estimate_rows(array: xr.DataArray, **described: str) -> Iterator[Row]:
     """Yield the entries of an estimate array, or of an array without bounds.
 
-    Parameters
-    ----------
-    array : DataArray
-        As `SourceStatistics.get` returns it.
-    **described : str
-        The columns that are the same in all rows, such as ``source`` and ``statistic``.
+    Columns that are the same in all rows, such as ``source``, are passed by their names.
     """
     dims = [str(dim) for dim in array.dims if dim != BOUND]
     labels = [array[dim].values.tolist() for dim in dims]

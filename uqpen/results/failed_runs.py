@@ -18,16 +18,7 @@ __all__ = ["FailedRuns", "failed_runs", "has_failed_design"]
 
 
 class FailedRuns(NamedTuple):
-    """Runs of one design that failed for one reason.
-
-    Attributes
-    ----------
-    design : str
-    status : Status
-    reason : str
-    runs : int
-        How many.
-    """
+    """Number of runs of one design that failed for one reason."""
 
     design: str
     status: Status
@@ -36,15 +27,7 @@ class FailedRuns(NamedTuple):
 
 
 def failed_runs(tree: xr.DataTree, design: str) -> Iterator[FailedRuns]:
-    """Yield the failed runs of a design by reason, the most frequent first.
-
-    Parameters
-    ----------
-    tree : DataTree
-        An archive.
-    design : str
-        Its name.
-    """
+    """Yield the failed runs of a design by reason, the most frequent first."""
     runs = read_group(tree, RUNS, design)
     if FAILURE_REASON in runs:
         at = np.searchsorted(runs[RUN].values, runs[FAILED_RUN].values)

@@ -1,10 +1,8 @@
-"""Measures of the inputs' part in an output: how they are called, and which stand together."""
+"""Measures of the inputs' part in an output: their names for a reader, and their families."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
-
-from uqpen.core.catalogue import CATALOGUE, UnitRule
 
 __all__ = [
     "ASSOCIATIONS",
@@ -15,65 +13,50 @@ __all__ = [
     "LOGARITHM_INDICES",
     "PAIR_INDICES",
     "RESPONSES",
-    "SENSITIVITY_MEASURES",
     "Measure",
 ]
 
 
 class Measure(NamedTuple):
-    """A statistic of the inputs' part.
+    """Statistic of the inputs' part.
 
     Attributes
     ----------
     statistic : str
         Its name in the catalogue.
     label : str
-        How a table or a chart calls it.
-    factor : float
-        Its estimates are shown multiplied by this.
+        Its name in a table or a chart.
+    marker : str
+        The shape of its dots in a figure.
     """
 
     statistic: str
     label: str
-    factor: float = 1.0
-
-    @property
-    def has_unit(self) -> bool:
-        """True if its unit follows from the output's."""
-        return CATALOGUE[self.statistic].unit is not UnitRule.NONE
+    marker: str = "o"
 
 
-_FIRST_ORDER, _TOTAL_ORDER, _SHAPLEY = "first order", "total order", "Shapley effect"
+def _indices(prefix: str = "") -> tuple[Measure, ...]:
+    """Return the shares of a variance, of the output or of a function of it."""
+    return (
+        Measure(f"{prefix}first_order", "first order", "o"),
+        Measure(f"{prefix}total_order", "total order", "s"),
+        Measure(f"{prefix}shapley", "Shapley effect", "D"),
+    )
 
-INDICES = (
-    Measure("first_order", _FIRST_ORDER),
-    Measure("total_order", _TOTAL_ORDER),
-    Measure("shapley", _SHAPLEY),
-)
+
+INDICES = _indices()
+LOGARITHM_INDICES = _indices("log_")
+EXCEEDANCE_INDICES = _indices("exceedance_")
+CATEGORY_INDICES = _indices("category_")
 PAIR_INDICES = (Measure("second_order", "second order"),)
-LOGARITHM_INDICES = (
-    Measure("log_first_order", _FIRST_ORDER),
-    Measure("log_total_order", _TOTAL_ORDER),
-    Measure("log_shapley", _SHAPLEY),
-)
-EXCEEDANCE_INDICES = (
-    Measure("exceedance_first_order", _FIRST_ORDER),
-    Measure("exceedance_total_order", _TOTAL_ORDER),
-    Measure("exceedance_shapley", _SHAPLEY),
-)
-CATEGORY_INDICES = (
-    Measure("category_first_order", _FIRST_ORDER),
-    Measure("category_total_order", _TOTAL_ORDER),
-    Measure("category_shapley", _SHAPLEY),
-)
 RESPONSES = (
-    Measure("response", "response [%]", 100.0),
-    Measure("contribution", "× uncertainty [%]", 100.0),
+    Measure("response", "response [%]"),
+    Measure("contribution", "× uncertainty [%]"),
 )
 EFFECTS = (
-    Measure("mu_star", "mean |effect|"),
+    Measure("mu_star", "mean |effect|", "o"),
     Measure("mu", "mean effect"),
-    Measure("sigma", "sd of effects"),
+    Measure("sigma", "sd of effects", "^"),
 )
 ASSOCIATIONS = (
     Measure("spearman", "Spearman"),
@@ -82,18 +65,3 @@ ASSOCIATIONS = (
     Measure("partial", "partial"),
     Measure("delta", "delta"),
 )
-
-SENSITIVITY_MEASURES = {
-    measure.statistic: measure
-    for family in (
-        INDICES,
-        PAIR_INDICES,
-        LOGARITHM_INDICES,
-        EXCEEDANCE_INDICES,
-        CATEGORY_INDICES,
-        RESPONSES,
-        EFFECTS,
-        ASSOCIATIONS,
-    )
-    for measure in family
-}

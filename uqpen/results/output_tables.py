@@ -1,4 +1,4 @@
-"""An archive as tables: one for each output, a column for each source of figures."""
+"""An archive as tables: one for each output, a column for each source of estimates."""
 
 from __future__ import annotations
 
@@ -9,22 +9,16 @@ from typing import Any
 
 import xarray as xr
 
-from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.labels import DIFFERENCES, RUNS, SURROGATES
+from uqpen.archive.read import group_names, model_trees
+from uqpen.core.labels import DIFFERENCES, SURROGATES
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.failure_tables import failure_tables
 from uqpen.results.outside_rows import OutputUnit, add_outside_rows
-from uqpen.results.sensitivity_tables import sensitivity_tables
+from uqpen.results.sensitivity_tables import named_tables
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.statistics_rows import (
-    StatisticsRows,
-    add_runs,
-    add_shares,
-    add_statuses,
-    failed_runs_cell,
-)
+from uqpen.results.statistics_rows import StatisticsRows, add_failed_runs, add_runs, add_shares
 from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs
-from uqpen.results.table import NOTHING, OutputTable, output_names
+from uqpen.results.table import NOTHING, OutputTable, first_runs, label_with_unit, output_names
 from uqpen.surrogates.storage import unfitted_outputs
 
 __all__ = ["difference_tables", "fit_table", "output_tables", "statistics_table"]
@@ -42,25 +36,32 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
     """
     for name, model in model_trees(tree).items():
         head = f"{name}: " if name else ""
-        first = read_group(model, RUNS, group_names(model, RUNS)[0])
-        for output in output_names(first):
-            if table := statistics_table(model, output, first[output].attrs):
-                yield replace(table, title=head + table.title)
-            unit = str(first[output].attrs.get("display_units", DIMENSIONLESS))
-            for table in sensitivity_tables(model, output, unit, everything=everything):
-                yield replace(table, title=head + table.title)
-        for table in failure_tables(model):
-            yield replace(table, title=head + table.title)
-        for surrogate in group_names(model, SURROGATES):
-            table = fit_table(surrogate, model.children[SURROGATES].children[surrogate])
+        for table in _model_tables(model, everything=everything):
             yield replace(table, title=head + table.title)
     yield from difference_tables(tree)
+
+
+def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTable]:
+    for output, attributes in _outputs(model).items():
+        if table := statistics_table(model, output, attributes):
+            yield table
+        measures = named_tables(model, output, _shown_unit(attributes), everything=everything)
+        yield from (table for _, table in measures)
+    yield from failure_tables(model)
+    for surrogate in group_names(model, SURROGATES):
+        yield fit_table(surrogate, model.children[SURROGATES].children[surrogate])
+
+
+def _outputs(model: xr.DataTree) -> dict[str, Mapping[Any, Any]]:
+    """Return the outputs of a model with their attributes, which its first runs have."""
+    runs = first_runs(model)
+    return {name: runs[name].attrs for name in output_names(runs)}
 
 
 def statistics_table(
     tree: xr.DataTree, name: str, described: Mapping[str, Any]
 ) -> OutputTable | None:
-    """Return the statistics of one output, from all sources that have any.
+    """Return the statistics of one output from all sources; None where no source has any.
 
     Parameters
     ----------
@@ -69,23 +70,17 @@ def statistics_table(
     name : str
         The output's.
     described : mapping
-        Its attributes.
-
-    Returns
-    -------
-    OutputTable or None
-        None where no source has any.
+        The output's attributes.
     """
     is_categorical = "flag_meanings" in described
     statistics = SourceStatistics(tree)
-    sources = statistics.sources_of(name, "share" if is_categorical else "mean")
+    sources = list(statistics.by_source(name, "share" if is_categorical else "mean"))
     if not sources:
         return None
     unit = _shown_unit(described)
-    table = OutputTable(_with_unit(name, unit), sources)
+    table = OutputTable(label_with_unit(name, unit), sources)
     add_runs(table, tree)
-    table.rows.append(("lost", [failed_runs_cell(tree, source, table) for source in sources]))
-    add_statuses(table, tree)
+    add_failed_runs(table, tree)
     if is_categorical:
         add_shares(table, tree, name)
     else:
@@ -98,54 +93,40 @@ def statistics_table(
 def difference_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
     """Yield the differences of the other models from the first, a table for each output."""
     for other in group_names(tree, DIFFERENCES):
-        yield from _differences(tree, other)
+        statistics = SourceStatistics.of_differences(tree, other)
+        for name, attributes in _outputs(model_trees(tree)[other]).items():
+            sources = list(statistics.by_source(name, "mean"))
+            if sources:
+                unit = _shown_unit(attributes)
+                title = f"{other} minus {statistics.minus(sources[0])}: {name}"
+                table = OutputTable(label_with_unit(title, unit), sources)
+                StatisticsRows(table, statistics, name, scale(unit)).add()
+                yield table
 
 
-def _differences(tree: xr.DataTree, other: str) -> Iterator[OutputTable]:
-    """Yield the differences of another model's outputs from the first's, a table for each."""
-    statistics = SourceStatistics.of_differences(tree, other)
-    runs = model_trees(tree)[other]
-    described = read_group(runs, RUNS, group_names(runs, RUNS)[0])
-    for name in output_names(described):
-        sources = statistics.sources_of(name, "mean")
-        if not sources:
-            continue
-        unit = _shown_unit(described[name].attrs)
-        first = statistics.minus(sources[0])
-        table = OutputTable(_with_unit(f"{other} minus {first}: {name}", unit), sources)
-        StatisticsRows(table, statistics, name, scale(unit)).add()
-        yield table
-
-
-def _shown_unit(described: Mapping[str, Any]) -> str:
+def _shown_unit(described: Mapping[Any, Any]) -> str:
     return str(described.get("display_units", DIMENSIONLESS))
 
 
-def _with_unit(title: str, unit: str) -> str:
-    return title if unit == DIMENSIONLESS else f"{title} [{unit}]"
-
-
-# What is told of a surrogate's fit to an output: attribute, and what a person reads.
-_FIT_ROWS = (
-    ("order", "order"),
-    ("terms", "terms"),
-    ("q2", "Q², runs left out"),
-    ("check_q2_of_output", "Q², check runs"),
-)
+# Diagnostics of a surrogate's fit to an output, by the labels of their columns.
+_FIT_COLUMNS = {
+    "order": "order",
+    "terms": "terms",
+    "Q², runs left out": "q2",
+    "Q², check runs": "check_q2_of_output",
+}
 
 
 def fit_table(name: str, made: xr.DataTree) -> OutputTable:
     """Return the fit of a surrogate to each output, or why it could not be fitted."""
     title = f"{name}: fit to {made.attrs['runs_used']} runs, check by {made.attrs['check']}"
-    table = OutputTable(title, [label for _, label in _FIT_ROWS])
+    table = OutputTable(title, list(_FIT_COLUMNS))
     for output in fitted_outputs(made):
         diagnostics = fit_diagnostics(made, output)
-        table.rows.append((output, [_fit_number(diagnostics[name]) for name, _ in _FIT_ROWS]))
+        values = (diagnostics[key] for key in _FIT_COLUMNS.values())
+        cells = [NOTHING if math.isnan(value) else f"{value:.5g}" for value in values]
+        table.rows.append((output, cells))
     for output, reason in unfitted_outputs(made).items():
-        cells = [f"not fitted{table.note_mark(reason)}", *[NOTHING] * (len(_FIT_ROWS) - 1)]
+        cells = [f"not fitted{table.note_mark(reason)}", *[NOTHING] * (len(_FIT_COLUMNS) - 1)]
         table.rows.append((output, cells))
     return table
-
-
-def _fit_number(value: float) -> str:
-    return NOTHING if math.isnan(value) else f"{value:.5g}"

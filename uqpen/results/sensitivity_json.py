@@ -5,74 +5,59 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import CATALOGUE, CATEGORY, THRESHOLD
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import INPUT
 from uqpen.results.estimate_json import estimate_json
 from uqpen.results.measure_labels import CATEGORY_INDICES, EXCEEDANCE_INDICES, INDICES, PAIR_INDICES
 
 __all__ = ["sensitivity_json"]
 
-Figures = dict[str, dict[str, Any]]
-
-# Measures of each of several events: their key, the indices, and what the events lie along.
-_EVENTS = (
-    ("sensitivity_of_exceedance", EXCEEDANCE_INDICES, THRESHOLD),
-    ("sensitivity_of_shares", CATEGORY_INDICES, CATEGORY),
-)
+# By key, the statistics that do not lie along inputs alone, and their names there. Indices of an
+# event are called like those of the output itself.
+_OTHER_MEASURES = {
+    key: {measure.statistic: name.statistic for measure, name in zip(measures, names, strict=True)}
+    for key, measures, names in (
+        ("sensitivity_of_exceedance", EXCEEDANCE_INDICES, INDICES),
+        ("sensitivity_of_shares", CATEGORY_INDICES, INDICES),
+        ("sensitivity_of_pairs", PAIR_INDICES, PAIR_INDICES),
+    )
+}
 
 
 def sensitivity_json(arrays: Mapping[str, xr.DataArray]) -> dict[str, Any]:
-    """Return all measures that a source has of an output; nothing for none.
-
-    Parameters
-    ----------
-    arrays : mapping of str to DataArray
-        The statistics that the source has of the output.
+    """Return all measures out of the statistics that a source has of an output.
 
     Returns
     -------
     dict
         ``sensitivity.<input>.<measure>``; ``sensitivity_of_exceedance.<threshold>`` and
         ``sensitivity_of_shares.<kind>`` likewise; ``sensitivity_of_pairs.<pair>.second_order``.
+        Without the keys of no measure.
     """
     of_inputs = [name for name in arrays if name in CATALOGUE and CATALOGUE[name].dims == (INPUT,)]
-    found: dict[str, Any] = {
-        "sensitivity": _entry_measures(arrays, {name: name for name in of_inputs})
+    found = {
+        "sensitivity": _measures_json(arrays, dict(zip(of_inputs, of_inputs, strict=True))),
+        **{key: _measures_json(arrays, names) for key, names in _OTHER_MEASURES.items()},
     }
-    for key, measures, dimension in _EVENTS:
-        # The key says of what; the measure is called like that of the output itself.
-        keys = {
-            of_event.statistic: measure.statistic
-            for of_event, measure in zip(measures, INDICES, strict=True)
-        }
-        found[key] = _event_measures(arrays, keys, dimension)
-    keys = {measure.statistic: measure.statistic for measure in PAIR_INDICES}
-    found["sensitivity_of_pairs"] = _entry_measures(arrays, keys)
     return {key: figures for key, figures in found.items() if figures}
 
 
-def _entry_measures(arrays: Mapping[str, xr.DataArray], keys: Mapping[str, str]) -> Figures:
-    """Measures by input or pair, and by their key."""
-    found: Figures = {}
-    for statistic, key in keys.items():
-        if statistic in arrays:
-            array = arrays[statistic]
-            for position, name in enumerate(array[array.dims[0]].values):
-                found.setdefault(str(name), {})[key] = estimate_json(array[position])
-    return found
-
-
-def _event_measures(
-    arrays: Mapping[str, xr.DataArray], keys: Mapping[str, str], dimension: str
-) -> dict[str, Figures]:
-    """Measures by event, input and key."""
-    found: dict[str, Figures] = {}
-    for statistic, key in keys.items():
-        if statistic in arrays:
-            for position, event in enumerate(arrays[statistic][dimension].values):
-                at_event = {statistic: arrays[statistic][position]}
-                for name, figures in _entry_measures(at_event, {statistic: key}).items():
-                    found.setdefault(str(event), {}).setdefault(name, {}).update(figures)
+def _measures_json(
+    arrays: Mapping[str, xr.DataArray], statistics: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return measures by the entries that they lie along, then by their names."""
+    found: dict[str, Any] = {}
+    for statistic, name in statistics.items():
+        if statistic not in arrays:
+            continue
+        array = arrays[statistic]
+        labels = [array[dim].values for dim in array.dims[:-1]]
+        for place in np.ndindex(array.shape[:-1]):
+            entry = found
+            for along, position in zip(labels, place, strict=True):
+                entry = entry.setdefault(str(along[position]), {})
+            entry[name] = estimate_json(array[place])
     return found

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.catalogue import THRESHOLD
-from uqpen.core.labels import INPUT, PAIR
-from uqpen.core.units import DIMENSIONLESS, Scale, scale
+from uqpen.core.units import scale
 from uqpen.results.best_sources import best_sources
 from uqpen.results.measure_labels import (
     ASSOCIATIONS,
@@ -24,26 +21,15 @@ from uqpen.results.measure_labels import (
     Measure,
 )
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.table import NOTHING, OutputTable, identity
+from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, label_with_unit
 
-__all__ = ["named_tables", "sensitivity_tables"]
-
-
-_TABLES = (
-    ("shares", "shares of its variance", INDICES),
-    ("responses", "responses to its inputs", RESPONSES),
-    ("effects", "elementary effects", EFFECTS),
-)
-_MORE_TABLES = (
-    ("shares of the logarithm", "shares of its logarithm's variance", LOGARITHM_INDICES),
-    ("associations", "association with its inputs", ASSOCIATIONS),
-)
+__all__ = ["named_tables"]
 
 
-def sensitivity_tables(
+def named_tables(
     tree: xr.DataTree, output: str, unit: str, *, everything: bool = False
-) -> Iterator[OutputTable]:
-    """Yield a table for each kind of measure that the archive has of an output.
+) -> Iterator[tuple[str, OutputTable]]:
+    """Yield a table for each kind of measure of an output in the unit that is shown.
 
     First order indices from plain samples are shown where no other source has them. The other
     measures of any sample are shown only where everything is asked for.
@@ -52,97 +38,80 @@ def sensitivity_tables(
     ----------
     tree : DataTree
         The part of an archive on one model.
-    output : str
-        Its name.
-    unit : str
-        The unit to show it in.
+    output, unit : str
+        The name of the output, and the unit to show it in.
     everything : bool
-        Whether to show all that there is.
+        True for all measures.
+
+    Yields
+    ------
+    tuple
+        A name, such as "shares", "responses" or "effects", and a table.
     """
-    for _, table in named_tables(tree, output, unit, everything=everything):
-        yield table
-
-
-def named_tables(
-    tree: xr.DataTree, output: str, unit: str, *, everything: bool = False
-) -> Iterator[tuple[str, OutputTable]]:
-    """Yield these tables, each after its name, such as "shares", "responses" or "effects"."""
     statistics = SourceStatistics(tree)
-    for name, title, measures in (*_TABLES, *(_MORE_TABLES if everything else ())):
-        columns = list(_columns(statistics, output, measures))
-        if measures is INDICES and not everything:
-            columns = _best_columns(tree, columns)
-        if columns:
-            measured = f" [{unit}]" if measures is EFFECTS and unit != DIMENSIONLESS else ""
-            table = _table(f"{output}: {title}{measured}", columns, scale(unit))
-            if measures is INDICES:
-                _add_claims(table, statistics, output)
-            yield name, table
-    for column in _columns(statistics, output, PAIR_INDICES):
-        yield "pairs", _pairs_table(output, column)
+    indices = list(_columns(statistics, output, INDICES))
+    if not everything:
+        shown = best_sources(tree, ((each.source, each.array) for each in indices))
+        indices = [each for each in indices if each.source in shown]
+    if indices:
+        table = _table(f"{output}: shares of its variance", indices)
+        _add_claims(table, statistics, output)
+        yield "shares", table
+    effects_title, as_effect = label_with_unit("elementary effects", unit), scale(unit)
+    tables: list[tuple[str, str, Sequence[Measure], Conversion]] = [
+        ("responses", "responses to its inputs", RESPONSES, _percent),
+        ("effects", effects_title, EFFECTS, as_effect.difference_from_si),
+    ]
     if everything:
-        for table in _exceedance_tables(statistics, output):
-            yield "exceedance", table
+        of_logarithm = "shares of its logarithm's variance"
+        tables += [
+            ("shares of the logarithm", of_logarithm, LOGARITHM_INDICES, identity),
+            ("associations", "association with its inputs", ASSOCIATIONS, identity),
+        ]
+    for name, title, measures, convert in tables:
+        if columns := list(_columns(statistics, output, measures)):
+            yield name, _table(f"{output}: {title}", columns, convert)
+    for column in _columns(statistics, output, PAIR_INDICES):
+        yield "pairs", _table(f"{output}: shares of its variance, by pairs", [column])
+    if everything:
+        columns = list(_columns(statistics, output, EXCEEDANCE_INDICES))
+        written = columns[0].array[THRESHOLD].values if columns else ()
+        for position, threshold in enumerate(written):
+            at = [each._replace(array=each.array[position]) for each in columns]
+            title = f"{output}: shares of the variance of exceeding {threshold}"
+            yield "exceedance", _table(title, at)
 
 
 class _Column(NamedTuple):
     source: str
-    measure: Measure
+    label: str
     array: xr.DataArray
-
-    @property
-    def header(self) -> str:
-        """Stands above its cells."""
-        return f"{self.measure.label}\n{self.source}"
-
-
-def _exceedance_tables(statistics: SourceStatistics, output: str) -> Iterator[OutputTable]:
-    """The inputs' part in whether an output exceeds each value."""
-    columns = list(_columns(statistics, output, EXCEEDANCE_INDICES))
-    written = columns[0].array[THRESHOLD].values if columns else ()
-    for position, threshold in enumerate(written):
-        at = [each._replace(array=each.array[{THRESHOLD: position}]) for each in columns]
-        title = f"{output}: shares of the variance of exceeding {threshold}"
-        yield _table(title, at, scale(DIMENSIONLESS))
-
-
-def _pairs_table(output: str, column: _Column) -> OutputTable:
-    """Return the shares that pairs of inputs have together and neither has alone."""
-    table = OutputTable(f"{output}: shares of its variance, by pairs", [column.header])
-    for position, pair in enumerate(column.array[PAIR].values):
-        table.rows.append((str(pair), [table.cell(column.array[position], identity)]))
-    return table
 
 
 def _columns(
     statistics: SourceStatistics, output: str, measures: Sequence[Measure]
 ) -> Iterator[_Column]:
     for measure in measures:
-        for source in statistics.sources:
-            array = statistics.get(source, output, measure.statistic)
-            if array is not None:
-                yield _Column(source, measure, array)
+        for source, array in statistics.by_source(output, measure.statistic).items():
+            yield _Column(source, measure.label, array)
 
 
-def _best_columns(tree: xr.DataTree, columns: Sequence[_Column]) -> list[_Column]:
-    """The columns without those of plain samples, unless there are no others."""
-    runs: dict[str, int] = {}
-    for column in columns:
-        runs.setdefault(column.source, int(column.array.attrs.get("runs", 0)))
-    shown = best_sources(tree, runs)
-    return [column for column in columns if column.source in shown]
-
-
-def _table(title: str, columns: Sequence[_Column], measure: Scale) -> OutputTable:
-    table = OutputTable(title, [column.header for column in columns])
-    inputs = dict.fromkeys(str(name) for column in columns for name in column.array[INPUT].values)
-    for name in inputs:
-        table.rows.append((name, [_cell(table, column, name, measure) for column in columns]))
+def _table(title: str, columns: Sequence[_Column], convert: Conversion = identity) -> OutputTable:
+    """Return a table with a row for each input or pair of inputs."""
+    table = OutputTable(title, [f"{each.label}\n{each.source}" for each in columns])
+    entries = [dict(zip(_entry_names(each.array), each.array, strict=True)) for each in columns]
+    for name in dict.fromkeys(name for of_column in entries for name in of_column):
+        cells = [table.cell(of_column.get(name), convert) for of_column in entries]
+        table.rows.append((name, cells))
     return table
 
 
+def _entry_names(array: xr.DataArray) -> list[str]:
+    return list(map(str, array[array.dims[0]].values))
+
+
 def _add_claims(table: OutputTable, statistics: SourceStatistics, output: str) -> None:
-    """A column for each publication that names the largest contribution."""
+    """Add a column for each publication that names the largest contribution."""
     for source in statistics.publications:
         if claim := statistics.largest_contribution(source, output):
             table.columns.append(f"the largest to\n{source}")
@@ -150,15 +119,5 @@ def _add_claims(table: OutputTable, statistics: SourceStatistics, output: str) -
                 cells.append("this" if name == claim else NOTHING)
 
 
-def _cell(table: OutputTable, column: _Column, name: str, measure: Scale) -> str:
-    known = column.array[INPUT].values.tolist()
-    if name not in known:
-        return NOTHING
-    estimate, factor = column.array[known.index(name)], column.measure.factor
-    if column.measure.has_unit:
-        return table.cell(estimate, measure.difference_from_si)
-
-    def shown(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        return values * factor
-
-    return table.cell(estimate, shown if factor != 1 else identity)
+def _percent(values: Any) -> Any:
+    return values * 100.0

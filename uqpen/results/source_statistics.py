@@ -1,8 +1,8 @@
-"""The statistics of an archive by source, output and name, as tables and figures read them."""
+"""Statistics of an archive by source, output and name, as tables and figures read them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,26 +10,26 @@ import pandas as pd
 import xarray as xr
 
 from uqpen.archive.estimates import unpack_all
-from uqpen.archive.tree import group_names, model_trees, read_group
+from uqpen.archive.tree import model_trees, read_group
 from uqpen.core.catalogue import FAILURE_STATISTICS
 from uqpen.core.labels import (
     CITED,
+    CONDITIONAL,
     DIFFERENCES,
     FAILURES_GROUP,
     INPUT,
     LARGEST_CONTRIBUTION,
+    MISSING,
     RANK,
     RUNS,
     SOURCE_KIND,
     STATISTICS_GROUP,
+    STATUS,
 )
 from uqpen.results.estimate_rows import estimate_rows, rows_frame
-from uqpen.results.table import output_names
+from uqpen.results.table import first_runs, output_names
 
-__all__ = ["SourceStatistics"]
-
-# The group of schema 3, by source and output.
-_STATISTICS = "statistics"
+__all__ = ["SourceStatistics", "source_entries"]
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,7 @@ class SourceStatistics:
     def outputs(self) -> list[str]:
         """The outputs of the model, in its order."""
         tree = self.tree if self.described_by is None else self.described_by
-        designs = group_names(tree, RUNS)
-        return output_names(read_group(tree, RUNS, designs[0])) if designs else []
+        return output_names(first_runs(tree))
 
     @property
     def node(self) -> xr.DataTree | None:
@@ -117,9 +116,13 @@ class SourceStatistics:
             self._arrays[source, output] = unpack_all(self._dataset(source, output))
         return self._arrays[source, output]
 
-    def sources_of(self, output: str, statistic: str) -> list[str]:
-        """Return the sources that have a statistic of an output."""
-        return [name for name in self.sources if self.get(name, output, statistic) is not None]
+    def by_source(
+        self, output: str, statistic: str, sources: Iterable[str] | None = None
+    ) -> dict[str, xr.DataArray]:
+        """Return a statistic of an output from the sources that have it, of all or of some."""
+        asked = self.sources if sources is None else sources
+        found = {source: self.get(source, output, statistic) for source in asked}
+        return {source: array for source, array in found.items() if array is not None}
 
     def largest_contribution(self, publication: str, output: str) -> str:
         """Return the input that a publication calls the largest contribution; empty for none."""
@@ -147,6 +150,18 @@ class SourceStatistics:
             ``probability`` say ``runs``, ``runs_used``, ``conditional_on`` and ``missing``.
         """
         return unpack_all(read_group(self.tree, FAILURES_GROUP, design))
+
+    def status_probabilities(self, design: str) -> dict[str, xr.DataArray]:
+        """Return the probability of each status of a design's runs, by its meaning."""
+        chances = self.failures(design).get("probability")
+        if chances is None:
+            return {}
+        return dict(zip(chances[STATUS].values.tolist(), chances, strict=True))
+
+    def run_accounts(self, design: str) -> dict[str, str]:
+        """Return the attributes by which failed runs qualify the statistics of a design."""
+        attributes = self.failures(design).get("probability", xr.DataArray()).attrs
+        return {name: attributes[name] for name in (CONDITIONAL, MISSING) if name in attributes}
 
     def to_frame(self, model: str = "", *, functions: bool = False) -> pd.DataFrame:
         """Return all estimates as a long table, one entry of one statistic a row.
@@ -194,3 +209,16 @@ class SourceStatistics:
                 if not FAILURE_STATISTICS[name].has_bounds and row[INPUT] in runs:
                     row["unit"] = str(runs[row[INPUT]].attrs.get("units", ""))
                 yield row
+
+
+def source_entries(
+    arrays: Mapping[str, xr.DataArray], coordinate: str
+) -> Iterator[tuple[Any, dict[str, xr.DataArray]]]:
+    """Yield the label of each entry of a statistic, and its estimates by source.
+
+    The entries are the same for all sources; a coordinate has their labels.
+    """
+    first = next(iter(arrays.values()), None)
+    labels = [] if first is None else first[coordinate].values.tolist()
+    for position, label in enumerate(labels):
+        yield label, {source: array[position] for source, array in arrays.items()}

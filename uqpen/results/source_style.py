@@ -33,11 +33,7 @@ _LINES: tuple[Any, ...] = (
 class SourceStyle:
     """The style of one source in figures; a colour alone cannot be recognised in grey.
 
-    Attributes
-    ----------
-    colour, marker : str
-    line : str or tuple
-        The pattern of its dashes.
+    The line is the pattern of its dashes.
     """
 
     colour: str
@@ -46,7 +42,7 @@ class SourceStyle:
 
 
 def source_style(position: int) -> SourceStyle:
-    """The look of the source at a position among those of an archive."""
+    """Return the style of the source at a position among those of an archive."""
     return SourceStyle(
         _COLOURS[position % len(_COLOURS)],
         _MARKERS[position % len(_MARKERS)],

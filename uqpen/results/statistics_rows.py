@@ -1,40 +1,31 @@
-"""The rows of a table of statistics: runs, losses, moments, quantiles, probabilities."""
+"""The rows of a table of statistics: runs, failed runs, moments, quantiles, probabilities."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import CONDITIONAL, MISSING, RUN, RUNS, RUNS_SPENT, STATUS, SURROGATES
+from uqpen.core.catalogue import CONTENT_LEVEL, PROBABILITY, THRESHOLD
+from uqpen.core.labels import CONDITIONAL, MISSING, RUN, RUNS, RUNS_SPENT, SURROGATES
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import Scale
 from uqpen.execution import status_counts
 from uqpen.results.digits import grouped_number, percent_text, tolerance_limit_text
-from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.source_statistics import SourceStatistics, source_entries
 from uqpen.results.table import (
     NOTHING,
-    Conversion,
     OutputTable,
+    conversion,
     estimate_remark,
     exceedance_label,
-    identity,
     quantile_label,
 )
 
-__all__ = [
-    "StatisticsRows",
-    "add_runs",
-    "add_shares",
-    "add_statuses",
-    "failed_runs_cell",
-    "runs_spent",
-]
+__all__ = ["StatisticsRows", "add_failed_runs", "add_runs", "add_shares", "runs_spent"]
 
 
 @dataclass(frozen=True)
@@ -47,37 +38,28 @@ class StatisticsRows:
     measure: Scale
 
     def add(self) -> None:
-        """All rows that the archive has an answer for."""
-        as_difference = self.measure.difference_from_si
-        as_value = as_difference if self.statistics.is_difference else self.measure.from_si
-        self._add_row("mean", self._arrays("mean"), as_value)
+        """Add all rows that the archive has an estimate for."""
+        self._add_row("mean", "mean", self._arrays("mean"))
         stds = self._arrays("std")
-        self._add_row("sd", stds, as_difference)
-        if any(std is not None and math.isnan(std.values[1]) and std.values[0] > 0 for std in stds):
-            self._add_row("half 16–84 % range", self._arrays("half_spread"), as_difference)
-        self._add_row("skewness", self._arrays("skewness"), identity)
-        for p, arrays in self._entries("quantile"):
-            self._add_row(quantile_label(p), arrays, as_value)
-        for text, arrays in self._entries("exceedance"):
-            self._add_row(exceedance_label(text), arrays, identity)
-        for p, arrays in self._entries("tolerance_limit"):
-            cells = [self._tolerance_limit_cell(array) for array in arrays]
+        self._add_row("sd", "std", stds)
+        if any(math.isnan(std.values[1]) and std.values[0] > 0 for std in stds.values()):
+            self._add_row("half 16–84 % range", "half_spread", self._arrays("half_spread"))
+        self._add_row("skewness", "skewness", self._arrays("skewness"))
+        for p, arrays in source_entries(self._arrays("quantile"), PROBABILITY):
+            self._add_row(quantile_label(p), "quantile", arrays)
+        for text, arrays in source_entries(self._arrays("exceedance"), THRESHOLD):
+            self._add_row(exceedance_label(text), "exceedance", arrays)
+        for p, arrays in source_entries(self._arrays("tolerance_limit"), CONTENT_LEVEL):
+            cells = [self._tolerance_limit_cell(arrays.get(each)) for each in self.table.columns]
             self.table.rows.append((f"not exceeded, {percent_text(p)}", cells))
 
-    def _arrays(self, statistic: str) -> list[xr.DataArray | None]:
-        """A statistic of every source; None where it has none."""
-        return [self.statistics.get(source, self.name, statistic) for source in self.table.columns]
+    def _arrays(self, statistic: str) -> dict[str, xr.DataArray]:
+        return self.statistics.by_source(self.name, statistic, self.table.columns)
 
-    def _entries(self, statistic: str) -> Iterator[tuple[Any, list[xr.DataArray | None]]]:
-        """The entries of a statistic: what each is called, and the estimate of every source."""
-        arrays = self._arrays(statistic)
-        first = next((array for array in arrays if array is not None), None)
-        if first is not None:
-            for position, called in enumerate(first[CATALOGUE[statistic].dims[0]].values):
-                yield called, [None if array is None else array[position] for array in arrays]
-
-    def _add_row(self, label: str, arrays: list[xr.DataArray | None], convert: Conversion) -> None:
-        cells = [self.table.cell(array, convert) for array in arrays]
+    def _add_row(self, label: str, statistic: str, arrays: dict[str, xr.DataArray]) -> None:
+        is_difference = self.statistics.is_difference
+        convert = conversion(statistic, self.measure, is_difference=is_difference)
+        cells = self.table.cells(arrays, convert)
         if any(cell != NOTHING for cell in cells):
             self.table.rows.append((label, cells))
 
@@ -92,7 +74,7 @@ class StatisticsRows:
 
 
 def runs_spent(tree: xr.DataTree, source: str) -> int | None:
-    """Return the runs a source took: a design its own, a surrogate those it was made of."""
+    """Return the runs of a design, or those that a surrogate took; None without any."""
     surrogate = read_group(tree, SURROGATES, source)
     if RUNS_SPENT in surrogate.attrs:
         return int(surrogate.attrs[RUNS_SPENT])
@@ -101,56 +83,44 @@ def runs_spent(tree: xr.DataTree, source: str) -> int | None:
 
 
 def add_runs(table: OutputTable, tree: xr.DataTree) -> None:
-    """A row of how many runs each source took."""
+    """Add a row of the number of runs that each source took."""
     spent = [runs_spent(tree, source) for source in table.columns]
-    table.rows.append(
-        ("runs", [NOTHING if runs is None else grouped_number(runs) for runs in spent])
-    )
+    cells = [NOTHING if runs is None else grouped_number(runs) for runs in spent]
+    table.rows.append(("runs", cells))
 
 
-def failed_runs_cell(tree: xr.DataTree, source: str, table: OutputTable) -> str:
-    """Return the cell of a design's failed runs, with what they mean for its statistics."""
-    runs = read_group(tree, RUNS, source)
-    if not runs:
-        return NOTHING
-    counts = [f"{n} {STATUS_TEXT[s]}" for s, n in status_counts(runs).items() if n and s]
-    chances = SourceStatistics(tree).failures(source).get("probability")
-    accounts = {} if chances is None else chances.attrs
-    notes = []
-    if CONDITIONAL in accounts:
-        notes.append(f"statistics are conditional on {accounts[CONDITIONAL]}")
-    if MISSING in accounts:
-        notes.append(f"statistics are of the runs that came back; {accounts[MISSING]} did not")
-    return (", ".join(counts) or "0") + "".join(map(table.note_mark, notes))
-
-
-def add_statuses(table: OutputTable, tree: xr.DataTree) -> None:
-    """Add a row for each way in which runs failed: its probability."""
-    runs = [read_group(tree, RUNS, source) for source in table.columns]
-    counts = [status_counts(each) for each in runs if each]
+def add_failed_runs(table: OutputTable, tree: xr.DataTree) -> None:
+    """Add a row of the failed runs of each design, and their probability for each status."""
     statistics = SourceStatistics(tree)
-    chances = [statistics.failures(source).get("probability") for source in table.columns]
+    groups = {source: read_group(tree, RUNS, source) for source in table.columns}
+    counts = {source: status_counts(runs) for source, runs in groups.items() if runs}
+    chances = {source: statistics.status_probabilities(source) for source in table.columns}
+    cells = []
+    for source in table.columns:
+        failed = [f"{n} {STATUS_TEXT[s]}" for s, n in counts.get(source, {}).items() if n and s]
+        text = ", ".join(failed) or "0"
+        for note in _qualifications(statistics, source):
+            text += table.note_mark(note)
+        cells.append(text if source in counts else NOTHING)
+    table.rows.append(("lost", cells))
     for status in Status:
-        if status is not Status.OK and any(count[status] for count in counts):
-            cells = [table.cell(_chance(array, status), identity) for array in chances]
-            table.rows.append((f"P({STATUS_TEXT[status]})", cells))
+        if status is not Status.OK and any(each[status] for each in counts.values()):
+            meaning = status.meaning
+            found = {source: each[meaning] for source, each in chances.items() if meaning in each}
+            table.rows.append((f"P({STATUS_TEXT[status]})", table.cells(found)))
 
 
-def _chance(array: xr.DataArray | None, status: Status) -> xr.DataArray | None:
-    """Return the probability of a run status; None where the archive has none."""
-    ends = [] if array is None else array[STATUS].values.tolist()
-    if array is None or status.meaning not in ends:
-        return None
-    return array[ends.index(status.meaning)]
+def _qualifications(statistics: SourceStatistics, design: str) -> Iterator[str]:
+    """Yield what failed runs mean for the statistics of a design."""
+    accounts = statistics.run_accounts(design)
+    if CONDITIONAL in accounts:
+        yield f"statistics are conditional on {accounts[CONDITIONAL]}"
+    if MISSING in accounts:
+        yield f"statistics are of the runs that came back; {accounts[MISSING]} did not"
 
 
 def add_shares(table: OutputTable, tree: xr.DataTree, name: str) -> None:
-    """A row for each kind of an output that has kinds."""
-    statistics = SourceStatistics(tree)
-    arrays = [statistics.get(source, name, "share") for source in table.columns]
-    first = next((array for array in arrays if array is not None), None)
-    if first is not None:
-        for position, label in enumerate(first["category_label"].values):
-            found = [None if array is None else array[position] for array in arrays]
-            cells = [table.cell(array, identity) for array in found]
-            table.rows.append((f"share {label}", cells))
+    """Add a row for each category of an output."""
+    arrays = SourceStatistics(tree).by_source(name, "share", table.columns)
+    for label, found in source_entries(arrays, "category_label"):
+        table.rows.append((f"share {label}", table.cells(found)))

@@ -1,33 +1,44 @@
-"""A table for a person: what stands in its cells, and the notes below it."""
+"""A table for a person: the content of its cells, and the notes below it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import xarray as xr
 
 from uqpen.archive.estimates import interval_text
-from uqpen.core.labels import INTERVAL_LABEL, NOTE, REFUSED, ROLE, UNCHECKED
+from uqpen.archive.read import group_names, read_group
+from uqpen.core.catalogue import CATALOGUE, UnitRule
+from uqpen.core.labels import INTERVAL_LABEL, NOTE, REFUSED, ROLE, RUNS, UNCHECKED
+from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
 
 __all__ = [
     "NOTHING",
     "Conversion",
     "OutputTable",
+    "conversion",
     "estimate_remark",
     "estimate_with_verdict",
     "exceedance_label",
+    "first_runs",
     "identity",
+    "label_with_unit",
     "output_names",
     "quantile_label",
 ]
 
 Conversion = Callable[[Any], Any]
 
-# What stands in a cell where a source has no answer.
+# The cell of a source that has no estimate.
 NOTHING = "–"
+
+
+def identity(values: Any) -> Any:
+    """Return values without a unit as they are, whatever unit their output is shown in."""
+    return values
 
 
 @dataclass
@@ -37,13 +48,13 @@ class OutputTable:
     Parameters
     ----------
     title : str
-        What the output is, with the unit of the figures.
+        Name of the output, with the unit of the estimates.
     columns : list of str
         Sources: designs and surrogates.
     rows : list
         A label, and a cell for each column.
     notes : list of str
-        What the superscript numbers in cells refer to, in order.
+        The notes that superscript numbers in cells refer to, in order.
     """
 
     title: str
@@ -52,32 +63,48 @@ class OutputTable:
     notes: list[str] = field(default_factory=list)
 
     def note_mark(self, note: str) -> str:
-        """The superscript of a note, noted if it is new; nothing for no note."""
+        """Return the superscript of a note, which is added if it is new; nothing for no note."""
         if not note:
             return ""
         if note not in self.notes:
             self.notes.append(note)
         return " " + str(self.notes.index(note) + 1).translate(SUPERSCRIPTS)
 
-    def cell(self, array: xr.DataArray | None, convert: Conversion) -> str:
-        """An estimate in the digits that it has, with the mark of what must be known of it."""
-        return (
-            NOTHING
-            if array is None
-            else estimate_with_verdict(array, convert) + self.note_mark(estimate_remark(array))
-        )
+    def cell(self, array: xr.DataArray | None, convert: Conversion = identity) -> str:
+        """Return an estimate in the digits that it has, with the mark of its remark."""
+        if array is None:
+            return NOTHING
+        return estimate_with_verdict(array, convert) + self.note_mark(estimate_remark(array))
+
+    def cells(
+        self, arrays: Mapping[str, xr.DataArray], convert: Conversion = identity
+    ) -> list[str]:
+        """Return the cells of a row from the estimates by source."""
+        return [self.cell(arrays.get(source), convert) for source in self.columns]
 
 
 def estimate_with_verdict(array: xr.DataArray, convert: Conversion) -> str:
-    """An estimate in the digits that it has, with the verdict on it if that is against it."""
+    """Return an estimate in the digits that it has, with the verdict if that is against it."""
     text = estimate_text(*(float(value) for value in convert(array.values)))
     label = interval_text(array, INTERVAL_LABEL)
     return f"{text} {label}" if label in (REFUSED, UNCHECKED) else text
 
 
-def identity(values: Any) -> Any:
-    """Return values without a unit as they are, whatever unit their output is shown in."""
-    return values
+def conversion(statistic: str, shown: Scale, *, is_difference: bool = False) -> Conversion:
+    """Return the conversion of a statistic from SI to the scale that its output is shown in.
+
+    With `is_difference`, it is a statistic of the difference of two models.
+    """
+    rule = CATALOGUE[statistic].unit
+    if rule is UnitRule.NONE:
+        return identity
+    is_value = rule is UnitRule.VALUE and not is_difference
+    return shown.from_si if is_value else shown.difference_from_si
+
+
+def label_with_unit(label: str, unit: str) -> str:
+    """Return a label and, in brackets, its unit, if it has one."""
+    return label if unit == DIMENSIONLESS else f"{label} [{unit}]"
 
 
 def quantile_label(probability: float) -> str:
@@ -98,6 +125,11 @@ def estimate_remark(array: xr.DataArray) -> str:
     return note
 
 
+def first_runs(tree: xr.DataTree) -> xr.Dataset:
+    """Return the runs of a model's first design, which describe its inputs and outputs."""
+    return read_group(tree, RUNS, next(iter(group_names(tree, RUNS)), ""))
+
+
 def output_names(runs: xr.Dataset) -> list[str]:
-    """The outputs among the variables of a runs dataset."""
+    """Return the outputs among the variables of a runs dataset."""
     return [str(name) for name, v in runs.data_vars.items() if v.attrs.get(ROLE) == "output"]

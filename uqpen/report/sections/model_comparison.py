@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from uqpen.figures.curves import Curve, axis_span
-from uqpen.figures.distributions import CUT
-from uqpen.figures.model_comparison import model_curves
+from uqpen.figures.distributions import CUT, model_curves
 from uqpen.report.blocks import Axis, Block, Chart, Heading, LegendKey, Table
 from uqpen.report.marks import Trace, series_dash
 from uqpen.report.sections.distribution_curves import (

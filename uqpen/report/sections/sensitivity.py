@@ -11,8 +11,7 @@ import xarray as xr
 from uqpen.core.catalogue import CATEGORY
 from uqpen.core.labels import INPUT
 from uqpen.figures.measures import MeasureSeries, measure_series
-from uqpen.figures.responses import RESPONSES, magnitudes
-from uqpen.figures.sensitivity import EFFECTS, INDICES, best_sources
+from uqpen.figures.sensitivity import EFFECTS, INDICES, RESPONSES, best_sources, magnitudes
 from uqpen.report.blocks import Block, Chart, Charts, Heading, Table
 from uqpen.report.sections.leading_design import output_heading
 from uqpen.report.sections.measures import MeasureChartSpec, measures_chart
