@@ -11,13 +11,17 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
-from uqpen.core.errors import Problem, SettingsError, toml_text
+from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.labels import NAME
+from uqpen.core.quantities import parse_quantity
+from uqpen.core.units import DIMENSIONLESS
 
 __all__ = [
+    "Context",
     "Setting",
+    "as_float",
     "choice",
     "choices",
     "count",
@@ -27,42 +31,94 @@ __all__ = [
     "flag",
     "name",
     "number",
+    "probabilities",
+    "quantities",
     "quantity",
+    "read_each",
+    "read_list",
+    "setting",
     "share",
+    "text",
     "validate",
 ]
 
+T = TypeVar("T")
+
 _KEY = "uqpen.setting"
+_REQUIRED: Any = dataclasses.MISSING
 
 # More runs than this fit no machine's memory.
 _MOST = 100_000_000
 
 
+class Context(NamedTuple):
+    """Surroundings of a value in a study file.
+
+    Attributes
+    ----------
+    like : str
+        A unit of the dimension that its quantities have.
+    folder : Path
+        What the paths of files are relative to.
+    """
+
+    like: str = ""
+    folder: Path = Path()
+
+
 @dataclasses.dataclass(frozen=True)
 class Setting:
-    """Accepted values of a field.
+    """Accepted values of a field, and how a study file gives them.
 
     Parameters
     ----------
     kind : str
-        ``"count"``, ``"number"``, ``"quantity"``, ``"difference"``, ``"choice"``, ``"choices"``,
-        ``"flag"``, ``"file"`` or ``"name"``.
+        The kind of its values, such as ``"quantity"``.
     expected : str
         The accepted values in words, for a message.
     accepts : callable
-        Whether a value, of the right type already, is in range.
+        Whether a value is accepted.
+    read : callable
+        Converts a value of a study file in its `Context`; raises a SettingsError or a
+        QuantityError where `expected` does not say enough.
+    key : str
+        The key in a study file, if it is not the name of the field.
     """
 
     kind: str
     expected: str
     accepts: Callable[[Any], bool]
+    read: Callable[[Any, Context], Any]
+    key: str = ""
+
+    @property
+    def has_dimension(self) -> bool:
+        """True if its values have the dimension of their context."""
+        return self.kind in ("quantity", "difference")
+
+
+def setting(
+    kind: str,
+    expected: str,
+    accepts: Callable[[Any], bool],
+    *,
+    read: Callable[[Any, Context], Any] = lambda written, context: written,
+    default: Any = _REQUIRED,
+    key: str = "",
+) -> Any:
+    """Declare a setting; see `Setting`. One with the default None may be None."""
+    optional = (lambda value: value is None or accepts(value)) if default is None else accepts
+    metadata = {_KEY: Setting(kind, expected, optional, read, key)}
+    if isinstance(default, dict):
+        return dataclasses.field(default_factory=dict, hash=False, metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
 
 
 def count(
     *,
-    minimum: int = 1,
-    maximum: int = _MOST,
-    default: Any = dataclasses.MISSING,
+    minimum: float = 1,
+    maximum: float = _MOST,
+    default: Any = _REQUIRED,
     expected: str = "",
 ) -> Any:
     """Declare an integer, at least `minimum` and at most `maximum`; `expected` is for messages."""
@@ -72,7 +128,7 @@ def count(
         return is_whole and minimum <= value <= maximum
 
     expected = expected or f"a whole number, at least {minimum} and at most {maximum:_}"
-    return _field(Setting("count", expected, accepts), default)
+    return setting("count", expected, accepts, default=default)
 
 
 def number(
@@ -80,68 +136,187 @@ def number(
     above: float = -math.inf,
     below: float = math.inf,
     at_most: float = math.inf,
-    default: Any = dataclasses.MISSING,
+    default: Any = _REQUIRED,
+    expected: str = "",
 ) -> Any:
     """Declare a plain number strictly between two others, and at most a third."""
     is_within = _is_within(above, below)
     limit = f" and at most {at_most:g}" if at_most < math.inf else ""
-    accepts = lambda value: is_within(value) and value <= at_most  # noqa: E731 - as in `file`
-    return _field(Setting("number", range_text(above, below) + limit, accepts), default)
+    return setting(
+        "number",
+        expected or _range_text(above, below) + limit,
+        lambda value: is_within(value) and value <= at_most,
+        read=lambda written, context: as_float(written),
+        default=default,
+    )
 
 
-def quantity(*, above: float = -math.inf, default: Any = dataclasses.MISSING) -> Any:
-    """Declare a value in the dimension of its context: SI here, with a unit in a study file."""
-    expected = range_text(above, math.inf, "a quantity")
-    return _field(Setting("quantity", expected, _is_within(above, math.inf)), default)
+def quantity(
+    *,
+    above: float = -math.inf,
+    default: Any = _REQUIRED,
+    unit: str = "",
+    expected: str = "",
+    key: str = "",
+) -> Any:
+    """Declare a value in SI units, which a study file gives with a unit.
+
+    Its dimension is that of its context, or of `unit`, if that is given.
+    """
+    return setting(
+        "quantity with a unit of its own" if unit else "quantity",
+        expected or _range_text(above, math.inf, "a quantity"),
+        _is_within(above, math.inf),
+        read=lambda written, context: parse_quantity(written, unit or context.like).value,
+        default=default,
+        key=key,
+    )
 
 
-def share(*, expected: str, default: Any = dataclasses.MISSING) -> Any:
+def difference(*, above: float = -math.inf, default: Any = _REQUIRED) -> Any:
+    """Declare a difference of two values, such as a standard deviation; see `quantity`."""
+    return setting(
+        "difference",
+        _range_text(above, math.inf, "a quantity"),
+        _is_within(above, math.inf),
+        read=lambda written, context: parse_quantity(written, context.like, difference=True).value,
+        default=default,
+    )
+
+
+def share(*, expected: str, default: Any = _REQUIRED) -> Any:
     """Declare a part of a whole, from 0 to 1, which a study file may give in per cent."""
     is_number = _is_within(-math.inf, math.inf)
-    accepts = lambda value: is_number(value) and 0 <= value <= 1  # noqa: E731 - as in `file`
-    return _field(Setting("quantity", expected, accepts), default)
+    return setting(
+        "share",
+        expected,
+        lambda value: is_number(value) and 0 <= value <= 1,
+        read=lambda written, context: parse_quantity(written, DIMENSIONLESS).value,
+        default=default,
+    )
 
 
-def difference(*, above: float = -math.inf, default: Any = dataclasses.MISSING) -> Any:
-    """Declare a difference of two values, such as a standard deviation; see `quantity`."""
-    expected = range_text(above, math.inf, "a quantity")
-    return _field(Setting("difference", expected, _is_within(above, math.inf)), default)
+def quantities(*, unit: str) -> Any:
+    """Declare a table of names, each with a quantity in the dimension of `unit`."""
+
+    def read(written: Any, context: Context) -> Any:
+        if not isinstance(written, dict):
+            return written
+        values = read_each(written, lambda value: parse_quantity(value, unit).value)
+        return dict(zip(written, values, strict=True))
+
+    is_number = _is_within(-math.inf, math.inf)
+    return setting(
+        "quantities",
+        "a table",
+        lambda value: isinstance(value, Mapping) and all(map(is_number, value.values())),
+        read=read,
+        default={},
+    )
 
 
-def choice(*names: str, default: Any = dataclasses.MISSING) -> Any:
+def probabilities(
+    *, key: str = "", default: tuple[float, ...] = (), always: tuple[float, ...] = ()
+) -> Any:
+    """Declare numbers strictly between 0 and 1, ascending; those of a study join `always`."""
+    is_within = _is_within(0, 1)
+
+    def read_one(written: Any) -> float:
+        if not is_within(written):
+            raise QuantityError(toml_text(written), "a probability between 0 and 1")
+        return float(written)
+
+    return setting(
+        "probabilities",
+        "probabilities between 0 and 1",
+        lambda values: all(map(is_within, values)),
+        read=lambda written, _: tuple(sorted({*always, *read_list(written, read_one)})),
+        default=default,
+        key=key,
+    )
+
+
+def choice(*names: str, default: Any = _REQUIRED, expected: str = "", key: str = "") -> Any:
     """Declare a setting that is one of `names`."""
-    listing = ", ".join(f'"{name}"' for name in names)
-    return _field(Setting("choice", f"one of {listing}", names.__contains__), default)
+    expected = expected or f"one of {_listing(names)}"
+    return setting("choice", expected, names.__contains__, default=default, key=key)
 
 
 def choices(*names: str) -> Any:
     """Declare a table that gives some names one of `names` each; empty by default."""
-    listing = ", ".join(f'"{name}"' for name in names)
+    expected = f"a table of names, each with one of {_listing(names)}"
 
     def accepts(value: Any) -> bool:
         return isinstance(value, Mapping) and all(
             isinstance(key, str) and chosen in names for key, chosen in value.items()
         )
 
-    setting = Setting("choices", f"a table of names, each with one of {listing}", accepts)
-    return dataclasses.field(default_factory=dict, hash=False, metadata={_KEY: setting})
+    def read_one(written: Any) -> Any:
+        if written not in names:
+            raise QuantityError(toml_text(written), expected)
+
+    def read(written: Any, context: Context) -> Any:
+        if isinstance(written, dict):
+            read_each(written, read_one)
+        return written
+
+    return setting("choices", expected, accepts, read=read, default={})
 
 
-def flag(*, default: Any = dataclasses.MISSING) -> Any:
+def flag(*, default: Any = _REQUIRED) -> Any:
     """Declare a boolean."""
-    return _field(Setting("flag", "true or false", lambda value: isinstance(value, bool)), default)
+    accepts = lambda value: isinstance(value, bool)  # noqa: E731 - a predicate among its like
+    return setting("flag", "true or false", accepts, default=default)
 
 
-def file(*, default: Any = dataclasses.MISSING) -> Any:
-    """Declare a path; in a study file, it is relative to the folder of that file."""
-    accepts = lambda value: isinstance(value, Path)  # noqa: E731 - a predicate among its like
-    return _field(Setting("file", "the path of a file", accepts), default)
+def text(*, expected: str, default: Any = _REQUIRED, key: str = "") -> Any:
+    """Declare a text that is not empty."""
+    accepts = lambda value: isinstance(value, str) and bool(value.strip())  # noqa: E731 - as above
+    return setting("text", expected, accepts, default=default, key=key)
 
 
-def name(*, default: Any = dataclasses.MISSING) -> Any:
+def name(*, default: Any = _REQUIRED) -> Any:
     """Declare the name of another part of the study."""
     accepts = lambda value: isinstance(value, str) and bool(NAME.match(value))  # noqa: E731
-    return _field(Setting("name", "a name in quotes", accepts), default)
+    return setting("name", "a name in quotes", accepts, default=default)
+
+
+def file(*, default: Any = _REQUIRED) -> Any:
+    """Declare a path; in a study file, it is relative to the folder of that file."""
+
+    def read(written: Any, context: Context) -> Any:
+        is_name = isinstance(written, str) and written and "\0" not in written
+        return context.folder / written if is_name else written
+
+    accepts = lambda value: isinstance(value, Path)  # noqa: E731 - a predicate among its like
+    return setting("file", "the path of a file", accepts, read=read, default=default)
+
+
+def as_float(written: Any) -> Any:
+    """Convert an integer to a float; one too large becomes infinite, which nothing accepts."""
+    if not isinstance(written, int) or isinstance(written, bool):
+        return written
+    return float(written) if abs(written) < 1e300 else math.inf
+
+
+def read_list(written: Any, read_one: Callable[[Any], T]) -> list[T]:
+    """Read each entry of a list in a study file; see `read_each`."""
+    if not isinstance(written, list):
+        raise QuantityError(toml_text(written), "a list in square brackets")
+    return read_each(written, read_one)
+
+
+def read_each(written: list[Any] | dict[str, Any], read_one: Callable[[Any], T]) -> list[T]:
+    """Read each value of a list or a table; raise one SettingsError for all that are wrong."""
+    found, problems = [], []
+    for place, value in written.items() if isinstance(written, dict) else enumerate(written):
+        try:
+            found.append(read_one(value))
+        except (SettingsError, QuantityError) as error:
+            problems += [problem.within(place) for problem in error.problems]
+    if problems:
+        raise SettingsError(problems)
+    return found
 
 
 def declared_settings(owner: Any) -> Iterator[tuple[dataclasses.Field[Any], Setting]]:
@@ -170,23 +345,13 @@ def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
         Naming every setting that is wrong.
     """
     problems = [
-        Problem((field.name,), toml_text(getattr(owner, field.name)), setting.expected)
-        for field, setting in declared_settings(owner)
-        if not setting.accepts(getattr(owner, field.name))
+        Problem((declared.key or field.name,), toml_text(value), declared.expected)
+        for field, declared in declared_settings(owner)
+        if not declared.accepts(value := getattr(owner, field.name))
     ]
     problems = problems or list(further)
     if problems:
         raise SettingsError(problems)
-
-
-def _field(setting: Setting, default: Any) -> Any:
-    """Make a field with its setting; a field with the default None may be None."""
-    if default is None:
-        accepts = setting.accepts
-        setting = dataclasses.replace(
-            setting, accepts=lambda value: value is None or accepts(value)
-        )
-    return dataclasses.field(default=default, metadata={_KEY: setting})
 
 
 def _is_within(above: float, below: float) -> Callable[[Any], bool]:
@@ -194,14 +359,18 @@ def _is_within(above: float, below: float) -> Callable[[Any], bool]:
         return (
             isinstance(value, int | float)
             and not isinstance(value, bool)
-            and math.isfinite(value)
             and above < value < below
+            and math.isfinite(value)
         )
 
     return accepts
 
 
-def range_text(above: float, below: float, what: str = "a number") -> str:
+def _listing(names: tuple[str, ...]) -> str:
+    return ", ".join(f'"{name}"' for name in names)
+
+
+def _range_text(above: float, below: float, what: str = "a number") -> str:
     limits = [f"above {above:g}"] if above > -math.inf else []
     limits += [f"below {below:g}"] if below < math.inf else []
     return " ".join([what, *[" and ".join(limits)] * bool(limits)])

@@ -36,7 +36,7 @@ def read_analyses(root: TableReader, folder: Path, *, trust: bool) -> tuple[Outs
     for position, reference in enumerate(root.entries(ANALYSES_KEY)):
         place = (ANALYSES_KEY, position)
         if not isinstance(reference, str) or not reference.strip():
-            root.add_problem(place, toml_text(reference), _REFERENCE)
+            root.add_wrong(place, reference, _REFERENCE)
         elif reference in analyses:
             root.add_problem(place, f"{toml_text(reference)} again", "each function once")
         else:

@@ -15,7 +15,7 @@ from uqpen.core.errors import SettingsError, TableError, toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.lookup import choices
 from uqpen.core.model import Input
-from uqpen.core.settings import declared_settings
+from uqpen.core.settings import declared_settings, file, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION
 from uqpen.distributions.continuous import DISTRIBUTIONS
@@ -66,6 +66,15 @@ class InputDistribution:
     files: tuple[FileSnapshot, ...] = ()
 
 
+@dataclass(frozen=True)
+class _Measured:
+    """Settings of measurements: a column of a file, and the family that is fitted to it."""
+
+    file: Path = file()
+    column: str | None = text(expected="the heading of a column", default=None)
+    family: str | None = text(expected="the name of a distribution", default=None)
+
+
 def read_measured(
     table: TableReader, variable: Input, folder: Path, stream: Stream
 ) -> InputDistribution | None:
@@ -83,26 +92,25 @@ def read_measured(
         The input's own, for the test of a fit.
     """
     noted = len(table.problems)
-    measurements = table.settings(Measurements, folder=folder)
-    heading = table.text("column", "the heading of a column", default="")
-    family = table.text("family", "the name of a distribution", default="")
-    table.check_unknown_keys()
-    if family:
+    measured = table.whole_settings(_Measured, folder=folder)
+    family = table.content.get("family")
+    if isinstance(family, str) and family.strip():
         _check_family(table, family)
-    if measurements is None or heading is None or family is None or len(table.problems) > noted:
+    if measured is None or len(table.problems) > noted:
         return None
-    found = _read_column(table, measurements, heading, variable)
+    measurements = Measurements(measured.file)
+    found = _read_column(table, measurements, measured.column or "", variable)
     if found is None:
         return None
     column, values = found
     source = f"{measurements.file.name}, {column.heading}"
-    fewest = FEWEST_FOR_A_FAMILY if family else FEWEST
+    fewest = FEWEST_FOR_A_FAMILY if measured.family else FEWEST
     for problem in check_measurements(values, column, variable, fewest=fewest):
         table.add_problem("file", f"{problem.found} in {source}", problem.expected)
     if len(table.problems) > noted:
         return None
-    if family:
-        origin = _fitted(table, family, values, column.unit, source, stream)
+    if measured.family:
+        origin = _fitted(table, measured.family, values, column.unit, source, stream)
     else:
         origin = _empirical(values, column.unit, source)
     return origin and replace(origin, files=(measurements.source,))
@@ -112,9 +120,7 @@ def _check_family(table: TableReader, family: str) -> None:
     from uqpen.distributions.fitting import FAMILIES, NOT_FITTABLE
 
     if family not in DISTRIBUTIONS:
-        table.add_problem(
-            "family", toml_text(family), f"a distribution; {choices(family, FAMILIES)}"
-        )
+        table.add_wrong("family", family, f"a distribution; {choices(family, FAMILIES)}")
     elif family in NOT_FITTABLE:
         found = f"{toml_text(family)}, which is not fitted: {NOT_FITTABLE[family]}"
         expected = f"one of {', '.join(FAMILIES)}, or no family for the measurements themselves"
@@ -142,14 +148,10 @@ def _read_column(
 
 
 def _empirical(values: FloatArray, unit: str, source: str) -> InputDistribution:
-    distribution = Empirical(tuple(values.tolist()))
-    ends = (
-        f"from {value_text(float(values.min()), unit)} to {value_text(float(values.max()), unit)}"
-    )
-    description = f"as measured: {len(values)} values of {source}, {ends}"
-    return InputDistribution(
-        distribution, unit, description, _measurement_attributes("empirical", values, source)
-    )
+    least, greatest = (value_text(float(end), unit) for end in (values.min(), values.max()))
+    description = f"as measured: {len(values)} values of {source}, from {least} to {greatest}"
+    attributes = _measurement_attributes("empirical", values, source)
+    return InputDistribution(Empirical(tuple(values.tolist())), unit, description, attributes)
 
 
 def _fitted(
@@ -163,9 +165,11 @@ def _fitted(
         for problem in error.problems:
             table.add_problem("family", f"{problem.found}, in {source}", problem.expected)
         return None
-    test = f"Kolmogorov-Smirnov distance {fitted.distance:.3g}, p = {fitted.p_value:.2g}"
-    distribution = f"{family} fitted to {len(values)} values of {source}"
-    described = f"{distribution}: {parameters_text(fitted.distribution, unit)}; {test}"
+    parameters = parameters_text(fitted.distribution, unit)
+    described = (
+        f"{family} fitted to {len(values)} values of {source}: {parameters}; "
+        f"Kolmogorov-Smirnov distance {fitted.distance:.3g}, p = {fitted.p_value:.2g}"
+    )
     attributes = _measurement_attributes(family, values, source)
     for parameter, _ in declared_settings(fitted.distribution):
         attributes[f"fit_{parameter.name}"] = getattr(fitted.distribution, parameter.name)
@@ -183,7 +187,6 @@ def _fitted(
 def _measurement_attributes(
     family: str, values: FloatArray, source: str
 ) -> dict[str, str | int | float]:
-    """Return the attributes of measurements for an archive, for any family."""
     return {
         "fit_family": family,
         "fit_measurements": len(values),

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from uqpen.core.errors import ModelError
+from uqpen.core.limits import Limits
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Model
+from uqpen.core.settings import flag, text
 from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models import MODELS
 from uqpen.models.python_function import PythonFunction, check_signature, load_function
-from uqpen.study.limits_section import read_limits
 from uqpen.study.partial_model import PartialModel
 from uqpen.study.table_reader import TableReader, family_member
 from uqpen.study.variables_section import read_variables
 
-__all__ = ["EXTERNAL_MODELS", "read_model", "read_partial_model"]
+__all__ = ["EXTERNAL_MODELS", "read_limits", "read_model", "read_partial_model"]
 
 # The keys that name a model from outside, and who reads its table: called with the table, the
 # folder of the study, and whether what it names may be executed or asked.
@@ -65,18 +67,18 @@ def read_model(table: TableReader, folder: Path, *, trust: bool) -> Model | None
     return model
 
 
-def read_partial_model(table: TableReader | None, mentioned: PartialModel) -> PartialModel:
+def read_partial_model(table: TableReader, mentioned: PartialModel) -> PartialModel:
     """Return a model with mistakes, as far as its table states its inputs and outputs.
 
     Parameters
     ----------
-    table : TableReader or None
-        Of the model, and read before; None where there is none.
+    table : TableReader
+        Of the model, and read before.
     mentioned : PartialModel
         The variables to assume where the table does not state them.
     """
-    ways = [key for key in _MODEL_KEYS if table is not None and key in table]
-    if table is None or len(ways) != 1:
+    ways = [key for key in _MODEL_KEYS if key in table]
+    if len(ways) != 1:
         return mentioned
     name = table.content[ways[0]]
     if ways == ["use"]:
@@ -89,34 +91,49 @@ def read_partial_model(table: TableReader | None, mentioned: PartialModel) -> Pa
     return PartialModel(title, inputs or mentioned.inputs, outputs or mentioned.outputs)
 
 
+@dataclass(frozen=True)
+class _FunctionSettings:
+    """Settings of a Python function as a model."""
+
+    python: str = text(expected="a function")
+    vectorized: bool = flag(default=False)
+
+
 def read_function(table: TableReader, folder: Path, *, trust: bool) -> Model | None:
     """Read a Python function as a model; None where a mistake was noted."""
     noted = len(table.problems)
-    reference = table.text("python", "a function")
-    vectorized = table.flag("vectorized", default=False)
-    limits = read_limits(table, can_limit_memory=CAN_LIMIT or not trust)
-    if vectorized and limits:
+    settings = table.settings(_FunctionSettings)
+    limits = read_limits(table, trust=trust)
+    if settings and settings.vectorized and limits:
         limit = "time_limit" if limits.seconds is not None else "memory_limit"
         table.add_problem(limit, "a limit of one run", "vectorized = false, so that runs are apart")
     inputs, outputs, units = read_variables(table)
-    if reference is None or len(table.problems) > noted:
+    if settings is None or len(table.problems) > noted:
         return None
+    reference = settings.python
     load = load_function if trust else _unloaded_function
     try:
         function, surroundings = load(reference, folder)
         check_signature(function, [variable.name for variable in inputs])
     except ModelError as error:
-        table.add_problem(
-            "python", str(error), "a function that can be called with the model's inputs"
-        )
+        expected = "a function that can be called with the model's inputs"
+        table.add_problem("python", str(error), expected)
         return None
     return PythonFunction(
-        function, reference, inputs, outputs, units, vectorized, surroundings, limits
+        function, reference, inputs, outputs, units, settings.vectorized, surroundings, limits
     )
 
 
+def read_limits(table: TableReader, *, trust: bool) -> Limits:
+    """Read the limits of one run; without `trust`, also one that this system cannot keep."""
+    if "memory_limit" in table and trust and not CAN_LIMIT:
+        expected = "no limit on memory: this system cannot keep one"
+        table.add_wrong("memory_limit", table.content["memory_limit"], expected)
+    return table.settings(Limits) or Limits()
+
+
 def _unloaded_function(reference: str, folder: Path) -> tuple[Callable[..., Any], None]:
-    """Return a replacement, which raises an error, for a function that must not be executed."""
+    """Return a replacement for a function that must not be executed."""
 
     def refuse(**inputs: float) -> Any:
         raise ModelError(f"{reference} is not executed without --trust")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from uqpen.core.errors import toml_text
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model
 from uqpen.core.sampling import Sampling
@@ -17,22 +16,19 @@ from uqpen.surrogates.surrogate import Surrogate
 __all__ = ["check_surrogates", "read_surrogates"]
 
 
-def read_surrogates(
-    table: TableReader | None, designs: Collection[str] | None
-) -> dict[str, Surrogate]:
-    """The surrogates of a study; what could not be understood is noted and left out.
+def read_surrogates(table: TableReader, designs: Collection[str]) -> dict[str, Surrogate]:
+    """Read the surrogates of a study; invalid ones are noted and left out.
 
     Parameters
     ----------
-    table : TableReader, optional
+    table : TableReader
         ``[surrogates]``.
-    designs : collection of str or None
-        The names of all designs in the file, whose namespace the surrogates share; None where
-        there are none to read.
+    designs : collection of str
+        The names of all designs in the file, which no surrogate has; empty if they are unknown.
     """
     found: dict[str, Surrogate] = {}
     for name, section in named_tables(table):
-        if designs is not None and name in designs:
+        if name in designs:
             section.add_problem((), f'"{name}", which is a design', "a name that no design has")
         elif (surrogate := _surrogate(section, designs)) is not None:
             found[name] = surrogate
@@ -40,7 +36,7 @@ def read_surrogates(
 
 
 def check_surrogates(
-    table: TableReader | None,
+    table: TableReader,
     surrogates: Mapping[str, Surrogate],
     designs: Mapping[str, Design],
     model: Model,
@@ -48,26 +44,21 @@ def check_surrogates(
 ) -> None:
     """Note surrogates that do not fit the designs, the outputs or the inputs, if known."""
     for name, surrogate in surrogates.items():
-        assert table is not None
         _check_design(table, name, surrogate, designs)
         _check_transform(table, name, surrogate, model)
         if joint is not None and not joint.random:
             table.add_problem(name, "a surrogate over inputs that are all fixed", "a random input")
 
 
-def _surrogate(section: TableReader, designs: Collection[str] | None) -> Surrogate | None:
+def _surrogate(section: TableReader, designs: Collection[str]) -> Surrogate | None:
     kind = family_member(section, "kind", SURROGATES, "a kind of surrogate")
-    if kind is None:
-        return None
-    surrogate: Surrogate | None = section.settings(kind)
-    section.check_unknown_keys()
+    surrogate: Surrogate | None = kind and section.whole_settings(kind)
     if surrogate is None:
         return None
     for key in ("design", "check"):
         name = getattr(surrogate, key)
-        if name is not None and designs is not None and name not in designs:
-            expected = f"the name of a design; {choices(name, designs)}"
-            section.add_problem(key, toml_text(name), expected)
+        if name is not None and designs and name not in designs:
+            section.add_wrong(key, name, f"the name of a design; {choices(name, designs)}")
     if surrogate.check == surrogate.design:
         section.add_problem("check", "the design that it is fitted to", "a design of other runs")
     return surrogate

@@ -4,33 +4,69 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from uqpen.core.errors import toml_text
+from uqpen.core.errors import QuantityError, toml_text
+from uqpen.core.limits import time_limit
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model
+from uqpen.core.settings import read_each, setting, text
 from uqpen.models.umbridge import UmbridgeModel, VectorSizes, request_sizes
 from uqpen.models.umbridge_client import PROTOCOL, Address, NoAnswerError, UmbridgeClient
-from uqpen.study.limits_section import read_time_limit
 from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import Variables, read_variables
 
 __all__ = ["read_umbridge"]
 
-_ADDRESS = 'the address of a UM-Bridge server, such as "http://127.0.0.1:4242"'
 _SERVER = "a UM-Bridge server that answers"
 
 # How long the server may think about what it offers, in seconds.
 _PATIENCE = 30.0
 
 
-class _ServerSettings(NamedTuple):
+def _read_address(written: Any, context: object) -> Any:
+    try:
+        return Address.parse(written) if isinstance(written, str) else written
+    except ValueError:  # also of a port that is no number, and of a name that cannot be a host's
+        return written
+
+
+def _read_config(written: Any, context: object) -> str:
+    """Convert a table to JSON, the same for the same content."""
+    if not isinstance(written, dict):
+        raise QuantityError(toml_text(written), "a table")
+    read_each(written, _check_json)
+    return json.dumps(written, sort_keys=True)
+
+
+def _check_json(value: Any) -> None:
+    """Refuse a value with a part that JSON cannot represent."""
+    if isinstance(value, dict | list):
+        for entry in value.values() if isinstance(value, dict) else value:
+            _check_json(entry)
+    elif not isinstance(value, str | int) and not (
+        isinstance(value, float) and math.isfinite(value)
+    ):
+        expected = "a text, a number, true or false, or lists or tables of them"
+        raise QuantityError(toml_text(value), expected)
+
+
+@dataclass(frozen=True)
+class _ServerSettings:
     """Settings of a model on a server."""
 
-    address: Address
-    name: str | None
-    config: str
+    address: Address = setting(
+        "address",
+        'the address of a UM-Bridge server, such as "http://127.0.0.1:4242"',
+        lambda value: isinstance(value, Address),
+        read=_read_address,
+        key="umbridge",
+    )
+    name: str | None = text(expected="the name of a model on the server", default=None)
+    time_limit: float | None = time_limit()
+    config: str = setting("config", "a table", lambda value: True, read=_read_config, default="{}")
 
 
 def read_umbridge(table: TableReader, folder: Path, *, trust: bool) -> Model | None:
@@ -46,18 +82,17 @@ def read_umbridge(table: TableReader, folder: Path, *, trust: bool) -> Model | N
         True if requests may be sent to the server.
     """
     noted = len(table.problems)
-    address = _address(table)
-    name = table.text("name", "the name of a model on the server", default="")
-    time_limit = read_time_limit(table)
-    config = _config(table)
+    wanted = table.settings(_ServerSettings)
     variables = read_variables(table)
-    if address is None or len(table.problems) > noted:
+    if wanted is None or len(table.problems) > noted:
         return None
-    wanted = _ServerSettings(address, name or None, config)
-    found = _request_model(table, wanted, variables) if trust else (name or "its only model", None)
+    found: tuple[str, VectorSizes | None] | None = wanted.name or "its only model", None
+    if trust:
+        found = _request_model(table, wanted, variables)
     if found is None:
         return None
-    return UmbridgeModel(found[0], address, *variables, found[1], config, time_limit)
+    name, sizes = found
+    return UmbridgeModel(name, wanted.address, *variables, sizes, wanted.config, wanted.time_limit)
 
 
 def _request_model(
@@ -119,38 +154,3 @@ def _has_matching_sizes(
             expected = f'as many as "{name}" {does} numbers: {numbers}'
             table.add_problem(what, f"{len(named)} {what}", expected)
     return len(table.problems) == noted
-
-
-def _address(table: TableReader) -> Address | None:
-    text = table.text("umbridge", _ADDRESS)
-    try:
-        return None if text is None else Address.parse(text)
-    except ValueError:  # also of a port that is no number, and of a name that cannot be a host's
-        table.add_problem("umbridge", toml_text(text), _ADDRESS)
-        return None
-
-
-def _config(table: TableReader) -> str:
-    """Return the ``config`` table as JSON, the same for the same content."""
-    section = table.table("config")
-    if section is None:
-        return "{}"
-    for key in section:
-        if (found := _json_problem(section.take(key))) is not None:
-            section.add_problem(
-                key, found, "a text, a number, true or false, or lists or tables of them"
-            )
-    if any(_json_problem(section.content[key]) is not None for key in section):
-        return "{}"
-    return json.dumps(section.content, sort_keys=True)
-
-
-def _json_problem(value: Any) -> str | None:
-    """Return a part of a value that JSON cannot represent, or None."""
-    if isinstance(value, dict):
-        value = list(value.values())
-    if isinstance(value, list):
-        return next((found for entry in value if (found := _json_problem(entry)) is not None), None)
-    if isinstance(value, float) and not math.isfinite(value):
-        return toml_text(value)
-    return None if isinstance(value, str | int | float) else toml_text(value)
