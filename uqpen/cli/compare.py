@@ -6,14 +6,14 @@ from pathlib import Path
 
 import click
 
-from uqpen.cli.executor_options import ExecutorOptions, executor_option
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.options import PATH, ExecutorOptions, executor_option
 
 __all__ = ["compare"]
 
 
 @click.command(short_help="Try a study's methods at equal budgets.")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=PATH)
 @click.option(
     "--budget",
     "budgets",
@@ -32,7 +32,7 @@ __all__ = ["compare"]
     "-o",
     "--output",
     "archive",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="The archive to write.  [default: archives/<study>_compare.nc]",
 )
 @executor_option
@@ -56,7 +56,7 @@ def compare(
     from uqpen.benchmark.settings import BUDGETS, REPEATS, BenchmarkSettings
     from uqpen.cli.benchmark_screen import show_benchmark, show_progress
     from uqpen.cli.report import announce_report
-    from uqpen.cli.screen import standard_output
+    from uqpen.cli.screen import show_line
     from uqpen.results.benchmark_tables import has_reference
     from uqpen.study.load import load_study
 
@@ -79,7 +79,7 @@ def compare(
         click.echo("interrupted: nothing was written", err=True)
         return ExitCode.INTERRUPTED
     show_benchmark(tree)
-    standard_output().print(f"archive: {archive}", soft_wrap=True, markup=False, highlight=False)
+    show_line(f"archive: {archive}")
     announce_report(archive)
     if not has_reference(tree):
         click.echo("the reference lost all of its runs", err=True)

@@ -6,16 +6,18 @@ from pathlib import Path
 
 import click
 
+from uqpen.cli.options import PATH
+
 __all__ = ["figure"]
 
 
 @click.command(short_help="Draw a figure of what an archive holds.")
-@click.argument("archive", type=click.Path(path_type=Path))
+@click.argument("archive", type=PATH)
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 @click.option(
     "-o",
     "file",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="File that ends in .svg, .pdf or .png; without it NAME.svg.",
 )
 @click.option("--list", "is_list", is_flag=True, help="List the figures that ARCHIVE has.")

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from uqpen.cli.executor_options import ExecutorOptions, ResumeOptions
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.options import ExecutorOptions
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -23,49 +23,38 @@ def make_and_show(
     study: Study,
     here: Path,
     archive: Path,
-    *,
-    resume: ResumeOptions,
     executor: ExecutorOptions,
     show: Callable[[xr.DataTree], None] = lambda tree: None,
+    **resume: bool,
 ) -> ExitCode:
     """Make the archive of a study, and report the outcome.
 
     Parameters
     ----------
     study : Study
-        Whose runs are made.
+        Its runs are made by `executor`.
     here : Path
         Where the user stands.
     archive : Path
         The archive, as the user calls it.
-    resume : ResumeOptions
-        What becomes of runs that were kept.
-    executor : ExecutorOptions
-        Where its runs are made.
     show : callable
         Shows what the archive reports.
+    **resume : bool
+        `fresh` and `lost_again` of `uqpen.make_archive`.
     """
     from uqpen.checkpoints.make_archive import make_archive
     from uqpen.cli.progress import show_progress
-    from uqpen.cli.screen import standard_output
+    from uqpen.cli.screen import show_line
     from uqpen.results.failed_runs import has_failed_design
 
     try:
         with executor.open_map() as spread, show_progress() as reporter:
-            path = here / archive
-            tree = make_archive(
-                study,
-                path,
-                map=spread,
-                progress=reporter,
-                fresh=resume.fresh,
-                lost_again=resume.retry_failed,
-            )
+            tree = make_archive(study, here / archive, map=spread, progress=reporter, **resume)
     except KeyboardInterrupt as interrupt:
         click.echo(": ".join(["interrupted", *map(str, interrupt.args)]), err=True)
         return ExitCode.INTERRUPTED
     show(tree)
-    standard_output().print(f"archive: {archive}", soft_wrap=True, markup=False, highlight=False)
+    show_line(f"archive: {archive}")
     if has_failed_design(tree):
         click.echo("a design lost all of its runs", err=True)
         return ExitCode.TOO_MANY_FAILED

@@ -6,15 +6,17 @@ from pathlib import Path
 
 import click
 
+from uqpen.cli.options import PATH
+
 __all__ = ["announce_report", "report", "write_and_announce"]
 
 
 @click.command(short_help="Write a page that shows what an archive holds.")
-@click.argument("archive", type=click.Path(path_type=Path))
+@click.argument("archive", type=PATH)
 @click.option(
     "-o",
     "file",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="The page to write.  [default: ARCHIVE with the ending .html]",
 )
 def report(archive: Path, file: Path | None) -> None:

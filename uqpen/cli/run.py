@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 if TYPE_CHECKING:
-    from uqpen.core.model import Model, Output
+    from uqpen.core.model import Model
     from uqpen.distributions.constraints import Constraint
 
 __all__ = ["run"]
@@ -30,13 +30,11 @@ def run(model: str, given: tuple[str, ...]) -> None:
     from uqpen.cli.screen import plain_table, standard_output
 
     trials = _trial_runs(model)
-    several = len(trials) > 1
     for label, trial in trials.items():
-        if several:
+        if len(trials) > 1:
             standard_output().print(f"\n{label}", markup=False)
-        standard_output().print(
-            plain_table(["output", "value", "unit"], _output_rows(trial, given))
-        )
+        rows = list(_output_rows(trial, given))
+        standard_output().print(plain_table(["output", "value", "unit"], rows))
 
 
 class _TrialRun(NamedTuple):
@@ -49,7 +47,7 @@ class _TrialRun(NamedTuple):
 
 
 def _trial_runs(name: str) -> dict[str, _TrialRun]:
-    """What to run, by the name of the model in its study."""
+    """Return the runs to make, by the name of the model in its study."""
     from uqpen.core.lookup import resolve_name
     from uqpen.models import MODELS
 
@@ -67,12 +65,13 @@ def _trial_runs(name: str) -> dict[str, _TrialRun]:
     return {"": _TrialRun(model, defaults)}
 
 
-def _output_rows(trial: _TrialRun, given: tuple[str, ...]) -> list[tuple[str, str, str]]:
-    """The outputs of one run."""
+def _output_rows(trial: _TrialRun, given: tuple[str, ...]) -> Iterator[tuple[str, str, str]]:
+    """Make one run, and yield the name, value and unit of each output."""
     import numpy as np
 
     from uqpen.core.errors import ModelError
     from uqpen.core.status import STATUS_TEXT, Status
+    from uqpen.core.units import DIMENSIONLESS, scale
     from uqpen.execution import Evaluator
 
     model, inputs, constraints, own = trial
@@ -89,14 +88,17 @@ def _output_rows(trial: _TrialRun, given: tuple[str, ...]) -> list[tuple[str, st
     status = Status(int(results.status[0]))
     if status is not Status.OK:
         raise ModelError(f"the run is {STATUS_TEXT[status]}: {results.reasons[0]}")
-    return [
-        (variable.name, *_value_and_unit(float(results.outputs[variable.name][0]), variable))
-        for variable in model.outputs
-    ]
+    for output in model.outputs:
+        value, unit = float(results.outputs[output.name][0]), output.preferred_unit
+        if output.categories:
+            yield output.name, output.categories[round(value)].label, ""
+        else:
+            shown = f"{scale(unit).from_si(value):.10g}"
+            yield output.name, shown, "" if unit == DIMENSIONLESS else unit
 
 
 def _parse_inputs(model: Model, pairs: Iterable[str]) -> dict[str, float]:
-    """Values in SI units out of the command line's ``name=value`` pairs."""
+    """Parse the command line's ``name=value`` pairs; values in SI units."""
     from uqpen.core.errors import ModelError, QuantityError
     from uqpen.core.quantities import parse_quantity
 
@@ -111,13 +113,3 @@ def _parse_inputs(model: Model, pairs: Iterable[str]) -> dict[str, float]:
         except QuantityError as error:
             raise ModelError(f"--set {variable.name}: {error}") from None
     return values
-
-
-def _value_and_unit(value: float, variable: Output) -> tuple[str, str]:
-    from uqpen.core.units import DIMENSIONLESS, scale
-
-    if variable.categories:
-        return variable.categories[round(value)].label, ""
-    unit = variable.preferred_unit
-    shown = scale(unit).from_si(value)
-    return f"{shown:.10g}", "" if unit == DIMENSIONLESS else unit

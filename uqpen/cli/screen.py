@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import xarray as xr
 from rich import box
@@ -21,7 +21,14 @@ from uqpen.results.failed_runs import failed_runs
 from uqpen.results.output_tables import output_tables
 from uqpen.results.table import OutputTable
 
-__all__ = ["plain_table", "show_table", "show_tables", "standard_output"]
+__all__ = [
+    "plain_table",
+    "show_line",
+    "show_plain_tables",
+    "show_table",
+    "show_tables",
+    "standard_output",
+]
 
 _GAP = 3
 
@@ -40,6 +47,11 @@ class _StandardOutput(Console):
 def standard_output() -> Console:
     """Standard output."""
     return _StandardOutput(highlight=False)
+
+
+def show_line(text: str) -> None:
+    """Show a line that is not wrapped."""
+    standard_output().print(text, soft_wrap=True, markup=False)
 
 
 def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
@@ -84,7 +96,7 @@ def _show_failures(console: Console, tree: xr.DataTree) -> None:
         console.print(Text(f"and {left} more reason{'s' * (left > 1)}", style="dim"))
 
 
-def plain_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+def plain_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
     """A table of texts, the first column being what the others are of."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), show_edge=False, pad_edge=False)
     for position, name in enumerate(header):
@@ -92,6 +104,16 @@ def plain_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     for row in rows:
         table.add_row(*(Text(printable(cell)) for cell in row))
     return table
+
+
+def show_plain_tables(
+    console: Console, *tables: tuple[Sequence[str], Sequence[Sequence[str]]]
+) -> None:
+    """Show tables, each a header and its rows; those without rows are left out."""
+    for header, rows in tables:
+        if rows:
+            console.print()
+            console.print(plain_table(header, rows))
 
 
 def _table_parts(table: OutputTable, width: int) -> Iterator[tuple[Table, int]]:
@@ -107,6 +129,5 @@ def _table_parts(table: OutputTable, width: int) -> Iterator[tuple[Table, int]]:
         while end < len(widths) and longest + sum(widths[start : end + 1]) <= width:
             end += 1
         rows = [(label, *cells[start:end]) for label, cells in table.rows]
-        part = plain_table(["", *table.columns[start:end]], rows)
-        yield part, longest + sum(widths[start:end])
+        yield plain_table(["", *table.columns[start:end]], rows), longest + sum(widths[start:end])
         start = end

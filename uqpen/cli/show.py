@@ -6,11 +6,13 @@ from pathlib import Path
 
 import click
 
+from uqpen.cli.options import PATH
+
 __all__ = ["show"]
 
 
 @click.command(short_help="Show what an archive holds.")
-@click.argument("archive", type=click.Path(path_type=Path))
+@click.argument("archive", type=PATH)
 @click.option("--json", "as_text", is_flag=True, help="JSON on standard output, in SI units.")
 @click.option("--all", "everything", is_flag=True, help="All that is told of the inputs' part.")
 def show(archive: Path, as_text: bool, everything: bool) -> None:

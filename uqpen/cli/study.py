@@ -6,35 +6,30 @@ from pathlib import Path
 
 import click
 
-from uqpen.cli.executor_options import (
-    ExecutorOptions,
-    ResumeOptions,
-    executor_option,
-    resume_option,
-)
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.options import PATH, ExecutorOptions, executor_option, resume_options
 
 __all__ = ["study"]
 
 
 @click.command(short_help="Run a study and write its archive.")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=PATH)
 @click.option(
     "-o",
     "--output",
     "archive",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="The archive to write.  [default: archives/<study>.nc]",
 )
 @click.option("--report", "is_reported", is_flag=True, help="Write its report beside it, too.")
-@resume_option
+@resume_options
 @executor_option
 def study(
     file: Path,
     archive: Path | None,
     is_reported: bool,
-    resume: ResumeOptions,
     executor: ExecutorOptions,
+    **resume: bool,
 ) -> ExitCode:
     """Make the runs of the study FILE, analyse them, and write everything into one archive.
 
@@ -52,7 +47,7 @@ def study(
     here = Path.cwd()
     loaded = load_study(file)
     archive = archive or Path("archives") / f"{loaded.name}.nc"
-    code = make_and_show(loaded, here, archive, resume=resume, executor=executor, show=show_tables)
+    code = make_and_show(loaded, here, archive, executor, show_tables, **resume)
     if code is not ExitCode.INTERRUPTED:
         if is_reported:
             write_and_announce(archive, here)

@@ -45,7 +45,6 @@ __all__ = [
 T = TypeVar("T")
 
 _KEY = "uqpen.setting"
-_REQUIRED: Any = dataclasses.MISSING
 
 # More runs than this fit no machine's memory.
 _MOST = 100_000_000
@@ -101,12 +100,15 @@ def setting(
     kind: str,
     expected: str,
     accepts: Callable[[Any], bool],
-    *,
     read: Callable[[Any, Context], Any] = lambda written, context: written,
-    default: Any = _REQUIRED,
+    *,
+    default: Any = dataclasses.MISSING,
     key: str = "",
 ) -> Any:
-    """Declare a setting; see `Setting`. One with the default None may be None."""
+    """Declare a setting; see `Setting`. One with the default None may be None.
+
+    The functions below declare the usual kinds; `options` are `default` and `key`.
+    """
     optional = (lambda value: value is None or accepts(value)) if default is None else accepts
     metadata = {_KEY: Setting(kind, expected, optional, read, key)}
     if isinstance(default, dict):
@@ -114,13 +116,7 @@ def setting(
     return dataclasses.field(default=default, metadata=metadata)
 
 
-def count(
-    *,
-    minimum: float = 1,
-    maximum: float = _MOST,
-    default: Any = _REQUIRED,
-    expected: str = "",
-) -> Any:
+def count(*, minimum: float = 1, maximum: float = _MOST, expected: str = "", **options: Any) -> Any:
     """Declare an integer, at least `minimum` and at most `maximum`; `expected` is for messages."""
 
     def accepts(value: Any) -> bool:
@@ -128,7 +124,7 @@ def count(
         return is_whole and minimum <= value <= maximum
 
     expected = expected or f"a whole number, at least {minimum} and at most {maximum:_}"
-    return setting("count", expected, accepts, default=default)
+    return setting("count", expected, accepts, **options)
 
 
 def number(
@@ -136,28 +132,18 @@ def number(
     above: float = -math.inf,
     below: float = math.inf,
     at_most: float = math.inf,
-    default: Any = _REQUIRED,
     expected: str = "",
+    **options: Any,
 ) -> Any:
     """Declare a plain number strictly between two others, and at most a third."""
-    is_within = _is_within(above, below)
+    accepts = lambda value: _is_within(value, above, below) and value <= at_most  # noqa: E731
     limit = f" and at most {at_most:g}" if at_most < math.inf else ""
-    return setting(
-        "number",
-        expected or _range_text(above, below) + limit,
-        lambda value: is_within(value) and value <= at_most,
-        read=lambda written, context: as_float(written),
-        default=default,
-    )
+    expected = expected or _range_text(above, below) + limit
+    return setting("number", expected, accepts, lambda written, _: as_float(written), **options)
 
 
 def quantity(
-    *,
-    above: float = -math.inf,
-    default: Any = _REQUIRED,
-    unit: str = "",
-    expected: str = "",
-    key: str = "",
+    *, above: float = -math.inf, unit: str = "", expected: str = "", **options: Any
 ) -> Any:
     """Declare a value in SI units, which a study file gives with a unit.
 
@@ -166,137 +152,102 @@ def quantity(
     return setting(
         "quantity with a unit of its own" if unit else "quantity",
         expected or _range_text(above, math.inf, "a quantity"),
-        _is_within(above, math.inf),
-        read=lambda written, context: parse_quantity(written, unit or context.like).value,
-        default=default,
-        key=key,
+        lambda value: _is_within(value, above),
+        lambda written, context: parse_quantity(written, unit or context.like).value,
+        **options,
     )
 
 
-def difference(*, above: float = -math.inf, default: Any = _REQUIRED) -> Any:
+def difference(*, above: float = -math.inf, **options: Any) -> Any:
     """Declare a difference of two values, such as a standard deviation; see `quantity`."""
     return setting(
         "difference",
         _range_text(above, math.inf, "a quantity"),
-        _is_within(above, math.inf),
-        read=lambda written, context: parse_quantity(written, context.like, difference=True).value,
-        default=default,
+        lambda value: _is_within(value, above),
+        lambda written, context: parse_quantity(written, context.like, difference=True).value,
+        **options,
     )
 
 
-def share(*, expected: str, default: Any = _REQUIRED) -> Any:
+def share(*, expected: str, **options: Any) -> Any:
     """Declare a part of a whole, from 0 to 1, which a study file may give in per cent."""
-    is_number = _is_within(-math.inf, math.inf)
     return setting(
         "share",
         expected,
-        lambda value: is_number(value) and 0 <= value <= 1,
-        read=lambda written, context: parse_quantity(written, DIMENSIONLESS).value,
-        default=default,
+        lambda value: _is_within(value) and 0 <= value <= 1,
+        lambda written, _: parse_quantity(written, DIMENSIONLESS).value,
+        **options,
     )
 
 
-def quantities(*, unit: str) -> Any:
-    """Declare a table of names, each with a quantity in the dimension of `unit`."""
-
-    def read(written: Any, context: Context) -> Any:
-        if not isinstance(written, dict):
-            return written
-        values = read_each(written, lambda value: parse_quantity(value, unit).value)
-        return dict(zip(written, values, strict=True))
-
-    is_number = _is_within(-math.inf, math.inf)
-    return setting(
-        "quantities",
-        "a table",
-        lambda value: isinstance(value, Mapping) and all(map(is_number, value.values())),
-        read=read,
-        default={},
-    )
-
-
-def probabilities(
-    *, key: str = "", default: tuple[float, ...] = (), always: tuple[float, ...] = ()
-) -> Any:
+def probabilities(*, always: tuple[float, ...] = (), **options: Any) -> Any:
     """Declare numbers strictly between 0 and 1, ascending; those of a study join `always`."""
-    is_within = _is_within(0, 1)
 
     def read_one(written: Any) -> float:
-        if not is_within(written):
+        if not _is_within(written, 0, 1):
             raise QuantityError(toml_text(written), "a probability between 0 and 1")
         return float(written)
 
     return setting(
         "probabilities",
         "probabilities between 0 and 1",
-        lambda values: all(map(is_within, values)),
-        read=lambda written, _: tuple(sorted({*always, *read_list(written, read_one)})),
-        default=default,
-        key=key,
+        lambda values: all(_is_within(value, 0, 1) for value in values),
+        lambda written, _: tuple(sorted({*always, *read_list(written, read_one)})),
+        default=always,
+        **options,
     )
 
 
-def choice(*names: str, default: Any = _REQUIRED, expected: str = "", key: str = "") -> Any:
+def choice(*names: str, expected: str = "", **options: Any) -> Any:
     """Declare a setting that is one of `names`."""
-    expected = expected or f"one of {_listing(names)}"
-    return setting("choice", expected, names.__contains__, default=default, key=key)
+    return setting("choice", expected or f"one of {_listing(names)}", names.__contains__, **options)
 
 
 def choices(*names: str) -> Any:
     """Declare a table that gives some names one of `names` each; empty by default."""
     expected = f"a table of names, each with one of {_listing(names)}"
 
-    def accepts(value: Any) -> bool:
-        return isinstance(value, Mapping) and all(
-            isinstance(key, str) and chosen in names for key, chosen in value.items()
-        )
-
     def read_one(written: Any) -> Any:
         if written not in names:
             raise QuantityError(toml_text(written), expected)
-
-    def read(written: Any, context: Context) -> Any:
-        if isinstance(written, dict):
-            read_each(written, read_one)
         return written
 
-    return setting("choices", expected, accepts, read=read, default={})
+    return _table("choices", expected, names.__contains__, read_one)
 
 
-def flag(*, default: Any = _REQUIRED) -> Any:
+def quantities(*, unit: str) -> Any:
+    """Declare a table of names, each with a quantity in the dimension of `unit`."""
+    return _table(
+        "quantities", "a table", _is_within, lambda written: parse_quantity(written, unit).value
+    )
+
+
+def flag(**options: Any) -> Any:
     """Declare a boolean."""
-    accepts = lambda value: isinstance(value, bool)  # noqa: E731 - a predicate among its like
-    return setting("flag", "true or false", accepts, default=default)
+    return setting("flag", "true or false", lambda value: isinstance(value, bool), **options)
 
 
-def text(*, expected: str, default: Any = _REQUIRED, key: str = "") -> Any:
+def text(*, expected: str, **options: Any) -> Any:
     """Declare a text that is not empty."""
-    accepts = lambda value: isinstance(value, str) and bool(value.strip())  # noqa: E731 - as above
-    return setting("text", expected, accepts, default=default, key=key)
+    accepts = lambda value: isinstance(value, str) and bool(value.strip())  # noqa: E731
+    return setting("text", expected, accepts, **options)
 
 
-def name(*, default: Any = _REQUIRED) -> Any:
+def name(**options: Any) -> Any:
     """Declare the name of another part of the study."""
     accepts = lambda value: isinstance(value, str) and bool(NAME.match(value))  # noqa: E731
-    return setting("name", "a name in quotes", accepts, default=default)
+    return setting("name", "a name in quotes", accepts, **options)
 
 
-def file(*, default: Any = _REQUIRED) -> Any:
+def file(**options: Any) -> Any:
     """Declare a path; in a study file, it is relative to the folder of that file."""
 
     def read(written: Any, context: Context) -> Any:
         is_name = isinstance(written, str) and written and "\0" not in written
         return context.folder / written if is_name else written
 
-    accepts = lambda value: isinstance(value, Path)  # noqa: E731 - a predicate among its like
-    return setting("file", "the path of a file", accepts, read=read, default=default)
-
-
-def as_float(written: Any) -> Any:
-    """Convert an integer to a float; one too large becomes infinite, which nothing accepts."""
-    if not isinstance(written, int) or isinstance(written, bool):
-        return written
-    return float(written) if abs(written) < 1e300 else math.inf
+    accepts = lambda value: isinstance(value, Path)  # noqa: E731
+    return setting("file", "the path of a file", accepts, read, **options)
 
 
 def read_list(written: Any, read_one: Callable[[Any], T]) -> list[T]:
@@ -317,6 +268,13 @@ def read_each(written: list[Any] | dict[str, Any], read_one: Callable[[Any], T])
     if problems:
         raise SettingsError(problems)
     return found
+
+
+def as_float(written: Any) -> Any:
+    """Convert an integer to a float; one too large becomes infinite, which nothing accepts."""
+    if not isinstance(written, int) or isinstance(written, bool):
+        return written
+    return float(written) if abs(written) < 1e300 else math.inf
 
 
 def declared_settings(owner: Any) -> Iterator[tuple[dataclasses.Field[Any], Setting]]:
@@ -354,16 +312,26 @@ def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
         raise SettingsError(problems)
 
 
-def _is_within(above: float, below: float) -> Callable[[Any], bool]:
-    def accepts(value: Any) -> bool:
-        return (
-            isinstance(value, int | float)
-            and not isinstance(value, bool)
-            and above < value < below
-            and math.isfinite(value)
-        )
+def _table(
+    kind: str, expected: str, accepts: Callable[[Any], bool], read_one: Callable[[Any], Any]
+) -> Any:
+    """Declare a table of names, each with a value; empty by default."""
 
-    return accepts
+    def read(written: Any, context: Context) -> Any:
+        if not isinstance(written, dict):
+            return written
+        return dict(zip(written, read_each(written, read_one), strict=True))
+
+    def accepts_all(value: Any) -> bool:
+        is_table = isinstance(value, Mapping) and all(isinstance(key, str) for key in value)
+        return is_table and all(map(accepts, value.values()))
+
+    return setting(kind, expected, accepts_all, read, default={})
+
+
+def _is_within(value: Any, above: float = -math.inf, below: float = math.inf) -> bool:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and above < value < below and math.isfinite(value)
 
 
 def _listing(names: tuple[str, ...]) -> str:

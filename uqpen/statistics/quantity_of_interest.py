@@ -77,9 +77,7 @@ class QuantityOfInterest:
     display_unit: str = setting(
         "unit", "a unit", lambda unit: isinstance(unit, str), read=_read_unit, key="unit"
     )
-    quantiles: tuple[float, ...] = probabilities(
-        default=DEFAULT_QUANTILES, always=DEFAULT_QUANTILES
-    )
+    quantiles: tuple[float, ...] = probabilities(always=DEFAULT_QUANTILES)
     thresholds: tuple[Threshold, ...] = setting(
         "thresholds",
         "thresholds",
