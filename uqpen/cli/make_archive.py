@@ -27,20 +27,9 @@ def make_and_show(
     show: Callable[[xr.DataTree], None] = lambda tree: None,
     **resume: bool,
 ) -> ExitCode:
-    """Make the archive of a study, and report the outcome.
+    """Make `archive` in the folder `here` where the user stands, `show` it, and report the outcome.
 
-    Parameters
-    ----------
-    study : Study
-        Its runs are made by `executor`.
-    here : Path
-        Where the user stands.
-    archive : Path
-        The archive, as the user calls it.
-    show : callable
-        Shows what the archive reports.
-    **resume : bool
-        `fresh` and `lost_again` of `uqpen.make_archive`.
+    `resume` are `fresh` and `lost_again` of `uqpen.make_archive`.
     """
     from uqpen.checkpoints.make_archive import make_archive
     from uqpen.cli.progress import show_progress

@@ -28,16 +28,9 @@ def report(archive: Path, file: Path | None) -> None:
 
 
 def write_and_announce(archive: Path, here: Path, file: Path | None = None) -> None:
-    """Write the report of an archive, and say where.
+    """Write the report of an archive, by default beside it, and show the path of the page.
 
-    Parameters
-    ----------
-    archive : Path
-        As the user calls it.
-    here : Path
-        Where the user stands.
-    file : Path, optional
-        Of the page, as the user calls it; beside the archive without it.
+    The paths are relative to the folder `here` where the user stands.
     """
     from uqpen.archive.read import open_archive
     from uqpen.report.page import write_report

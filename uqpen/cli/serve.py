@@ -73,7 +73,7 @@ def make_offers(
     named : tuple of str
         The inputs that make up the vector, if others than by default.
     folder : Path, optional
-        Where to take the files that an archive's study names, in place of those that it keeps.
+        Folder of the files that an archive's study names; by default those that it keeps.
 
     Raises
     ------

@@ -23,14 +23,7 @@ _CALLED = "a function that can be called with a sample and a quantity of interes
 def read_analyses(root: TableReader, folder: Path, *, trust: bool) -> tuple[OutsideAnalysis, ...]:
     """Read the user-supplied analyses, without those for which a mistake was noted.
 
-    Parameters
-    ----------
-    root : TableReader
-        Of the whole study.
-    folder : Path
-        Folder of the study.
-    trust : bool
-        True if they may be executed. Otherwise they cannot be called.
+    Without `trust`, they are not loaded and cannot be called.
     """
     analyses: dict[str, OutsideAnalysis] = {}
     for position, reference in enumerate(root.entries(ANALYSES_KEY)):

@@ -31,14 +31,7 @@ _TAKEN = (INPUTS, OUTPUTS, OUTCOME, STDOUT, STDERR)
 def read_command(table: TableReader, folder: Path, *, trust: bool) -> Command | None:
     """Read a program as a model; None where a mistake was noted.
 
-    Parameters
-    ----------
-    table : TableReader
-        Of the model.
-    folder : Path
-        Folder of the study.
-    trust : bool
-        True if it may be executed. Otherwise neither the program nor its files are searched.
+    Without `trust`, neither the program nor its files are searched.
     """
     noted = len(table.problems)
     words = tuple(_read_words(table))

@@ -20,6 +20,8 @@ _DUPLICATE_MESSAGES = ("Cannot overwrite a value", "Cannot declare", "Cannot red
 # No study comes near it; a parser that is given more only serves to exhaust memory.
 _LARGEST = 4 * 1024 * 1024
 
+_ABSENT = object()
+
 # Nobody mends more mistakes than this before looking again.
 _MOST_LISTED = 50
 
@@ -44,10 +46,8 @@ class Document:
 
     def value_text(self, path: Sequence[str | int]) -> str | None:
         """The value at a path as its author wrote it, near enough; None where there is none."""
-        try:
-            return toml_text(_descend(self.content, path))
-        except (KeyError, IndexError, TypeError):
-            return None
+        value = _descend(self.content, path)
+        return None if value is _ABSENT else toml_text(value)
 
     def line(self, path: Sequence[str | int]) -> int | None:
         """Return the line of the key at a path, or else of the table around it.
@@ -57,17 +57,17 @@ class Document:
         it. So the line is found by bisection.
         """
         path = list(path)
-        while path and not _has_path(self.content, path):
+        while path and _descend(self.content, path) is _ABSENT:
             path.pop()
         if not path:
             return None
         low, high = 0, len(self._lines)  # the key is absent after `low` lines, there after `high`
         while high - low > 1:
             middle = (low + high) // 2
-            if _has_path(self._whole_prefix(middle)[1], path):
-                high = middle
-            else:
+            if _descend(self._whole_prefix(middle)[1], path) is _ABSENT:
                 low = middle
+            else:
+                high = middle
         return self._whole_prefix(high - 1)[0] + 1
 
     @cached_property
@@ -171,16 +171,12 @@ def _message_block(label: str, line: int | None, problem: Problem) -> str:
 
 
 def _descend(content: Any, path: Sequence[str | int]) -> Any:
+    """Return the value at a path, or `_ABSENT`."""
     for key in path:
         if isinstance(key, str) and not isinstance(content, dict):
-            raise KeyError(key)
-        content = content[key]
+            return _ABSENT
+        try:
+            content = content[key]
+        except (KeyError, IndexError, TypeError):
+            return _ABSENT
     return content
-
-
-def _has_path(content: dict[str, Any], path: Sequence[str | int]) -> bool:
-    try:
-        _descend(content, path)
-    except (KeyError, IndexError, TypeError):
-        return False
-    return True

@@ -41,7 +41,7 @@ class Inputs:
     joint : JointDistribution
         The joint distribution of those without a mistake.
     unclear : frozenset of str
-        Inputs with a mistake that is noted already, so that nothing more is said of them.
+        The others: their mistakes are noted, and nothing more is said of them.
     """
 
     joint: JointDistribution
@@ -51,16 +51,7 @@ class Inputs:
 def read_inputs(table: TableReader, model: Model, folder: Path, stream: Stream) -> Inputs:
     """Read the joint distribution of a model's inputs; invalid entries are noted and left out.
 
-    Parameters
-    ----------
-    table : TableReader
-        ``[inputs]``.
-    model : Model
-        The model of the inputs.
-    folder : Path
-        Folder with files of measurements.
-    stream : Stream
-        For the tests of fits to them.
+    Files of measurements are in `folder`; tests of fits to them draw from `stream`.
     """
     known = {variable.name: variable for variable in model.inputs}
     entries: dict[str, Entry | None] = {}

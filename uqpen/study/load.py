@@ -87,22 +87,22 @@ _TABLES = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Heading:
     """The keys of a study that stand in no table."""
 
+    title: str | None = text(expected="a title in quotes", default=None)
     seed: int = count(
         minimum=0,
         maximum=math.inf,
         expected="a whole number, 0 or more: the same seed gives the same draws",
     )
-    title: str | None = text(expected="a title in quotes", default=None)
 
 
 def _read_study(document: Document, name: str, folder: Path, *, trust: bool) -> Study:
     problems: list[Problem] = []
     root = TableReader(document, problems, (), document.content)
-    heading = root.settings(_Heading) or _Heading(0)
+    heading = root.settings(_Heading) or _Heading(seed=0)
     noted = len(problems)
     models, model = read_models(root, folder, trust=trust)
     are_models_whole = len(problems) == noted

@@ -43,7 +43,7 @@ _TEST = "Kolmogorov-Smirnov distance; p value by parametric bootstrap"
 
 @dataclass(frozen=True)
 class InputDistribution:
-    """A distribution and its origin.
+    """A distribution with the unit and the description of a study file.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class InputDistribution:
     description : str
         In one line.
     fit : mapping of str to str, int or float
-        Attributes of the measurements for an archive, if the distribution follows from some.
+        Attributes of an archive about the measurements, if it follows from some.
     files : tuple of FileSnapshot
         The files of those measurements.
     """
@@ -78,18 +78,9 @@ class _Measured:
 def read_measured(
     table: TableReader, variable: Input, folder: Path, stream: Stream
 ) -> InputDistribution | None:
-    """Read the distribution of measurements; None where a mistake was noted.
+    """Read the distribution of measurements in `folder`; None where a mistake was noted.
 
-    Parameters
-    ----------
-    table : TableReader
-        The table ``measured``.
-    variable : Input
-        The measured input.
-    folder : Path
-        The folder of the file.
-    stream : Stream
-        The input's own, for the test of a fit.
+    The test of a fit draws from `stream`, which is the input's own.
     """
     noted = len(table.problems)
     measured = table.whole_settings(_Measured, folder=folder)

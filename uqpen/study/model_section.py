@@ -40,15 +40,7 @@ _MODEL_KEYS = {
 def read_model(table: TableReader, folder: Path, *, trust: bool) -> Model | None:
     """Read the model of a study; None where a mistake was noted.
 
-    Parameters
-    ----------
-    table : TableReader
-        Of the model.
-    folder : Path
-        Folder of the study.
-    trust : bool
-        True if its code may be executed and its server may get requests. Otherwise the model
-        cannot be run.
+    Without `trust`, none of its code is executed and no server gets requests; it cannot be run.
     """
     ways = [key for key in _MODEL_KEYS if key in table]
     if len(ways) != 1:
@@ -70,12 +62,7 @@ def read_model(table: TableReader, folder: Path, *, trust: bool) -> Model | None
 def read_partial_model(table: TableReader, mentioned: PartialModel) -> PartialModel:
     """Return a model with mistakes, as far as its table states its inputs and outputs.
 
-    Parameters
-    ----------
-    table : TableReader
-        Of the model, and read before.
-    mentioned : PartialModel
-        The variables to assume where the table does not state them.
+    Where it does not, they are those of `mentioned`.
     """
     ways = [key for key in _MODEL_KEYS if key in table]
     if len(ways) != 1:

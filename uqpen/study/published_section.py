@@ -18,14 +18,7 @@ def read_published(
 ) -> dict[str, Publication]:
     """Read the publications of a study; invalid entries are noted and left out.
 
-    Parameters
-    ----------
-    table : TableReader
-        ``[published]``.
-    model : Model
-        The model of their inputs and outputs.
-    taken : collection of str
-        Names of designs and surrogates.
+    None has a name of `taken`, the designs and surrogates.
     """
     found: dict[str, Publication] = {}
     for name, section in named_tables(table):
@@ -51,13 +44,13 @@ def _read_estimates(
         for key in table:
             table.add_problem(key, "a figure of an output that has kinds", "an output with numbers")
         return None
-    known = [variable.name for variable in model.inputs]
-    check_names(table.table("response"), known, "input", model)
-    largest = table.take(LARGEST_CONTRIBUTION) or ""
-    if largest and largest not in known:
-        expected = f"an input of {model.name}; {choices(str(largest), known)}"
-        table.add_wrong(LARGEST_CONTRIBUTION, largest, expected)
+    largest = table.content.get(LARGEST_CONTRIBUTION) or ""
     given = {"output": output, LARGEST_CONTRIBUTION: str(largest)}
     estimates = table.settings(PublishedEstimates, like=output.unit, given=given)
+    known = [variable.name for variable in model.inputs]
+    check_names(table.table("response"), known, "input", model)
+    if table.take(LARGEST_CONTRIBUTION) and largest not in known:
+        expected = f"an input of {model.name}; {choices(str(largest), known)}"
+        table.add_wrong(LARGEST_CONTRIBUTION, largest, expected)
     table.check_unknown_keys()
     return estimates if table.is_given else None

@@ -42,14 +42,8 @@ def read_readings(
 ) -> dict[str, OutputReader]:
     """Read how to find each output of a program; mistakes are noted.
 
-    Parameters
-    ----------
-    table : TableReader
-        Of the model. Its table ``read`` has a table for each output, or one reader for all.
-    outputs : sequence of Output
-        The outputs of the program.
-    file : str
-        The JSON file of the outputs for which the table specifies no reader.
+    The table ``read`` has a table for each output, or one reader for all. An output without either
+    is in the JSON file `file`.
     """
     readings: dict[str, OutputReader] = {
         output.name: JsonReader(file, output.name) for output in outputs

@@ -19,12 +19,7 @@ __all__ = ["check_surrogates", "read_surrogates"]
 def read_surrogates(table: TableReader, designs: Collection[str]) -> dict[str, Surrogate]:
     """Read the surrogates of a study; invalid ones are noted and left out.
 
-    Parameters
-    ----------
-    table : TableReader
-        ``[surrogates]``.
-    designs : collection of str
-        The names of all designs in the file, which no surrogate has; empty if they are unknown.
+    `designs` are the names of all designs in the file, which no surrogate has; empty if unknown.
     """
     found: dict[str, Surrogate] = {}
     for name, section in named_tables(table):

@@ -150,8 +150,7 @@ class TableReader:
         cls : type
             A dataclass with declared settings.
         like : str
-            A unit of the dimension that its quantities have; of `ANY_DIMENSION`, they need only
-            agree.
+            A unit of the dimension of its quantities; of `ANY_DIMENSION`, they need only agree.
         folder : Path
             What the paths of files are relative to.
         given : mapping of str to object, optional
@@ -236,18 +235,8 @@ def family_member(
 ) -> Any:
     """Return the class that a key of a table names; None where a mistake was noted.
 
-    Parameters
-    ----------
-    table : TableReader
-        Where the key stands.
-    key : str
-        The key.
-    family : mapping of str to str
-        Names and their references.
-    what : str
-        A member of the family with its article, for a message.
-    expected : str
-        What a message expects; by default the names of the family.
+    `family` has names and their references; `what` is a member with its article. A message expects
+    the names of the family, unless `expected` says otherwise.
     """
     name = table.text(key, expected or f"one of {', '.join(family)}")
     if name is None or name in family:

@@ -72,14 +72,7 @@ class _ServerSettings:
 def read_umbridge(table: TableReader, folder: Path, *, trust: bool) -> Model | None:
     """Read a model on a server; None where a mistake was noted.
 
-    Parameters
-    ----------
-    table : TableReader
-        Of the model.
-    folder : Path
-        Folder of the study.
-    trust : bool
-        True if requests may be sent to the server.
+    Without `trust`, the server gets no requests.
     """
     noted = len(table.problems)
     wanted = table.settings(_ServerSettings)
