@@ -50,8 +50,8 @@ def rerun(
     import shlex
 
     from uqpen.archive.read import open_archive
-    from uqpen.cli.make_archive import make_and_show
     from uqpen.cli.screen import show_line
+    from uqpen.cli.study import make_and_show
     from uqpen.verification.archived_study import refuse_external_names
     from uqpen.verification.restored_study import restored_study, with_kept_folders
 

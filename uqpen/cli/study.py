@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.options import PATH, ExecutorOptions, executor_option, resume_options
 
-__all__ = ["study"]
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqpen.study.study import Study
+
+__all__ = ["make_and_show", "study"]
 
 
 @click.command(short_help="Run a study and write its archive.")
@@ -38,7 +45,6 @@ def study(
 
     Leaves with 3 if a design lost all of its runs.
     """
-    from uqpen.cli.make_archive import make_and_show
     from uqpen.cli.report import announce_report, write_and_announce
     from uqpen.cli.screen import show_tables
     from uqpen.study.load import load_study
@@ -54,3 +60,34 @@ def study(
         else:
             announce_report(archive)
     return code
+
+
+def make_and_show(
+    study: Study,
+    here: Path,
+    archive: Path,
+    executor: ExecutorOptions,
+    show: Callable[[xr.DataTree], None] = lambda tree: None,
+    **resume: bool,
+) -> ExitCode:
+    """Make `archive` in the folder `here` where the user stands, `show` it, and report the outcome.
+
+    `resume` are `fresh` and `lost_again` of `uqpen.make_archive`.
+    """
+    from uqpen.checkpoints.make_archive import make_archive
+    from uqpen.cli.progress import show_progress
+    from uqpen.cli.screen import show_line
+    from uqpen.results.failed_runs import has_failed_design
+
+    try:
+        with executor.open_map() as spread, show_progress() as reporter:
+            tree = make_archive(study, here / archive, map=spread, progress=reporter, **resume)
+    except KeyboardInterrupt as interrupt:
+        click.echo(": ".join(["interrupted", *map(str, interrupt.args)]), err=True)
+        return ExitCode.INTERRUPTED
+    show(tree)
+    show_line(f"archive: {archive}")
+    if has_failed_design(tree):
+        click.echo("a design lost all of its runs", err=True)
+        return ExitCode.TOO_MANY_FAILED
+    return ExitCode.DONE

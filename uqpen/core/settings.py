@@ -143,41 +143,36 @@ def number(
 
 
 def quantity(
-    *, above: float = -math.inf, unit: str = "", expected: str = "", **options: Any
+    kind: str = "quantity",
+    *,
+    above: float = -math.inf,
+    unit: str = "",
+    expected: str = "",
+    **options: Any,
 ) -> Any:
     """Declare a value in SI units, which a study file gives with a unit.
 
     Its dimension is that of its context, or of `unit`, if that is given.
     """
-    return setting(
-        "quantity with a unit of its own" if unit else "quantity",
-        expected or _range_text(above, math.inf, "a quantity"),
-        lambda value: _is_within(value, above),
-        lambda written, context: parse_quantity(written, unit or context.like).value,
-        **options,
-    )
+
+    def read(written: Any, context: Context) -> float:
+        return parse_quantity(written, unit or context.like, difference=kind == "difference").value
+
+    expected = expected or _range_text(above, math.inf, "a quantity")
+    kind = f"{kind} with a unit of its own" if unit else kind
+    return setting(kind, expected, lambda value: _is_within(value, above), read, **options)
 
 
 def difference(*, above: float = -math.inf, **options: Any) -> Any:
     """Declare a difference of two values, such as a standard deviation; see `quantity`."""
-    return setting(
-        "difference",
-        _range_text(above, math.inf, "a quantity"),
-        lambda value: _is_within(value, above),
-        lambda written, context: parse_quantity(written, context.like, difference=True).value,
-        **options,
-    )
+    return quantity("difference", above=above, **options)
 
 
 def share(*, expected: str, **options: Any) -> Any:
     """Declare a part of a whole, from 0 to 1, which a study file may give in per cent."""
-    return setting(
-        "share",
-        expected,
-        lambda value: _is_within(value) and 0 <= value <= 1,
-        lambda written, _: parse_quantity(written, DIMENSIONLESS).value,
-        **options,
-    )
+    read = lambda written, _: parse_quantity(written, DIMENSIONLESS).value  # noqa: E731
+    accepts = lambda value: _is_within(value) and 0 <= value <= 1  # noqa: E731
+    return setting("share", expected, accepts, read, **options)
 
 
 def probabilities(*, always: tuple[float, ...] = (), **options: Any) -> Any:

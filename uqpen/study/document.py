@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -61,14 +62,12 @@ class Document:
             path.pop()
         if not path:
             return None
-        low, high = 0, len(self._lines)  # the key is absent after `low` lines, there after `high`
-        while high - low > 1:
-            middle = (low + high) // 2
-            if _descend(self._whole_prefix(middle)[1], path) is _ABSENT:
-                low = middle
-            else:
-                high = middle
-        return self._whole_prefix(high - 1)[0] + 1
+        end = bisect_left(
+            range(len(self._lines)),
+            True,
+            key=lambda end: _descend(self._whole_prefix(end)[1], path) is not _ABSENT,
+        )
+        return self._whole_prefix(end - 1)[0] + 1
 
     @cached_property
     def _lines(self) -> list[str]:
@@ -124,11 +123,10 @@ def read_document(path: Path) -> Document:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         found = f"byte 0x{data[error.start]:02x}, which is not UTF-8"
-        problem = Problem((), found, "a text file saved as UTF-8")
-        raise _parse_error(label, line, problem) from None
+        raise _parse_error(label, line, found, "a text file saved as UTF-8") from None
     if len(data) > _LARGEST:
-        problem = Problem((), f"{len(data)} bytes", f"a study of at most {_LARGEST} bytes")
-        raise _parse_error(label, 1, problem)
+        expected = f"a study of at most {_LARGEST} bytes"
+        raise _parse_error(label, 1, f"{len(data)} bytes", expected)
     return parse_document(text, label)
 
 
@@ -149,15 +147,15 @@ def parse_document(text: str, label: str) -> Document:
         found = _POSITION.sub("", message).removesuffix(" (at end of document)")
         is_twice = message.startswith(_DUPLICATE_MESSAGES)
         expected = "every key and table once" if is_twice else "TOML (see https://toml.io)"
-        raise _parse_error(label, line, Problem((), found, expected)) from None
+        raise _parse_error(label, line, found, expected) from None
     except ValueError as error:  # a number with too many digits
-        raise _parse_error(label, 1, Problem((), str(error), "a study")) from None
+        raise _parse_error(label, 1, str(error), "a study") from None
     except RecursionError:
-        problem = Problem((), "brackets nested too deeply", "a study")
-        raise _parse_error(label, 1, problem) from None
+        raise _parse_error(label, 1, "brackets nested too deeply", "a study") from None
 
 
-def _parse_error(label: str, line: int, problem: Problem) -> StudyError:
+def _parse_error(label: str, line: int, found: str, expected: str) -> StudyError:
+    problem = Problem((), found, expected)
     head = f"{label}: cannot be read as a study; nothing was run"
     return StudyError("\n\n".join([head, _message_block(label, line, problem)]), [problem])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from uqpen.distributions.continuous import DISTRIBUTIONS, Normal
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.truncated import Truncated
-from uqpen.study.measurements_section import MEASURED, InputDistribution, read_measured
+from uqpen.study.measurements_section import MEASURED, read_measured
 from uqpen.study.table_reader import TableReader, check_names
 
 __all__ = ["Inputs", "read_constraints", "read_inputs"]
@@ -98,11 +98,10 @@ def _read_input(table: TableReader, variable: Input, folder: Path, stream: Strea
     try:
         spread = parse_spread(value, variable.unit) if isinstance(value, str) else None
         if spread is None:
-            quantity = parse_quantity(value, variable.unit)
-            return _fixed_input(table, variable, value, quantity)
+            return _fixed_input(table, variable, parse_quantity(value, variable.unit))
         normal = Normal(spread.mean, spread.std)
-        if not _is_usable(table, variable.name, normal):
-            return None
+        if _is_usable(table, variable.name, normal):
+            return RandomInput(variable, normal, spread.unit, f"normal {value}")
     except QuantityError as error:
         expected = error.expected
         if not isinstance(value, str | int | float):
@@ -110,19 +109,16 @@ def _read_input(table: TableReader, variable: Input, folder: Path, stream: Strea
         table.add_problem(variable.name, error.found, expected)
     except SettingsError:
         table.add_wrong(variable.name, value, "a standard deviation above 0 behind the ±")
-    else:
-        return RandomInput(variable, normal, spread.unit, f"normal {value}")
     return None
 
 
-def _fixed_input(
-    table: TableReader, variable: Input, written: Any, quantity: Quantity
-) -> Entry | None:
-    if not variable.bounds.contain(np.array(quantity.value)):
-        where = "" if variable.unit == DIMENSIONLESS else f" {variable.unit}"
-        table.add_wrong(variable.name, written, f"a value {variable.bounds}{where}")
-        return None
-    return FixedInput(variable, quantity.value, quantity.unit)
+def _fixed_input(table: TableReader, variable: Input, quantity: Quantity) -> Entry | None:
+    if variable.bounds.contain(np.array(quantity.value)):
+        return FixedInput(variable, quantity.value, quantity.unit)
+    where = "" if variable.unit == DIMENSIONLESS else f" {variable.unit}"
+    expected = f"a value {variable.bounds}{where}"
+    table.add_wrong(variable.name, table.content[variable.name], expected)
+    return None
 
 
 def _read_random_input(
@@ -143,35 +139,33 @@ def _read_random_input(
     if not section.is_given:
         return None
     if family == MEASURED:
-        origin = read_measured(section, variable, folder, stream)
+        made = read_measured(section, variable, folder, stream)
     else:
-        origin = _read_distribution(section, variable, family)
+        made = _read_distribution(section, variable, family)
     limits = {key: table.quantity(key, variable.unit) for key in _LIMITS if key in table}
-    if origin is None or None in limits.values() or (limits and variable.unit is ANY_DIMENSION):
+    if made is None or None in limits.values() or (limits and variable.unit is ANY_DIMENSION):
         return None
-    try:
-        distribution = Truncated(origin.distribution, **limits) if limits else origin.distribution  # type: ignore[arg-type]
-    except SettingsError as error:
-        table.add_refused(error.problems)
-        return None
-    if not _is_usable(table, family, distribution):
-        return None
-    written = [f"{_LIMITS[key]} {table.content[key]}" for key in table if key != family]
-    description = "; ".join([origin.description, *written])
-    return RandomInput(variable, distribution, origin.unit, description, origin.fit, origin.files)
+    if limits:
+        try:
+            distribution = Truncated(made.distribution, **limits)  # type: ignore[arg-type]
+        except SettingsError as error:
+            table.add_refused(error.problems)
+            return None
+        written = [f"{_LIMITS[key]} {table.content[key]}" for key in table if key != family]
+        description = "; ".join([made.description, *written])
+        made = replace(made, distribution=distribution, description=description)
+    return made if _is_usable(table, family, made.distribution) else None
 
 
-def _read_distribution(
-    table: TableReader, variable: Input, family: str
-) -> InputDistribution | None:
-    """Read a distribution from the parameters of its family."""
+def _read_distribution(table: TableReader, variable: Input, family: str) -> RandomInput | None:
+    """Read a random input from the parameters of its family."""
     cls: type[Distribution] = resolve(DISTRIBUTIONS[family])
     distribution = table.whole_settings(cls, like=variable.unit)
     if distribution is None:
         return None
     parameters = ", ".join(f"{name} {value}" for name, value in table.content.items())
     unit = _first_unit(table.content, variable)
-    return InputDistribution(distribution, unit, f"{family}: {parameters}")
+    return RandomInput(variable, distribution, unit, f"{family}: {parameters}")
 
 
 def _is_usable(table: TableReader, key: str, distribution: Distribution) -> bool:

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.columns import Column
 from uqpen.core.errors import SettingsError, TableError, toml_text
-from uqpen.core.files import FileSnapshot
 from uqpen.core.lookup import choices
 from uqpen.core.model import Input
 from uqpen.core.settings import declared_settings, file, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION
 from uqpen.distributions.continuous import DISTRIBUTIONS
-from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.empirical import Empirical
+from uqpen.distributions.joint_distribution import RandomInput
 from uqpen.distributions.measurements import (
     FEWEST,
     FEWEST_FOR_A_FAMILY,
@@ -31,39 +30,15 @@ from uqpen.distributions.measurements import (
 )
 from uqpen.study.table_reader import TableReader
 
-__all__ = ["MEASURED", "InputDistribution", "read_measured"]
+if TYPE_CHECKING:
+    from uqpen.distributions.fitting import DistributionFit
+
+__all__ = ["MEASURED", "read_measured"]
 
 FloatArray = npt.NDArray[np.float64]
 
 # The key that stands where the name of a distribution would.
 MEASURED = "measured"
-
-_TEST = "Kolmogorov-Smirnov distance; p value by parametric bootstrap"
-
-
-@dataclass(frozen=True)
-class InputDistribution:
-    """A distribution with the unit and the description of a study file.
-
-    Parameters
-    ----------
-    distribution : Distribution
-        In SI units.
-    unit : str
-        The unit in the study file.
-    description : str
-        In one line.
-    fit : mapping of str to str, int or float
-        Attributes of an archive about the measurements, if it follows from some.
-    files : tuple of FileSnapshot
-        The files of those measurements.
-    """
-
-    distribution: Distribution
-    unit: str
-    description: str
-    fit: Mapping[str, str | int | float] = field(default_factory=dict)
-    files: tuple[FileSnapshot, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -77,8 +52,8 @@ class _Measured:
 
 def read_measured(
     table: TableReader, variable: Input, folder: Path, stream: Stream
-) -> InputDistribution | None:
-    """Read the distribution of measurements in `folder`; None where a mistake was noted.
+) -> RandomInput | None:
+    """Read an input from measurements in `folder`; None where a mistake was noted.
 
     The test of a fit draws from `stream`, which is the input's own.
     """
@@ -94,17 +69,25 @@ def read_measured(
     if found is None:
         return None
     column, values = found
-    source = f"{measurements.file.name}, {column.heading}"
+    source = f"{measured.file.name}, {column.heading}"
     fewest = FEWEST_FOR_A_FAMILY if measured.family else FEWEST
     for problem in check_measurements(values, column, variable, fewest=fewest):
         table.add_problem("file", f"{problem.found} in {source}", problem.expected)
     if len(table.problems) > noted:
         return None
-    if measured.family:
-        origin = _fitted(table, measured.family, values, column.unit, source, stream)
+    if not measured.family:
+        made = _empirical(variable, values, column.unit, source)
     else:
-        origin = _empirical(values, column.unit, source)
-    return origin and replace(origin, files=(measurements.source,))
+        from uqpen.distributions.fitting import fit_distribution
+
+        try:
+            fitted = fit_distribution(measured.family, values, stream.generator("fit"))
+        except SettingsError as error:
+            for problem in error.problems:
+                table.add_problem("family", f"{problem.found}, in {source}", problem.expected)
+            return None
+        made = _fitted(variable, measured.family, fitted, values, column.unit, source)
+    return replace(made, files=(measurements.source,))
 
 
 def _check_family(table: TableReader, family: str) -> None:
@@ -138,33 +121,32 @@ def _read_column(
     return None
 
 
-def _empirical(values: FloatArray, unit: str, source: str) -> InputDistribution:
+def _empirical(variable: Input, values: FloatArray, unit: str, source: str) -> RandomInput:
     least, greatest = (value_text(float(end), unit) for end in (values.min(), values.max()))
     description = f"as measured: {len(values)} values of {source}, from {least} to {greatest}"
     attributes = _measurement_attributes("empirical", values, source)
-    return InputDistribution(Empirical(tuple(values.tolist())), unit, description, attributes)
+    distribution = Empirical(tuple(values.tolist()))
+    return RandomInput(variable, distribution, unit, description, attributes)
 
 
 def _fitted(
-    table: TableReader, family: str, values: FloatArray, unit: str, source: str, stream: Stream
-) -> InputDistribution | None:
-    from uqpen.distributions.fitting import fit_distribution
-
-    try:
-        fitted = fit_distribution(family, values, stream.generator("fit"))
-    except SettingsError as error:
-        for problem in error.problems:
-            table.add_problem("family", f"{problem.found}, in {source}", problem.expected)
-        return None
-    parameters = parameters_text(fitted.distribution, unit)
-    described = (
-        f"{family} fitted to {len(values)} values of {source}: {parameters}; "
+    variable: Input,
+    family: str,
+    fitted: DistributionFit,
+    values: FloatArray,
+    unit: str,
+    source: str,
+) -> RandomInput:
+    distribution = fitted.distribution
+    description = (
+        f"{family} fitted to {len(values)} values of {source}: "
+        f"{parameters_text(distribution, unit)}; "
         f"Kolmogorov-Smirnov distance {fitted.distance:.3g}, p = {fitted.p_value:.2g}"
     )
     attributes = _measurement_attributes(family, values, source)
-    for parameter, _ in declared_settings(fitted.distribution):
-        attributes[f"fit_{parameter.name}"] = getattr(fitted.distribution, parameter.name)
-    attributes["fit_test"] = _TEST
+    for parameter, _ in declared_settings(distribution):
+        attributes[f"fit_{parameter.name}"] = getattr(distribution, parameter.name)
+    attributes["fit_test"] = "Kolmogorov-Smirnov distance; p value by parametric bootstrap"
     attributes["fit_statistic"] = fitted.distance
     attributes["fit_p_value"] = fitted.p_value
     if fitted.is_rejected:
@@ -172,7 +154,7 @@ def _fitted(
             f"{family} does not fit the measurements: of samples of the fitted law, a share of "
             f"{fitted.p_value:.2g} lies as far from it (p value)"
         )
-    return InputDistribution(fitted.distribution, unit, described, attributes)
+    return RandomInput(variable, distribution, unit, description, attributes)
 
 
 def _measurement_attributes(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from uqpen.core.errors import QuantityError, toml_text
+from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.limits import time_limit
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model
@@ -19,8 +19,6 @@ from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import Variables, read_variables
 
 __all__ = ["read_umbridge"]
-
-_SERVER = "a UM-Bridge server that answers"
 
 # How long the server may think about what it offers, in seconds.
 _PATIENCE = 30.0
@@ -79,56 +77,47 @@ def read_umbridge(table: TableReader, folder: Path, *, trust: bool) -> Model | N
     variables = read_variables(table)
     if wanted is None or len(table.problems) > noted:
         return None
-    found: tuple[str, VectorSizes | None] | None = wanted.name or "its only model", None
+    name, sizes = wanted.name or "its only model", None
     if trust:
-        found = _request_model(table, wanted, variables)
-    if found is None:
-        return None
-    name, sizes = found
+        try:
+            with UmbridgeClient(wanted.address, _PATIENCE) as server:
+                name = _request_name(server, wanted.name)
+                sizes = request_sizes(server, name, wanted.config)
+        except NoAnswerError as error:
+            found = f"{toml_text(table.content['umbridge'])}: {error}"
+            table.add_problem("umbridge", found, "a UM-Bridge server that answers")
+            return None
+        except SettingsError as error:
+            table.add_problems(error.problems)
+            return None
+        if not _has_matching_sizes(table, name, sizes, variables):
+            return None
     return UmbridgeModel(name, wanted.address, *variables, sizes, wanted.config, wanted.time_limit)
 
 
-def _request_model(
-    table: TableReader, wanted: _ServerSettings, variables: Variables
-) -> tuple[str, VectorSizes] | None:
-    """Request the name and the sizes of a model of the server; None where a mistake was noted."""
-    try:
-        with UmbridgeClient(wanted.address, _PATIENCE) as server:
-            name = _request_name(table, server, wanted.name)
-            if name is None:
-                return None
-            sizes = request_sizes(server, name, wanted.config)
-    except NoAnswerError as error:
-        table.add_problem("umbridge", f"{toml_text(table.content['umbridge'])}: {error}", _SERVER)
-        return None
-    return (name, sizes) if _has_matching_sizes(table, name, sizes, variables) else None
-
-
-def _request_name(table: TableReader, server: UmbridgeClient, wanted: str | None) -> str | None:
-    """Request the name of the model to run; None where a mistake was noted."""
+def _request_name(server: UmbridgeClient, wanted: str | None) -> str:
+    """Request the name of the model to run; raise a SettingsError if there is none."""
     info = server.request("Info")
     if info.get("protocolVersion") != PROTOCOL:
         found = f"a server of protocol version {info.get('protocolVersion')!r}"
-        table.add_problem("umbridge", found, f"version {PROTOCOL}")
-        return None
+        raise _refusal("umbridge", found, f"version {PROTOCOL}")
     listed = info.get("models")
     names = [str(name) for name in listed] if isinstance(listed, list) else []
     if wanted is None and len(names) != 1:
-        table.add_missing("name", f"a model of this server; {choices('', names)}")
-        return None
+        raise _refusal("name", "nothing", f"a model of this server; {choices('', names)}")
     name = wanted or names[0]
     if name not in names:
-        table.add_problem(
-            "name", toml_text(name), f"a model of this server; {choices(name, names)}"
-        )
-        return None
+        expected = f"a model of this server; {choices(name, names)}"
+        raise _refusal("name", toml_text(name), expected)
     support = server.request("ModelInfo", {"name": name}).get("support")
     if not isinstance(support, dict) or support.get("Evaluate") is not True:
-        table.add_problem(
-            "umbridge", f'"{name}", which does not support Evaluate', "a model that can run"
-        )
-        return None
+        found = f'"{name}", which does not support Evaluate'
+        raise _refusal("umbridge", found, "a model that can run")
     return name
+
+
+def _refusal(key: str, found: str, expected: str) -> SettingsError:
+    return SettingsError([Problem((key,), found, expected)])
 
 
 def _has_matching_sizes(
@@ -136,14 +125,12 @@ def _has_matching_sizes(
 ) -> bool:
     """Check the numbers of a model's inputs and outputs against the study; note a mismatch."""
     noted = len(table.problems)
-    for what, named, lengths in (
-        ("inputs", variables.inputs, sizes.inputs),
-        ("outputs", variables.outputs, sizes.outputs),
+    for what, does, named, lengths in (
+        ("inputs", "takes", variables.inputs, sizes.inputs),
+        ("outputs", "gives", variables.outputs, sizes.outputs),
     ):
         if len(named) != sum(lengths):
-            does = "takes" if what == "inputs" else "gives"
-            vectors = " + ".join(map(str, lengths)) if len(lengths) > 1 else ""
-            numbers = f"{sum(lengths)} ({vectors})" if vectors else f"{sum(lengths)}"
-            expected = f'as many as "{name}" {does} numbers: {numbers}'
+            vectors = f" ({' + '.join(map(str, lengths))})" if len(lengths) > 1 else ""
+            expected = f'as many as "{name}" {does} numbers: {sum(lengths)}{vectors}'
             table.add_problem(what, f"{len(named)} {what}", expected)
     return len(table.problems) == noted
