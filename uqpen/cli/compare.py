@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.options import PATH, ExecutorOptions, executor_option
+from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option
 
 __all__ = ["compare"]
 
@@ -28,13 +28,7 @@ __all__ = ["compare"]
     help="Runs of the reference that errors are held to.  "
     "[default: 16 times the largest budget; at least 1 048 576 of a vectorized model]",
 )
-@click.option(
-    "-o",
-    "--output",
-    "archive",
-    type=PATH,
-    help="The archive to write.  [default: archives/<study>_compare.nc]",
-)
+@output_option("archive", "archives/<study>_compare.nc")
 @executor_option
 def compare(
     file: Path,

@@ -15,10 +15,7 @@ __all__ = ["figure"]
 @click.argument("archive", type=PATH)
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 @click.option(
-    "-o",
-    "file",
-    type=PATH,
-    help="File that ends in .svg, .pdf or .png; without it NAME.svg.",
+    "-o", "file", type=PATH, help="File that ends in .svg, .pdf or .png; without it NAME.svg."
 )
 @click.option("--list", "is_list", is_flag=True, help="List the figures that ARCHIVE has.")
 @click.option("--output", help="Show this output alone.")
@@ -29,9 +26,7 @@ def figure(
     names: tuple[str, ...],
     file: Path | None,
     is_list: bool,
-    output: str | None,
-    source: str | None,
-    model: str | None,
+    **selection: str | None,
 ) -> None:
     """Draw the figure NAME of ARCHIVE, or several on a page; nothing is run.
 
@@ -49,5 +44,5 @@ def figure(
         return
     path = file or Path(f"{names[0]}.svg")
     figure_format(path)
-    drawn(open_archive(archive), *names, output=output, source=source, model=model).save(path)
+    drawn(open_archive(archive), *names, **selection).save(path)
     click.echo(f"figure: {printable(str(path))}")

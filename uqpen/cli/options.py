@@ -18,6 +18,7 @@ __all__ = [
     "ExecutorOptions",
     "executor_option",
     "folder_option",
+    "output_option",
     "resume_options",
     "trust_option",
 ]
@@ -69,6 +70,12 @@ def executor_option(command: Callable[..., Any]) -> Callable[..., Any]:
         return command(*arguments, executor=ExecutorOptions(workers or 1, scheduler), **options)
 
     return run_command
+
+
+def output_option(name: str, default: str) -> Callable[..., Any]:
+    """Give a command the path of the archive that it writes, as its argument `name`."""
+    text = f"The archive to write.  [default: {default}]"
+    return click.option("-o", "--output", name, type=PATH, help=text)
 
 
 def resume_options(command: Callable[..., Any]) -> Callable[..., Any]:

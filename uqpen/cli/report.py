@@ -14,10 +14,7 @@ __all__ = ["announce_report", "report", "write_and_announce"]
 @click.command(short_help="Write a page that shows what an archive holds.")
 @click.argument("archive", type=PATH)
 @click.option(
-    "-o",
-    "file",
-    type=PATH,
-    help="The page to write.  [default: ARCHIVE with the ending .html]",
+    "-o", "file", type=PATH, help="The page to write.  [default: ARCHIVE with the ending .html]"
 )
 def report(archive: Path, file: Path | None) -> None:
     """Write one HTML page of all that ARCHIVE reports, to send to a colleague; nothing is run.

@@ -12,6 +12,7 @@ from uqpen.cli.options import (
     ExecutorOptions,
     executor_option,
     folder_option,
+    output_option,
     resume_options,
     trust_option,
 )
@@ -22,13 +23,7 @@ __all__ = ["rerun"]
 
 @click.command(short_help="Repeat the study of an archive.")
 @click.argument("archive", type=PATH)
-@click.option(
-    "-o",
-    "--output",
-    "copy",
-    type=PATH,
-    help="The archive to write.  [default: <archive>_rerun.nc beside ARCHIVE]",
-)
+@output_option("copy", "<archive>_rerun.nc beside ARCHIVE")
 @trust_option
 @folder_option()
 @resume_options

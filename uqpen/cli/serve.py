@@ -64,21 +64,11 @@ def serve(model: str, named: str | None, port: int, host: str, folder: Path | No
 def make_offers(
     model: str, named: tuple[str, ...] = (), folder: Path | None = None
 ) -> list[ServedModel]:
-    """Make the models that a server offers.
+    """Make the models of a server, from its argument on the command line.
 
-    Parameters
-    ----------
-    model : str
-        As on the command line: a built-in model, a study file, or an archive.
-    named : tuple of str
-        The inputs that make up the vector, if others than by default.
-    folder : Path, optional
-        Folder of the files that an archive's study names; by default those that it keeps.
-
-    Raises
-    ------
-    UqpenError
-        If there is no such model, or it lacks an input.
+    `named` are the inputs that make up the vector, if others than by default. `folder` has the
+    files that an archive's study names, by default those that it keeps. A UqpenError is raised if
+    there is no such model, or it lacks an input.
     """
     from uqpen.core.lookup import resolve_name
     from uqpen.models import MODELS

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.options import PATH, ExecutorOptions, executor_option, resume_options
+from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option, resume_options
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,13 +21,7 @@ __all__ = ["make_and_show", "study"]
 
 @click.command(short_help="Run a study and write its archive.")
 @click.argument("file", type=PATH)
-@click.option(
-    "-o",
-    "--output",
-    "archive",
-    type=PATH,
-    help="The archive to write.  [default: archives/<study>.nc]",
-)
+@output_option("archive", "archives/<study>.nc")
 @click.option("--report", "is_reported", is_flag=True, help="Write its report beside it, too.")
 @resume_options
 @executor_option

@@ -28,24 +28,24 @@ _PATHS = ("inputs", "outputs")
 _TAKEN = (INPUTS, OUTPUTS, OUTCOME, STDOUT, STDERR)
 
 
-def read_command(table: TableReader, folder: Path, *, trust: bool) -> Command | None:
+def read_command(table: TableReader) -> Command | None:
     """Read a program as a model; None where a mistake was noted.
 
-    Without `trust`, neither the program nor its files are searched.
+    Without trust, neither the program nor its files are searched.
     """
     noted = len(table.problems)
     words = tuple(_read_words(table))
     variables = read_variables(table)
-    handed = _ProgramFiles(table, folder, trust)
+    handed = _ProgramFiles(table)
     handed.read_templates()
     handed.read_copied()
-    limits = read_limits(table, trust=trust)
-    kept = table.settings(FolderPolicy, given={"folder": _kept_folder(table, folder)})
+    limits = read_limits(table)
+    kept = table.settings(FolderPolicy, given={"folder": _kept_folder(table)})
     named = set().union(*map(names_in, [*words, *handed.templates.values()]))
     readings = read_readings(table, variables.outputs, OUTPUTS if "outputs" in named else STDOUT)
     if len(table.problems) == noted:
         handed.check([variable.name for variable in variables.inputs], words, named)
-    program = handed.program(words) if trust and words else None
+    program = handed.program(words) if table.trust and words else None
     if kept is None or len(table.problems) > noted:
         return None
     copied = tuple(handed.copied)
@@ -57,8 +57,6 @@ class _ProgramFiles:
     """Arguments, templates and files for a program; each is checked as it is read."""
 
     table: TableReader
-    folder: Path
-    trust: bool
     templates: dict[str, str] = field(default_factory=dict)
     template_files: dict[str, str] = field(default_factory=dict)
     copied: list[str] = field(default_factory=list)
@@ -70,7 +68,7 @@ class _ProgramFiles:
             file = section.text(name, _BESIDE)
             if not is_inside(name) or name in _TAKEN:
                 section.add_wrong(name, name, f"{_INSIDE}, none of {', '.join(_TAKEN)}")
-            elif file is not None and self.trust:
+            elif file is not None and self.table.trust:
                 self._read_template(section, name, file)
 
     def read_copied(self) -> None:
@@ -81,7 +79,7 @@ class _ProgramFiles:
                 self.table.add_wrong(at, name, _BESIDE)
             elif name in _TAKEN or name in self.templates:
                 self.table.add_wrong(at, name, "a name that nothing else has")
-            elif self.trust and not lies_in_study(name, self.folder):
+            elif self.table.trust and not lies_in_study(name, self.table.folder):
                 self.table.add_problem(at, f'no file "{name}" beside the study', _BESIDE)
             else:
                 self.copied.append(name)
@@ -99,7 +97,7 @@ class _ProgramFiles:
             for line, found, expected in find_mistakes(text, inputs, _PATHS):
                 found = f'{found} in "{self.template_files[name]}", line {line}'
                 self.table.add_problem(("templates", name), found, expected)
-        if not self.trust or "inputs" in named:
+        if not self.table.trust or "inputs" in named:
             return
         for name in inputs:
             if name not in named:
@@ -113,29 +111,26 @@ class _ProgramFiles:
             expected = "Linux or macOS: elsewhere a program and its children cannot be ended"
             self.table.add_problem("command", "a program to be run on Windows", expected)
             return None
-        inside = {*self.templates, *self.copied}
-        named = [
-            word for word in words[1:] if word not in inside and lies_in_study(word, self.folder)
-        ]
+        folder, inside = self.table.folder, {*self.templates, *self.copied}
+        named = [word for word in words[1:] if word not in inside and lies_in_study(word, folder)]
         others = [*named, *self.copied, *self.template_files.values()]
         try:
-            return locate_program(words[0], self.folder, others)
+            return locate_program(words[0], folder, others)
         except ModelError as error:
             self.table.add_problem("command", str(error), "a program that can be executed")
         return None
 
     def _read_template(self, section: TableReader, name: str, file: str) -> None:
-        if not lies_in_study(file, self.folder):
+        if not lies_in_study(file, self.table.folder):
             section.add_problem(name, f'no file "{file}" beside the study', _BESIDE)
             return
         try:
-            text = (self.folder / file).read_bytes().decode("utf-8")
+            self.templates[name] = (self.table.folder / file).read_bytes().decode("utf-8")
+            self.template_files[name] = file
         except OSError as error:
             section.add_problem(name, f'"{file}", which cannot be read: {error.strerror}', _BESIDE)
         except UnicodeDecodeError:
             section.add_problem(name, f'"{file}", which is not UTF-8', "a text file saved as UTF-8")
-        else:
-            self.templates[name], self.template_files[name] = text, file
 
 
 def _read_words(table: TableReader) -> Iterator[str]:
@@ -154,7 +149,7 @@ def _read_words(table: TableReader) -> Iterator[str]:
             yield word
 
 
-def _kept_folder(table: TableReader, folder: Path) -> Path:
+def _kept_folder(table: TableReader) -> Path:
     """Return the folder for folders of runs: next to the study, and named after it."""
-    kept = folder / f"{Path(table.document.label).stem}_runs"
+    kept = table.folder / f"{Path(table.document.label).stem}_runs"
     return kept / str(table.path[-1]) if len(table.path) > 1 else kept  # one of several models

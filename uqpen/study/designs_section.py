@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from uqpen.core.errors import TableError, toml_text
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
@@ -21,12 +19,12 @@ _VALID = (
 )
 
 
-def read_designs(table: TableReader, folder: Path) -> dict[str, Design]:
+def read_designs(table: TableReader) -> dict[str, Design]:
     """Read the designs of a study; invalid ones are noted and left out."""
     found: dict[str, Design] = {}
     for name, section in named_tables(table):
         kind = family_member(section, "kind", DESIGNS, "a kind of design")
-        design = kind and section.whole_settings(kind, folder=folder)
+        design = kind and section.whole_settings(kind)
         if design is not None:
             found[name] = design
     if table.is_given and not table.content:

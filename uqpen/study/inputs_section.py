@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,29 +33,24 @@ _LIMITS = {"lower": "at least", "upper": "at most"}
 
 @dataclass(frozen=True)
 class Inputs:
-    """The inputs of a study, as far as they could be read.
+    """The joint distribution of the inputs without a mistake, and the names of the others.
 
-    Parameters
-    ----------
-    joint : JointDistribution
-        The joint distribution of those without a mistake.
-    unclear : frozenset of str
-        The others: their mistakes are noted, and nothing more is said of them.
+    The mistakes of the others are noted, and nothing more is said of them.
     """
 
     joint: JointDistribution
     unclear: frozenset[str] = frozenset()
 
 
-def read_inputs(table: TableReader, model: Model, folder: Path, stream: Stream) -> Inputs:
+def read_inputs(table: TableReader, model: Model, stream: Stream) -> Inputs:
     """Read the joint distribution of a model's inputs; invalid entries are noted and left out.
 
-    Files of measurements are in `folder`; tests of fits to them draw from `stream`.
+    Tests of fits to measurements draw from `stream`.
     """
     known = {variable.name: variable for variable in model.inputs}
     entries: dict[str, Entry | None] = {}
     for name in check_names(table, known, "input", model):
-        entries[name] = _read_input(table, known[name], folder, stream.child(name))
+        entries[name] = _read_input(table, known[name], stream.child(name))
     for variable in model.inputs:
         if table.is_given and variable.name not in table and variable.default is not None:
             entries[variable.name] = FixedInput(variable, variable.default, variable.preferred_unit)
@@ -90,11 +84,11 @@ def read_constraints(table: TableReader, model: Model, inputs: Inputs) -> tuple[
     return tuple(found)
 
 
-def _read_input(table: TableReader, variable: Input, folder: Path, stream: Stream) -> Entry | None:
+def _read_input(table: TableReader, variable: Input, stream: Stream) -> Entry | None:
     value = table.take(variable.name)
     if isinstance(value, dict):
         section = table.inside(value, variable.name)
-        return _read_random_input(section, variable, folder, stream)
+        return _read_random_input(section, variable, stream)
     try:
         spread = parse_spread(value, variable.unit) if isinstance(value, str) else None
         if spread is None:
@@ -121,9 +115,7 @@ def _fixed_input(table: TableReader, variable: Input, quantity: Quantity) -> Ent
     return None
 
 
-def _read_random_input(
-    table: TableReader, variable: Input, folder: Path, stream: Stream
-) -> Entry | None:
+def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> Entry | None:
     """Read a random input from ``{ family = { … }, lower = …, upper = … }``."""
     families = [key for key in table if key not in _LIMITS]
     if len(families) != 1:
@@ -139,7 +131,7 @@ def _read_random_input(
     if not section.is_given:
         return None
     if family == MEASURED:
-        made = read_measured(section, variable, folder, stream)
+        made = read_measured(section, variable, stream)
     else:
         made = _read_distribution(section, variable, family)
     limits = {key: table.quantity(key, variable.unit) for key in _LIMITS if key in table}

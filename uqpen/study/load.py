@@ -9,17 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from uqpen.core.errors import Problem
 from uqpen.core.model import Model, violated_conditions
 from uqpen.core.settings import count, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, describe
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.execution import FailurePolicy
 from uqpen.study.analyses_section import read_analyses
 from uqpen.study.dependence_section import read_dependence
 from uqpen.study.designs_section import check_designs, check_tables, read_designs
 from uqpen.study.document import Document, parse_document, read_document
-from uqpen.study.failures_section import read_failures
 from uqpen.study.inputs_section import Inputs, read_constraints, read_inputs
 from uqpen.study.models_section import check_variants, read_models
 from uqpen.study.outputs_section import read_quantities_of_interest
@@ -100,19 +99,18 @@ class _Heading:
 
 
 def _read_study(document: Document, name: str, folder: Path, *, trust: bool) -> Study:
-    problems: list[Problem] = []
-    root = TableReader(document, problems, (), document.content)
+    root = TableReader(document, folder, trust, document.content)
     heading = root.settings(_Heading) or _Heading(seed=0)
-    noted = len(problems)
-    models, model = read_models(root, folder, trust=trust)
-    are_models_whole = len(problems) == noted
-    analyses = read_analyses(root, folder, trust=trust)
+    noted = len(root.problems)
+    models, model = read_models(root)
+    are_models_whole = len(root.problems) == noted
+    analyses = read_analyses(root)
     tables = {key: root.table(key, expected) for key, expected in _TABLES.items()}
     root.check_unknown_keys()
-    failures = read_failures(tables["failures"])
-    designs = read_designs(tables["designs"], folder)
+    failures = tables["failures"].whole_settings(FailurePolicy) or FailurePolicy()
+    designs = read_designs(tables["designs"])
     surrogates = read_surrogates(tables["surrogates"], list(tables["designs"]))
-    inputs = read_inputs(tables["inputs"], model, folder, Stream(heading.seed, "inputs"))
+    inputs = read_inputs(tables["inputs"], model, Stream(heading.seed, "inputs"))
     is_clear = not inputs.unclear
     given_by_tables = None
     if all(variable.unit is not ANY_DIMENSION for variable in model.inputs):
@@ -134,8 +132,8 @@ def _read_study(document: Document, name: str, folder: Path, *, trust: bool) -> 
     if are_models_whole and not inputs.unclear and tables["inputs"].is_given:
         for variant in models.values():
             _check_nominal(tables["inputs"], variant, joint)
-    if problems:
-        raise document.error(problems)
+    if root.problems:
+        raise document.error(root.problems)
     return Study(
         name=name,
         title=heading.title or name,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ from uqpen.core.settings import declared_settings, file, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION
 from uqpen.distributions.continuous import DISTRIBUTIONS
+from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.empirical import Empirical
 from uqpen.distributions.joint_distribution import RandomInput
 from uqpen.distributions.measurements import (
@@ -50,15 +51,13 @@ class _Measured:
     family: str | None = text(expected="the name of a distribution", default=None)
 
 
-def read_measured(
-    table: TableReader, variable: Input, folder: Path, stream: Stream
-) -> RandomInput | None:
-    """Read an input from measurements in `folder`; None where a mistake was noted.
+def read_measured(table: TableReader, variable: Input, stream: Stream) -> RandomInput | None:
+    """Read an input from measurements; None where a mistake was noted.
 
     The test of a fit draws from `stream`, which is the input's own.
     """
     noted = len(table.problems)
-    measured = table.whole_settings(_Measured, folder=folder)
+    measured = table.whole_settings(_Measured)
     family = table.content.get("family")
     if isinstance(family, str) and family.strip():
         _check_family(table, family)
@@ -75,19 +74,32 @@ def read_measured(
         table.add_problem("file", f"{problem.found} in {source}", problem.expected)
     if len(table.problems) > noted:
         return None
-    if not measured.family:
-        made = _empirical(variable, values, column.unit, source)
+    distribution: Distribution
+    if measured.family is None:
+        distribution = Empirical(tuple(values.tolist()))
+        ends = (value_text(float(end), column.unit) for end in (values.min(), values.max()))
+        description = f"as measured: {len(values)} values of {source}, from {' to '.join(ends)}"
+        fit: dict[str, str | int | float] = {}
     else:
-        from uqpen.distributions.fitting import fit_distribution
-
-        try:
-            fitted = fit_distribution(measured.family, values, stream.generator("fit"))
-        except SettingsError as error:
-            for problem in error.problems:
-                table.add_problem("family", f"{problem.found}, in {source}", problem.expected)
+        fitted = _fit(table, measured.family, values, source, stream)
+        if fitted is None:
             return None
-        made = _fitted(variable, measured.family, fitted, values, column.unit, source)
-    return replace(made, files=(measurements.source,))
+        distribution = fitted.distribution
+        description = (
+            f"{measured.family} fitted to {len(values)} values of {source}: "
+            f"{parameters_text(distribution, column.unit)}; "
+            f"Kolmogorov-Smirnov distance {fitted.distance:.3g}, p = {fitted.p_value:.2g}"
+        )
+        fit = _fit_attributes(measured.family, fitted)
+    fit = {
+        "fit_family": measured.family or "empirical",
+        "fit_measurements": len(values),
+        "fit_source": source,
+        "fit_sha256": hashlib.sha256(values.astype("<f8").tobytes()).hexdigest(),
+        **fit,
+    }
+    files = (measurements.source,)
+    return RandomInput(variable, distribution, column.unit, description, fit, files)
 
 
 def _check_family(table: TableReader, family: str) -> None:
@@ -121,31 +133,24 @@ def _read_column(
     return None
 
 
-def _empirical(variable: Input, values: FloatArray, unit: str, source: str) -> RandomInput:
-    least, greatest = (value_text(float(end), unit) for end in (values.min(), values.max()))
-    description = f"as measured: {len(values)} values of {source}, from {least} to {greatest}"
-    attributes = _measurement_attributes("empirical", values, source)
-    distribution = Empirical(tuple(values.tolist()))
-    return RandomInput(variable, distribution, unit, description, attributes)
+def _fit(
+    table: TableReader, family: str, values: FloatArray, source: str, stream: Stream
+) -> DistributionFit | None:
+    from uqpen.distributions.fitting import fit_distribution
+
+    try:
+        return fit_distribution(family, values, stream.generator("fit"))
+    except SettingsError as error:
+        for problem in error.problems:
+            table.add_problem("family", f"{problem.found}, in {source}", problem.expected)
+    return None
 
 
-def _fitted(
-    variable: Input,
-    family: str,
-    fitted: DistributionFit,
-    values: FloatArray,
-    unit: str,
-    source: str,
-) -> RandomInput:
-    distribution = fitted.distribution
-    description = (
-        f"{family} fitted to {len(values)} values of {source}: "
-        f"{parameters_text(distribution, unit)}; "
-        f"Kolmogorov-Smirnov distance {fitted.distance:.3g}, p = {fitted.p_value:.2g}"
-    )
-    attributes = _measurement_attributes(family, values, source)
-    for parameter, _ in declared_settings(distribution):
-        attributes[f"fit_{parameter.name}"] = getattr(distribution, parameter.name)
+def _fit_attributes(family: str, fitted: DistributionFit) -> dict[str, str | int | float]:
+    attributes = {
+        f"fit_{parameter.name}": getattr(fitted.distribution, parameter.name)
+        for parameter, _ in declared_settings(fitted.distribution)
+    }
     attributes["fit_test"] = "Kolmogorov-Smirnov distance; p value by parametric bootstrap"
     attributes["fit_statistic"] = fitted.distance
     attributes["fit_p_value"] = fitted.p_value
@@ -154,15 +159,4 @@ def _fitted(
             f"{family} does not fit the measurements: of samples of the fitted law, a share of "
             f"{fitted.p_value:.2g} lies as far from it (p value)"
         )
-    return RandomInput(variable, distribution, unit, description, attributes)
-
-
-def _measurement_attributes(
-    family: str, values: FloatArray, source: str
-) -> dict[str, str | int | float]:
-    return {
-        "fit_family": family,
-        "fit_measurements": len(values),
-        "fit_source": source,
-        "fit_sha256": hashlib.sha256(values.astype("<f8").tobytes()).hexdigest(),
-    }
+    return attributes

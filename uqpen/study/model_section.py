@@ -21,8 +21,7 @@ from uqpen.study.variables_section import read_variables
 
 __all__ = ["EXTERNAL_MODELS", "read_limits", "read_model", "read_partial_model"]
 
-# The keys that name a model from outside, and who reads its table: called with the table, the
-# folder of the study, and whether what it names may be executed or asked.
+# The keys that name a model from outside, and the readers of its table.
 EXTERNAL_MODELS = {
     "python": "uqpen.study.model_section:read_function",
     "command": "uqpen.study.command_section:read_command",
@@ -37,10 +36,10 @@ _MODEL_KEYS = {
 }
 
 
-def read_model(table: TableReader, folder: Path, *, trust: bool) -> Model | None:
+def read_model(table: TableReader) -> Model | None:
     """Read the model of a study; None where a mistake was noted.
 
-    Without `trust`, none of its code is executed and no server gets requests; it cannot be run.
+    Without trust, none of its code is executed and no server gets requests; it cannot be run.
     """
     ways = [key for key in _MODEL_KEYS if key in table]
     if len(ways) != 1:
@@ -54,7 +53,7 @@ def read_model(table: TableReader, folder: Path, *, trust: bool) -> Model | None
             return None  # whose settings nobody knows
         model = table.settings(built_in)
     else:
-        model = resolve(EXTERNAL_MODELS[ways[0]])(table, folder, trust=trust)
+        model = resolve(EXTERNAL_MODELS[ways[0]])(table)
     table.check_unknown_keys()
     return model
 
@@ -86,11 +85,11 @@ class _FunctionSettings:
     vectorized: bool = flag(default=False)
 
 
-def read_function(table: TableReader, folder: Path, *, trust: bool) -> Model | None:
+def read_function(table: TableReader) -> Model | None:
     """Read a Python function as a model; None where a mistake was noted."""
     noted = len(table.problems)
     settings = table.settings(_FunctionSettings)
-    limits = read_limits(table, trust=trust)
+    limits = read_limits(table)
     if settings and settings.vectorized and limits:
         limit = "time_limit" if limits.seconds is not None else "memory_limit"
         table.add_problem(limit, "a limit of one run", "vectorized = false, so that runs are apart")
@@ -98,9 +97,9 @@ def read_function(table: TableReader, folder: Path, *, trust: bool) -> Model | N
     if settings is None or len(table.problems) > noted:
         return None
     reference = settings.python
-    load = load_function if trust else _unloaded_function
+    load = load_function if table.trust else _unloaded_function
     try:
-        function, surroundings = load(reference, folder)
+        function, surroundings = load(reference, table.folder)
         check_signature(function, [variable.name for variable in inputs])
     except ModelError as error:
         expected = "a function that can be called with the model's inputs"
@@ -111,9 +110,9 @@ def read_function(table: TableReader, folder: Path, *, trust: bool) -> Model | N
     )
 
 
-def read_limits(table: TableReader, *, trust: bool) -> Limits:
-    """Read the limits of one run; without `trust`, also one that this system cannot keep."""
-    if "memory_limit" in table and trust and not CAN_LIMIT:
+def read_limits(table: TableReader) -> Limits:
+    """Read the limits of one run; without trust, also one that this system cannot keep."""
+    if "memory_limit" in table and table.trust and not CAN_LIMIT:
         expected = "no limit on memory: this system cannot keep one"
         table.add_wrong("memory_limit", table.content["memory_limit"], expected)
     return table.settings(Limits) or Limits()

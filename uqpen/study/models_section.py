@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from uqpen.core.model import Model
@@ -16,9 +14,7 @@ from uqpen.study.table_reader import TableReader, check_names, named_tables
 __all__ = ["check_variants", "read_models"]
 
 
-def read_models(
-    root: TableReader, folder: Path, *, trust: bool
-) -> tuple[dict[str, Variant], Model]:
+def read_models(root: TableReader) -> tuple[dict[str, Variant], Model]:
     """The models of a study, by name, and the first of them.
 
     The inputs and outputs of the first are the study's: what goes in and comes out of the others
@@ -30,10 +26,10 @@ def read_models(
         root.add_problem("models", "[model] and [models]", "one of them")
         return {}, mentioned
     if several.is_given:
-        return _read_several(several, folder, mentioned, trust=trust)
+        return _read_several(several, mentioned)
     if "model" not in root and "models" not in root:
         root.add_missing("model", "a [model] table, or [models.<name>] for several")
-    model = read_model(table, folder, trust=trust) if table.is_given else None
+    model = read_model(table) if table.is_given else None
     if model is None:
         return {}, read_partial_model(table, mentioned)
     return {ONLY_MODEL: Variant(model, {})}, model
@@ -48,16 +44,14 @@ def check_variants(root: TableReader, variants: dict[str, Variant], random: set[
             root.add_problem(("models", name, "with", given), found, expected)
 
 
-def _read_several(
-    table: TableReader, folder: Path, mentioned: PartialModel, *, trust: bool
-) -> tuple[dict[str, Variant], Model]:
+def _read_several(table: TableReader, mentioned: PartialModel) -> tuple[dict[str, Variant], Model]:
     found: dict[str, Variant] = {}
     first: Model | None = None
     if not table.content:
         table.add_problem((), "an empty table", "a [models.<name>]")
     for name, section in named_tables(table):
         replaced = section.table("with")
-        model = read_model(section, folder, trust=trust)
+        model = read_model(section)
         known = model or read_partial_model(section, mentioned)
         if name == next(iter(table)):
             first = known

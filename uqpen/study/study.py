@@ -46,10 +46,8 @@ class Study:
 
     Parameters
     ----------
-    name : str
-        The study file's name without its suffix.
-    title : str
-        Title to show.
+    name, title : str
+        The study file's name without its suffix; the title to show.
     seed : int
         Seed of all random numbers.
     models : mapping of str to Variant

@@ -15,6 +15,12 @@ from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["check_surrogates", "read_surrogates"]
 
+_POINTS = {
+    Sampling.QUADRATURE: "the nodes of an integration rule",
+    Sampling.TRAJECTORIES: "trajectories",
+    Sampling.ONE_AT_A_TIME: "steps from the nominal point",
+}
+
 
 def read_surrogates(table: TableReader, designs: Collection[str]) -> dict[str, Surrogate]:
     """Read the surrogates of a study; invalid ones are noted and left out.
@@ -38,9 +44,13 @@ def check_surrogates(
     joint: JointDistribution | None,
 ) -> None:
     """Note surrogates that do not fit the designs, the outputs or the inputs, if known."""
+    numeric = [output.name for output in model.outputs if not output.categories]
     for name, surrogate in surrogates.items():
-        _check_design(table, name, surrogate, designs)
-        _check_transform(table, name, surrogate, model)
+        _check_designs(table, name, surrogate, designs)
+        for output in surrogate.transform:
+            if output not in numeric:
+                expected = f"an output of {model.name} that has numbers; {choices(output, numeric)}"
+                table.add_problem((name, "transform", output), "no such output", expected)
         if joint is not None and not joint.random:
             table.add_problem(name, "a surrogate over inputs that are all fixed", "a random input")
 
@@ -59,39 +69,22 @@ def _surrogate(section: TableReader, designs: Collection[str]) -> Surrogate | No
     return surrogate
 
 
-def _check_design(
+def _check_designs(
     table: TableReader, name: str, surrogate: Surrogate, designs: Mapping[str, Design]
 ) -> None:
-    """Note a design whose points are of no use, as far as it was understood itself."""
-    trained, checked = designs.get(surrogate.design), designs.get(surrogate.check or "")
-    if trained is not None:
-        found = f'"{surrogate.design}", which makes {_design_description(trained)}'
-        is_rule = trained.sampling is Sampling.QUADRATURE
-        if surrogate.needs_quadrature and not is_rule:
-            table.add_problem(
-                (name, "design"), found, "a design of kind quadrature, for a projection"
-            )
-        elif not (is_rule or trained.sampling.is_sample):
-            table.add_problem((name, "design"), found, "a design that samples, or a quadrature")
-    if checked is not None and not checked.sampling.is_sample:
-        found = f'"{surrogate.check}", which makes {_design_description(checked)}'
-        table.add_problem((name, "check"), found, "a design that samples")
-
-
-def _design_description(design: Design) -> str:
-    """Describe the points of a design in words."""
-    words = {
-        Sampling.QUADRATURE: "the nodes of an integration rule",
-        Sampling.TRAJECTORIES: "trajectories",
-        Sampling.ONE_AT_A_TIME: "steps from the nominal point",
-    }
-    return words.get(design.sampling, "a sample")
-
-
-def _check_transform(table: TableReader, name: str, surrogate: Surrogate, model: Model) -> None:
-    """Note transformations of what is no output, or has no numbers."""
-    numeric = [output.name for output in model.outputs if not output.categories]
-    for output in surrogate.transform:
-        if output not in numeric:
-            expected = f"an output of {model.name} that has numbers; {choices(output, numeric)}"
-            table.add_problem((name, "transform", output), "no such output", expected)
+    """Note designs whose points are of no use, as far as they were understood."""
+    for key, label in (("design", surrogate.design), ("check", surrogate.check or "")):
+        if label not in designs:
+            continue
+        sampling = designs[label].sampling
+        is_rule = sampling is Sampling.QUADRATURE
+        if key == "check":
+            is_useful, expected = sampling.is_sample, "a design that samples"
+        elif surrogate.needs_quadrature:
+            is_useful, expected = is_rule, "a design of kind quadrature, for a projection"
+        else:
+            is_useful = is_rule or sampling.is_sample
+            expected = "a design that samples, or a quadrature"
+        if not is_useful:
+            found = f'"{label}", which makes {_POINTS.get(sampling, "a sample")}'
+            table.add_problem((name, key), found, expected)

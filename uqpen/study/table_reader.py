@@ -20,33 +20,35 @@ __all__ = ["TableReader", "check_names", "family_member", "named_tables"]
 
 T = TypeVar("T")
 
-_PLAIN = Context()
-
 
 @dataclasses.dataclass(eq=False)
 class TableReader:
-    """A table of a study while it is read.
-
-    Its reader takes the keys that it knows; the others are unknown.
+    """A table of a study while it is read; keys that nobody takes are unknown.
 
     Parameters
     ----------
     document : Document
         The study that it stands in.
-    problems : list of Problem
-        Where mistakes are noted.
-    path : tuple
-        Keys that lead to it.
+    folder : Path
+        What the paths of files are relative to.
+    trust : bool
+        True if code that it names may be executed, and servers may get requests.
     content : dict
         Its keys and values.
+    path : tuple
+        Keys that lead to it.
+    problems : list of Problem
+        The mistakes in the study.
     is_given : bool
         False for a table that the study does not have; it is empty.
     """
 
     document: Document
-    problems: list[Problem]
-    path: tuple[str | int, ...]
+    folder: Path
+    trust: bool
     content: dict[str, Any]
+    path: tuple[str | int, ...] = ()
+    problems: list[Problem] = dataclasses.field(default_factory=list)
     is_given: bool = True
     _known: dict[str, None] = dataclasses.field(default_factory=dict)  # a set that keeps its order
 
@@ -123,8 +125,10 @@ class TableReader:
 
     def inside(self, content: dict[str, Any] | None, *keys: str | int) -> TableReader:
         """Return the reader of a table inside, or of one that is not there."""
-        path = (*self.path, *keys)
-        return TableReader(self.document, self.problems, path, content or {}, content is not None)
+        path, is_given = (*self.path, *keys), content is not None
+        return dataclasses.replace(
+            self, content=content or {}, path=path, is_given=is_given, _known={}
+        )
 
     def quantity(self, key: str, like: str) -> float | None:
         """Read a quantity in SI units; None where it is missing or wrong."""
@@ -136,12 +140,7 @@ class TableReader:
         return None
 
     def settings(
-        self,
-        cls: type[T],
-        *,
-        like: str = "",
-        folder: Path = Path(),
-        given: Mapping[str, Any] | None = None,
+        self, cls: type[T], *, like: str = "", given: Mapping[str, Any] | None = None
     ) -> T | None:
         """Make an instance of a dataclass, its settings read from their keys.
 
@@ -151,8 +150,6 @@ class TableReader:
             A dataclass with declared settings.
         like : str
             A unit of the dimension of its quantities; of `ANY_DIMENSION`, they need only agree.
-        folder : Path
-            What the paths of files are relative to.
         given : mapping of str to object, optional
             Values of fields that the table does not have.
 
@@ -161,32 +158,32 @@ class TableReader:
         object or None
             None where a mistake was noted.
         """
-        values = self.setting_values(cls, Context(like, folder), given or {})
+        values = self.setting_values(cls, like, given)
         try:
             return None if values is None else cls(**values)
         except SettingsError as error:
             self.add_refused(error.problems)
         return None
 
-    def whole_settings(self, cls: type[T], *, like: str = "", folder: Path = Path()) -> T | None:
+    def whole_settings(self, cls: type[T], like: str = "") -> T | None:
         """Make an instance as `settings` does; the table has no other keys."""
-        made = self.settings(cls, like=like, folder=folder)
+        made = self.settings(cls, like=like)
         self.check_unknown_keys()
         return made
 
     def setting_values(
-        self, cls: type, context: Context = _PLAIN, given: Mapping[str, Any] | None = None
+        self, cls: type, like: str = "", given: Mapping[str, Any] | None = None
     ) -> dict[str, Any] | None:
         """Return the fields of a dataclass that are given or read; see `settings`."""
         values, problems = dict(given or {}), list[Problem]()
-        is_agreed = context.like is not ANY_DIMENSION or self._has_one_dimension(cls)
+        context = Context(like, self.folder)
+        is_agreed = like is not ANY_DIMENSION or self._has_one_dimension(cls)
         for field, setting in declared_settings(cls):
             key = setting.key or field.name
             written = self.take(key)
             if written is None:
                 if field.name not in values and _is_required(field):
-                    expected = setting.expected
-                    expected = describe(context.like) if setting.has_dimension else expected
+                    expected = describe(like) if setting.has_dimension else setting.expected
                     problems.append(Problem((key,), "nothing", expected))
                 continue
             try:

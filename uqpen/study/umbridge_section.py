@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
@@ -67,10 +66,10 @@ class _ServerSettings:
     config: str = setting("config", "a table", lambda value: True, read=_read_config, default="{}")
 
 
-def read_umbridge(table: TableReader, folder: Path, *, trust: bool) -> Model | None:
+def read_umbridge(table: TableReader) -> Model | None:
     """Read a model on a server; None where a mistake was noted.
 
-    Without `trust`, the server gets no requests.
+    Without trust, the server gets no requests.
     """
     noted = len(table.problems)
     wanted = table.settings(_ServerSettings)
@@ -78,7 +77,7 @@ def read_umbridge(table: TableReader, folder: Path, *, trust: bool) -> Model | N
     if wanted is None or len(table.problems) > noted:
         return None
     name, sizes = wanted.name or "its only model", None
-    if trust:
+    if table.trust:
         try:
             with UmbridgeClient(wanted.address, _PATIENCE) as server:
                 name = _request_name(server, wanted.name)

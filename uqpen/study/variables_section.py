@@ -28,15 +28,15 @@ def read_variables(table: TableReader) -> Variables:
     Mistakes are noted; a variable with one is of any dimension.
     """
     units: dict[str, str] = {}
-    inputs = tuple(
-        Input(name, si_unit(unit), display_unit=unit)
-        for name, unit in _variables(table, "inputs", units)
+    inputs, outputs = (
+        [(name, si_unit(unit), unit) for name, unit in _variables(table, key, units)]
+        for key in ("inputs", "outputs")
     )
-    outputs = tuple(
-        Output(name, si_unit(unit), display_unit=unit)
-        for name, unit in _variables(table, "outputs", units)
+    return Variables(
+        tuple(Input(name, si, display_unit=unit) for name, si, unit in inputs),
+        tuple(Output(name, si, display_unit=unit) for name, si, unit in outputs),
+        units,
     )
-    return Variables(inputs, outputs, units)
 
 
 def _variables(table: TableReader, key: str, units: dict[str, str]) -> Iterator[tuple[str, str]]:
