@@ -86,7 +86,7 @@ class _ProgramFiles:
 
     def check(self, inputs: list[str], words: tuple[str, ...], named: set[str]) -> None:
         """Note placeholders without an input, and inputs without a placeholder."""
-        for taken in set(inputs).intersection(_PATHS):
+        for taken in filter(_PATHS.__contains__, inputs):
             expected = "another name: {inputs} and {outputs} are files"
             self.table.add_wrong(("inputs", taken), taken, expected)
         for position, word in enumerate(words):
