@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -26,7 +27,7 @@ def figure(
     names: tuple[str, ...],
     file: Path | None,
     is_list: bool,
-    **selection: str | None,
+    **selection: Any,
 ) -> None:
     """Draw the figure NAME of ARCHIVE, or several on a page; nothing is run.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -34,7 +35,7 @@ def rerun(
     trust: bool,
     folder: Path | None,
     executor: ExecutorOptions,
-    **resume: bool,
+    **resume: Any,
 ) -> ExitCode:
     """Run the study whose text ARCHIVE holds, and write an archive of its own.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -30,7 +30,7 @@ def study(
     archive: Path | None,
     is_reported: bool,
     executor: ExecutorOptions,
-    **resume: bool,
+    **resume: Any,
 ) -> ExitCode:
     """Make the runs of the study FILE, analyse them, and write everything into one archive.
 
@@ -62,7 +62,7 @@ def make_and_show(
     archive: Path,
     executor: ExecutorOptions,
     show: Callable[[xr.DataTree], None] = lambda tree: None,
-    **resume: bool,
+    **resume: Any,
 ) -> ExitCode:
     """Make `archive` in the folder `here` where the user stands, `show` it, and report the outcome.
 

@@ -65,10 +65,10 @@ class QuantityOfInterest:
         The model output.
     display_unit : str
         The unit to show it in.
-    quantiles : tuple of float
-        Probabilities strictly between 0 and 1, ascending.
     thresholds : tuple of Threshold
         Values whose probability of exceedance is requested.
+    quantiles : tuple of float
+        Probabilities strictly between 0 and 1, ascending.
     tolerance_contents : tuple of float
         Contents of the upper tolerance limits: probabilities of lying at or below the limit.
     """
@@ -77,7 +77,6 @@ class QuantityOfInterest:
     display_unit: str = setting(
         "unit", "a unit", lambda unit: isinstance(unit, str), read=_read_unit, key="unit"
     )
-    quantiles: tuple[float, ...] = probabilities(always=DEFAULT_QUANTILES)
     thresholds: tuple[Threshold, ...] = setting(
         "thresholds",
         "thresholds",
@@ -86,6 +85,7 @@ class QuantityOfInterest:
         default=(),
         key="exceeds",
     )
+    quantiles: tuple[float, ...] = probabilities(always=DEFAULT_QUANTILES)
     tolerance_contents: tuple[float, ...] = probabilities(key="hold")
 
     def __post_init__(self) -> None:

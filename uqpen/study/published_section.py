@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 
 from uqpen.core.labels import LARGEST_CONTRIBUTION
 from uqpen.core.lookup import choices
@@ -25,12 +26,11 @@ def read_published(
         if name in taken:
             section.add_wrong((), name, "a name that no design or surrogate has")
             continue
+        publication = section.settings(Publication)
         estimates = [_read_estimates(section, output, model) for output in model.outputs]
-        given = {"estimates": tuple(each for each in estimates if each is not None)}
-        publication = section.settings(Publication, given=given)
         section.check_unknown_keys("output")
         if publication is not None:
-            found[name] = publication
+            found[name] = replace(publication, estimates=tuple(filter(None, estimates)))
     return found
 
 
