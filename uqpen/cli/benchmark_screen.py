@@ -26,7 +26,7 @@ _BETWEEN_LINES = 10.0
 
 
 def show_benchmark(tree: xr.DataTree) -> None:
-    """A title, what was run, and a table with its verdicts for each statistic."""
+    """Show the title, the methods, and a table with its verdicts for each statistic."""
     console = standard_output()
     title = f"{tree.attrs['title']}: methods head to head"
     console.print(Text(printable(title), style="bold"))
@@ -41,7 +41,7 @@ def show_benchmark(tree: xr.DataTree) -> None:
 
 
 def _show_text(console: Console, text: str) -> None:
-    """A text in lines that keep the groups of a number's digits together."""
+    """Show a text in lines that keep the groups of a number's digits together."""
     for line in textwrap.wrap(printable(text), console.width - 1, break_long_words=False):
         console.print(Text(f" {line}", style="dim"), soft_wrap=True)
 

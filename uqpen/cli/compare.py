@@ -82,7 +82,7 @@ def compare(
 
 
 def _parse_budgets(text: str) -> tuple[int, ...]:
-    """The budgets of an option such as ``100,1_000``."""
+    """Parse the budgets of an option such as ``100,1_000``."""
     from uqpen.core.errors import Problem, SettingsError, toml_text
 
     try:

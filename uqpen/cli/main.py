@@ -1,4 +1,4 @@
-"""The entry point: finds a command, and turns what it raises into an exit code."""
+"""Entry point: from arguments to a command, from its errors to an exit code."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def _run(arguments: list[str]) -> int:
-    """The exit code of a command, after telling what went wrong."""
+    """Run a command, report its error, and return its exit code."""
     try:
         Path.cwd()
     except OSError:

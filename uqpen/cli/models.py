@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import TYPE_CHECKING
 
 import click
@@ -29,8 +30,6 @@ def models(name: str | None) -> None:
 
 def _paragraphs(model: type[Model]) -> list[str]:
     """Return a model's documentation before its first section, a line for each paragraph."""
-    import inspect
-
     text = inspect.cleandoc(model.__doc__ or "").partition("\nParameters\n")[0]
     text = text.partition("\nReferences\n")[0]
     return [" ".join(paragraph.split()) for paragraph in text.strip().split("\n\n")]

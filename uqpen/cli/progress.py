@@ -105,9 +105,8 @@ class _Bar(_Announced):
 
     def start_design(self, name: str, runs: int) -> None:
         super().start_design(name, runs)
-        self._bar.remove_task(self._task)
-        self._task = self._bar.add_task(_shorten(name), total=runs)
         self._failed = 0
+        self._begin(_shorten(name), runs)
 
     def count_restored(self, runs: int) -> None:
         super().count_restored(runs)
@@ -115,16 +114,17 @@ class _Bar(_Announced):
 
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         self._failed += failed
-        texts = [_shorten(self._design)]
-        if self._failed:
-            texts.append(f"{grouped_number(self._failed)} lost")
-        if in_progress:
-            texts.append(f"{grouped_number(in_progress)} under way")
-        self._bar.update(self._task, advance=runs, description=", ".join(texts))
+        counts = {"lost": self._failed, "under way": in_progress}
+        texts = [f"{grouped_number(count)} {what}" for what, count in counts.items() if count]
+        description = ", ".join([_shorten(self._design), *texts])
+        self._bar.update(self._task, advance=runs, description=description)
 
     def start_analysis(self) -> None:
+        self._begin("analysing", None)
+
+    def _begin(self, description: str, total: int | None) -> None:
         self._bar.remove_task(self._task)
-        self._task = self._bar.add_task("analysing", total=None)
+        self._task = self._bar.add_task(description, total=total)
 
 
 def _shorten(name: str) -> str:

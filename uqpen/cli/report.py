@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import click
 
 from uqpen.cli.options import PATH
+from uqpen.cli.printable import printable
 
 __all__ = ["announce_report", "report", "write_and_announce"]
 
@@ -32,21 +34,12 @@ def write_and_announce(archive: Path, here: Path, file: Path | None = None) -> N
     from uqpen.archive.read import open_archive
     from uqpen.report.page import write_report
 
-    tree = open_archive(here / archive)
     stem = archive.stem if archive.suffix == ".nc" else archive.name
     path = file or archive.with_name(f"{stem}.html")
-    write_report(tree, here / path)
-    _print(str(path))
+    write_report(open_archive(here / archive), here / path)
+    click.echo(f"report: {printable(str(path))}")
 
 
 def announce_report(archive: Path) -> None:
-    """Say how the page of an archive is written."""
-    import shlex
-
-    _print(shlex.join(["uqpen", "report", str(archive)]))
-
-
-def _print(what: str) -> None:
-    from uqpen.cli.printable import printable
-
-    click.echo(f"report: {printable(what)}")
+    """Show the command that writes the page of an archive."""
+    click.echo(f"report: {printable(shlex.join(['uqpen', 'report', str(archive)]))}")

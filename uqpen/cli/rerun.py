@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -43,8 +44,6 @@ def rerun(
 
     Leaves with 3 if a design lost all of its runs.
     """
-    import shlex
-
     from uqpen.archive.read import open_archive
     from uqpen.cli.screen import show_line
     from uqpen.cli.study import make_and_show

@@ -1,4 +1,4 @@
-"""What a person sees: tables on standard output, progress on standard error."""
+"""Tables on standard output."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
 
 
 def show_table(console: Console, table: OutputTable) -> None:
-    """A table under its title, in as many parts as the screen needs, with its notes below."""
+    """Show a table under its title, in as many parts as the screen needs, with its notes."""
     console.print()
     console.print(Text(printable(table.title), style="bold"))
     for part, width in _table_parts(table, console.width):
@@ -97,7 +97,7 @@ def _show_failures(console: Console, tree: xr.DataTree) -> None:
 
 
 def plain_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
-    """A table of texts, the first column being what the others are of."""
+    """Make a table of texts; the first column names the rows."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), show_edge=False, pad_edge=False)
     for position, name in enumerate(header):
         table.add_column(Text(printable(name)), no_wrap=position == 0)
@@ -117,7 +117,7 @@ def show_plain_tables(
 
 
 def _table_parts(table: OutputTable, width: int) -> Iterator[tuple[Table, int]]:
-    """The table's columns, as many at a time as fit, each with the width that it takes."""
+    """Yield the columns of a table, as many at a time as fit, with their width."""
     longest = max(len(label) for label, _ in table.rows)
     widths = [
         max(*map(len, name.split("\n")), *(len(cells[column]) for _, cells in table.rows)) + _GAP

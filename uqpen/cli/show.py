@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import click
@@ -24,8 +25,6 @@ def show(archive: Path, as_text: bool, everything: bool) -> None:
     tree = open_archive(archive)
     is_comparison = tree.attrs.get(KIND) == BENCHMARK
     if as_text:
-        import json
-
         function = "benchmark_json:benchmark_json" if is_comparison else "json:archive_json"
         as_json = resolve(f"uqpen.results.{function}")
         click.echo(json.dumps(as_json(tree), indent=2, ensure_ascii=False, allow_nan=False))

@@ -10,8 +10,7 @@ from uqpen.core.settings import quantity, setting, validate
 
 __all__ = ["Limits", "time_limit"]
 
-_MEMORY = 'a size such as "2 GB" or "512 MiB", at least 1 MB'
-_LEAST, _MOST = 1e6, 1e15
+_LEAST, _MOST = 1e6, 1e15  # bytes
 
 _SIZE = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*([kMGT]i?|)B\s*\Z")
 _PREFIXES = {"": 1} | {
@@ -48,7 +47,7 @@ class Limits:
     seconds: float | None = time_limit()
     bytes: int | None = setting(
         "size",
-        _MEMORY,
+        'a size such as "2 GB" or "512 MiB", at least 1 MB',
         lambda size: _LEAST <= size <= _MOST,
         read=_read_size,
         default=None,

@@ -51,15 +51,7 @@ _MOST = 100_000_000
 
 
 class Context(NamedTuple):
-    """Surroundings of a value in a study file.
-
-    Attributes
-    ----------
-    like : str
-        A unit of the dimension that its quantities have.
-    folder : Path
-        What the paths of files are relative to.
-    """
+    """Unit like that of the quantities in a table, and the folder of the files that it names."""
 
     like: str = ""
     folder: Path = Path()

@@ -29,24 +29,14 @@ _MOST_LISTED = 50
 
 @dataclass(frozen=True)
 class Document:
-    """Text of a study file and its content as TOML.
-
-    Parameters
-    ----------
-    label : str
-        The file's name as the user gave it, for messages.
-    text : str
-        Verbatim.
-    content : dict
-        The TOML document.
-    """
+    """Text and content of a study; `label` is the name of its file in messages."""
 
     label: str
     text: str
     content: dict[str, Any]
 
     def value_text(self, path: Sequence[str | int]) -> str | None:
-        """The value at a path as its author wrote it, near enough; None where there is none."""
+        """Return the value at a path about as its author wrote it; None where there is none."""
         value = _descend(self.content, path)
         return None if value is _ABSENT else toml_text(value)
 
@@ -71,7 +61,7 @@ class Document:
 
     @cached_property
     def _lines(self) -> list[str]:
-        """The lines as TOML counts them: other line ends than these are text to it."""
+        """Lines as TOML counts them: other line ends than these are text to it."""
         return [f"{line}\n" for line in self.text.split("\n")]
 
     @cached_property

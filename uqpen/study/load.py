@@ -73,17 +73,9 @@ def parse_study(
     return _read_study(document, name, Path(folder).absolute(), trust=trust)
 
 
-# The tables of a study beside its models, with what is expected of those that it must have.
-_TABLES = {
-    "inputs": "an [inputs] table",
-    "designs": "at least one [designs.<name>]",
-    "dependence": "",
-    "constraints": "",
-    "outputs": "",
-    "surrogates": "",
-    "published": "",
-    "failures": "",
-}
+# What is expected of the tables that a study must have beside its models; the other tables.
+_REQUIRED = {"inputs": "an [inputs] table", "designs": "at least one [designs.<name>]"}
+_OPTIONAL = ("dependence", "constraints", "outputs", "surrogates", "published", "failures")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +97,7 @@ def _read_study(document: Document, name: str, folder: Path, *, trust: bool) -> 
     models, model = read_models(root)
     are_models_whole = len(root.problems) == noted
     analyses = read_analyses(root)
-    tables = {key: root.table(key, expected) for key, expected in _TABLES.items()}
+    tables = {key: root.table(key, _REQUIRED.get(key, "")) for key in (*_REQUIRED, *_OPTIONAL)}
     root.check_unknown_keys()
     failures = tables["failures"].whole_settings(FailurePolicy) or FailurePolicy()
     designs = read_designs(tables["designs"])
@@ -153,10 +145,7 @@ def _read_study(document: Document, name: str, folder: Path, *, trust: bool) -> 
 
 
 def _note_missing(
-    table: TableReader,
-    first: Model,
-    models: Mapping[str, Variant],
-    given_by_tables: set[str],
+    table: TableReader, first: Model, models: Mapping[str, Variant], given_by_tables: set[str]
 ) -> set[str]:
     """Note inputs that nothing gives: neither the study nor a column of every table."""
     known = {variable.name for variable in first.inputs}

@@ -15,7 +15,7 @@ __all__ = ["check_variants", "read_models"]
 
 
 def read_models(root: TableReader) -> tuple[dict[str, Variant], Model]:
-    """The models of a study, by name, and the first of them.
+    """Read the models of a study, by name, and the first of them.
 
     The inputs and outputs of the first are the study's: what goes in and comes out of the others
     is among them. A model with a mistake is left out; the first is then a `PartialModel`.
@@ -64,7 +64,7 @@ def _read_several(table: TableReader, mentioned: PartialModel) -> tuple[dict[str
 
 
 def _read_given_inputs(table: TableReader, model: Model) -> dict[str, float]:
-    """Inputs that a model takes in place of the study's, in SI units."""
+    """Read inputs that replace the study's for a model, in SI units."""
     known = {variable.name: variable for variable in model.inputs}
     found = {}
     for name in check_names(table, known, "input", model):

@@ -20,7 +20,7 @@ from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["ONLY_MODEL", "Study", "Variant"]
 
-# What the model of a study with a single ``[model]`` is called.
+# Name of the model of a study with a single ``[model]``.
 ONLY_MODEL = ""
 
 
