@@ -1,20 +1,20 @@
-"""A comparison of methods as a person sees it, and how far it is."""
+"""A benchmark of methods on a screen, and its progress."""
 
 from __future__ import annotations
 
 import textwrap
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 
 import xarray as xr
 from rich.console import Console
-from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
+from rich.progress import TimeRemainingColumn
 from rich.text import Text
 
 from uqpen.benchmark.compare import BenchmarkProgress
 from uqpen.cli.printable import printable
+from uqpen.cli.progress import bar_or_lines
 from uqpen.cli.screen import show_table, standard_output
 from uqpen.results.benchmark_tables import LEGEND, entry_comparisons, methods_table, standings_table
 from uqpen.results.digits import grouped_number
@@ -26,7 +26,7 @@ _BETWEEN_LINES = 10.0
 
 
 def show_benchmark(tree: xr.DataTree) -> None:
-    """A title, what was run, and a table with its verdicts for each statistic."""
+    """Show the title, the methods, and a table with its verdicts for each statistic."""
     console = standard_output()
     title = f"{tree.attrs['title']}: methods head to head"
     console.print(Text(printable(title), style="bold"))
@@ -41,25 +41,18 @@ def show_benchmark(tree: xr.DataTree) -> None:
 
 
 def _show_text(console: Console, text: str) -> None:
-    """A text in lines that keep the groups of a number's digits together."""
+    """Show a text in lines that keep the groups of a number's digits together."""
     for line in textwrap.wrap(printable(text), console.width - 1, break_long_words=False):
         console.print(Text(f" {line}", style="dim"), soft_wrap=True)
 
 
-@contextmanager
-def show_progress() -> Iterator[BenchmarkProgress]:
-    """A bar with the time remaining on a terminal, lines elsewhere."""
-    console = Console(stderr=True, highlight=False)
-    if not console.is_terminal:
-        yield _Lines(console)
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with Bar(*columns, console=console, transient=True) as bar:
-        yield _Bar(bar)
+def show_progress() -> AbstractContextManager[BenchmarkProgress]:
+    """Show a bar with the time remaining on a terminal, lines elsewhere."""
+    return bar_or_lines(_Bar, _Lines, TimeRemainingColumn())
 
 
 class _Announced(BenchmarkProgress):
-    """Says before it starts what is to be done."""
+    """Announces the runs and their duration."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -106,7 +99,7 @@ class _Bar(_Announced):
 
 
 class _Lines(_Announced):
-    """A line now and then that says how much is left."""
+    """A line now and then with the time remaining."""
 
     def __init__(self, console: Console) -> None:
         super().__init__(console)
@@ -125,7 +118,7 @@ class _Lines(_Announced):
 
 
 def _duration(seconds: float) -> str:
-    """A time as people say it.
+    """Format a duration in words.
 
     >>> _duration(0.2), _duration(75), _duration(7000)
     ('1 s', '75 s', '117 min')

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import click
 
-from uqpen.cli.executor_options import ExecutorOptions, executor_option
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option
 
 __all__ = ["compare"]
 
 
 @click.command(short_help="Try a study's methods at equal budgets.")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=PATH)
 @click.option(
     "--budget",
     "budgets",
@@ -28,13 +28,7 @@ __all__ = ["compare"]
     help="Runs of the reference that errors are held to.  "
     "[default: 16 times the largest budget; at least 1 048 576 of a vectorized model]",
 )
-@click.option(
-    "-o",
-    "--output",
-    "archive",
-    type=click.Path(path_type=Path),
-    help="The archive to write.  [default: archives/<study>_compare.nc]",
-)
+@output_option("archive", "archives/<study>_compare.nc")
 @executor_option
 def compare(
     file: Path,
@@ -56,7 +50,7 @@ def compare(
     from uqpen.benchmark.settings import BUDGETS, REPEATS, BenchmarkSettings
     from uqpen.cli.benchmark_screen import show_benchmark, show_progress
     from uqpen.cli.report import announce_report
-    from uqpen.cli.screen import standard_output
+    from uqpen.cli.screen import show_line
     from uqpen.results.benchmark_tables import has_reference
     from uqpen.study.load import load_study
 
@@ -79,7 +73,7 @@ def compare(
         click.echo("interrupted: nothing was written", err=True)
         return ExitCode.INTERRUPTED
     show_benchmark(tree)
-    standard_output().print(f"archive: {archive}", soft_wrap=True, markup=False, highlight=False)
+    show_line(f"archive: {archive}")
     announce_report(archive)
     if not has_reference(tree):
         click.echo("the reference lost all of its runs", err=True)
@@ -88,7 +82,7 @@ def compare(
 
 
 def _parse_budgets(text: str) -> tuple[int, ...]:
-    """The budgets of an option such as ``100,1_000``."""
+    """Parse the budgets of an option such as ``100,1_000``."""
     from uqpen.core.errors import Problem, SettingsError, toml_text
 
     try:

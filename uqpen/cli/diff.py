@@ -7,13 +7,14 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.options import PATH
 
 __all__ = ["diff"]
 
 
 @click.command(short_help="Explain how two archives differ.")
-@click.argument("first", type=click.Path(path_type=Path))
-@click.argument("second", type=click.Path(path_type=Path))
+@click.argument("first", type=PATH)
+@click.argument("second", type=PATH)
 def diff(first: Path, second: Path) -> ExitCode:
     """Say how the archives FIRST and SECOND differ: studies, points, outputs, statistics.
 

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
+
+from uqpen.cli.options import PATH
 
 __all__ = ["figure"]
 
 
 @click.command(short_help="Draw a figure of what an archive holds.")
-@click.argument("archive", type=click.Path(path_type=Path))
+@click.argument("archive", type=PATH)
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 @click.option(
-    "-o",
-    "file",
-    type=click.Path(path_type=Path),
-    help="File that ends in .svg, .pdf or .png; without it NAME.svg.",
+    "-o", "file", type=PATH, help="File that ends in .svg, .pdf or .png; without it NAME.svg."
 )
 @click.option("--list", "is_list", is_flag=True, help="List the figures that ARCHIVE has.")
 @click.option("--output", help="Show this output alone.")
@@ -27,9 +27,7 @@ def figure(
     names: tuple[str, ...],
     file: Path | None,
     is_list: bool,
-    output: str | None,
-    source: str | None,
-    model: str | None,
+    **selection: Any,
 ) -> None:
     """Draw the figure NAME of ARCHIVE, or several on a page; nothing is run.
 
@@ -47,5 +45,5 @@ def figure(
         return
     path = file or Path(f"{names[0]}.svg")
     figure_format(path)
-    drawn(open_archive(archive), *names, output=output, source=source, model=model).save(path)
+    drawn(open_archive(archive), *names, **selection).save(path)
     click.echo(f"figure: {printable(str(path))}")

@@ -1,4 +1,4 @@
-"""The entry point: finds a command, and turns what it raises into an exit code."""
+"""Entry point: from arguments to a command, from its errors to an exit code."""
 
 from __future__ import annotations
 
@@ -17,20 +17,8 @@ from uqpen.core.lookup import resolve
 
 __all__ = ["main", "uqpen"]
 
-COMMANDS = {
-    "study": "uqpen.cli.study:study",
-    "check": "uqpen.cli.check:check",
-    "show": "uqpen.cli.show:show",
-    "report": "uqpen.cli.report:report",
-    "figure": "uqpen.cli.figure:figure",
-    "compare": "uqpen.cli.compare:compare",
-    "verify": "uqpen.cli.verify:verify",
-    "diff": "uqpen.cli.diff:diff",
-    "rerun": "uqpen.cli.rerun:rerun",
-    "models": "uqpen.cli.models:models",
-    "run": "uqpen.cli.run:run",
-    "serve": "uqpen.cli.serve:serve",
-}
+_NAMES = "study check show report figure compare verify diff rerun models run serve"
+COMMANDS = {name: f"uqpen.cli.{name}:{name}" for name in _NAMES.split()}
 
 
 class _Commands(click.Group):
@@ -73,7 +61,7 @@ def main() -> None:
 
 
 def _run(arguments: list[str]) -> int:
-    """The exit code of a command, after telling what went wrong."""
+    """Run a command, report its error, and return its exit code."""
     try:
         Path.cwd()
     except OSError:
@@ -90,9 +78,8 @@ def _run(arguments: list[str]) -> int:
         return ExitCode.MISTAKE
     except UqpenError as error:
         click.echo(printable(str(error)), err=True)
-        return (
-            ExitCode.TOO_MANY_FAILED if isinstance(error, TooManyFailedError) else ExitCode.MISTAKE
-        )
+        are_too_many = isinstance(error, TooManyFailedError)
+        return ExitCode.TOO_MANY_FAILED if are_too_many else ExitCode.MISTAKE
     except MemoryError:
         click.echo("this machine's memory does not suffice for so many runs", err=True)
         return ExitCode.MISTAKE

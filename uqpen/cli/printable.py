@@ -23,7 +23,7 @@ _SPELLED_OUT = {
 
 
 def printable(text: str) -> str:
-    """A text whose control characters are spelled out, but for the ends of lines."""
+    """Spell out the control characters of a text, but for the ends of lines."""
     return "".join(
         character
         if character.isprintable() or character in "\n\u202f"

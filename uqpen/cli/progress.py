@@ -1,13 +1,20 @@
-"""How far a study is, on standard error."""
+"""Progress of a study, on standard error."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    ProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
 from rich.progress import Progress as Bar
 from rich.text import Text
 
@@ -15,7 +22,9 @@ from uqpen.cli.printable import printable
 from uqpen.execution import Progress
 from uqpen.results.digits import grouped_number
 
-__all__ = ["show_progress"]
+__all__ = ["bar_or_lines", "show_progress"]
+
+T = TypeVar("T")
 
 # Warnings that are shown; the log beside an archive holds more.
 _MOST_WARNINGS = 5
@@ -25,29 +34,32 @@ _LONGEST_NAME = 24
 
 
 @contextmanager
-def show_progress() -> Iterator[Progress]:
-    """A bar on a terminal, a line for each design elsewhere."""
+def bar_or_lines(
+    bar: Callable[[Bar], T], lines: Callable[[Console], T], *columns: ProgressColumn
+) -> Iterator[T]:
+    """Report progress in a bar with these columns on a terminal, in lines elsewhere."""
     console = Console(stderr=True, highlight=False)
     if not console.is_terminal:
-        lines = _Lines(console)
-        yield lines
-        lines.finish()
-        lines.show_warnings()
+        yield lines(console)
         return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    with Bar(*columns, console=console, transient=True) as bar:
-        in_bars = _Bar(bar)
-        yield in_bars
-    in_bars.show_warnings()
+    with Bar(
+        TextColumn("{task.description}"), BarColumn(), *columns, console=console, transient=True
+    ) as shown:
+        yield bar(shown)
+
+
+@contextmanager
+def show_progress() -> Iterator[Progress]:
+    """Show a bar on a terminal, a line for each design elsewhere."""
+    columns = MofNCompleteColumn(), TimeRemainingColumn()
+    with bar_or_lines(_Bar, _Lines, *columns) as progress:
+        yield progress
+    progress.finish()
+    progress.show_warnings()
 
 
 class _Announced(Progress):
-    """Says what was found and what went wrong."""
+    """Shows the runs that were made before, and the warnings."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -65,8 +77,11 @@ class _Announced(Progress):
     def warn(self, text: str) -> None:
         self._warnings.add(text)
 
+    def finish(self) -> None:
+        """Show the end of the last design."""
+
     def show_warnings(self) -> None:
-        """Report the warnings; where there are many, the log has the rest."""
+        """Show the warnings; where there are many, the log has the rest."""
         for text in sorted(self._warnings)[:_MOST_WARNINGS]:
             self._print(f"warning: {text}")
         if len(self._warnings) > _MOST_WARNINGS:
@@ -90,9 +105,8 @@ class _Bar(_Announced):
 
     def start_design(self, name: str, runs: int) -> None:
         super().start_design(name, runs)
-        self._bar.remove_task(self._task)
-        self._task = self._bar.add_task(_shorten(name), total=runs)
         self._failed = 0
+        self._begin(_shorten(name), runs)
 
     def count_restored(self, runs: int) -> None:
         super().count_restored(runs)
@@ -100,20 +114,21 @@ class _Bar(_Announced):
 
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         self._failed += failed
-        texts = [_shorten(self._design)]
-        if self._failed:
-            texts.append(f"{grouped_number(self._failed)} lost")
-        if in_progress:
-            texts.append(f"{grouped_number(in_progress)} under way")
-        self._bar.update(self._task, advance=runs, description=", ".join(texts))
+        counts = {"lost": self._failed, "under way": in_progress}
+        texts = [f"{grouped_number(count)} {what}" for what, count in counts.items() if count]
+        description = ", ".join([_shorten(self._design), *texts])
+        self._bar.update(self._task, advance=runs, description=description)
 
     def start_analysis(self) -> None:
+        self._begin("analysing", None)
+
+    def _begin(self, description: str, total: int | None) -> None:
         self._bar.remove_task(self._task)
-        self._task = self._bar.add_task("analysing", total=None)
+        self._task = self._bar.add_task(description, total=total)
 
 
 def _shorten(name: str) -> str:
-    """A name, cut where it would take the line for itself.
+    """Cut a name that would take the line for itself.
 
     >>> _shorten("a_latin_hypercube_of_the_rod")
     'a_latin_hypercube_of_th…'
@@ -124,16 +139,13 @@ def _shorten(name: str) -> str:
 class _Lines(_Announced):
     """A line when a design ends."""
 
-    def __init__(self, console: Console) -> None:
-        super().__init__(console)
-        self._name = ""
-        self._done = 0
-        self._began = 0.0
+    _done = 0
+    _began = 0.0
 
     def start_design(self, name: str, runs: int) -> None:
         self.finish()
         super().start_design(name, runs)
-        self._name, self._done, self._began = name, 0, time.monotonic()
+        self._done, self._began = 0, time.monotonic()
 
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         self._done += runs
@@ -142,8 +154,7 @@ class _Lines(_Announced):
         self.finish()
 
     def finish(self) -> None:
-        """Say how long the last design took."""
-        if self._name:
+        if self._design:
             took = time.monotonic() - self._began
-            self._print(f"{self._name}: {self._done} runs in {took:.2f} s")
-            self._name = ""
+            self._print(f"{self._design}: {self._done} runs in {took:.2f} s")
+            self._design = ""

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import click
+
+from uqpen.cli.options import PATH
+from uqpen.cli.printable import printable
 
 __all__ = ["announce_report", "report", "write_and_announce"]
 
 
 @click.command(short_help="Write a page that shows what an archive holds.")
-@click.argument("archive", type=click.Path(path_type=Path))
+@click.argument("archive", type=PATH)
 @click.option(
-    "-o",
-    "file",
-    type=click.Path(path_type=Path),
-    help="The page to write.  [default: ARCHIVE with the ending .html]",
+    "-o", "file", type=PATH, help="The page to write.  [default: ARCHIVE with the ending .html]"
 )
 def report(archive: Path, file: Path | None) -> None:
     """Write one HTML page of all that ARCHIVE reports, to send to a colleague; nothing is run.
@@ -26,35 +27,19 @@ def report(archive: Path, file: Path | None) -> None:
 
 
 def write_and_announce(archive: Path, here: Path, file: Path | None = None) -> None:
-    """Write the report of an archive, and say where.
+    """Write the report of an archive, by default beside it, and show the path of the page.
 
-    Parameters
-    ----------
-    archive : Path
-        As the user calls it.
-    here : Path
-        Where the user stands.
-    file : Path, optional
-        Of the page, as the user calls it; beside the archive without it.
+    The paths are relative to the folder `here` where the user stands.
     """
     from uqpen.archive.read import open_archive
     from uqpen.report.page import write_report
 
-    tree = open_archive(here / archive)
     stem = archive.stem if archive.suffix == ".nc" else archive.name
     path = file or archive.with_name(f"{stem}.html")
-    write_report(tree, here / path)
-    _print(str(path))
+    write_report(open_archive(here / archive), here / path)
+    click.echo(f"report: {printable(str(path))}")
 
 
 def announce_report(archive: Path) -> None:
-    """Say how the page of an archive is written."""
-    import shlex
-
-    _print(shlex.join(["uqpen", "report", str(archive)]))
-
-
-def _print(what: str) -> None:
-    from uqpen.cli.printable import printable
-
-    click.echo(f"report: {printable(what)}")
+    """Show the command that writes the page of an archive."""
+    click.echo(f"report: {printable(shlex.join(['uqpen', 'report', str(archive)]))}")

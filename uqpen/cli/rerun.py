@@ -2,46 +2,41 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
+from typing import Any
 
 import click
 
-from uqpen.cli.executor_options import (
-    ExecutorOptions,
-    ResumeOptions,
-    executor_option,
-    resume_option,
-)
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.options import (
+    PATH,
+    ExecutorOptions,
+    executor_option,
+    folder_option,
+    output_option,
+    resume_options,
+    trust_option,
+)
 from uqpen.cli.printable import printable
 
 __all__ = ["rerun"]
 
 
 @click.command(short_help="Repeat the study of an archive.")
-@click.argument("archive", type=click.Path(path_type=Path))
-@click.option(
-    "-o",
-    "--output",
-    "copy",
-    type=click.Path(path_type=Path),
-    help="The archive to write.  [default: <archive>_rerun.nc beside ARCHIVE]",
-)
-@click.option("--trust", is_flag=True, help="Execute code that ARCHIVE names: models, analyses.")
-@click.option(
-    "--folder",
-    type=click.Path(exists=True, file_okay=False, path_type=Path),
-    help="Take the files that its study names from here.  [default: those that it keeps]",
-)
-@resume_option
+@click.argument("archive", type=PATH)
+@output_option("copy", "<archive>_rerun.nc beside ARCHIVE")
+@trust_option
+@folder_option()
+@resume_options
 @executor_option
 def rerun(
     archive: Path,
     copy: Path | None,
     trust: bool,
     folder: Path | None,
-    resume: ResumeOptions,
     executor: ExecutorOptions,
+    **resume: Any,
 ) -> ExitCode:
     """Run the study whose text ARCHIVE holds, and write an archive of its own.
 
@@ -49,11 +44,9 @@ def rerun(
 
     Leaves with 3 if a design lost all of its runs.
     """
-    import shlex
-
     from uqpen.archive.read import open_archive
-    from uqpen.cli.make_archive import make_and_show
-    from uqpen.cli.screen import standard_output
+    from uqpen.cli.screen import show_line
+    from uqpen.cli.study import make_and_show
     from uqpen.verification.archived_study import refuse_external_names
     from uqpen.verification.restored_study import restored_study, with_kept_folders
 
@@ -72,10 +65,7 @@ def rerun(
         if restored.has_kept_files:
             # The folder of its files is there for the moment alone.
             study = with_kept_folders(study, here / copy.with_name(f"{copy.stem}_runs"))
-        code = make_and_show(study, here, copy, resume=resume, executor=executor)
+        code = make_and_show(study, here, copy, executor, **resume)
     if code is not ExitCode.INTERRUPTED:
-        command = shlex.join(["uqpen", "diff", str(archive), str(copy)])
-        standard_output().print(
-            f"compare: {command}", soft_wrap=True, markup=False, highlight=False
-        )
+        show_line("compare: " + shlex.join(["uqpen", "diff", str(archive), str(copy)]))
     return code

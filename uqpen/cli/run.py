@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import click
 
 if TYPE_CHECKING:
-    from uqpen.core.model import Model, Output
+    from uqpen.core.model import Model
     from uqpen.distributions.constraints import Constraint
+
+    Inputs = Mapping[str, float]
 
 __all__ = ["run"]
 
@@ -29,27 +30,20 @@ def run(model: str, given: tuple[str, ...]) -> None:
     """Run MODEL once: a built-in model, or a study file, whose inputs are then at their medians."""
     from uqpen.cli.screen import plain_table, standard_output
 
-    trials = _trial_runs(model)
-    several = len(trials) > 1
-    for label, trial in trials.items():
-        if several:
+    trials = list(_trial_runs(model))
+    for label, trial, inputs, own, constraints in trials:
+        if len(trials) > 1:
             standard_output().print(f"\n{label}", markup=False)
-        standard_output().print(
-            plain_table(["output", "value", "unit"], _output_rows(trial, given))
-        )
+        # What a model takes in place of the study's inputs is what makes it that model.
+        inputs = {**inputs, **_parse_inputs(trial, given), **own}
+        rows = list(_output_rows(trial, inputs, constraints))
+        standard_output().print(plain_table(["output", "value", "unit"], rows))
 
 
-class _TrialRun(NamedTuple):
-    """A model, what is known of its inputs, and the inputs that are its own."""
-
-    model: Model
-    inputs: dict[str, float]
-    constraints: Sequence[Constraint] = ()
-    own: Mapping[str, float] = MappingProxyType({})
-
-
-def _trial_runs(name: str) -> dict[str, _TrialRun]:
-    """What to run, by the name of the model in its study."""
+def _trial_runs(
+    name: str,
+) -> Iterator[tuple[str, Model, Inputs, Inputs, Sequence[Constraint]]]:
+    """Yield each model with its name in the study, its inputs and those that cannot be set."""
     from uqpen.core.lookup import resolve_name
     from uqpen.models import MODELS
 
@@ -58,26 +52,25 @@ def _trial_runs(name: str) -> dict[str, _TrialRun]:
 
         study = load_study(Path(name))
         nominal = study.joint.nominal()
-        return {
-            label: _TrialRun(variant.model, nominal, study.constraints, variant.given)
-            for label, variant in study.models.items()
-        }
-    model: Model = resolve_name(MODELS, name, "model")()
-    defaults = {v.name: v.default for v in model.inputs if v.default is not None}
-    return {"": _TrialRun(model, defaults)}
+        for label, variant in study.models.items():
+            yield label, variant.model, nominal, variant.given, study.constraints
+    else:
+        model: Model = resolve_name(MODELS, name, "model")()
+        defaults = {v.name: v.default for v in model.inputs if v.default is not None}
+        yield "", model, defaults, {}, ()
 
 
-def _output_rows(trial: _TrialRun, given: tuple[str, ...]) -> list[tuple[str, str, str]]:
-    """The outputs of one run."""
+def _output_rows(
+    model: Model, inputs: Inputs, constraints: Sequence[Constraint]
+) -> Iterator[tuple[str, str, str]]:
+    """Make one run, and yield the name, value and unit of each output."""
     import numpy as np
 
     from uqpen.core.errors import ModelError
     from uqpen.core.status import STATUS_TEXT, Status
+    from uqpen.core.units import DIMENSIONLESS, scale
     from uqpen.execution import Evaluator
 
-    model, inputs, constraints, own = trial
-    # What a model takes in place of the study's inputs is what makes it that model.
-    inputs = {**inputs, **_parse_inputs(model, given), **own}
     missing = [
         f'--set {name}="… {model.input(name).unit}"' for name in model.missing_inputs(inputs)
     ]
@@ -89,14 +82,17 @@ def _output_rows(trial: _TrialRun, given: tuple[str, ...]) -> list[tuple[str, st
     status = Status(int(results.status[0]))
     if status is not Status.OK:
         raise ModelError(f"the run is {STATUS_TEXT[status]}: {results.reasons[0]}")
-    return [
-        (variable.name, *_value_and_unit(float(results.outputs[variable.name][0]), variable))
-        for variable in model.outputs
-    ]
+    for output in model.outputs:
+        value, unit = float(results.outputs[output.name][0]), output.preferred_unit
+        if output.categories:
+            yield output.name, output.categories[round(value)].label, ""
+        else:
+            shown = f"{scale(unit).from_si(value):.10g}"
+            yield output.name, shown, "" if unit == DIMENSIONLESS else unit
 
 
 def _parse_inputs(model: Model, pairs: Iterable[str]) -> dict[str, float]:
-    """Values in SI units out of the command line's ``name=value`` pairs."""
+    """Parse the command line's ``name=value`` pairs; values in SI units."""
     from uqpen.core.errors import ModelError, QuantityError
     from uqpen.core.quantities import parse_quantity
 
@@ -111,13 +107,3 @@ def _parse_inputs(model: Model, pairs: Iterable[str]) -> dict[str, float]:
         except QuantityError as error:
             raise ModelError(f"--set {variable.name}: {error}") from None
     return values
-
-
-def _value_and_unit(value: float, variable: Output) -> tuple[str, str]:
-    from uqpen.core.units import DIMENSIONLESS, scale
-
-    if variable.categories:
-        return variable.categories[round(value)].label, ""
-    unit = variable.preferred_unit
-    shown = scale(unit).from_si(value)
-    return f"{shown:.10g}", "" if unit == DIMENSIONLESS else unit

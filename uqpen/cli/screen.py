@@ -1,10 +1,10 @@
-"""What a person sees: tables on standard output, progress on standard error."""
+"""Tables on standard output."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import xarray as xr
 from rich import box
@@ -21,7 +21,14 @@ from uqpen.results.failed_runs import failed_runs
 from uqpen.results.output_tables import output_tables
 from uqpen.results.table import OutputTable
 
-__all__ = ["plain_table", "show_table", "show_tables", "standard_output"]
+__all__ = [
+    "plain_table",
+    "show_line",
+    "show_plain_tables",
+    "show_table",
+    "show_tables",
+    "standard_output",
+]
 
 _GAP = 3
 
@@ -42,6 +49,11 @@ def standard_output() -> Console:
     return _StandardOutput(highlight=False)
 
 
+def show_line(text: str) -> None:
+    """Show a line that is not wrapped."""
+    standard_output().print(text, soft_wrap=True, markup=False)
+
+
 def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
     """Show a title, a table for each output, and the failed runs by reason."""
     console = standard_output()
@@ -53,7 +65,7 @@ def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
 
 
 def show_table(console: Console, table: OutputTable) -> None:
-    """A table under its title, in as many parts as the screen needs, with its notes below."""
+    """Show a table under its title, in as many parts as the screen needs, with its notes."""
     console.print()
     console.print(Text(printable(table.title), style="bold"))
     for part, width in _table_parts(table, console.width):
@@ -84,8 +96,8 @@ def _show_failures(console: Console, tree: xr.DataTree) -> None:
         console.print(Text(f"and {left} more reason{'s' * (left > 1)}", style="dim"))
 
 
-def plain_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    """A table of texts, the first column being what the others are of."""
+def plain_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+    """Make a table of texts; the first column names the rows."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), show_edge=False, pad_edge=False)
     for position, name in enumerate(header):
         table.add_column(Text(printable(name)), no_wrap=position == 0)
@@ -94,8 +106,18 @@ def plain_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     return table
 
 
+def show_plain_tables(
+    console: Console, *tables: tuple[Sequence[str], Sequence[Sequence[str]]]
+) -> None:
+    """Show tables, each a header and its rows; those without rows are left out."""
+    for header, rows in tables:
+        if rows:
+            console.print()
+            console.print(plain_table(header, rows))
+
+
 def _table_parts(table: OutputTable, width: int) -> Iterator[tuple[Table, int]]:
-    """The table's columns, as many at a time as fit, each with the width that it takes."""
+    """Yield the columns of a table, as many at a time as fit, with their width."""
     longest = max(len(label) for label, _ in table.rows)
     widths = [
         max(*map(len, name.split("\n")), *(len(cells[column]) for _, cells in table.rows)) + _GAP
@@ -107,6 +129,5 @@ def _table_parts(table: OutputTable, width: int) -> Iterator[tuple[Table, int]]:
         while end < len(widths) and longest + sum(widths[start : end + 1]) <= width:
             end += 1
         rows = [(label, *cells[start:end]) for label, cells in table.rows]
-        part = plain_table(["", *table.columns[start:end]], rows)
-        yield part, longest + sum(widths[start:end])
+        yield plain_table(["", *table.columns[start:end]], rows), longest + sum(widths[start:end])
         start = end

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import click
+
+from uqpen.cli.options import PATH
 
 __all__ = ["show"]
 
 
 @click.command(short_help="Show what an archive holds.")
-@click.argument("archive", type=click.Path(path_type=Path))
+@click.argument("archive", type=PATH)
 @click.option("--json", "as_text", is_flag=True, help="JSON on standard output, in SI units.")
 @click.option("--all", "everything", is_flag=True, help="All that is told of the inputs' part.")
 def show(archive: Path, as_text: bool, everything: bool) -> None:
@@ -22,8 +25,6 @@ def show(archive: Path, as_text: bool, everything: bool) -> None:
     tree = open_archive(archive)
     is_comparison = tree.attrs.get(KIND) == BENCHMARK
     if as_text:
-        import json
-
         function = "benchmark_json:benchmark_json" if is_comparison else "json:archive_json"
         as_json = resolve(f"uqpen.results.{function}")
         click.echo(json.dumps(as_json(tree), indent=2, ensure_ascii=False, allow_nan=False))

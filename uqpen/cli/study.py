@@ -2,39 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from uqpen.cli.executor_options import (
-    ExecutorOptions,
-    ResumeOptions,
-    executor_option,
-    resume_option,
-)
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option, resume_options
 
-__all__ = ["study"]
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqpen.study.study import Study
+
+__all__ = ["make_and_show", "study"]
 
 
 @click.command(short_help="Run a study and write its archive.")
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "-o",
-    "--output",
-    "archive",
-    type=click.Path(path_type=Path),
-    help="The archive to write.  [default: archives/<study>.nc]",
-)
+@click.argument("file", type=PATH)
+@output_option("archive", "archives/<study>.nc")
 @click.option("--report", "is_reported", is_flag=True, help="Write its report beside it, too.")
-@resume_option
+@resume_options
 @executor_option
 def study(
     file: Path,
     archive: Path | None,
     is_reported: bool,
-    resume: ResumeOptions,
     executor: ExecutorOptions,
+    **resume: Any,
 ) -> ExitCode:
     """Make the runs of the study FILE, analyse them, and write everything into one archive.
 
@@ -43,7 +39,6 @@ def study(
 
     Leaves with 3 if a design lost all of its runs.
     """
-    from uqpen.cli.make_archive import make_and_show
     from uqpen.cli.report import announce_report, write_and_announce
     from uqpen.cli.screen import show_tables
     from uqpen.study.load import load_study
@@ -52,10 +47,41 @@ def study(
     here = Path.cwd()
     loaded = load_study(file)
     archive = archive or Path("archives") / f"{loaded.name}.nc"
-    code = make_and_show(loaded, here, archive, resume=resume, executor=executor, show=show_tables)
+    code = make_and_show(loaded, here, archive, executor, show_tables, **resume)
     if code is not ExitCode.INTERRUPTED:
         if is_reported:
             write_and_announce(archive, here)
         else:
             announce_report(archive)
     return code
+
+
+def make_and_show(
+    study: Study,
+    here: Path,
+    archive: Path,
+    executor: ExecutorOptions,
+    show: Callable[[xr.DataTree], None] = lambda tree: None,
+    **resume: Any,
+) -> ExitCode:
+    """Make `archive` in the folder `here` where the user stands, `show` it, and report the outcome.
+
+    `resume` are `fresh` and `lost_again` of `uqpen.make_archive`.
+    """
+    from uqpen.checkpoints.make_archive import make_archive
+    from uqpen.cli.progress import show_progress
+    from uqpen.cli.screen import show_line
+    from uqpen.results.failed_runs import has_failed_design
+
+    try:
+        with executor.open_map() as spread, show_progress() as reporter:
+            tree = make_archive(study, here / archive, map=spread, progress=reporter, **resume)
+    except KeyboardInterrupt as interrupt:
+        click.echo(": ".join(["interrupted", *map(str, interrupt.args)]), err=True)
+        return ExitCode.INTERRUPTED
+    show(tree)
+    show_line(f"archive: {archive}")
+    if has_failed_design(tree):
+        click.echo("a design lost all of its runs", err=True)
+        return ExitCode.TOO_MANY_FAILED
+    return ExitCode.DONE

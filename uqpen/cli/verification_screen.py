@@ -26,7 +26,7 @@ _STYLES = {
 
 
 def show_check(result: CheckResult) -> None:
-    """What was checked, what came of it, and below it what differs."""
+    """Show a check with its result, and the differences below."""
     console = standard_output()
     head = f"{result.name:<{_COLUMN}}{result.text}"
     _show(console, head, " " * _COLUMN, _STYLES.get(result.verdict, ""))
@@ -34,7 +34,7 @@ def show_check(result: CheckResult) -> None:
 
 
 def show_section(section: DiffSection) -> None:
-    """The differences of one kind, under its name."""
+    """Show the differences of one kind, under its name."""
     console = standard_output()
     console.print(Text(section.name, style="bold"))
     if not section.verbatim:

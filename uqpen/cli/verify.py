@@ -6,26 +6,22 @@ from pathlib import Path
 
 import click
 
-from uqpen.cli.executor_options import ExecutorOptions, executor_option
 from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.options import PATH, ExecutorOptions, executor_option, folder_option, trust_option
 
 __all__ = ["verify"]
 
 
 @click.command(short_help="Hold an archive against its hashes and fresh runs.")
-@click.argument("archive", type=click.Path(path_type=Path))
+@click.argument("archive", type=PATH)
 @click.option(
     "--runs",
     type=click.IntRange(min=1),
     help="How many runs to repeat, drawn at random.  [default: 100]",
 )
 @click.option("--all", "all_runs", is_flag=True, help="Repeat all runs.")
-@click.option("--trust", is_flag=True, help="Execute code that ARCHIVE names: models, analyses.")
-@click.option(
-    "--folder",
-    type=click.Path(exists=True, file_okay=False, path_type=Path),
-    help="Take the files that its study names from here.  [default: those that it keeps]",
-)
+@trust_option
+@folder_option()
 @executor_option
 def verify(
     archive: Path,

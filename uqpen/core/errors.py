@@ -111,6 +111,7 @@ class QuantityError(UqpenError, ValueError):
         super().__init__(f"found {found}; expected {expected}")
         self.found = found
         self.expected = expected
+        self.problems = (Problem((), found, expected),)
 
 
 class ConstraintError(QuantityError):

@@ -11,13 +11,17 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
-from uqpen.core.errors import Problem, SettingsError, toml_text
+from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.labels import NAME
+from uqpen.core.quantities import parse_quantity
+from uqpen.core.units import DIMENSIONLESS
 
 __all__ = [
+    "Context",
     "Setting",
+    "as_float",
     "choice",
     "choices",
     "count",
@@ -27,10 +31,18 @@ __all__ = [
     "flag",
     "name",
     "number",
+    "probabilities",
+    "quantities",
     "quantity",
+    "read_each",
+    "read_list",
+    "setting",
     "share",
+    "text",
     "validate",
 ]
+
+T = TypeVar("T")
 
 _KEY = "uqpen.setting"
 
@@ -38,33 +50,65 @@ _KEY = "uqpen.setting"
 _MOST = 100_000_000
 
 
+class Context(NamedTuple):
+    """Unit like that of the quantities in a table, and the folder of the files that it names."""
+
+    like: str = ""
+    folder: Path = Path()
+
+
 @dataclasses.dataclass(frozen=True)
 class Setting:
-    """Accepted values of a field.
+    """Accepted values of a field, and how a study file gives them.
 
     Parameters
     ----------
     kind : str
-        ``"count"``, ``"number"``, ``"quantity"``, ``"difference"``, ``"choice"``, ``"choices"``,
-        ``"flag"``, ``"file"`` or ``"name"``.
+        The kind of its values, such as ``"quantity"``.
     expected : str
         The accepted values in words, for a message.
     accepts : callable
-        Whether a value, of the right type already, is in range.
+        Whether a value is accepted.
+    read : callable
+        Converts a value of a study file in its `Context`; raises a SettingsError or a
+        QuantityError where `expected` does not say enough.
+    key : str
+        The key in a study file, if it is not the name of the field.
     """
 
     kind: str
     expected: str
     accepts: Callable[[Any], bool]
+    read: Callable[[Any, Context], Any]
+    key: str = ""
+
+    @property
+    def has_dimension(self) -> bool:
+        """True if its values have the dimension of their context."""
+        return self.kind in ("quantity", "difference")
 
 
-def count(
+def setting(
+    kind: str,
+    expected: str,
+    accepts: Callable[[Any], bool],
+    read: Callable[[Any, Context], Any] = lambda written, context: written,
     *,
-    minimum: int = 1,
-    maximum: int = _MOST,
     default: Any = dataclasses.MISSING,
-    expected: str = "",
+    key: str = "",
 ) -> Any:
+    """Declare a setting; see `Setting`. One with the default None may be None.
+
+    The functions below declare the usual kinds; `options` are `default` and `key`.
+    """
+    optional = (lambda value: value is None or accepts(value)) if default is None else accepts
+    metadata = {_KEY: Setting(kind, expected, optional, read, key)}
+    if isinstance(default, dict):
+        return dataclasses.field(default_factory=dict, hash=False, metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def count(*, minimum: float = 1, maximum: float = _MOST, expected: str = "", **options: Any) -> Any:
     """Declare an integer, at least `minimum` and at most `maximum`; `expected` is for messages."""
 
     def accepts(value: Any) -> bool:
@@ -72,7 +116,7 @@ def count(
         return is_whole and minimum <= value <= maximum
 
     expected = expected or f"a whole number, at least {minimum} and at most {maximum:_}"
-    return _field(Setting("count", expected, accepts), default)
+    return setting("count", expected, accepts, **options)
 
 
 def number(
@@ -80,68 +124,144 @@ def number(
     above: float = -math.inf,
     below: float = math.inf,
     at_most: float = math.inf,
-    default: Any = dataclasses.MISSING,
+    expected: str = "",
+    **options: Any,
 ) -> Any:
     """Declare a plain number strictly between two others, and at most a third."""
-    is_within = _is_within(above, below)
+    accepts = lambda value: _is_within(value, above, below) and value <= at_most  # noqa: E731
     limit = f" and at most {at_most:g}" if at_most < math.inf else ""
-    accepts = lambda value: is_within(value) and value <= at_most  # noqa: E731 - as in `file`
-    return _field(Setting("number", range_text(above, below) + limit, accepts), default)
+    expected = expected or _range_text(above, below) + limit
+    return setting("number", expected, accepts, lambda written, _: as_float(written), **options)
 
 
-def quantity(*, above: float = -math.inf, default: Any = dataclasses.MISSING) -> Any:
-    """Declare a value in the dimension of its context: SI here, with a unit in a study file."""
-    expected = range_text(above, math.inf, "a quantity")
-    return _field(Setting("quantity", expected, _is_within(above, math.inf)), default)
+def quantity(
+    kind: str = "quantity",
+    *,
+    above: float = -math.inf,
+    unit: str = "",
+    expected: str = "",
+    **options: Any,
+) -> Any:
+    """Declare a value in SI units, which a study file gives with a unit.
+
+    Its dimension is that of its context, or of `unit`, if that is given.
+    """
+
+    def read(written: Any, context: Context) -> float:
+        return parse_quantity(written, unit or context.like, difference=kind == "difference").value
+
+    expected = expected or _range_text(above, math.inf, "a quantity")
+    kind = f"{kind} with a unit of its own" if unit else kind
+    return setting(kind, expected, lambda value: _is_within(value, above), read, **options)
 
 
-def share(*, expected: str, default: Any = dataclasses.MISSING) -> Any:
-    """Declare a part of a whole, from 0 to 1, which a study file may give in per cent."""
-    is_number = _is_within(-math.inf, math.inf)
-    accepts = lambda value: is_number(value) and 0 <= value <= 1  # noqa: E731 - as in `file`
-    return _field(Setting("quantity", expected, accepts), default)
-
-
-def difference(*, above: float = -math.inf, default: Any = dataclasses.MISSING) -> Any:
+def difference(*, above: float = -math.inf, **options: Any) -> Any:
     """Declare a difference of two values, such as a standard deviation; see `quantity`."""
-    expected = range_text(above, math.inf, "a quantity")
-    return _field(Setting("difference", expected, _is_within(above, math.inf)), default)
+    return quantity("difference", above=above, **options)
 
 
-def choice(*names: str, default: Any = dataclasses.MISSING) -> Any:
+def share(*, expected: str, **options: Any) -> Any:
+    """Declare a part of a whole, from 0 to 1, which a study file may give in per cent."""
+    read = lambda written, _: parse_quantity(written, DIMENSIONLESS).value  # noqa: E731
+    accepts = lambda value: _is_within(value) and 0 <= value <= 1  # noqa: E731
+    return setting("share", expected, accepts, read, **options)
+
+
+def probabilities(*, always: tuple[float, ...] = (), **options: Any) -> Any:
+    """Declare numbers strictly between 0 and 1, ascending; those of a study join `always`."""
+
+    def read_one(written: Any) -> float:
+        if not _is_within(written, 0, 1):
+            raise QuantityError(toml_text(written), "a probability between 0 and 1")
+        return float(written)
+
+    return setting(
+        "probabilities",
+        "probabilities between 0 and 1",
+        lambda values: all(_is_within(value, 0, 1) for value in values),
+        lambda written, _: tuple(sorted({*always, *read_list(written, read_one)})),
+        default=always,
+        **options,
+    )
+
+
+def choice(*names: str, expected: str = "", **options: Any) -> Any:
     """Declare a setting that is one of `names`."""
-    listing = ", ".join(f'"{name}"' for name in names)
-    return _field(Setting("choice", f"one of {listing}", names.__contains__), default)
+    return setting("choice", expected or f"one of {_listing(names)}", names.__contains__, **options)
 
 
 def choices(*names: str) -> Any:
     """Declare a table that gives some names one of `names` each; empty by default."""
-    listing = ", ".join(f'"{name}"' for name in names)
+    expected = f"a table of names, each with one of {_listing(names)}"
 
-    def accepts(value: Any) -> bool:
-        return isinstance(value, Mapping) and all(
-            isinstance(key, str) and chosen in names for key, chosen in value.items()
-        )
+    def read_one(written: Any) -> Any:
+        if written not in names:
+            raise QuantityError(toml_text(written), expected)
+        return written
 
-    setting = Setting("choices", f"a table of names, each with one of {listing}", accepts)
-    return dataclasses.field(default_factory=dict, hash=False, metadata={_KEY: setting})
+    return _table("choices", expected, names.__contains__, read_one)
 
 
-def flag(*, default: Any = dataclasses.MISSING) -> Any:
+def quantities(*, unit: str) -> Any:
+    """Declare a table of names, each with a quantity in the dimension of `unit`."""
+    return _table(
+        "quantities", "a table", _is_within, lambda written: parse_quantity(written, unit).value
+    )
+
+
+def flag(**options: Any) -> Any:
     """Declare a boolean."""
-    return _field(Setting("flag", "true or false", lambda value: isinstance(value, bool)), default)
+    return setting("flag", "true or false", lambda value: isinstance(value, bool), **options)
 
 
-def file(*, default: Any = dataclasses.MISSING) -> Any:
-    """Declare a path; in a study file, it is relative to the folder of that file."""
-    accepts = lambda value: isinstance(value, Path)  # noqa: E731 - a predicate among its like
-    return _field(Setting("file", "the path of a file", accepts), default)
+def text(*, expected: str, **options: Any) -> Any:
+    """Declare a text that is not empty."""
+    accepts = lambda value: isinstance(value, str) and bool(value.strip())  # noqa: E731
+    return setting("text", expected, accepts, **options)
 
 
-def name(*, default: Any = dataclasses.MISSING) -> Any:
+def name(**options: Any) -> Any:
     """Declare the name of another part of the study."""
     accepts = lambda value: isinstance(value, str) and bool(NAME.match(value))  # noqa: E731
-    return _field(Setting("name", "a name in quotes", accepts), default)
+    return setting("name", "a name in quotes", accepts, **options)
+
+
+def file(**options: Any) -> Any:
+    """Declare a path; in a study file, it is relative to the folder of that file."""
+
+    def read(written: Any, context: Context) -> Any:
+        is_name = isinstance(written, str) and written and "\0" not in written
+        return context.folder / written if is_name else written
+
+    accepts = lambda value: isinstance(value, Path)  # noqa: E731
+    return setting("file", "the path of a file", accepts, read, **options)
+
+
+def read_list(written: Any, read_one: Callable[[Any], T]) -> list[T]:
+    """Read each entry of a list in a study file; see `read_each`."""
+    if not isinstance(written, list):
+        raise QuantityError(toml_text(written), "a list in square brackets")
+    return read_each(written, read_one)
+
+
+def read_each(written: list[Any] | dict[str, Any], read_one: Callable[[Any], T]) -> list[T]:
+    """Read each value of a list or a table; raise one SettingsError for all that are wrong."""
+    found, problems = [], []
+    for place, value in written.items() if isinstance(written, dict) else enumerate(written):
+        try:
+            found.append(read_one(value))
+        except (SettingsError, QuantityError) as error:
+            problems += [problem.within(place) for problem in error.problems]
+    if problems:
+        raise SettingsError(problems)
+    return found
+
+
+def as_float(written: Any) -> Any:
+    """Convert an integer to a float; one too large becomes infinite, which nothing accepts."""
+    if not isinstance(written, int) or isinstance(written, bool):
+        return written
+    return float(written) if abs(written) < 1e300 else math.inf
 
 
 def declared_settings(owner: Any) -> Iterator[tuple[dataclasses.Field[Any], Setting]]:
@@ -170,38 +290,42 @@ def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
         Naming every setting that is wrong.
     """
     problems = [
-        Problem((field.name,), toml_text(getattr(owner, field.name)), setting.expected)
-        for field, setting in declared_settings(owner)
-        if not setting.accepts(getattr(owner, field.name))
+        Problem((declared.key or field.name,), toml_text(value), declared.expected)
+        for field, declared in declared_settings(owner)
+        if not declared.accepts(value := getattr(owner, field.name))
     ]
     problems = problems or list(further)
     if problems:
         raise SettingsError(problems)
 
 
-def _field(setting: Setting, default: Any) -> Any:
-    """Make a field with its setting; a field with the default None may be None."""
-    if default is None:
-        accepts = setting.accepts
-        setting = dataclasses.replace(
-            setting, accepts=lambda value: value is None or accepts(value)
-        )
-    return dataclasses.field(default=default, metadata={_KEY: setting})
+def _table(
+    kind: str, expected: str, accepts: Callable[[Any], bool], read_one: Callable[[Any], Any]
+) -> Any:
+    """Declare a table of names, each with a value; empty by default."""
+
+    def read(written: Any, context: Context) -> Any:
+        if not isinstance(written, dict):
+            return written
+        return dict(zip(written, read_each(written, read_one), strict=True))
+
+    def accepts_all(value: Any) -> bool:
+        is_table = isinstance(value, Mapping) and all(isinstance(key, str) for key in value)
+        return is_table and all(map(accepts, value.values()))
+
+    return setting(kind, expected, accepts_all, read, default={})
 
 
-def _is_within(above: float, below: float) -> Callable[[Any], bool]:
-    def accepts(value: Any) -> bool:
-        return (
-            isinstance(value, int | float)
-            and not isinstance(value, bool)
-            and math.isfinite(value)
-            and above < value < below
-        )
-
-    return accepts
+def _is_within(value: Any, above: float = -math.inf, below: float = math.inf) -> bool:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and above < value < below and math.isfinite(value)
 
 
-def range_text(above: float, below: float, what: str = "a number") -> str:
+def _listing(names: tuple[str, ...]) -> str:
+    return ", ".join(f'"{name}"' for name in names)
+
+
+def _range_text(above: float, below: float, what: str = "a number") -> str:
     limits = [f"above {above:g}"] if above > -math.inf else []
     limits += [f"below {below:g}"] if below < math.inf else []
     return " ".join([what, *[" and ".join(limits)] * bool(limits)])

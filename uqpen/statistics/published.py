@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from uqpen.core.model import Output
+from uqpen.core.settings import difference, quantities, quantity, text, validate
+from uqpen.core.units import DIMENSIONLESS
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.statistics.estimate import Estimate
@@ -21,8 +23,8 @@ class PublishedEstimates:
     Parameters
     ----------
     output : Output
-    moments : mapping of str to float
-        ``"mean"`` and ``"std"``, in the output's SI unit.
+    mean, std : float, optional
+        In the output's SI unit.
     response : mapping of str to float
         By input: the relative response of the output, dimensionless.
     largest_contribution : str
@@ -30,17 +32,30 @@ class PublishedEstimates:
     """
 
     output: Output
-    moments: Mapping[str, float] = field(default_factory=dict)
-    response: Mapping[str, float] = field(default_factory=dict)
+    mean: float | None = quantity(default=None)
+    std: float | None = difference(default=None)
+    response: Mapping[str, float] = quantities(unit=DIMENSIONLESS)
     largest_contribution: str = ""
+
+    def __post_init__(self) -> None:
+        validate(self)
+
+    @property
+    def moments(self) -> dict[str, float]:
+        """Mean and standard deviation, as far as they are published."""
+        moments = {"mean": self.mean, "std": self.std}
+        return {name: value for name, value in moments.items() if value is not None}
 
 
 @dataclass(frozen=True)
 class Publication:
     """Publication, by its reference, with its estimates of some outputs."""
 
-    source: str
-    estimates: tuple[PublishedEstimates, ...]
+    source: str = text(expected="where the figures stand")
+    estimates: tuple[PublishedEstimates, ...] = ()
+
+    def __post_init__(self) -> None:
+        validate(self)
 
 
 def published_estimates(publication: Publication) -> dict[str, OutputStatistics]:

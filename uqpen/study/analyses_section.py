@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 from uqpen.core.errors import ModelError, toml_text
@@ -16,42 +15,31 @@ __all__ = ["ANALYSES_KEY", "read_analyses"]
 
 ANALYSES_KEY = "analyses"
 
-_REFERENCE = 'a function such as "spread.py:interquartile_range"'
-_CALLED = "a function that can be called with a sample and a quantity of interest"
 
-
-def read_analyses(root: TableReader, folder: Path, *, trust: bool) -> tuple[OutsideAnalysis, ...]:
-    """Read the user-supplied analyses, without those for which a mistake was noted.
-
-    Parameters
-    ----------
-    root : TableReader
-        Of the whole study.
-    folder : Path
-        Folder of the study.
-    trust : bool
-        True if they may be executed. Otherwise they cannot be called.
-    """
+def read_analyses(root: TableReader) -> tuple[OutsideAnalysis, ...]:
+    """Read the user-supplied analyses, without those for which a mistake was noted."""
     analyses: dict[str, OutsideAnalysis] = {}
     for position, reference in enumerate(root.entries(ANALYSES_KEY)):
         place = (ANALYSES_KEY, position)
         if not isinstance(reference, str) or not reference.strip():
-            root.add_problem(place, toml_text(reference), _REFERENCE)
+            expected = 'a function such as "spread.py:interquartile_range"'
+            root.add_wrong(place, reference, expected)
         elif reference in analyses:
             root.add_problem(place, f"{toml_text(reference)} again", "each function once")
         else:
             try:
-                analyses[reference] = _load_analysis(reference, folder, trust=trust)
+                analyses[reference] = _load_analysis(root, reference)
             except ModelError as error:
-                root.add_problem(place, str(error), _CALLED)
+                expected = "a function that can be called with a sample and a quantity of interest"
+                root.add_problem(place, str(error), expected)
     return tuple(analyses.values())
 
 
-def _load_analysis(reference: str, folder: Path, *, trust: bool) -> OutsideAnalysis:
+def _load_analysis(root: TableReader, reference: str) -> OutsideAnalysis:
     """Return the analysis behind a reference; one that is not trusted is not loaded."""
-    if not trust:
+    if not root.trust:
         return OutsideAnalysis(reference, _refuse)
-    function, surroundings = load_function(reference, folder)
+    function, surroundings = load_function(reference, root.folder)
     _check_call(function)
     return OutsideAnalysis(reference, function, surroundings)
 

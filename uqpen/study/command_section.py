@@ -8,12 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from uqpen.core.errors import ModelError, toml_text
-from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models.command.model import INPUTS, OUTCOME, OUTPUTS, Command, FolderPolicy
 from uqpen.models.command.placeholders import find_mistakes, names_in
 from uqpen.models.command.process import STDERR, STDOUT
 from uqpen.models.command.program import Program, lies_in_study, locate_program
-from uqpen.study.limits_section import read_limits
+from uqpen.study.model_section import read_limits
 from uqpen.study.readings_section import is_inside, read_readings
 from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import read_variables
@@ -23,50 +22,34 @@ __all__ = ["read_command"]
 _COMMAND = 'a program and its arguments, such as ["./solver", "{inputs}"]'
 _BESIDE = "the name of a file beside the study"
 _INSIDE = "a path relative to the folder of the run"
-_KEPT = 'which folders of runs are kept: "failed", "all" or "none"'
 
 # What placeholders can stand for beside inputs, and what files in the folder of a run are taken.
 _PATHS = ("inputs", "outputs")
 _TAKEN = (INPUTS, OUTPUTS, OUTCOME, STDOUT, STDERR)
 
 
-def read_command(table: TableReader, folder: Path, *, trust: bool) -> Command | None:
+def read_command(table: TableReader) -> Command | None:
     """Read a program as a model; None where a mistake was noted.
 
-    Parameters
-    ----------
-    table : TableReader
-        Of the model.
-    folder : Path
-        Folder of the study.
-    trust : bool
-        True if it may be executed. Otherwise neither the program nor its files are searched.
+    Without trust, neither the program nor its files are searched.
     """
     noted = len(table.problems)
     words = tuple(_read_words(table))
     variables = read_variables(table)
-    handed = _ProgramFiles(table, folder, trust)
+    handed = _ProgramFiles(table)
     handed.read_templates()
     handed.read_copied()
-    limits = read_limits(table, can_limit_memory=CAN_LIMIT or not trust)
-    kept = _folder_policy(table, folder)
+    limits = read_limits(table)
+    kept = table.settings(FolderPolicy, given={"folder": _kept_folder(table)})
     named = set().union(*map(names_in, [*words, *handed.templates.values()]))
     readings = read_readings(table, variables.outputs, OUTPUTS if "outputs" in named else STDOUT)
     if len(table.problems) == noted:
         handed.check([variable.name for variable in variables.inputs], words, named)
-    program = handed.program(words) if trust and words else None
-    if len(table.problems) > noted:
+    program = handed.program(words) if table.trust and words else None
+    if kept is None or len(table.problems) > noted:
         return None
-    return Command(
-        words,
-        *variables,
-        readings,
-        kept,
-        program,
-        handed.templates,
-        tuple(handed.copied),
-        limits,
-    )
+    copied = tuple(handed.copied)
+    return Command(words, *variables, readings, kept, program, handed.templates, copied, limits)
 
 
 @dataclass
@@ -74,8 +57,6 @@ class _ProgramFiles:
     """Arguments, templates and files for a program; each is checked as it is read."""
 
     table: TableReader
-    folder: Path
-    trust: bool
     templates: dict[str, str] = field(default_factory=dict)
     template_files: dict[str, str] = field(default_factory=dict)
     copied: list[str] = field(default_factory=list)
@@ -83,14 +64,11 @@ class _ProgramFiles:
     def read_templates(self) -> None:
         """Read the texts of all templates, by their file names in the folder of a run."""
         section = self.table.table("templates")
-        for name in section or ():
-            assert section is not None
+        for name in section:
             file = section.text(name, _BESIDE)
             if not is_inside(name) or name in _TAKEN:
-                section.add_problem(
-                    name, toml_text(name), f"{_INSIDE}, none of {', '.join(_TAKEN)}"
-                )
-            elif file is not None and self.trust:
+                section.add_wrong(name, name, f"{_INSIDE}, none of {', '.join(_TAKEN)}")
+            elif file is not None and self.table.trust:
                 self._read_template(section, name, file)
 
     def read_copied(self) -> None:
@@ -98,36 +76,34 @@ class _ProgramFiles:
         for position, name in enumerate(self.table.entries("files")):
             at = ("files", position)
             if not isinstance(name, str) or not is_inside(name):
-                self.table.add_problem(at, toml_text(name), _BESIDE)
+                self.table.add_wrong(at, name, _BESIDE)
             elif name in _TAKEN or name in self.templates:
-                self.table.add_problem(at, toml_text(name), "a name that nothing else has")
-            elif self.trust and not lies_in_study(name, self.folder):
+                self.table.add_wrong(at, name, "a name that nothing else has")
+            elif self.table.trust and not lies_in_study(name, self.table.folder):
                 self.table.add_problem(at, f'no file "{name}" beside the study', _BESIDE)
             else:
                 self.copied.append(name)
 
     def check(self, inputs: list[str], words: tuple[str, ...], named: set[str]) -> None:
         """Note placeholders without an input, and inputs without a placeholder."""
-        for taken in set(inputs).intersection(_PATHS):
+        for taken in filter(_PATHS.__contains__, inputs):
             expected = "another name: {inputs} and {outputs} are files"
-            self.table.add_problem(("inputs", taken), toml_text(taken), expected)
+            self.table.add_wrong(("inputs", taken), taken, expected)
         for position, word in enumerate(words):
             for _, found, expected in find_mistakes(word, inputs, _PATHS):
-                self.table.add_problem(
-                    ("command", position), f"{found} in {toml_text(word)}", expected
-                )
+                found = f"{found} in {toml_text(word)}"
+                self.table.add_problem(("command", position), found, expected)
         for name, text in self.templates.items():
-            file = self.template_files[name]
             for line, found, expected in find_mistakes(text, inputs, _PATHS):
-                self.table.add_problem(
-                    ("templates", name), f'{found} in "{file}", line {line}', expected
-                )
-        for name in inputs if self.trust and "inputs" not in named else ():
+                found = f'{found} in "{self.template_files[name]}", line {line}'
+                self.table.add_problem(("templates", name), found, expected)
+        if not self.table.trust or "inputs" in named:
+            return
+        for name in inputs:
             if name not in named:
                 expected = f"{{inputs}} or {{{name}}} in the command, or in a template"
-                self.table.add_problem(
-                    ("inputs", name), "an input that is handed to nobody", expected
-                )
+                found = "an input that is handed to nobody"
+                self.table.add_problem(("inputs", name), found, expected)
 
     def program(self, words: tuple[str, ...]) -> Program | None:
         """Return the program with the files that belong to it, or None where there is none."""
@@ -135,29 +111,26 @@ class _ProgramFiles:
             expected = "Linux or macOS: elsewhere a program and its children cannot be ended"
             self.table.add_problem("command", "a program to be run on Windows", expected)
             return None
-        inside = {*self.templates, *self.copied}
-        named = [
-            word for word in words[1:] if word not in inside and lies_in_study(word, self.folder)
-        ]
+        folder, inside = self.table.folder, {*self.templates, *self.copied}
+        named = [word for word in words[1:] if word not in inside and lies_in_study(word, folder)]
+        others = [*named, *self.copied, *self.template_files.values()]
         try:
-            others = [*named, *self.copied, *self.template_files.values()]
-            return locate_program(words[0], self.folder, others)
+            return locate_program(words[0], folder, others)
         except ModelError as error:
             self.table.add_problem("command", str(error), "a program that can be executed")
         return None
 
     def _read_template(self, section: TableReader, name: str, file: str) -> None:
-        if not lies_in_study(file, self.folder):
+        if not lies_in_study(file, self.table.folder):
             section.add_problem(name, f'no file "{file}" beside the study', _BESIDE)
             return
         try:
-            text = (self.folder / file).read_bytes().decode("utf-8")
+            self.templates[name] = (self.table.folder / file).read_bytes().decode("utf-8")
+            self.template_files[name] = file
         except OSError as error:
             section.add_problem(name, f'"{file}", which cannot be read: {error.strerror}', _BESIDE)
         except UnicodeDecodeError:
             section.add_problem(name, f'"{file}", which is not UTF-8', "a text file saved as UTF-8")
-        else:
-            self.templates[name], self.template_files[name] = text, file
 
 
 def _read_words(table: TableReader) -> Iterator[str]:
@@ -167,24 +140,16 @@ def _read_words(table: TableReader) -> Iterator[str]:
         table.add_problem("command", toml_text(words) if words != [] else "an empty list", _COMMAND)
         return
     for position, word in enumerate(words):
+        at = ("command", position)
         if not isinstance(word, str) or "\0" in word or (position == 0 and not word.strip()):
-            table.add_problem(("command", position), toml_text(word), "a word in quotes")
+            table.add_wrong(at, word, "a word in quotes")
         elif position == 0 and names_in(word):
-            table.add_problem(("command", 0), toml_text(word), "a program, without placeholders")
+            table.add_wrong(at, word, "a program, without placeholders")
         else:
             yield word
 
 
-def _folder_policy(table: TableReader, folder: Path) -> FolderPolicy:
-    """Read which folders of runs are kept, in a folder next to the study and named after it."""
-    which = table.text("keep", _KEPT, default="failed")
-    place = folder / f"{Path(table.document.label).stem}_runs"
-    if len(table.path) > 1:  # one of several models
-        place /= str(table.path[-1])
-    if which == "all":
-        return FolderPolicy("all", place)
-    if which == "none":
-        return FolderPolicy("none", place)
-    if which not in ("failed", None):
-        table.add_problem("keep", toml_text(which), _KEPT)
-    return FolderPolicy("failed", place)
+def _kept_folder(table: TableReader) -> Path:
+    """Return the folder for folders of runs: next to the study, and named after it."""
+    kept = table.folder / f"{Path(table.document.label).stem}_runs"
+    return kept / str(table.path[-1]) if len(table.path) > 1 else kept  # one of several models

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
-from uqpen.core.errors import SettingsError, toml_text
+from uqpen.core.errors import QuantityError, SettingsError, toml_text
 from uqpen.core.lookup import choices
-from uqpen.core.settings import declared_settings
+from uqpen.core.settings import as_float, number, read_each, read_list
 from uqpen.distributions.copulas import COPULAS
 from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.elliptical_copulas import MEASURES, EllipticalCopula, score_correlation
@@ -19,34 +18,37 @@ from uqpen.study.table_reader import TableReader, family_member
 
 __all__ = ["read_dependence"]
 
-_CORRELATION = "a correlation, strictly between -1 and 1"
 _PAIR = '{ inputs = ["a", "b"], correlation = 0.6 }'
 
 
-def read_dependence(table: TableReader | None, inputs: Inputs) -> JointDistribution:
+@dataclass(frozen=True)
+class _Pair:
+    """Correlation of a pair of inputs."""
+
+    correlation: float = number(
+        above=-1, below=1, expected="a correlation, strictly between -1 and 1"
+    )
+
+
+def read_dependence(table: TableReader, inputs: Inputs) -> JointDistribution:
     """Return the joint distribution with dependent inputs; unchanged where a mistake was noted."""
     joint = inputs.joint
-    if table is None:
+    if not table.is_given:
         return joint
     copula = family_member(table, "copula", COPULAS, "a copula")
     if copula is None:
         return joint
     noted = len(table.problems)
     is_elliptical = issubclass(copula, EllipticalCopula)
-    parameters = _elliptical(table, inputs, copula) if is_elliptical else _inputs(table, inputs)
-    for field, setting in declared_settings(copula):
-        value = table.take(field.name)
-        if value is None and field.default is dataclasses.MISSING:
-            table.add_missing(field.name, setting.expected)
-        elif value is not None:
-            parameters[field.name] = _as_float(value)
+    given = _elliptical(table, inputs, copula) if is_elliptical else _inputs(table, inputs)
+    parameters = table.setting_values(copula)
     table.check_unknown_keys()
-    if len(table.problems) > noted:
+    if parameters is None or len(table.problems) > noted:
         return joint
-    dependence = _build_copula(table, copula, parameters)
+    dependence = _build_copula(table, copula, given | parameters)
     if dependence is None or inputs.unclear:
         return joint
-    return dataclasses.replace(joint, dependence=dependence)
+    return replace(joint, dependence=dependence)
 
 
 def _build_copula(
@@ -56,127 +58,104 @@ def _build_copula(
         return copula(**parameters)
     except SettingsError as error:
         for problem in error.problems:
-            if problem.path == ("matrix",):  # a fault of all of it, told in the problem's words
+            if problem.path == ("matrix",):  # of all of it, in the problem's words
                 key = "matrix" if "matrix" in table else "pairs"
                 table.add_problem(key, problem.found, problem.expected)
             else:
-                table.add_problems(SettingsError([problem]))
+                table.add_refused([problem])
     return None
 
 
 def _inputs(table: TableReader, inputs: Inputs) -> dict[str, Any]:
     if "inputs" not in table:
         table.add_missing("inputs", 'the random inputs that it joins, such as ["a", "b"]')
-    names = table.entries("inputs")
-    _check_names(table, ("inputs",), names, inputs)
-    return {"inputs": tuple(names)}
+    return {"inputs": tuple(_input_names(table, inputs))}
 
 
-def _check_names(
-    table: TableReader, path: tuple[str | int, ...], names: list[Any], inputs: Inputs
-) -> None:
-    """Note names that are none of a random input."""
+def _input_names(table: TableReader, inputs: Inputs) -> list[Any]:
+    """Read names of inputs; note those that are none of a random input."""
     random = _possibly_random(inputs)
-    fixed = {entry.variable.name for entry in inputs.joint.fixed}
+    fixed = [entry.variable.name for entry in inputs.joint.fixed]
+    names = table.entries("inputs")
     for position, name in enumerate(names):
-        if name in random if isinstance(name, str) else False:
-            continue
-        is_fixed = isinstance(name, str) and name in fixed
-        found = f"{toml_text(name)}{', an input that is fixed' if is_fixed else ''}"
-        table.add_problem((*path, position), found, f"a random input; {choices(str(name), random)}")
+        if name not in random:
+            found = f"{toml_text(name)}{', an input that is fixed' * (name in fixed)}"
+            expected = f"a random input; {choices(str(name), random)}"
+            table.add_problem(("inputs", position), found, expected)
+    return names
 
 
 def _possibly_random(inputs: Inputs) -> list[str]:
-    """The random inputs, and behind them those that could not be read."""
-    random = [entry.variable.name for entry in inputs.joint.random]
-    return [*random, *sorted(inputs.unclear)]
+    """Return the random inputs, and behind them those that could not be read."""
+    return [*(entry.variable.name for entry in inputs.joint.random), *sorted(inputs.unclear)]
 
 
 def _elliptical(
     table: TableReader, inputs: Inputs, copula: type[EllipticalCopula]
 ) -> dict[str, Any]:
-    """Inputs and matrix of scores, from a matrix or from pairs."""
-    measures = {name: MEASURES[name] for name in copula.measures}
-    listing = "; ".join(f'"{name}": {meaning}' for name, meaning in measures.items())
+    """Read inputs and the matrix of their scores, from a matrix or from pairs."""
+    listing = "; ".join(f'"{name}": {MEASURES[name]}' for name in copula.measures)
     expected = f"what the correlations are of: {listing}"
-    measure = table.text("of", expected)
-    if measure is not None and measure not in measures:
-        table.add_problem("of", toml_text(measure), expected)
-        measure = None
+    measure = table.text("of", expected) or ""
+    if measure and measure not in copula.measures:
+        table.add_wrong("of", measure, expected)
     if ("pairs" in table) == ("matrix" in table):
         found = "both pairs and matrix" if "pairs" in table else "no correlations"
         table.add_problem((), found, f"either pairs = [{_PAIR}], or inputs with a matrix")
         for key in ("pairs", "inputs", "matrix"):
             table.take(key)
         return {}
-    convert = lambda value: score_correlation(value, measure or "")  # noqa: E731 - of this study's measure
-    if "matrix" in table:
-        return {**_inputs(table, inputs), "matrix": _matrix(table, convert)}
-    return _pairs(table, inputs, convert)
+    if "pairs" in table:
+        return _pairs(table, inputs, measure)
+    return {**_inputs(table, inputs), "matrix": _matrix(table, measure)}
 
 
-def _matrix(table: TableReader, convert: Callable[[float], float]) -> tuple[tuple[float, ...], ...]:
-    rows = []
-    for row, values in enumerate(table.entries("matrix")):
+def _matrix(table: TableReader, measure: str) -> tuple[tuple[float, ...], ...]:
+    def read_value(value: Any) -> float:
+        number = as_float(value)
+        if not isinstance(number, float):
+            raise QuantityError(toml_text(value), "a number")
+        # The copula refuses what is no correlation.
+        return score_correlation(number, measure) if abs(number) < 1 else number
+
+    def read_row(values: Any) -> tuple[float, ...]:
         if not isinstance(values, list):
-            table.add_problem(
-                ("matrix", row), toml_text(values), "a row of correlations in brackets"
-            )
-            continue
-        found = []
-        for column, value in enumerate(values):
-            if not _is_number(value):
-                table.add_problem(("matrix", row, column), toml_text(value), "a number")
-            elif row == column or not abs(value) < 1:  # which the copula refuses where it is wrong
-                found.append(_as_float(value))
-            else:
-                found.append(convert(value))
-        rows.append(tuple(found))
-    return tuple(rows)
+            raise QuantityError(toml_text(values), "a row of correlations in brackets")
+        return tuple(read_each(values, read_value))
+
+    try:
+        return tuple(read_list(table.take("matrix"), read_row))
+    except (SettingsError, QuantityError) as error:
+        table.add_problems(error.problems, "matrix")
+    return ()
 
 
-def _pairs(table: TableReader, inputs: Inputs, convert: Callable[[float], float]) -> dict[str, Any]:
+def _pairs(table: TableReader, inputs: Inputs, measure: str) -> dict[str, Any]:
     """Read the correlations of pairs of inputs; a pair that is not given is uncorrelated."""
     correlations: dict[frozenset[str], float] = {}
     for position, entry in enumerate(table.entries("pairs")):
         if not isinstance(entry, dict):
-            table.add_problem(("pairs", position), toml_text(entry), _PAIR)
+            table.add_wrong(("pairs", position), entry, _PAIR)
             continue
-        pair = TableReader(table.document, table.problems, (*table.path, "pairs", position), entry)
+        pair = table.inside(entry, "pairs", position)
         noted = len(table.problems)
-        names, value = pair.entries("inputs"), pair.take("correlation")
-        pair.check_unknown_keys()
-        _check_names(pair, ("inputs",), names, inputs)
-        if not _is_number(value) or not abs(value) < 1:
-            found = "nothing" if value is None else toml_text(value)
-            pair.add_problem("correlation", found, _CORRELATION)
-        if len(table.problems) > noted:
+        names = _input_names(pair, inputs)
+        given = pair.whole_settings(_Pair)
+        if given is None or len(table.problems) > noted:
             continue
         if len(names) != 2 or names[0] == names[1]:
-            pair.add_problem(
-                "inputs", f"{len(set(names))} of them", 'two inputs, such as ["a", "b"]'
-            )
+            found = f"{len(set(names))} of them"
+            pair.add_problem("inputs", found, 'two inputs, such as ["a", "b"]')
         elif frozenset(names) in correlations:
-            pair.add_problem(
-                "inputs", f"{names[0]} and {names[1]} for the second time", "each pair once"
-            )
+            found = f"{names[0]} and {names[1]} for the second time"
+            pair.add_problem("inputs", found, "each pair once")
         else:
-            correlations[frozenset(names)] = convert(value)
-    joined = _possibly_random(inputs)
-    joined = [name for name in joined if any(name in pair for pair in correlations)]
+            correlations[frozenset(names)] = score_correlation(given.correlation, measure)
+    joined = [
+        name for name in _possibly_random(inputs) if any(name in pair for pair in correlations)
+    ]
     matrix = tuple(
         tuple(1.0 if a == b else correlations.get(frozenset((a, b)), 0.0) for b in joined)
         for a in joined
     )
     return {"inputs": tuple(joined), "matrix": matrix}
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _as_float(value: Any) -> Any:
-    """Return a number as a float, infinite for a TOML integer of 1e300 or more; else the value."""
-    if not _is_number(value):
-        return value
-    return float(value) if abs(value) < 1e300 else math.inf

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from uqpen.core.errors import TableError, toml_text
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
@@ -21,20 +19,21 @@ _VALID = (
 )
 
 
-def read_designs(table: TableReader, folder: Path) -> dict[str, Design]:
-    """The designs of a study; what could not be understood is noted and left out."""
+def read_designs(table: TableReader) -> dict[str, Design]:
+    """Read the designs of a study; invalid ones are noted and left out."""
     found: dict[str, Design] = {}
     for name, section in named_tables(table):
-        design = _read_design(section, folder)
+        kind = family_member(section, "kind", DESIGNS, "a kind of design")
+        design = kind and section.whole_settings(kind)
         if design is not None:
             found[name] = design
-    if not table.content:
+    if table.is_given and not table.content:
         table.add_problem((), "no design", f"a [designs.<name>] of kind {', '.join(DESIGNS)}")
     return found
 
 
 def check_tables(
-    table: TableReader | None, designs: dict[str, Design], joint: JointDistribution
+    table: TableReader, designs: dict[str, Design], joint: JointDistribution
 ) -> set[str] | None:
     """Note tables of points that do not fit the inputs.
 
@@ -46,46 +45,27 @@ def check_tables(
     """
     given: list[set[str]] = []
     for name, design in designs.items():
-        if isinstance(design, TableDesign):
-            assert table is not None
-            try:
-                given.append(set(design.columns(joint)))
-            except TableError as error:
-                expected = 'a column "name [unit]" for each input that it varies'
-                table.add_problem((name, "file"), str(error), expected)
-        else:
-            given.append(set())
+        try:
+            given.append(set(design.columns(joint)) if isinstance(design, TableDesign) else set())
+        except TableError as error:
+            expected = 'a column "name [unit]" for each input that it varies'
+            table.add_problem((name, "file"), str(error), expected)
     if set() in given:
         return set()
-    is_known = table is not None and 0 < len(given) == len(table.content)
-    return set.intersection(*given) if is_known else None
+    return set.intersection(*given) if 0 < len(given) == len(table.content) else None
 
 
-def check_designs(
-    table: TableReader | None, designs: dict[str, Design], joint: JointDistribution
-) -> None:
+def check_designs(table: TableReader, designs: dict[str, Design], joint: JointDistribution) -> None:
     """Note other designs that do not fit the inputs."""
     for name, design in designs.items():
-        assert table is not None
         if isinstance(design, TableDesign):
             continue
         if not joint.random:
             expected = 'a random input, such as "(2.5 ± 0.1) m" or { uniform = { … } }'
             table.add_problem(name, "a design over inputs that are all fixed", expected)
-            continue
-        if design.assumes_independence and not joint.is_independent:
+        elif design.assumes_independence and not joint.is_independent:
             kind = toml_text(table.content[name]["kind"])
             found = f"{kind} with inputs that depend on each other ([dependence])"
             table.add_problem((name, "kind"), found, f"{design.independence_reason}; {_VALID}")
-            continue
-        for problem in design.check_inputs(joint):
-            table.add_problem((name, *problem.path), problem.found, problem.expected)
-
-
-def _read_design(table: TableReader, folder: Path) -> Design | None:
-    kind = family_member(table, "kind", DESIGNS, "a kind of design")
-    if kind is None:
-        return None
-    design: Design | None = table.settings(kind, folder=folder)
-    table.check_unknown_keys()
-    return design
+        else:
+            table.add_problems(design.check_inputs(joint), name)

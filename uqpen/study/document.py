@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,34 +21,24 @@ _DUPLICATE_MESSAGES = ("Cannot overwrite a value", "Cannot declare", "Cannot red
 # No study comes near it; a parser that is given more only serves to exhaust memory.
 _LARGEST = 4 * 1024 * 1024
 
+_ABSENT = object()
+
 # Nobody mends more mistakes than this before looking again.
 _MOST_LISTED = 50
 
 
 @dataclass(frozen=True)
 class Document:
-    """Text of a study file and its content as TOML.
-
-    Parameters
-    ----------
-    label : str
-        The file's name as the user gave it, for messages.
-    text : str
-        Verbatim.
-    content : dict
-        The TOML document.
-    """
+    """Text and content of a study; `label` is the name of its file in messages."""
 
     label: str
     text: str
     content: dict[str, Any]
 
     def value_text(self, path: Sequence[str | int]) -> str | None:
-        """The value at a path as its author wrote it, near enough; None where there is none."""
-        try:
-            return toml_text(_descend(self.content, path))
-        except (KeyError, IndexError, TypeError):
-            return None
+        """Return the value at a path about as its author wrote it; None where there is none."""
+        value = _descend(self.content, path)
+        return None if value is _ABSENT else toml_text(value)
 
     def line(self, path: Sequence[str | int]) -> int | None:
         """Return the line of the key at a path, or else of the table around it.
@@ -57,22 +48,20 @@ class Document:
         it. So the line is found by bisection.
         """
         path = list(path)
-        while path and not _has_path(self.content, path):
+        while path and _descend(self.content, path) is _ABSENT:
             path.pop()
         if not path:
             return None
-        low, high = 0, len(self._lines)  # the key is absent after `low` lines, there after `high`
-        while high - low > 1:
-            middle = (low + high) // 2
-            if _has_path(self._whole_prefix(middle)[1], path):
-                high = middle
-            else:
-                low = middle
-        return self._whole_prefix(high - 1)[0] + 1
+        end = bisect_left(
+            range(len(self._lines)),
+            True,
+            key=lambda end: _descend(self._whole_prefix(end)[1], path) is not _ABSENT,
+        )
+        return self._whole_prefix(end - 1)[0] + 1
 
     @cached_property
     def _lines(self) -> list[str]:
-        """The lines as TOML counts them: other line ends than these are text to it."""
+        """Lines as TOML counts them: other line ends than these are text to it."""
         return [f"{line}\n" for line in self.text.split("\n")]
 
     @cached_property
@@ -124,11 +113,10 @@ def read_document(path: Path) -> Document:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         found = f"byte 0x{data[error.start]:02x}, which is not UTF-8"
-        problem = Problem((), found, "a text file saved as UTF-8")
-        raise _parse_error(label, line, problem) from None
+        raise _parse_error(label, line, found, "a text file saved as UTF-8") from None
     if len(data) > _LARGEST:
-        problem = Problem((), f"{len(data)} bytes", f"a study of at most {_LARGEST} bytes")
-        raise _parse_error(label, 1, problem)
+        expected = f"a study of at most {_LARGEST} bytes"
+        raise _parse_error(label, 1, f"{len(data)} bytes", expected)
     return parse_document(text, label)
 
 
@@ -149,15 +137,15 @@ def parse_document(text: str, label: str) -> Document:
         found = _POSITION.sub("", message).removesuffix(" (at end of document)")
         is_twice = message.startswith(_DUPLICATE_MESSAGES)
         expected = "every key and table once" if is_twice else "TOML (see https://toml.io)"
-        raise _parse_error(label, line, Problem((), found, expected)) from None
+        raise _parse_error(label, line, found, expected) from None
     except ValueError as error:  # a number with too many digits
-        raise _parse_error(label, 1, Problem((), str(error), "a study")) from None
+        raise _parse_error(label, 1, str(error), "a study") from None
     except RecursionError:
-        problem = Problem((), "brackets nested too deeply", "a study")
-        raise _parse_error(label, 1, problem) from None
+        raise _parse_error(label, 1, "brackets nested too deeply", "a study") from None
 
 
-def _parse_error(label: str, line: int, problem: Problem) -> StudyError:
+def _parse_error(label: str, line: int, found: str, expected: str) -> StudyError:
+    problem = Problem((), found, expected)
     head = f"{label}: cannot be read as a study; nothing was run"
     return StudyError("\n\n".join([head, _message_block(label, line, problem)]), [problem])
 
@@ -171,16 +159,12 @@ def _message_block(label: str, line: int | None, problem: Problem) -> str:
 
 
 def _descend(content: Any, path: Sequence[str | int]) -> Any:
+    """Return the value at a path, or `_ABSENT`."""
     for key in path:
         if isinstance(key, str) and not isinstance(content, dict):
-            raise KeyError(key)
-        content = content[key]
+            return _ABSENT
+        try:
+            content = content[key]
+        except (KeyError, IndexError, TypeError):
+            return _ABSENT
     return content
-
-
-def _has_path(content: dict[str, Any], path: Sequence[str | int]) -> bool:
-    try:
-        _descend(content, path)
-    except (KeyError, IndexError, TypeError):
-        return False
-    return True

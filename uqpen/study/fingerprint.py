@@ -22,13 +22,6 @@ def run_fingerprint(study: Study, model: str, design: str) -> dict[str, str]:
 
     That is the model, the inputs, the constraints, the seed, the design, the files that these name,
     and the software. Modules that a model imports only during its runs are recorded by the runs.
-
-    Parameters
-    ----------
-    study : Study
-        The study of the runs.
-    model, design : str
-        Their names in it.
     """
     content = tomllib.loads(study.text)
     tables = {name: content[name] for name in _TABLES if name in content}

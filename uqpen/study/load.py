@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from uqpen.core.errors import Problem, toml_text
 from uqpen.core.model import Model, violated_conditions
+from uqpen.core.settings import count, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, describe
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.execution import FailurePolicy
 from uqpen.study.analyses_section import read_analyses
 from uqpen.study.dependence_section import read_dependence
 from uqpen.study.designs_section import check_designs, check_tables, read_designs
 from uqpen.study.document import Document, parse_document, read_document
-from uqpen.study.failures_section import read_failures
 from uqpen.study.inputs_section import Inputs, read_constraints, read_inputs
 from uqpen.study.models_section import check_variants, read_models
 from uqpen.study.outputs_section import read_quantities_of_interest
@@ -51,11 +53,7 @@ def load_study(path: str | Path) -> Study:
 
 
 def parse_study(
-    text: str,
-    *,
-    name: str = "study",
-    folder: str | Path = ".",
-    trust: bool = True,
+    text: str, *, name: str = "study", folder: str | Path = ".", trust: bool = True
 ) -> Study:
     """Read a study from its text, as `load_study` reads a file.
 
@@ -75,39 +73,40 @@ def parse_study(
     return _read_study(document, name, Path(folder).absolute(), trust=trust)
 
 
-# The tables of a study beside its models, with what is expected of those that it must have.
-_TABLES = {
-    "inputs": "an [inputs] table",
-    "designs": "at least one [designs.<name>]",
-    "dependence": "",
-    "constraints": "",
-    "outputs": "",
-    "surrogates": "",
-    "published": "",
-    "failures": "",
-}
+# What is expected of the tables that a study must have beside its models; the other tables.
+_REQUIRED = {"inputs": "an [inputs] table", "designs": "at least one [designs.<name>]"}
+_OPTIONAL = ("dependence", "constraints", "outputs", "surrogates", "published", "failures")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Heading:
+    """The keys of a study that stand in no table."""
+
+    title: str | None = text(expected="a title in quotes", default=None)
+    seed: int = count(
+        minimum=0,
+        maximum=math.inf,
+        expected="a whole number, 0 or more: the same seed gives the same draws",
+    )
 
 
 def _read_study(document: Document, name: str, folder: Path, *, trust: bool) -> Study:
-    problems: list[Problem] = []
-    root = TableReader(document, problems, (), document.content)
-    title = root.text("title", "a title in quotes", default=name)
-    seed = _seed(root)
-    noted = len(problems)
-    models, model = read_models(root, folder, trust=trust)
-    are_models_whole = len(problems) == noted
-    analyses = read_analyses(root, folder, trust=trust)
-    tables = {key: root.table(key, expected) for key, expected in _TABLES.items()}
+    root = TableReader(document, folder, trust, document.content)
+    heading = root.settings(_Heading) or _Heading(seed=0)
+    noted = len(root.problems)
+    models, model = read_models(root)
+    are_models_whole = len(root.problems) == noted
+    analyses = read_analyses(root)
+    tables = {key: root.table(key, _REQUIRED.get(key, "")) for key in (*_REQUIRED, *_OPTIONAL)}
     root.check_unknown_keys()
-    designs_table, surrogates_table = tables["designs"], tables["surrogates"]
-    failures = read_failures(tables["failures"])
-    designs = read_designs(designs_table, folder) if designs_table else {}
-    surrogates = read_surrogates(surrogates_table, list(designs_table or ()) or None)
-    inputs = read_inputs(tables["inputs"], model, folder, Stream(seed or 0, "inputs"))
+    failures = tables["failures"].whole_settings(FailurePolicy) or FailurePolicy()
+    designs = read_designs(tables["designs"])
+    surrogates = read_surrogates(tables["surrogates"], list(tables["designs"]))
+    inputs = read_inputs(tables["inputs"], model, Stream(heading.seed, "inputs"))
     is_clear = not inputs.unclear
     given_by_tables = None
     if all(variable.unit is not ANY_DIMENSION for variable in model.inputs):
-        given_by_tables = check_tables(designs_table, designs, inputs.joint)
+        given_by_tables = check_tables(tables["designs"], designs, inputs.joint)
     if given_by_tables is not None:
         variants = models if models or "models" in root else {ONLY_MODEL: Variant(model, {})}
         missing = _note_missing(tables["inputs"], model, variants, given_by_tables)
@@ -116,21 +115,21 @@ def _read_study(document: Document, name: str, folder: Path, *, trust: bool) -> 
     constraints = read_constraints(tables["constraints"], model, inputs)
     quantities = read_quantities_of_interest(tables["outputs"], model)
     published = read_published(
-        tables["published"], model, {*(designs_table or ()), *(surrogates_table or ())}
+        tables["published"], model, {*tables["designs"], *tables["surrogates"]}
     )
     check_variants(root, models, {entry.variable.name for entry in joint.random})
-    check_surrogates(surrogates_table, surrogates, designs, model, joint if is_clear else None)
+    check_surrogates(tables["surrogates"], surrogates, designs, model, joint if is_clear else None)
     if is_clear:
-        check_designs(designs_table, designs, joint)
-    if are_models_whole and not inputs.unclear and tables["inputs"] is not None:
+        check_designs(tables["designs"], designs, joint)
+    if are_models_whole and not inputs.unclear and tables["inputs"].is_given:
         for variant in models.values():
             _check_nominal(tables["inputs"], variant, joint)
-    if problems or title is None or seed is None:
-        raise document.error(problems)
+    if root.problems:
+        raise document.error(root.problems)
     return Study(
         name=name,
-        title=title,
-        seed=seed,
+        title=heading.title or name,
+        seed=heading.seed,
         models=models,
         joint=joint,
         constraints=constraints,
@@ -145,27 +144,12 @@ def _read_study(document: Document, name: str, folder: Path, *, trust: bool) -> 
     )
 
 
-def _seed(root: TableReader) -> int | None:
-    expected = "a whole number, 0 or more: the same seed gives the same draws"
-    seed = root.take("seed")
-    if seed is None:
-        root.add_missing("seed", expected)
-        return None
-    if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
-        root.add_problem("seed", toml_text(seed), expected)
-        return None
-    return seed
-
-
 def _note_missing(
-    table: TableReader | None,
-    first: Model,
-    models: Mapping[str, Variant],
-    given_by_tables: set[str],
+    table: TableReader, first: Model, models: Mapping[str, Variant], given_by_tables: set[str]
 ) -> set[str]:
     """Note inputs that nothing gives: neither the study nor a column of every table."""
     known = {variable.name for variable in first.inputs}
-    if table is None or not known.issuperset(table):
+    if not table.is_given or not known.issuperset(table):
         return set()  # an input may stand there under a name with a mistake
     found: set[str] = set()
     for variant in models.values():

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.columns import Column
 from uqpen.core.errors import SettingsError, TableError, toml_text
-from uqpen.core.files import FileSnapshot
 from uqpen.core.lookup import choices
 from uqpen.core.model import Input
-from uqpen.core.settings import declared_settings
+from uqpen.core.settings import declared_settings, file, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION
 from uqpen.distributions.continuous import DISTRIBUTIONS
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.empirical import Empirical
+from uqpen.distributions.joint_distribution import RandomInput
 from uqpen.distributions.measurements import (
     FEWEST,
     FEWEST_FOR_A_FAMILY,
@@ -31,90 +31,82 @@ from uqpen.distributions.measurements import (
 )
 from uqpen.study.table_reader import TableReader
 
-__all__ = ["MEASURED", "InputDistribution", "read_measured"]
+if TYPE_CHECKING:
+    from uqpen.distributions.fitting import DistributionFit
+
+__all__ = ["MEASURED", "read_measured"]
 
 FloatArray = npt.NDArray[np.float64]
 
 # The key that stands where the name of a distribution would.
 MEASURED = "measured"
 
-_TEST = "Kolmogorov-Smirnov distance; p value by parametric bootstrap"
-
 
 @dataclass(frozen=True)
-class InputDistribution:
-    """A distribution and its origin.
+class _Measured:
+    """Settings of measurements: a column of a file, and the family that is fitted to it."""
 
-    Parameters
-    ----------
-    distribution : Distribution
-        In SI units.
-    unit : str
-        The unit in the study file.
-    description : str
-        In one line.
-    fit : mapping of str to str, int or float
-        Attributes of the measurements for an archive, if the distribution follows from some.
-    files : tuple of FileSnapshot
-        The files of those measurements.
-    """
-
-    distribution: Distribution
-    unit: str
-    description: str
-    fit: Mapping[str, str | int | float] = field(default_factory=dict)
-    files: tuple[FileSnapshot, ...] = ()
+    file: Path = file()
+    column: str | None = text(expected="the heading of a column", default=None)
+    family: str | None = text(expected="the name of a distribution", default=None)
 
 
-def read_measured(
-    table: TableReader, variable: Input, folder: Path, stream: Stream
-) -> InputDistribution | None:
-    """Read the distribution of measurements; None where a mistake was noted.
+def read_measured(table: TableReader, variable: Input, stream: Stream) -> RandomInput | None:
+    """Read an input from measurements; None where a mistake was noted.
 
-    Parameters
-    ----------
-    table : TableReader
-        The table ``measured``.
-    variable : Input
-        The measured input.
-    folder : Path
-        The folder of the file.
-    stream : Stream
-        The input's own, for the test of a fit.
+    The test of a fit draws from `stream`, which is the input's own.
     """
     noted = len(table.problems)
-    measurements = table.settings(Measurements, folder=folder)
-    heading = table.text("column", "the heading of a column", default="")
-    family = table.text("family", "the name of a distribution", default="")
-    table.check_unknown_keys()
-    if family:
+    measured = table.whole_settings(_Measured)
+    family = table.content.get("family")
+    if isinstance(family, str) and family.strip():
         _check_family(table, family)
-    if measurements is None or heading is None or family is None or len(table.problems) > noted:
+    if measured is None or len(table.problems) > noted:
         return None
-    found = _read_column(table, measurements, heading, variable)
+    measurements = Measurements(measured.file)
+    found = _read_column(table, measurements, measured.column or "", variable)
     if found is None:
         return None
     column, values = found
-    source = f"{measurements.file.name}, {column.heading}"
-    fewest = FEWEST_FOR_A_FAMILY if family else FEWEST
+    source = f"{measured.file.name}, {column.heading}"
+    fewest = FEWEST_FOR_A_FAMILY if measured.family else FEWEST
     for problem in check_measurements(values, column, variable, fewest=fewest):
         table.add_problem("file", f"{problem.found} in {source}", problem.expected)
     if len(table.problems) > noted:
         return None
-    if family:
-        origin = _fitted(table, family, values, column.unit, source, stream)
+    distribution: Distribution
+    if measured.family is None:
+        distribution = Empirical(tuple(values.tolist()))
+        ends = (value_text(float(end), column.unit) for end in (values.min(), values.max()))
+        description = f"as measured: {len(values)} values of {source}, from {' to '.join(ends)}"
+        fit: dict[str, str | int | float] = {}
     else:
-        origin = _empirical(values, column.unit, source)
-    return origin and replace(origin, files=(measurements.source,))
+        fitted = _fit(table, measured.family, values, source, stream)
+        if fitted is None:
+            return None
+        distribution = fitted.distribution
+        description = (
+            f"{measured.family} fitted to {len(values)} values of {source}: "
+            f"{parameters_text(distribution, column.unit)}; "
+            f"Kolmogorov-Smirnov distance {fitted.distance:.3g}, p = {fitted.p_value:.2g}"
+        )
+        fit = _fit_attributes(measured.family, fitted)
+    fit = {
+        "fit_family": measured.family or "empirical",
+        "fit_measurements": len(values),
+        "fit_source": source,
+        "fit_sha256": hashlib.sha256(values.astype("<f8").tobytes()).hexdigest(),
+        **fit,
+    }
+    files = (measurements.source,)
+    return RandomInput(variable, distribution, column.unit, description, fit, files)
 
 
 def _check_family(table: TableReader, family: str) -> None:
     from uqpen.distributions.fitting import FAMILIES, NOT_FITTABLE
 
     if family not in DISTRIBUTIONS:
-        table.add_problem(
-            "family", toml_text(family), f"a distribution; {choices(family, FAMILIES)}"
-        )
+        table.add_wrong("family", family, f"a distribution; {choices(family, FAMILIES)}")
     elif family in NOT_FITTABLE:
         found = f"{toml_text(family)}, which is not fitted: {NOT_FITTABLE[family]}"
         expected = f"one of {', '.join(FAMILIES)}, or no family for the measurements themselves"
@@ -141,35 +133,25 @@ def _read_column(
     return None
 
 
-def _empirical(values: FloatArray, unit: str, source: str) -> InputDistribution:
-    distribution = Empirical(tuple(values.tolist()))
-    ends = (
-        f"from {value_text(float(values.min()), unit)} to {value_text(float(values.max()), unit)}"
-    )
-    description = f"as measured: {len(values)} values of {source}, {ends}"
-    return InputDistribution(
-        distribution, unit, description, _measurement_attributes("empirical", values, source)
-    )
-
-
-def _fitted(
-    table: TableReader, family: str, values: FloatArray, unit: str, source: str, stream: Stream
-) -> InputDistribution | None:
+def _fit(
+    table: TableReader, family: str, values: FloatArray, source: str, stream: Stream
+) -> DistributionFit | None:
     from uqpen.distributions.fitting import fit_distribution
 
     try:
-        fitted = fit_distribution(family, values, stream.generator("fit"))
+        return fit_distribution(family, values, stream.generator("fit"))
     except SettingsError as error:
         for problem in error.problems:
             table.add_problem("family", f"{problem.found}, in {source}", problem.expected)
-        return None
-    test = f"Kolmogorov-Smirnov distance {fitted.distance:.3g}, p = {fitted.p_value:.2g}"
-    distribution = f"{family} fitted to {len(values)} values of {source}"
-    described = f"{distribution}: {parameters_text(fitted.distribution, unit)}; {test}"
-    attributes = _measurement_attributes(family, values, source)
-    for parameter, _ in declared_settings(fitted.distribution):
-        attributes[f"fit_{parameter.name}"] = getattr(fitted.distribution, parameter.name)
-    attributes["fit_test"] = _TEST
+    return None
+
+
+def _fit_attributes(family: str, fitted: DistributionFit) -> dict[str, str | int | float]:
+    attributes = {
+        f"fit_{parameter.name}": getattr(fitted.distribution, parameter.name)
+        for parameter, _ in declared_settings(fitted.distribution)
+    }
+    attributes["fit_test"] = "Kolmogorov-Smirnov distance; p value by parametric bootstrap"
     attributes["fit_statistic"] = fitted.distance
     attributes["fit_p_value"] = fitted.p_value
     if fitted.is_rejected:
@@ -177,16 +159,4 @@ def _fitted(
             f"{family} does not fit the measurements: of samples of the fitted law, a share of "
             f"{fitted.p_value:.2g} lies as far from it (p value)"
         )
-    return InputDistribution(fitted.distribution, unit, described, attributes)
-
-
-def _measurement_attributes(
-    family: str, values: FloatArray, source: str
-) -> dict[str, str | int | float]:
-    """Return the attributes of measurements for an archive, for any family."""
-    return {
-        "fit_family": family,
-        "fit_measurements": len(values),
-        "fit_source": source,
-        "fit_sha256": hashlib.sha256(values.astype("<f8").tobytes()).hexdigest(),
-    }
+    return attributes

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from uqpen.core.errors import ModelError
+from uqpen.core.limits import Limits
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Model
+from uqpen.core.settings import flag, text
 from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models import MODELS
 from uqpen.models.python_function import PythonFunction, check_signature, load_function
-from uqpen.study.limits_section import read_limits
 from uqpen.study.partial_model import PartialModel
 from uqpen.study.table_reader import TableReader, family_member
 from uqpen.study.variables_section import read_variables
 
-__all__ = ["EXTERNAL_MODELS", "read_model", "read_partial_model"]
+__all__ = ["EXTERNAL_MODELS", "read_limits", "read_model", "read_partial_model"]
 
-# The keys that name a model from outside, and who reads its table: called with the table, the
-# folder of the study, and whether what it names may be executed or asked.
+# The keys that name a model from outside, and the readers of its table.
 EXTERNAL_MODELS = {
     "python": "uqpen.study.model_section:read_function",
     "command": "uqpen.study.command_section:read_command",
@@ -35,18 +36,10 @@ _MODEL_KEYS = {
 }
 
 
-def read_model(table: TableReader, folder: Path, *, trust: bool) -> Model | None:
+def read_model(table: TableReader) -> Model | None:
     """Read the model of a study; None where a mistake was noted.
 
-    Parameters
-    ----------
-    table : TableReader
-        Of the model.
-    folder : Path
-        Folder of the study.
-    trust : bool
-        True if its code may be executed and its server may get requests. Otherwise the model
-        cannot be run.
+    Without trust, none of its code is executed and no server gets requests; it cannot be run.
     """
     ways = [key for key in _MODEL_KEYS if key in table]
     if len(ways) != 1:
@@ -60,23 +53,18 @@ def read_model(table: TableReader, folder: Path, *, trust: bool) -> Model | None
             return None  # whose settings nobody knows
         model = table.settings(built_in)
     else:
-        model = resolve(EXTERNAL_MODELS[ways[0]])(table, folder, trust=trust)
+        model = resolve(EXTERNAL_MODELS[ways[0]])(table)
     table.check_unknown_keys()
     return model
 
 
-def read_partial_model(table: TableReader | None, mentioned: PartialModel) -> PartialModel:
+def read_partial_model(table: TableReader, mentioned: PartialModel) -> PartialModel:
     """Return a model with mistakes, as far as its table states its inputs and outputs.
 
-    Parameters
-    ----------
-    table : TableReader or None
-        Of the model, and read before; None where there is none.
-    mentioned : PartialModel
-        The variables to assume where the table does not state them.
+    Where it does not, they are those of `mentioned`.
     """
-    ways = [key for key in _MODEL_KEYS if table is not None and key in table]
-    if table is None or len(ways) != 1:
+    ways = [key for key in _MODEL_KEYS if key in table]
+    if len(ways) != 1:
         return mentioned
     name = table.content[ways[0]]
     if ways == ["use"]:
@@ -89,34 +77,49 @@ def read_partial_model(table: TableReader | None, mentioned: PartialModel) -> Pa
     return PartialModel(title, inputs or mentioned.inputs, outputs or mentioned.outputs)
 
 
-def read_function(table: TableReader, folder: Path, *, trust: bool) -> Model | None:
+@dataclass(frozen=True)
+class _FunctionSettings:
+    """Settings of a Python function as a model."""
+
+    python: str = text(expected="a function")
+    vectorized: bool = flag(default=False)
+
+
+def read_function(table: TableReader) -> Model | None:
     """Read a Python function as a model; None where a mistake was noted."""
     noted = len(table.problems)
-    reference = table.text("python", "a function")
-    vectorized = table.flag("vectorized", default=False)
-    limits = read_limits(table, can_limit_memory=CAN_LIMIT or not trust)
-    if vectorized and limits:
+    settings = table.settings(_FunctionSettings)
+    limits = read_limits(table)
+    if settings and settings.vectorized and limits:
         limit = "time_limit" if limits.seconds is not None else "memory_limit"
         table.add_problem(limit, "a limit of one run", "vectorized = false, so that runs are apart")
     inputs, outputs, units = read_variables(table)
-    if reference is None or len(table.problems) > noted:
+    if settings is None or len(table.problems) > noted:
         return None
-    load = load_function if trust else _unloaded_function
+    reference = settings.python
+    load = load_function if table.trust else _unloaded_function
     try:
-        function, surroundings = load(reference, folder)
+        function, surroundings = load(reference, table.folder)
         check_signature(function, [variable.name for variable in inputs])
     except ModelError as error:
-        table.add_problem(
-            "python", str(error), "a function that can be called with the model's inputs"
-        )
+        expected = "a function that can be called with the model's inputs"
+        table.add_problem("python", str(error), expected)
         return None
     return PythonFunction(
-        function, reference, inputs, outputs, units, vectorized, surroundings, limits
+        function, reference, inputs, outputs, units, settings.vectorized, surroundings, limits
     )
 
 
+def read_limits(table: TableReader) -> Limits:
+    """Read the limits of one run; without trust, also one that this system cannot keep."""
+    if "memory_limit" in table and table.trust and not CAN_LIMIT:
+        expected = "no limit on memory: this system cannot keep one"
+        table.add_wrong("memory_limit", table.content["memory_limit"], expected)
+    return table.settings(Limits) or Limits()
+
+
 def _unloaded_function(reference: str, folder: Path) -> tuple[Callable[..., Any], None]:
-    """Return a replacement, which raises an error, for a function that must not be executed."""
+    """Return a replacement for a function that must not be executed."""
 
     def refuse(**inputs: float) -> Any:
         raise ModelError(f"{reference} is not executed without --trust")

@@ -2,94 +2,77 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
-from uqpen.core.errors import toml_text
-from uqpen.core.lookup import choices
-from uqpen.core.model import Model, Variable
+from uqpen.core.model import Model
 from uqpen.core.units import are_convertible
 from uqpen.study.model_section import read_model, read_partial_model
 from uqpen.study.partial_model import PartialModel, mentioned_model
 from uqpen.study.study import ONLY_MODEL, Variant
-from uqpen.study.table_reader import TableReader, named_tables
+from uqpen.study.table_reader import TableReader, check_names, named_tables
 
 __all__ = ["check_variants", "read_models"]
 
 
-def read_models(
-    root: TableReader, folder: Path, *, trust: bool
-) -> tuple[dict[str, Variant], Model]:
-    """The models of a study, by name, and the first of them.
+def read_models(root: TableReader) -> tuple[dict[str, Variant], Model]:
+    """Read the models of a study, by name, and the first of them.
 
     The inputs and outputs of the first are the study's: what goes in and comes out of the others
     is among them. A model with a mistake is left out; the first is then a `PartialModel`.
     """
     mentioned = mentioned_model(root)
     table, several = root.table("model"), root.table("models")
-    if table is not None and several is not None:
+    if table.is_given and several.is_given:
         root.add_problem("models", "[model] and [models]", "one of them")
         return {}, mentioned
-    if several is None:
-        if table is None and "model" not in root and "models" not in root:
-            root.add_missing("model", "a [model] table, or [models.<name>] for several")
-        model = read_model(table, folder, trust=trust) if table is not None else None
-        if model is None:
-            return {}, read_partial_model(table, mentioned)
-        return {ONLY_MODEL: Variant(model, {})}, model
-    return _read_several(several, folder, mentioned, trust=trust)
+    if several.is_given:
+        return _read_several(several, mentioned)
+    if "model" not in root and "models" not in root:
+        root.add_missing("model", "a [model] table, or [models.<name>] for several")
+    model = read_model(table) if table.is_given else None
+    if model is None:
+        return {}, read_partial_model(table, mentioned)
+    return {ONLY_MODEL: Variant(model, {})}, model
 
 
 def check_variants(root: TableReader, variants: dict[str, Variant], random: set[str]) -> None:
     """Note inputs that a model sets for itself though the study draws them."""
     for name, variant in variants.items():
-        for given in variant.given:
-            if given in random:
-                path = ("models", name, "with", given)
-                found = "an input that the study draws at random"
-                root.add_problem(
-                    path, found, "an input that has one value in [inputs], or a default"
-                )
+        for given in filter(random.__contains__, variant.given):
+            found = "an input that the study draws at random"
+            expected = "an input that has one value in [inputs], or a default"
+            root.add_problem(("models", name, "with", given), found, expected)
 
 
-def _read_several(
-    table: TableReader, folder: Path, mentioned: PartialModel, *, trust: bool
-) -> tuple[dict[str, Variant], Model]:
+def _read_several(table: TableReader, mentioned: PartialModel) -> tuple[dict[str, Variant], Model]:
     found: dict[str, Variant] = {}
     first: Model | None = None
     if not table.content:
         table.add_problem((), "an empty table", "a [models.<name>]")
     for name, section in named_tables(table):
         replaced = section.table("with")
-        model = read_model(section, folder, trust=trust)
+        model = read_model(section)
         known = model or read_partial_model(section, mentioned)
         if name == next(iter(table)):
             first = known
         if first is not None and mentioned not in (first, known):
             _check_same_variables(section, first, known)
-        given = _read_given_inputs(replaced, known) if replaced else {}
+        given = _read_given_inputs(replaced, known)
         if model is not None:
             found[name] = Variant(model, given)
     return found, first or mentioned
 
 
 def _read_given_inputs(table: TableReader, model: Model) -> dict[str, float]:
-    """Inputs that a model takes in place of the study's, in SI units."""
+    """Read inputs that replace the study's for a model, in SI units."""
     known = {variable.name: variable for variable in model.inputs}
     found = {}
-    for name in table:
-        if name not in known:
-            expected = f"an input of {model.name}; {choices(name, known)}"
-            table.take(name)
-            table.add_problem(name, "an unknown input", expected)
-            continue
+    for name in check_names(table, known, "input", model):
         value = table.quantity(name, known[name].unit)
         if value is None:
             continue
         if not known[name].bounds.contain(np.array(value)):
-            written = toml_text(table.content[name])
-            table.add_problem(name, written, f"a value {known[name].bounds}")
+            table.add_wrong(name, table.content[name], f"a value {known[name].bounds}")
         found[name] = value
     return found
 
@@ -102,11 +85,8 @@ def _check_same_variables(table: TableReader, first: Model, model: Model) -> Non
     ):
         units = {variable.name: variable.unit for variable in known}
         for variable in variables:
-            if not _is_among(variable, units):
+            unit = units.get(variable.name)
+            if unit is None or not are_convertible(variable.unit, unit):
                 found = f'{what} "{variable.name}" [{variable.unit}]'
                 expected = f"{what}s of the first model".replace("an ", "", 1)
                 table.add_problem((), found, f"only {expected}, in units of the same dimension")
-
-
-def _is_among(variable: Variable, units: dict[str, str]) -> bool:
-    return variable.name in units and are_convertible(variable.unit, units[variable.name])

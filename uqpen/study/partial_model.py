@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from uqpen.core.model import Arrays, Input, Model, Output, Results
@@ -15,30 +16,17 @@ __all__ = ["PartialModel", "mentioned_model"]
 _WORD = re.compile(r"[^\W\d]\w*")
 
 
+@dataclass(frozen=True, eq=False)
 class PartialModel(Model):
     """The inputs and outputs of a model that could not be read in full; it cannot be run.
 
-    Parameters
-    ----------
-    name : str
-        The model's name in messages.
-    inputs, outputs : tuple
-        Its variables; where a unit is not known, it is `ANY_DIMENSION`.
-    alternatives : tuple of tuple of str
-        As in `Model`.
+    A variable whose unit is not known is of `ANY_DIMENSION`.
     """
 
-    def __init__(
-        self,
-        name: str,
-        inputs: tuple[Input, ...],
-        outputs: tuple[Output, ...],
-        alternatives: tuple[tuple[str, ...], ...] = (),
-    ) -> None:
-        self.name = name
-        self.inputs = inputs
-        self.outputs = outputs
-        self.alternatives = alternatives
+    name: str
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    alternatives: tuple[tuple[str, ...], ...] = ()
 
     def evaluate(self, inputs: Arrays) -> Results:
         """Refuse to run: the study has mistakes."""
@@ -46,29 +34,22 @@ class PartialModel(Model):
 
 
 def mentioned_model(root: TableReader) -> PartialModel:
-    """A model with all variables that the sections of a study mention, of any dimension."""
+    """Return a model with all variables that a study mentions, of any dimension."""
     content = root.content
-    published = list(_tables(content.get("published")))
+    published = _tables(content.get("published"))
     of_outputs = [figures for each in published for figures in _tables(each)]
     inputs = {
         *_keys(content.get("inputs")),
         *(name for figures in of_outputs for name in _keys(figures.get("response"))),
         *(str(figures.get("largest_contribution")) for figures in of_outputs),
-        *(
-            name
-            for variant in _tables(content.get("models"))
-            for name in _keys(variant.get("with"))
-        ),
+        *(name for model in _tables(content.get("models")) for name in _keys(model.get("with"))),
         *_WORD.findall(str(content.get("constraints"))),
     }
+    surrogates = _tables(content.get("surrogates"))
     outputs = {
         *_keys(content.get("outputs")),
-        *(name for each in published for name in _keys(each) if name != "source"),
-        *(
-            name
-            for surrogate in _tables(content.get("surrogates"))
-            for name in _keys(surrogate.get("transform"))
-        ),
+        *(name for each in published for name in each if name != "source"),
+        *(name for each in surrogates for name in _keys(each.get("transform"))),
     }
     return PartialModel(
         "the model",
@@ -81,7 +62,6 @@ def _keys(value: Any) -> Iterable[str]:
     return value if isinstance(value, dict) else ()
 
 
-def _tables(value: Any) -> Iterator[dict[str, Any]]:
-    for entry in value.values() if isinstance(value, dict) else ():
-        if isinstance(entry, dict):
-            yield entry
+def _tables(value: Any) -> list[dict[str, Any]]:
+    entries = value.values() if isinstance(value, dict) else ()
+    return [entry for entry in entries if isinstance(entry, dict)]

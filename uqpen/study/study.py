@@ -20,7 +20,7 @@ from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["ONLY_MODEL", "Study", "Variant"]
 
-# What the model of a study with a single ``[model]`` is called.
+# Name of the model of a study with a single ``[model]``.
 ONLY_MODEL = ""
 
 
@@ -46,10 +46,8 @@ class Study:
 
     Parameters
     ----------
-    name : str
-        The study file's name without its suffix.
-    title : str
-        Title to show.
+    name, title : str
+        The study file's name without its suffix; the title to show.
     seed : int
         Seed of all random numbers.
     models : mapping of str to Variant

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from uqpen.core.errors import toml_text
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model
 from uqpen.core.sampling import Sampling
@@ -16,23 +15,21 @@ from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["check_surrogates", "read_surrogates"]
 
+_POINTS = {
+    Sampling.QUADRATURE: "the nodes of an integration rule",
+    Sampling.TRAJECTORIES: "trajectories",
+    Sampling.ONE_AT_A_TIME: "steps from the nominal point",
+}
 
-def read_surrogates(
-    table: TableReader | None, designs: Collection[str] | None
-) -> dict[str, Surrogate]:
-    """The surrogates of a study; what could not be understood is noted and left out.
 
-    Parameters
-    ----------
-    table : TableReader, optional
-        ``[surrogates]``.
-    designs : collection of str or None
-        The names of all designs in the file, whose namespace the surrogates share; None where
-        there are none to read.
+def read_surrogates(table: TableReader, designs: Collection[str]) -> dict[str, Surrogate]:
+    """Read the surrogates of a study; invalid ones are noted and left out.
+
+    `designs` are the names of all designs in the file, which no surrogate has; empty if unknown.
     """
     found: dict[str, Surrogate] = {}
     for name, section in named_tables(table):
-        if designs is not None and name in designs:
+        if name in designs:
             section.add_problem((), f'"{name}", which is a design', "a name that no design has")
         elif (surrogate := _surrogate(section, designs)) is not None:
             found[name] = surrogate
@@ -40,72 +37,54 @@ def read_surrogates(
 
 
 def check_surrogates(
-    table: TableReader | None,
+    table: TableReader,
     surrogates: Mapping[str, Surrogate],
     designs: Mapping[str, Design],
     model: Model,
     joint: JointDistribution | None,
 ) -> None:
     """Note surrogates that do not fit the designs, the outputs or the inputs, if known."""
+    numeric = [output.name for output in model.outputs if not output.categories]
     for name, surrogate in surrogates.items():
-        assert table is not None
-        _check_design(table, name, surrogate, designs)
-        _check_transform(table, name, surrogate, model)
+        _check_designs(table, name, surrogate, designs)
+        for output in surrogate.transform:
+            if output not in numeric:
+                expected = f"an output of {model.name} that has numbers; {choices(output, numeric)}"
+                table.add_problem((name, "transform", output), "no such output", expected)
         if joint is not None and not joint.random:
             table.add_problem(name, "a surrogate over inputs that are all fixed", "a random input")
 
 
-def _surrogate(section: TableReader, designs: Collection[str] | None) -> Surrogate | None:
+def _surrogate(section: TableReader, designs: Collection[str]) -> Surrogate | None:
     kind = family_member(section, "kind", SURROGATES, "a kind of surrogate")
-    if kind is None:
-        return None
-    surrogate: Surrogate | None = section.settings(kind)
-    section.check_unknown_keys()
+    surrogate: Surrogate | None = kind and section.whole_settings(kind)
     if surrogate is None:
         return None
     for key in ("design", "check"):
         name = getattr(surrogate, key)
-        if name is not None and designs is not None and name not in designs:
-            expected = f"the name of a design; {choices(name, designs)}"
-            section.add_problem(key, toml_text(name), expected)
+        if name is not None and designs and name not in designs:
+            section.add_wrong(key, name, f"the name of a design; {choices(name, designs)}")
     if surrogate.check == surrogate.design:
         section.add_problem("check", "the design that it is fitted to", "a design of other runs")
     return surrogate
 
 
-def _check_design(
+def _check_designs(
     table: TableReader, name: str, surrogate: Surrogate, designs: Mapping[str, Design]
 ) -> None:
-    """Note a design whose points are of no use, as far as it was understood itself."""
-    trained, checked = designs.get(surrogate.design), designs.get(surrogate.check or "")
-    if trained is not None:
-        found = f'"{surrogate.design}", which makes {_design_description(trained)}'
-        is_rule = trained.sampling is Sampling.QUADRATURE
-        if surrogate.needs_quadrature and not is_rule:
-            table.add_problem(
-                (name, "design"), found, "a design of kind quadrature, for a projection"
-            )
-        elif not (is_rule or trained.sampling.is_sample):
-            table.add_problem((name, "design"), found, "a design that samples, or a quadrature")
-    if checked is not None and not checked.sampling.is_sample:
-        found = f'"{surrogate.check}", which makes {_design_description(checked)}'
-        table.add_problem((name, "check"), found, "a design that samples")
-
-
-def _design_description(design: Design) -> str:
-    """Describe the points of a design in words."""
-    words = {
-        Sampling.QUADRATURE: "the nodes of an integration rule",
-        Sampling.TRAJECTORIES: "trajectories",
-        Sampling.ONE_AT_A_TIME: "steps from the nominal point",
-    }
-    return words.get(design.sampling, "a sample")
-
-
-def _check_transform(table: TableReader, name: str, surrogate: Surrogate, model: Model) -> None:
-    """Note transformations of what is no output, or has no numbers."""
-    numeric = [output.name for output in model.outputs if not output.categories]
-    for output in surrogate.transform:
-        if output not in numeric:
-            expected = f"an output of {model.name} that has numbers; {choices(output, numeric)}"
-            table.add_problem((name, "transform", output), "no such output", expected)
+    """Note designs whose points are of no use, as far as they were understood."""
+    for key, label in (("design", surrogate.design), ("check", surrogate.check or "")):
+        if label not in designs:
+            continue
+        sampling = designs[label].sampling
+        is_rule = sampling is Sampling.QUADRATURE
+        if key == "check":
+            is_useful, expected = sampling.is_sample, "a design that samples"
+        elif surrogate.needs_quadrature:
+            is_useful, expected = is_rule, "a design of kind quadrature, for a projection"
+        else:
+            is_useful = is_rule or sampling.is_sample
+            expected = "a design that samples, or a quadrature"
+        if not is_useful:
+            found = f'"{label}", which makes {_POINTS.get(sampling, "a sample")}'
+            table.add_problem((name, key), found, expected)

@@ -1,55 +1,56 @@
-"""Reading a TOML table key by key, noting mistakes instead of stopping at the first."""
+"""Reading a table of a study key by key, noting mistakes instead of stopping at the first."""
 
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.labels import NAME
 from uqpen.core.lookup import choices, resolve
+from uqpen.core.model import Model
 from uqpen.core.quantities import parse_quantity
-from uqpen.core.settings import Setting, declared_settings
+from uqpen.core.settings import Context, declared_settings
 from uqpen.core.units import ANY_DIMENSION, are_convertible, describe
 from uqpen.study.document import Document
 
-__all__ = ["TableReader", "family_member", "named_tables"]
+__all__ = ["TableReader", "check_names", "family_member", "named_tables"]
 
 T = TypeVar("T")
 
 
+@dataclasses.dataclass(eq=False)
 class TableReader:
-    """A TOML table while it is read.
-
-    Whoever reads it takes the keys it knows; what is left when it is closed was not known.
+    """A table of a study while it is read; keys that nobody takes are unknown.
 
     Parameters
     ----------
     document : Document
-        The file it stands in.
-    problems : list of Problem
-        Where mistakes are noted.
+        The study that it stands in.
+    folder : Path
+        What the paths of files are relative to.
+    trust : bool
+        True if code that it names may be executed, and servers may get requests.
+    content : dict
+        Its keys and values.
     path : tuple
         Keys that lead to it.
-    content : dict
-        What stands in it.
+    problems : list of Problem
+        The mistakes in the study.
+    is_given : bool
+        False for a table that the study does not have; it is empty.
     """
 
-    def __init__(
-        self,
-        document: Document,
-        problems: list[Problem],
-        path: tuple[str | int, ...],
-        content: dict[str, Any],
-    ) -> None:
-        self.document = document
-        self.problems = problems
-        self.path = path
-        self.content = content
-        self._known: dict[str, None] = {}  # a set that keeps its order
+    document: Document
+    folder: Path
+    trust: bool
+    content: dict[str, Any]
+    path: tuple[str | int, ...] = ()
+    problems: list[Problem] = dataclasses.field(default_factory=list)
+    is_given: bool = True
+    _known: dict[str, None] = dataclasses.field(default_factory=dict)  # a set that keeps its order
 
     def __contains__(self, key: str) -> bool:
         return key in self.content
@@ -68,8 +69,24 @@ class TableReader:
         """Note that a key should be there."""
         self.add_problem(key, "nothing", expected)
 
+    def add_wrong(self, keys: str | tuple[str | int, ...], value: object, expected: str) -> None:
+        """Note a value that is not what is expected."""
+        self.add_problem(keys, toml_text(value), expected)
+
+    def add_problems(self, problems: Iterable[Problem], *keys: str | int) -> None:
+        """Note the problems of the value at some keys."""
+        for problem in problems:
+            self.add_problem((*keys, *problem.path), problem.found, problem.expected)
+
+    def add_refused(self, problems: Iterable[Problem]) -> None:
+        """Note the problems of refused settings, each with the value as its author wrote it."""
+        for problem in problems:
+            path = (*self.path, *problem.path)
+            written = self.document.value_text(path) if problem.path else None
+            self.add_problem(problem.path, written or problem.found, problem.expected)
+
     def take(self, key: str) -> Any:
-        """The value at a key, or None; the key counts as known from here on."""
+        """Return the value at a key, or None; the key counts as known from here on."""
         self._known[key] = None
         return self.content.get(key)
 
@@ -79,215 +96,151 @@ class TableReader:
             if key not in self._known:
                 self.add_problem(key, f"an unknown {what}", choices(key, self._known))
 
-    def text(self, key: str, expected: str, default: str | None = None) -> str | None:
-        """Read a text that is not empty."""
+    def text(self, key: str, expected: str) -> str | None:
+        """Read a text that is not empty; None where it is missing or wrong."""
         value = self.take(key)
         if value is None:
-            if default is None:
-                self.add_missing(key, expected)
-            return default
-        if not isinstance(value, str) or not value.strip():
-            self.add_problem(key, toml_text(value), expected)
-            return None
-        return value
-
-    def flag(self, key: str, *, default: bool) -> bool:
-        """True or false."""
-        value = self.take(key)
-        if value is not None and not isinstance(value, bool):
-            self.add_problem(key, toml_text(value), "true or false")
-        return value if isinstance(value, bool) else default
+            self.add_missing(key, expected)
+        elif isinstance(value, str) and value.strip():
+            return value
+        else:
+            self.add_wrong(key, value, expected)
+        return None
 
     def entries(self, key: str) -> list[Any]:
-        """The entries of a list; empty where there is none."""
+        """Return the entries of a list; empty where there is none."""
         value = self.take(key)
         if value is not None and not isinstance(value, list):
-            self.add_problem(key, toml_text(value), "a list in square brackets")
+            self.add_wrong(key, value, "a list in square brackets")
         return value if isinstance(value, list) else []
 
-    def table(self, key: str, expected: str = "") -> TableReader | None:
-        """A table inside; where `expected` says what it is, it must be there."""
+    def table(self, key: str, expected: str = "") -> TableReader:
+        """Return a table inside; where `expected` says what it is, it must be there."""
         value = self.take(key)
-        if value is None:
-            if expected:
-                self.add_missing(key, expected)
-            return None
-        if not isinstance(value, dict):
-            self.add_problem(key, toml_text(value), expected or "a table")
-            return None
-        return TableReader(self.document, self.problems, (*self.path, key), value)
+        if value is None and expected:
+            self.add_missing(key, expected)
+        elif value is not None and not isinstance(value, dict):
+            self.add_wrong(key, value, expected or "a table")
+        return self.inside(value if isinstance(value, dict) else None, key)
 
-    def probabilities(self, key: str) -> tuple[float, ...]:
-        """A list of numbers strictly between 0 and 1, ascending and each once."""
-        found = set()
-        for position, value in enumerate(self.entries(key)):
-            is_number = isinstance(value, int | float) and not isinstance(value, bool)
-            if is_number and 0 < value < 1:
-                found.add(float(value))
-            else:
-                self.add_problem((key, position), toml_text(value), "a probability between 0 and 1")
-        return tuple(sorted(found))
+    def inside(self, content: dict[str, Any] | None, *keys: str | int) -> TableReader:
+        """Return the reader of a table inside, or of one that is not there."""
+        path, is_given = (*self.path, *keys), content is not None
+        return dataclasses.replace(
+            self, content=content or {}, path=path, is_given=is_given, _known={}
+        )
 
-    def settings(self, cls: type[T], *, like: str = "", folder: Path = Path()) -> T | None:
-        """An instance of a dataclass, its settings read from the keys of their names.
+    def quantity(self, key: str, like: str) -> float | None:
+        """Read a quantity in SI units; None where it is missing or wrong."""
+        value = self.take(key)
+        try:
+            return None if value is None else parse_quantity(value, like).value
+        except QuantityError as error:
+            self.add_problems(error.problems, key)
+        return None
+
+    def settings(
+        self, cls: type[T], *, like: str = "", given: Mapping[str, Any] | None = None
+    ) -> T | None:
+        """Make an instance of a dataclass, its settings read from their keys.
 
         Parameters
         ----------
         cls : type
             A dataclass with declared settings.
         like : str
-            A unit of the dimension that its quantities have; of `ANY_DIMENSION`, they need only
-            agree.
-        folder : Path
-            What the paths of files are relative to.
+            A unit of the dimension of its quantities; of `ANY_DIMENSION`, they need only agree.
+        given : mapping of str to object, optional
+            Values of fields that the table does not have.
 
         Returns
         -------
         object or None
             None where a mistake was noted.
         """
-        given: dict[str, Any] = {}
-        noted = len(self.problems)
+        values = self.setting_values(cls, like, given)
+        try:
+            return None if values is None else cls(**values)
+        except SettingsError as error:
+            self.add_refused(error.problems)
+        return None
+
+    def whole_settings(self, cls: type[T], like: str = "") -> T | None:
+        """Make an instance as `settings` does; the table has no other keys."""
+        made = self.settings(cls, like=like)
+        self.check_unknown_keys()
+        return made
+
+    def setting_values(
+        self, cls: type, like: str = "", given: Mapping[str, Any] | None = None
+    ) -> dict[str, Any] | None:
+        """Return the fields of a dataclass that are given or read; see `settings`."""
+        values, problems = dict(given or {}), list[Problem]()
+        context = Context(like, self.folder)
         is_agreed = like is not ANY_DIMENSION or self._has_one_dimension(cls)
         for field, setting in declared_settings(cls):
-            value = self.take(field.name)
-            if value is not None:
-                given[field.name] = self._setting(field.name, value, setting, like, folder)
-            elif _is_required(field):
-                self.add_missing(
-                    field.name, describe(like) if _has_unit(setting) else setting.expected
-                )
-        if not is_agreed:
-            return None
-        if len(self.problems) > noted:
-            self._check_ranges(cls, given)
-            return None
-        try:
-            return cls(**given)
-        except SettingsError as error:
-            self.add_problems(error)
-        return None
-
-    def add_problems(self, error: SettingsError) -> None:
-        """Note the problems of a refused object, each as its author wrote it."""
-        for problem in error.problems:
-            path = (*self.path, *problem.path)
-            written = self.document.value_text(path) if problem.path else None
-            self.problems.append(Problem(path, written or problem.found, problem.expected))
-
-    def quantity(self, key: str, like: str, *, difference: bool = False) -> float | None:
-        """A quantity in SI units; None where it is missing or wrong."""
-        value = self.take(key)
-        if value is None:
-            return None
-        try:
-            return parse_quantity(value, like, difference=difference).value
-        except QuantityError as error:
-            self.add_problem(key, error.found, error.expected)
-        return None
-
-    def _check_ranges(self, cls: type, given: Mapping[str, Any]) -> None:
-        """Note settings out of range among those that have no mistake yet."""
-        depth = len(self.path) + 1
-        wrong = {problem.path[:depth] for problem in self.problems}
-        for field, setting in declared_settings(cls):
-            value = given.get(field.name)
-            is_noted = (*self.path, field.name) in wrong
-            if value is not None and not is_noted and not setting.accepts(value):
-                self.add_problem(field.name, toml_text(self.content[field.name]), setting.expected)
+            key = setting.key or field.name
+            written = self.take(key)
+            if written is None:
+                if field.name not in values and _is_required(field):
+                    expected = describe(like) if setting.has_dimension else setting.expected
+                    problems.append(Problem((key,), "nothing", expected))
+                continue
+            try:
+                values[field.name] = setting.read(written, context)
+            except (SettingsError, QuantityError) as error:
+                problems += [problem.within(key) for problem in error.problems]
+            else:
+                if is_agreed and not setting.accepts(values[field.name]):
+                    problems.append(Problem((key,), toml_text(written), setting.expected))
+        self.add_problems(problems)
+        return None if problems or not is_agreed else values
 
     def _has_one_dimension(self, cls: type) -> bool:
-        """Whether the quantities among the settings of a class are of the same dimension."""
-        units = []
-        for field, setting in declared_settings(cls):
-            if _has_unit(setting) and field.name in self:
-                try:
-                    units.append(parse_quantity(self.content[field.name], ANY_DIMENSION).unit)
-                except QuantityError:
-                    return False
+        """Return True if the quantities among the settings of a class have the same dimension."""
+        keys = [field.name for field, setting in declared_settings(cls) if setting.has_dimension]
+        try:
+            units = [
+                parse_quantity(self.content[key], ANY_DIMENSION).unit for key in keys if key in self
+            ]
+        except QuantityError:
+            return False
         return all(are_convertible(units[0], unit) for unit in units)
 
-    def _setting(self, key: str, value: Any, setting: Setting, like: str, folder: Path) -> Any:
-        """A value of the type that a setting wants; its range is checked by its owner."""
-        if _has_unit(setting):
-            return self.quantity(key, like, difference=setting.kind == "difference")
-        if setting.kind == "file":
-            if isinstance(value, str) and value and "\0" not in value:
-                return folder / value
-            self.add_problem(key, toml_text(value), setting.expected)
-            return None
-        if setting.kind == "number" and isinstance(value, int) and not isinstance(value, bool):
-            return float(value) if abs(value) < 1e300 else math.inf
-        if not _has_type(setting, value):
-            self.add_problem(key, toml_text(value), setting.expected)
-        elif setting.kind == "choices":
-            for name, chosen in value.items():
-                if not setting.accepts({name: chosen}):
-                    self.add_problem((key, name), toml_text(chosen), setting.expected)
-        return value
+
+def check_names(table: TableReader, known: Collection[str], what: str, model: Model) -> list[str]:
+    """Return the keys that are names of a model's inputs or outputs; note the others."""
+    for name in table:
+        if name not in known:
+            expected = f"an {what} of {model.name}; {choices(name, known)}"
+            table.add_problem(name, f"an unknown {what}", expected)
+    return [name for name in table if name in known]
 
 
-def named_tables(table: TableReader | None) -> Iterator[tuple[str, TableReader]]:
-    """The tables in a table by their names; what cannot be the name of a group is noted."""
-    for name in table or ():
-        assert table is not None
+def named_tables(table: TableReader) -> Iterator[tuple[str, TableReader]]:
+    """Yield the tables in a table by name; what cannot be the name of a group is noted."""
+    for name in table:
         section = table.table(name)
-        if section is None:
-            continue
-        if NAME.match(name):
+        if section.is_given and NAME.match(name):
             yield name, section
-        else:
-            section.add_problem((), toml_text(name), "a name of letters, digits and _, at most 100")
+        elif section.is_given:
+            section.add_wrong((), name, "a name of letters, digits and _, at most 100")
 
 
 def family_member(
     table: TableReader, key: str, family: Mapping[str, str], what: str, expected: str = ""
 ) -> Any:
-    """Return the class that a key of a table names.
+    """Return the class that a key of a table names; None where a mistake was noted.
 
-    Parameters
-    ----------
-    table : TableReader
-        Where the key stands.
-    key : str
-        The key.
-    family : mapping of str to str
-        Names and their references.
-    what : str
-        What the family holds, with its article, for a message.
-    expected : str
-        What a message says is expected; by default the names of the family.
-
-    Returns
-    -------
-    type or None
-        None where a mistake was noted.
+    `family` has names and their references; `what` is a member with its article. A message expects
+    the names of the family, unless `expected` says otherwise.
     """
     name = table.text(key, expected or f"one of {', '.join(family)}")
-    if name is None:
-        return None
-    if name not in family:
-        table.add_problem(key, toml_text(name), f"{what}; {choices(name, family)}")
-        return None
-    return resolve(family[name])
-
-
-def _has_unit(setting: Setting) -> bool:
-    return setting.kind in ("quantity", "difference")
+    if name is None or name in family:
+        return name and resolve(family[name])
+    table.add_wrong(key, name, f"{what}; {choices(name, family)}")
+    return None
 
 
 def _is_required(field: dataclasses.Field[Any]) -> bool:
     return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-
-
-def _has_type(setting: Setting, value: Any) -> bool:
-    types = {
-        "count": int,
-        "number": float,
-        "flag": bool,
-        "choice": str,
-        "choices": dict,
-        "name": str,
-    }
-    is_flag = isinstance(value, bool)
-    return isinstance(value, types[setting.kind]) and is_flag == (setting.kind == "flag")

@@ -18,6 +18,7 @@ from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
 from uqpen.core.model import Arrays, Input, Model, Output, Results
+from uqpen.core.settings import choice, validate
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import scale
 from uqpen.models.command.folders import folder_name, keep_folder, working_folder
@@ -40,11 +41,30 @@ _PATHS = {"inputs": INPUTS, "outputs": OUTPUTS}
 _NO_INTERPRETER = "cannot be started: what its first line names to run it with is not there"
 
 
-class FolderPolicy(NamedTuple):
-    """Policy for the folders of runs: keep ``"failed"``, ``"all"`` or ``"none"``, in a folder."""
+@dataclass(frozen=True)
+class FolderPolicy:
+    """Policy for the folders of runs after their end.
 
-    which: Literal["failed", "all", "none"]
-    folder: Path
+    Parameters
+    ----------
+    which : str
+        The folders that are kept: those of ``"failed"`` runs, ``"all"`` or ``"none"``.
+    folder : Path
+        Folder for the kept ones.
+    """
+
+    which: Literal["failed", "all", "none"] = choice(
+        "failed",
+        "all",
+        "none",
+        default="failed",
+        expected='which folders of runs are kept: "failed", "all" or "none"',
+        key="keep",
+    )
+    folder: Path = Path()
+
+    def __post_init__(self) -> None:
+        validate(self)
 
 
 class _Outcome(NamedTuple):
@@ -130,7 +150,7 @@ class Command(Model):
 
     def with_folder(self, folder: Path) -> Command:
         """Return a copy that keeps the folders of runs in another folder."""
-        return replace(self, folder_policy=self.folder_policy._replace(folder=folder))
+        return replace(self, folder_policy=replace(self.folder_policy, folder=folder))
 
     def _run(self, program: Program, inputs: Mapping[str, float]) -> _Outcome:
         """Make one run; any failure becomes its status."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import re
 from abc import ABC, abstractmethod
 from collections import deque
@@ -11,9 +12,15 @@ from typing import Any
 
 from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import toml_text
+from uqpen.core.settings import count, text, validate
 from uqpen.models.command.written import RunFiles, UnreadableError
 
 __all__ = ["CsvReader", "JsonReader", "NetcdfReader", "OutputReader", "TextReader"]
+
+
+def _row(default: int | None) -> Any:
+    expected = "a whole number: rows count from 0, and back from -1"
+    return count(minimum=-math.inf, maximum=math.inf, default=default, expected=expected)
 
 
 @dataclass(frozen=True)
@@ -21,6 +28,9 @@ class OutputReader(ABC):
     """Reader of an output in a file of the run's folder, ``stdout`` and ``stderr`` among them."""
 
     file: str
+
+    def __post_init__(self) -> None:
+        validate(self)
 
     @abstractmethod
     def value(self, written: RunFiles) -> float:
@@ -37,7 +47,7 @@ class JsonReader(OutputReader):
         Names and positions that lead to it, with dots between: ``result.depth``, ``depths.0``.
     """
 
-    key: str
+    key: str = text(expected="the names that lead to it, with dots between")
 
     def value(self, written: RunFiles) -> float:
         found = written.document(self.file)
@@ -62,18 +72,19 @@ class CsvReader(OutputReader):
         Position among the rows below the headings, from 0; the last is -1.
     """
 
-    column: str
-    row: int = -1
+    column: str = text(expected="a heading")
+    row: int = _row(-1)
 
     def value(self, written: RunFiles) -> float:
         rows = written.table(self.file)
         if not rows:
             raise UnreadableError(f"{self.file} is empty")
         header, *entries = rows
-        if self.column not in header:
-            raise UnreadableError(f'{self.file} has no column "{self.column}"')
-        place = f'row {self.row} of column "{self.column}" in {self.file}'
-        position = header.index(self.column)
+        column = self.column.strip()
+        if column not in header:
+            raise UnreadableError(f'{self.file} has no column "{column}"')
+        place = f'row {self.row} of column "{column}" in {self.file}'
+        position = header.index(column)
         if not -len(entries) <= self.row < len(entries) or position >= len(entries[self.row]):
             raise UnreadableError(f"there is no {place}")
         return _parse_number(entries[self.row][position], place)
@@ -91,8 +102,8 @@ class NetcdfReader(OutputReader):
         Position of the value in a one-dimensional variable, from 0; the last is -1.
     """
 
-    variable: str
-    row: int | None = None
+    variable: str = text(expected="the name of a variable")
+    row: int | None = _row(None)
 
     def value(self, written: RunFiles) -> float:
         values = self._values(written)

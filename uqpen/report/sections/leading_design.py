@@ -58,7 +58,7 @@ def quantity_with_quantiles(
     described = view.attributes(output)
     unit = str(described.get("units", ""))
     variable = Output(output, unit, str(described.get("long_name", output)))
-    return QuantityOfInterest(variable, view.unit(output), tuple(quantiles))
+    return QuantityOfInterest(variable, view.unit(output), quantiles=tuple(quantiles))
 
 
 def requested_quantity(view: ArchiveView, output: str, source: str) -> QuantityOfInterest:

@@ -1,0 +1,57 @@
+"""What a study file must not say, a constructor refuses in the same words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from uqpen.core.errors import SettingsError
+from uqpen.core.limits import Limits
+from uqpen.core.model import Output
+from uqpen.models.command.model import FolderPolicy
+from uqpen.models.command.readings import CsvReader, JsonReader, NetcdfReader
+from uqpen.statistics.published import Publication, PublishedEstimates
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
+
+Y = Output("y", "m")
+
+
+@pytest.mark.parametrize(
+    ("make", "key", "expected"),
+    [
+        (lambda: Limits(seconds=0), "time_limit", 'a time such as "10 s"'),
+        (lambda: Limits(bytes=1000), "memory_limit", "at least 1 MB"),
+        (lambda: FolderPolicy("some", Path()), "keep", '"failed", "all" or "none"'),  # type: ignore[arg-type]
+        (lambda: JsonReader("out.json", ""), "key", "names that lead to it"),
+        (lambda: CsvReader("out.csv", "y", 0.5), "row", "a whole number"),  # type: ignore[arg-type]
+        (lambda: NetcdfReader("out.nc", " "), "variable", "the name of a variable"),
+        (lambda: QuantityOfInterest(Y, "m", quantiles=(0.5, 1)), "quantiles", "between 0 and 1"),
+        (lambda: QuantityOfInterest(Y, "m", tolerance_contents=(2,)), "hold", "between 0 and 1"),
+        (lambda: QuantityOfInterest(Y, "m", thresholds=(2.0,)), "exceeds", "thresholds"),  # type: ignore[arg-type]
+        (lambda: PublishedEstimates(Y, mean=math.nan), "mean", "a quantity"),
+        (lambda: PublishedEstimates(Y, response={"a": math.inf}), "response", "a table"),
+        (lambda: Publication(""), "source", "where the figures stand"),
+    ],
+)
+def test_a_wrong_value_is_refused(make: Callable[[], object], key: str, expected: str) -> None:
+    with pytest.raises(SettingsError) as caught:
+        make()
+    (problem,) = caught.value.problems
+    assert problem.key == key
+    assert expected in problem.expected
+
+
+def test_right_values_are_kept() -> None:
+    assert Limits(seconds=2.5, bytes=10**6).seconds == 2.5
+    assert not Limits()
+    assert FolderPolicy().which == "failed"
+    assert QuantityOfInterest(Y, "m", thresholds=(Threshold("2 m", 2.0),)).quantiles == (
+        0.05,
+        0.5,
+        0.95,
+    )
+    assert PublishedEstimates(Y, mean=1.0, std=0.5).moments == {"mean": 1.0, "std": 0.5}
+    assert PublishedEstimates(Y, std=0.5).moments == {"std": 0.5}

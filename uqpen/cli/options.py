@@ -1,0 +1,100 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
+
+if TYPE_CHECKING:
+    from uqpen.execution import Map
+
+__all__ = [
+    "PATH",
+    "ExecutorOptions",
+    "executor_option",
+    "folder_option",
+    "output_option",
+    "resume_options",
+    "trust_option",
+]
+
+PATH = click.Path(path_type=Path)
+
+
+class ExecutorOptions(NamedTuple):
+    """Number of processes for runs; or the Dask cluster with a scheduler, if that is given."""
+
+    workers: int
+    scheduler: str | None
+
+    def open_map(self) -> AbstractContextManager[Map]:
+        """Return a map over batches of runs."""
+        if self.scheduler is not None:
+            from uqpen.execution.cluster import cluster
+
+            return cluster(self.scheduler)
+        if self.workers == 1:
+            return nullcontext(map)
+        from uqpen.execution.processes import processes
+        from uqpen.execution.worker import preload_in_workers
+
+        preload_in_workers("uqpen.cli.main")
+        return processes(self.workers)
+
+
+def executor_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options of where to make runs, as its argument `executor`."""
+
+    @click.option(
+        "--workers",
+        type=click.IntRange(min=1),
+        metavar="N",
+        help="Make the runs on N processes; the archive is the same.  [default: 1]",
+    )
+    @click.option(
+        "--scheduler",
+        metavar="ADDRESS|FILE",
+        help="Make the runs on the Dask cluster with this scheduler; the archive is the same.",
+    )
+    @functools.wraps(command)
+    def run_command(
+        *arguments: Any, workers: int | None, scheduler: str | None, **options: Any
+    ) -> Any:
+        if workers is not None and scheduler is not None:
+            raise click.UsageError("--workers and --scheduler exclude each other")
+        return command(*arguments, executor=ExecutorOptions(workers or 1, scheduler), **options)
+
+    return run_command
+
+
+def output_option(name: str, default: str) -> Callable[..., Any]:
+    """Give a command the path of the archive that it writes, as its argument `name`."""
+    text = f"The archive to write.  [default: {default}]"
+    return click.option("-o", "--output", name, type=PATH, help=text)
+
+
+def resume_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the flags `fresh` and `lost_again`, about runs that were kept."""
+    fresh = "Make all runs anew, those too that an earlier start has kept."
+    lost_again = "Make those runs anew that were kept, but were lost."
+    command = click.option("--lost-again", is_flag=True, help=lost_again)(command)
+    return click.option("--fresh", is_flag=True, help=fresh)(command)
+
+
+def folder_option(study: str = "its study") -> Callable[..., Any]:
+    """Give a command the folder of the files that an archived study names."""
+    return click.option(
+        "--folder",
+        type=click.Path(exists=True, file_okay=False, path_type=Path),
+        help=f"Take the files that {study} names from here.  [default: those that it keeps]",
+    )
+
+
+trust_option = click.option(
+    "--trust", is_flag=True, help="Execute code that ARCHIVE names: models, analyses."
+)
