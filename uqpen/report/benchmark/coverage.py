@@ -30,16 +30,15 @@ from uqpen.report.benchmark.row_charts import (
 from uqpen.report.blocks import Axis, Block, Chart, Charts
 from uqpen.report.marks import Trace, point_trace
 from uqpen.report.shapes import Shape, shaded_interval, vertical_line
-from uqpen.results.benchmark_entries import BenchmarkEntry, entries
+from uqpen.results.benchmark_entries import BenchmarkEntry, entries, lowest_expected_coverage
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.table import NOTHING, OutputTable
-from uqpen.statistics.intervals import clopper_pearson
 
 __all__ = ["coverage"]
 
 FloatArray = npt.NDArray[np.float64]
 
-# Of the shares that chance may show; and of intervals that do not say themselves.
+# Of intervals that do not say themselves.
 _LEVEL = 0.95
 
 
@@ -71,13 +70,6 @@ def _shares(tree: xr.DataTree, variant: str, found: list[BenchmarkEntry]) -> Flo
     return np.array(values, dtype=np.float64)
 
 
-def _lowest_expected_share(level: float, repeats: int) -> float:
-    """The least share that intervals that cover as often as they say would show."""
-    covered = np.arange(repeats + 1)
-    _, upper = clopper_pearson(covered, repeats, _LEVEL)
-    return float(covered[upper >= level][0] / repeats)
-
-
 def _nominal_level(tree: xr.DataTree) -> float:
     """Return the nominal level of the methods' own intervals: that of the reference's."""
     truths = (entry.reference for entry in entries(tree))
@@ -87,7 +79,7 @@ def _nominal_level(tree: xr.DataTree) -> float:
 
 def _expected_coverage_note(tree: xr.DataTree, repeats: int) -> str:
     level = _nominal_level(tree)
-    least = f"{100 * _lowest_expected_share(level, repeats):.0f} %"
+    least = f"{100 * lowest_expected_coverage(level, repeats):.0f} %"
     return (
         f"Each marker is of one number of runs. Shaded: shares from {least}, which {repeats} "
         f"intervals that cover {percent_text(level)} may well show by chance. Estimates without an "
@@ -121,7 +113,7 @@ def _coverage_chart(
     level = _nominal_level(tree)
     known = shares[np.isfinite(shares)]
     shapes: tuple[Shape, ...] = (
-        shaded_interval(100 * _lowest_expected_share(level, repeats), 100, "quiet"),
+        shaded_interval(100 * lowest_expected_coverage(level, repeats), 100, "quiet"),
         vertical_line(100 * level, "quiet", "dash"),
     )
     return Chart(

@@ -24,7 +24,6 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.texts import plain_text
-from uqpen.statistics.sample import input_sample
 
 __all__ = ["answer"]
 
@@ -81,7 +80,7 @@ def _omissions_note(shown: Sequence[OutputSentences], outputs: int) -> str:
 
 def _origin_sentence(view: ArchiveView, design: str) -> str:
     """Which runs the sentences come from, and why these."""
-    runs = input_sample(read_group(view.tree, RUNS, design))
+    runs = view.runs(design)
     completed, every = status_counts(runs)[Status.OK], runs.sizes[RUN]
     known = [str(view.tree.attrs.get(name, "")) for name in ("model_name", "model_version")]
     model = plain_text(" ".join(filter(None, known)))

@@ -19,7 +19,6 @@ from uqpen.report.sections.view_statistics import failure_probabilities, status_
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.texts import capitalized
-from uqpen.statistics.sample import input_sample
 
 __all__ = ["caveats"]
 
@@ -66,7 +65,7 @@ def caveats(view: ArchiveView, design: str) -> Iterator[str]:
 
 def _missing_run_counts(view: ArchiveView, design: str) -> list[str]:
     """Return counts of failed runs of a design's sample by status, without inadmissible ones."""
-    counts = status_counts(input_sample(read_group(view.tree, RUNS, design)))
+    counts = status_counts(view.runs(design))
     left_out = (Status.OK, Status.INADMISSIBLE)
     return [
         f"{grouped_number(count)} {STATUS_TEXT[status]}"
@@ -85,7 +84,7 @@ def _probability_text(array: xr.DataArray) -> str:
 
 
 def _inadmissible_caveat(view: ArchiveView, design: str, condition: str) -> str:
-    runs = input_sample(read_group(view.tree, RUNS, design))
+    runs = view.runs(design)
     count = status_counts(runs)[Status.INADMISSIBLE]
     some = f"{grouped_number(count)} of the {grouped_number(runs.sizes[RUN])} points of {design}"
     were = "was" if count == 1 else "were"

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.catalogue import CATEGORY, PROBABILITY, THRESHOLD
+from uqpen.core.catalogue import CATEGORY, PROBABILITY, RUNS_SO_FAR, THRESHOLD
 from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUN, RUNS
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.report.axes import logarithmic_axis, padded_limits
@@ -22,9 +22,9 @@ from uqpen.report.sections.leading_design import (
     leading_design,
     output_heading,
     output_title,
-    requested_quantity,
 )
 from uqpen.report.sections.quoted_statistics import share_label
+from uqpen.report.sections.view_statistics import view_statistics
 from uqpen.report.shapes import horizontal_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
@@ -37,9 +37,6 @@ from uqpen.results.table import (
     quantile_label,
 )
 from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
-from uqpen.statistics.convergence import RUNS_SO_FAR, reason_without_parts
-from uqpen.statistics.convergence import convergence as by_parts
-from uqpen.statistics.sample import input_sample
 
 __all__ = ["convergence"]
 
@@ -90,21 +87,24 @@ def convergence(view: ArchiveView) -> Iterator[Block]:
     design = leading_design(view)
     if design is None:
         return
-    runs = read_group(view.tree, RUNS, design)
-    if reason := reason_without_parts(runs):
+    outputs = [*view.numeric_outputs, *view.categorical_outputs]
+    statistics = {
+        output: view_statistics(view).statistics(design, output)
+        for output in outputs[:_MOST_OUTPUTS]
+    }
+    reason = view.reason_without_convergence(design)
+    if not any(RUNS_SO_FAR in array.dims for of in statistics.values() for array in of.values()):
+        reason = reason or "the archive has no estimates from parts of its runs"
+    if reason:
         yield Text(
             f"How the answers settle cannot be shown by {design}, the design that they come from: "
             f"{reason}."
         )
         return
-    outputs = [*view.numeric_outputs, *view.categorical_outputs]
-    shown = outputs[:_MOST_OUTPUTS]
-    quantities = [requested_quantity(view, output, design) for output in shown]
-    statistics = by_parts(runs, quantities)
     yield Text(_design_sentence(view, design))
     yield Remarks("How to read it", (_SHARED, _FIXED))
-    for output in shown:
-        if histories := list(_estimate_histories(view, output, statistics.get(output, {}))):
+    for output, arrays in statistics.items():
+        if histories := list(_estimate_histories(view, output, arrays)):
             yield Heading(output_heading(view, output))
             yield _history_charts(view, output, design, histories)
     if left := outputs[_MOST_OUTPUTS:]:
@@ -114,7 +114,7 @@ def convergence(view: ArchiveView) -> Iterator[Block]:
 def _design_sentence(view: ArchiveView, design: str) -> str:
     """Which design it is, why that one, and what its parts are."""
     runs = read_group(view.tree, RUNS, design)
-    drawn = input_sample(runs)
+    drawn = view.runs(design)
     runs_text = count_text(drawn.sizes[RUN], "run")
     if drawn.sizes[RUN] < runs.sizes[RUN]:
         runs_text += " that are a sample"
@@ -143,18 +143,18 @@ def _estimate_histories(
     """Yield the statistics of an output that are followed."""
     unit, convert = view.unit(output), view.scale(output).from_si
     found = []
-    if (array := statistics.get("mean")) is not None:
+    if (array := statistics.get("convergence_mean")) is not None:
         found.append(_EstimateHistory("mean", unit, convert, array))
-    if (array := statistics.get("quantile")) is not None:
+    if (array := statistics.get("convergence_quantile")) is not None:
         asked = array[PROBABILITY].values.tolist()
         for p in [0.5] if 0.5 in asked else dict.fromkeys([asked[0], asked[-1]]):
             entry = array[{PROBABILITY: asked.index(p)}]
             found.append(_EstimateHistory(quantile_label(p), unit, convert, entry))
-    if (array := statistics.get("exceedance")) is not None:
+    if (array := statistics.get("convergence_exceedance")) is not None:
         label = exceedance_label(str(array[THRESHOLD].values[0]))
         entry = array[{THRESHOLD: 0}]
         found.append(_EstimateHistory(label, DIMENSIONLESS, identity, entry))
-    if (array := statistics.get("share")) is not None:
+    if (array := statistics.get("convergence_share")) is not None:
         labels = array["category_label"].values.tolist()
         for position, label in enumerate(labels[:_MOST_KINDS]):
             entry = array[{CATEGORY: position}]
@@ -172,7 +172,8 @@ def _history_charts(
     if not all_bounded(every):
         keys.insert(0, LegendKey("no interval", position, f"{series_marker(position)}-open"))
     if has_interval(every).any():
-        covered = percent_text(float(histories[0].estimates.attrs[INTERVAL_LEVEL]))
+        levels = (each.estimates.attrs.get(INTERVAL_LEVEL) for each in histories)
+        covered = percent_text(next(filter(None, levels)))
         keys.insert(0, LegendKey(f"with its {covered} interval", position, series_marker(position)))
     return Charts(
         charts=tuple(charts),

@@ -10,13 +10,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.archive.estimates import interval_text
-from uqpen.core.labels import INTERVAL_LEVEL, NOTE
 from uqpen.figures.curves import Curve
 from uqpen.report.marks import Trace, band_traces, escape_text, line_trace
-from uqpen.report.sections.leading_design import output_sample
 from uqpen.results.archive_view import ArchiveView
-from uqpen.statistics.distribution_function.cdfs import cdf_at_values
+from uqpen.results.empirical_cdf import empirical_cdf
 
 __all__ = ["Grid", "curve_at", "curve_band_traces", "curve_quantile", "curve_trace"]
 
@@ -59,9 +56,8 @@ def curve_at(view: ArchiveView, output: str, curve: Curve, grid: Grid) -> Curve:
     if curve.name in view.designs:
         measure = view.scale(output)
         in_si = np.array([measure.to_si(value) for value in grid.values.tolist()])
-        cdf = cdf_at_values(output_sample(view, curve.name, output), in_si)
-        level, note = cdf.attrs.get(INTERVAL_LEVEL, math.nan), interval_text(cdf[0], NOTE)
-        return replace(curve, values=grid.values, band=cdf.values, level=level, note=note)
+        band = empirical_cdf(view.completed_values(curve.name, output), curve.band, in_si)
+        return replace(curve, values=grid.values, band=band)
     estimate = np.interp(grid.values, curve.values, curve.band[:, 0], left=0.0, right=1.0)
     none = np.full_like(estimate, np.nan)
     return replace(curve, values=grid.values, band=np.stack([estimate, none, none], axis=-1))

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.core.catalogue import PERCENT, PROBABILITY
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import CUT, distribution_curves, exceedance_span, thresholds
@@ -35,9 +36,7 @@ from uqpen.report.sections.leading_design import (
     leading_design,
     missing_runs_note,
     output_heading,
-    output_sample,
     output_title,
-    quantity_with_quantiles,
 )
 from uqpen.report.sections.view_statistics import view_statistics
 from uqpen.report.shapes import vertical_line
@@ -45,14 +44,11 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.table import OutputTable, quantile_label
 from uqpen.results.texts import capitalized, unit_suffix
-from uqpen.statistics.distribution_function.quantiles import quantile_estimates
 
 __all__ = ["distributions"]
 
 FloatArray = npt.NDArray[np.float64]
 
-# Quantiles in the table, where the runs tell them.
-_QUANTILES = (0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)
 # Probabilities at which the numbers behind a distribution function are shown.
 _SHOWN = np.linspace(0, 1, 21)
 
@@ -174,14 +170,14 @@ def _exact_numbers(row: list[float]) -> list[float | None]:
 
 
 def _quantile_table(view: ArchiveView, output: str, design: str) -> OutputTable:
-    """Quantiles and their intervals, worked out from the archive's runs."""
+    """Percentiles and their intervals; in an archive without them, the requested quantiles."""
     convert = view.scale(output).from_si
-    quantity = quantity_with_quantiles(view, output, _QUANTILES)
-    ((_, array),) = quantile_estimates(output_sample(view, design, output), quantity)
-    level = float(array.attrs[INTERVAL_LEVEL])
-    has_any = bool(np.isfinite(array.values[:, 1:]).any())
-    with_intervals = f", with {percent_text(level)} intervals" * has_any
+    statistics = view_statistics(view).statistics(design, output)
+    array = statistics.get("percentile", statistics["quantile"])
+    probabilities = array[PERCENT] / 100 if PERCENT in array.dims else array[PROBABILITY]
+    level = array.attrs.get(INTERVAL_LEVEL)
+    with_intervals = "" if level is None else f", with {percent_text(level)} intervals"
     table = OutputTable(f"Quantiles by {design}{with_intervals}", [view.axis_label(output)])
-    for position, p in enumerate(_QUANTILES):
-        table.rows.append((quantile_label(p), [table.cell(array[position], convert)]))
+    for p, estimate in zip(probabilities.values.tolist(), array, strict=True):
+        table.rows.append((quantile_label(p), [table.cell(estimate, convert)]))
     return table

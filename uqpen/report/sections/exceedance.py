@@ -14,13 +14,13 @@ from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.marks import Trace, band_traces, dot_trace, escape_text, line_trace
 from uqpen.report.notes import interval_notes
-from uqpen.report.sections.leading_design import missing_runs_note, output_sample, output_title
+from uqpen.report.sections.leading_design import missing_runs_note, output_title
 from uqpen.report.sections.view_statistics import view_statistics
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, percent_text
+from uqpen.results.empirical_cdf import empirical_cdf
 from uqpen.results.table import OutputTable, exceedance_label
 from uqpen.results.texts import unit_suffix
-from uqpen.statistics.distribution_function.cdfs import cdf_at_values
 
 __all__ = ["exceedance"]
 
@@ -99,12 +99,12 @@ def _tail(view: ArchiveView, output: str, curve: Curve) -> tuple[FloatArray, Flo
     The values are spaced evenly by the logarithm of that probability. The archive's function has
     equally spaced ranks, and few of them lie in the tail.
     """
-    sample = output_sample(view, curve.name, output)
-    left = np.arange(1, sample.size + 1)
-    if sample.size > _MOST:
-        left = np.geomspace(1, sample.size, _MOST).round().astype(np.int64)
-    values = np.unique(sample.sorted_values[sample.size - left])
-    tail_values = 1 - cdf_at_values(sample, values).values
+    outputs = np.sort(view.completed_values(curve.name, output))
+    left = np.arange(1, outputs.size + 1)
+    if outputs.size > _MOST:
+        left = np.geomspace(1, outputs.size, _MOST).round().astype(np.int64)
+    values = np.unique(outputs[outputs.size - left])
+    tail_values = 1 - empirical_cdf(outputs, curve.band, values)
     # The largest value leaves nothing above it, which has no logarithm.
     above = tail_values[:, 0] > 0
     shown: FloatArray = view.scale(output).from_si(values[above])

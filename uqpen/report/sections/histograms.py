@@ -10,7 +10,7 @@ from uqpen.figures.histogram import bin_values, marked_estimates
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.marks import bar_trace, dot_trace
-from uqpen.report.sections.leading_design import output_sample, output_title
+from uqpen.report.sections.leading_design import output_title
 from uqpen.report.shapes import Shape, shaded_interval, vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, percent_text
@@ -23,7 +23,7 @@ __all__ = ["histogram", "shares"]
 
 def histogram(view: ArchiveView, output: str, design: str) -> Chart:
     """Return the chart of a design's completed runs, in bins."""
-    values = view.scale(output).from_si(output_sample(view, design, output).values)
+    values = view.scale(output).from_si(view.completed_values(design, output))
     counts, edges = bin_values(values)
     outside = values.size - int(counts.sum())
     marked = list(marked_estimates(view, output, design))

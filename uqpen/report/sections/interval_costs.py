@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import read_group
 from uqpen.core.catalogue import THRESHOLD
-from uqpen.core.labels import RUN, RUNS
+from uqpen.core.labels import RUN
 from uqpen.core.sampling import Sampling
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.figures.source_comparison import ComparedStatistic
@@ -33,7 +32,6 @@ from uqpen.results.table import (
     quantile_label,
 )
 from uqpen.results.texts import title_with_unit, unit_suffix
-from uqpen.statistics.sample import input_sample
 
 __all__ = ["interval_costs"]
 
@@ -229,7 +227,7 @@ def _runs(view: ArchiveView, source: str, table: OutputTable) -> str:
     spent = runs_spent(view.tree, source) or 0
     sampled = spent
     if source in view.designs:
-        sampled = input_sample(read_group(view.tree, RUNS, source)).sizes[RUN]
+        sampled = view.runs(source).sizes[RUN]
     mark = ""
     if sampled < spent:
         mark = table.note_mark(

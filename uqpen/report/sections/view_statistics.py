@@ -9,7 +9,7 @@ import xarray as xr
 
 from uqpen.archive.read import read_group
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import RUNS, STATUS
+from uqpen.core.labels import INPUT, PAIR, RUNS, STATUS
 from uqpen.core.status import Status
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.source_statistics import SourceStatistics
@@ -31,13 +31,14 @@ _FAMILIES = {
     "distribution functions": ("cdf", "cdf_band"),
     "shares of kinds": ("share",),
 }
-_OF_NO_INPUT = {*(name for names in _FAMILIES.values() for name in names), "cdf_value"}
 
 # The families of estimates, by the words of a table, in the order that they are told in.
 STATISTIC_FAMILIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         **_FAMILIES,
-        "measures of sensitivity": tuple(name for name in CATALOGUE if name not in _OF_NO_INPUT),
+        "measures of sensitivity": tuple(
+            name for name, each in CATALOGUE.items() if not {INPUT, PAIR}.isdisjoint(each.dims)
+        ),
     }
 )
 

@@ -17,7 +17,7 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import rounding_error
 
-__all__ = ["RANKS", "cdf", "cdf_at_values"]
+__all__ = ["RANKS", "cdf"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -57,24 +57,6 @@ def cdf(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.
     ):
         long_name = f"probability that {title} lies below a value, {which}"
         yield statistic, _band_array(band, RANK, long_name).assign_coords(coordinate)
-
-
-def cdf_at_values(sample: Sample, values: FloatArray) -> xr.DataArray:
-    """Estimate the distribution function at given values, with the simultaneous band there.
-
-    Parameters
-    ----------
-    sample : Sample
-    values : ndarray, shape (value,)
-        In SI units.
-
-    Returns
-    -------
-    DataArray
-        Along ``value`` and ``bound``: what the archive's function is at those of its ranks.
-    """
-    _, simultaneous = _bands(sample, values)
-    return _band_array(simultaneous, "value", "probability of lying below a value, simultaneous")
 
 
 def _band_array(band: Band, dimension: str, long_name: str) -> xr.DataArray:

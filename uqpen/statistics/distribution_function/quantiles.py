@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.catalogue import CONTENT_LEVEL, PROBABILITY
+from uqpen.core.catalogue import CONTENT_LEVEL, PERCENT, PROBABILITY
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import (
     order_statistic_ranks,
@@ -24,6 +24,7 @@ from uqpen.statistics.standard_errors import cdf_error
 __all__ = [
     "TOO_ONE_SIDED",
     "has_enough_runs_around",
+    "percentiles",
     "quantile_estimates",
     "sample_quantile",
     "tolerance_limits",
@@ -34,6 +35,8 @@ FloatArray = npt.NDArray[np.float64]
 # With fewer runs than this on one side of a value, replicates do not show the error there.
 _FEWEST_BEYOND = 10
 TOO_ONE_SIDED = "fewer than ten runs lie on one side"
+
+_PERCENTS = (1, 5, 10, 25, 50, 75, 90, 95, 99)
 
 _ORDER_STATISTICS = "order statistics (binomial)"
 _WOODRUFF = "Woodruff, over replicates"
@@ -62,6 +65,28 @@ def quantile_estimates(
     described = {"units": "1", "long_name": "probability of lying below the quantile"}
     probabilities = np.array(quantity.quantiles)
     yield "quantile", array.assign_coords({PROBABILITY: (PROBABILITY, probabilities, described)})
+
+
+def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
+    """Estimate the percentiles of an output that tell its distribution, whatever is requested.
+
+    Yields
+    ------
+    name : str
+        ``percentile``.
+    estimate : DataArray
+        Along ``percent`` and ``bound``.
+    """
+    if quantity.output.categories:
+        return
+    array = Estimate.stack(
+        [_quantile_estimate(sample, percent / 100) for percent in _PERCENTS],
+        PERCENT,
+        units=quantity.output.unit,
+        long_name=f"percentiles of {quantity.output.title}",
+    )
+    described = {"units": "%", "long_name": "probability of lying below the percentile"}
+    yield "percentile", array.assign_coords({PERCENT: (PERCENT, np.array(_PERCENTS), described)})
 
 
 def tolerance_limits(
