@@ -68,7 +68,7 @@ def quantile_estimates(
 
 
 def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
-    """Estimate the percentiles of an output that tell its distribution, whatever is requested.
+    """Estimate nine percentiles of an output, from 1 % to 99 %, whatever a study requests.
 
     Yields
     ------
