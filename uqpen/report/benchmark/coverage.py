@@ -24,6 +24,7 @@ from uqpen.report.benchmark.plotted_methods import (
 from uqpen.report.benchmark.row_charts import (
     chart_height,
     method_positions,
+    method_values,
     omitted_charts_note,
     variant_text,
 )
@@ -49,7 +50,7 @@ def coverage(tree: xr.DataTree) -> Iterator[Block]:
         _coverage_chart(tree, output, variant, found, repeats)
         for variant in variants(tree)
         for output, found in entries_by_output(tree).items()
-        if np.isfinite(_shares(tree, variant, found)).any()
+        if np.isfinite(method_values(tree, variant, found, "coverage")).any()
     ]
     if charts:
         yield Charts(
@@ -61,13 +62,6 @@ def coverage(tree: xr.DataTree) -> Iterator[Block]:
                 *omitted_charts_note(charts),
             ),
         )
-
-
-def _shares(tree: xr.DataTree, variant: str, found: list[BenchmarkEntry]) -> FloatArray:
-    """Along statistic, method and budget."""
-    positions = [method.position for method in plotted_methods(tree, variant)]
-    values = [entry.variable("coverage").values[positions] for entry in found]
-    return np.array(values, dtype=np.float64)
 
 
 def _nominal_level(tree: xr.DataTree) -> float:
@@ -88,39 +82,34 @@ def _expected_coverage_note(tree: xr.DataTree, repeats: int) -> str:
 
 
 def _methods_without_intervals(tree: xr.DataTree) -> Iterator[str]:
-    """The methods without any interval of their own."""
     every = [entry for found in entries_by_output(tree).values() for entry in found]
     has_coverage: dict[str, bool] = {}
     for variant in variants(tree):
-        shares = _shares(tree, variant, every)
+        shares = method_values(tree, variant, every, "coverage")
         for at, method in enumerate(plotted_methods(tree, variant)):
-            has_coverage[method.source] = has_coverage.get(method.source, False) or _has_coverage(
-                shares[:, at]
-            )
+            has_coverage.setdefault(method.source, False)
+            has_coverage[method.source] |= bool(np.isfinite(shares[:, at]).any())
     for source, has_intervals in has_coverage.items():
         if not has_intervals:
             yield f"{source} tells no intervals of its own."
 
 
-def _has_coverage(shares: FloatArray) -> bool:
-    return bool(np.isfinite(shares).any())
-
-
 def _coverage_chart(
     tree: xr.DataTree, output: str, variant: str, found: list[BenchmarkEntry], repeats: int
 ) -> Chart:
-    shares, methods = _shares(tree, variant, found), plotted_methods(tree, variant)
+    shares = method_values(tree, variant, found, "coverage")
+    methods = plotted_methods(tree, variant)
     level = _nominal_level(tree)
     known = shares[np.isfinite(shares)]
+    lowest, highest = (percent_text(round(share, 3)) for share in (known.min(), known.max()))
     shapes: tuple[Shape, ...] = (
         shaded_interval(100 * lowest_expected_coverage(level, repeats), 100, "quiet"),
         vertical_line(100 * level, "quiet", "dash"),
     )
     return Chart(
         title=f"Intervals of {output_heading(tree, output)}{variant_text(tree, variant)}",
-        summary="The shares of intervals that held lie between "
-        f"{percent_text(round(known.min(), 3))} "
-        f"and {percent_text(round(known.max(), 3))}; they should be {percent_text(level)}.",
+        summary=f"The shares of intervals that held lie between {lowest} and {highest}; they "
+        f"should be {percent_text(level)}.",
         x=Axis("intervals that held [%]", (min(78.0, 100 * known.min()) - 2, 102)),
         y=Axis("", rows=tuple(entry.label for entry in found)),
         traces=tuple(

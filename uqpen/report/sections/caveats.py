@@ -31,14 +31,7 @@ _GENERAL = (
 
 
 def caveats(view: ArchiveView, design: str) -> Iterator[str]:
-    """Yield the things that the answers of a design depend on, one or two sentences each.
-
-    Parameters
-    ----------
-    view : ArchiveView
-    design : str
-        Its runs are a sample of the joint distribution of the inputs.
-    """
+    """Yield what the answers of a design depend on, one or two sentences each."""
     ends = failure_probabilities(view, design)
     accounts = {} if ends is None else ends.attrs
     runs = read_group(view.tree, RUNS, design)
@@ -48,8 +41,7 @@ def caveats(view: ArchiveView, design: str) -> Iterator[str]:
         yield (
             f"{capitalized(str(accounts[MISSING]))} did not come back "
             f"({', '.join(_missing_run_counts(view, design))}). All estimates are of those that "
-            "did, and are "
-            "off as far as the others would have given other results."
+            "did, and are off as far as the others would have given other results."
         )
     if view.sampling(design) is Sampling.USER_SUPPLIED:
         yield (
@@ -75,7 +67,6 @@ def _missing_run_counts(view: ArchiveView, design: str) -> list[str]:
 
 
 def _probability_text(array: xr.DataArray) -> str:
-    """A probability in per cent, with its interval or the reason for none in brackets."""
     value, lower, upper = (no_break(text) for text in percent_texts(*array.values))
     if np.isfinite(array.values).all():
         level = no_break(percent_text(array.attrs[INTERVAL_LEVEL]))
@@ -89,11 +80,9 @@ def _inadmissible_caveat(view: ArchiveView, design: str, condition: str) -> str:
     some = f"{grouped_number(count)} of the {grouped_number(runs.sizes[RUN])} points of {design}"
     were = "was" if count == 1 else "were"
     probability = status_probability(view, design, Status.INADMISSIBLE)
-    likely = (
-        ""
-        if probability is None
-        else f", the probability of which is {_probability_text(probability)}"
-    )
+    likely = ""
+    if probability is not None:
+        likely = f", the probability of which is {_probability_text(probability)}"
     return (
         f"{some} {were} inadmissible, so outside of what the model or the study allows{likely}. "
         f"All figures are conditional on {condition}."

@@ -24,7 +24,6 @@ from uqpen.report.sections.leading_design import (
     output_title,
 )
 from uqpen.report.sections.quoted_statistics import share_label
-from uqpen.report.sections.view_statistics import view_statistics
 from uqpen.report.shapes import horizontal_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
@@ -76,11 +75,6 @@ class _EstimateHistory(NamedTuple):
         """Estimate, lower, upper for each, in the unit that is shown."""
         return np.asarray(self.convert(self.estimates.values), dtype=np.float64)
 
-    def estimate_texts(self) -> list[str]:
-        """Each estimate in its digits, with the unit."""
-        unit = unit_suffix(self.unit)
-        return [f"{estimate_with_verdict(each, self.convert)}{unit}" for each in self.estimates]
-
 
 def convergence(view: ArchiveView) -> Iterator[Block]:
     """Estimates of the leading design from growing parts of its runs."""
@@ -89,8 +83,7 @@ def convergence(view: ArchiveView) -> Iterator[Block]:
         return
     outputs = [*view.numeric_outputs, *view.categorical_outputs]
     statistics = {
-        output: view_statistics(view).statistics(design, output)
-        for output in outputs[:_MOST_OUTPUTS]
+        output: view.statistics.statistics(design, output) for output in outputs[:_MOST_OUTPUTS]
     }
     reason = view.reason_without_convergence(design)
     if not any(RUNS_SO_FAR in array.dims for of in statistics.values() for array in of.values()):
@@ -112,7 +105,6 @@ def convergence(view: ArchiveView) -> Iterator[Block]:
 
 
 def _design_sentence(view: ArchiveView, design: str) -> str:
-    """Which design it is, why that one, and what its parts are."""
     runs = read_group(view.tree, RUNS, design)
     drawn = view.runs(design)
     runs_text = count_text(drawn.sizes[RUN], "run")
@@ -126,39 +118,39 @@ def _design_sentence(view: ArchiveView, design: str) -> str:
     if REPLICATE in drawn.coords:
         count = len(np.unique(drawn[REPLICATE].values))
         parts = (
-            f"Its {runs_text} are {count} independent replicates, and each part is the first so "
-            "many "
-            "of these: less than a whole replicate would not be a sample of the same kind."
+            f"{count} independent replicates, and each part is the first so many of these: less "
+            "than a whole replicate would not be a sample of the same kind."
         )
     else:
-        parts = (
-            f"Its {runs_text} are independent draws, and each part is the first so many of these."
-        )
-    return f"By {design}, the design that the answers come from, {place}. {parts}"
+        parts = "independent draws, and each part is the first so many of these."
+    return (
+        f"By {design}, the design that the answers come from, {place}. Its {runs_text} are {parts}"
+    )
 
 
 def _estimate_histories(
     view: ArchiveView, output: str, statistics: Mapping[str, xr.DataArray]
 ) -> Iterator[_EstimateHistory]:
-    """Yield the statistics of an output that are followed."""
     unit, convert = view.unit(output), view.scale(output).from_si
-    found = []
+    values: dict[str, xr.DataArray] = {}
+    probabilities: dict[str, xr.DataArray] = {}
     if (array := statistics.get("convergence_mean")) is not None:
-        found.append(_EstimateHistory("mean", unit, convert, array))
+        values["mean"] = array
     if (array := statistics.get("convergence_quantile")) is not None:
         asked = array[PROBABILITY].values.tolist()
-        for p in [0.5] if 0.5 in asked else dict.fromkeys([asked[0], asked[-1]]):
-            entry = array[{PROBABILITY: asked.index(p)}]
-            found.append(_EstimateHistory(quantile_label(p), unit, convert, entry))
+        for p in [0.5] if 0.5 in asked else [asked[0], asked[-1]]:
+            values[quantile_label(p)] = array[{PROBABILITY: asked.index(p)}]
     if (array := statistics.get("convergence_exceedance")) is not None:
-        label = exceedance_label(str(array[THRESHOLD].values[0]))
-        entry = array[{THRESHOLD: 0}]
-        found.append(_EstimateHistory(label, DIMENSIONLESS, identity, entry))
+        first = array[{THRESHOLD: 0}]
+        probabilities[exceedance_label(str(first[THRESHOLD].values))] = first
     if (array := statistics.get("convergence_share")) is not None:
-        labels = array["category_label"].values.tolist()
-        for position, label in enumerate(labels[:_MOST_KINDS]):
-            entry = array[{CATEGORY: position}]
-            found.append(_EstimateHistory(share_label(label), DIMENSIONLESS, identity, entry))
+        for position, label in enumerate(array["category_label"].values.tolist()[:_MOST_KINDS]):
+            probabilities[share_label(label)] = array[{CATEGORY: position}]
+    found = [_EstimateHistory(label, unit, convert, each) for label, each in values.items()]
+    found += [
+        _EstimateHistory(label, DIMENSIONLESS, identity, each)
+        for label, each in probabilities.items()
+    ]
     yield from (each for each in found if np.isfinite(each.bounds[:, 0]).any())
 
 
@@ -183,32 +175,25 @@ def _history_charts(
 
 
 def _chart(view: ArchiveView, output: str, design: str, course: _EstimateHistory) -> Chart:
-    """One statistic against the number of runs."""
     position = view.sources.index(design)
-    bounds, runs, estimate_texts = course.bounds, course.runs, course.estimate_texts()
+    marker = series_marker(position)
+    bounds, runs, unit = course.bounds, course.runs, unit_suffix(course.unit)
     lower, upper, is_cut = _axis_limits(bounds)
     texts = [
-        f"{count_text(n, 'run')}: {text}" for n, text in zip(runs, estimate_texts, strict=True)
+        f"{count_text(size, 'run')}: {estimate_with_verdict(estimate, course.convert)}{unit}"
+        for size, estimate in zip(runs, course.estimates, strict=True)
     ]
+    trace = dot_trace(
+        bounds, runs, position, hovers=texts, name=course.label, marker=marker, along="y"
+    )
     middle = len(texts) // 2
     return Chart(
         title=course.label,
-        summary=f"{capitalized(output_title(view, output))} by {design}, {texts[0]}; "
-        f"{texts[middle]}; "
-        f"{texts[-1]}.",
+        summary=f"{capitalized(output_title(view, output))} by {design}, "
+        f"{texts[0]}; {texts[middle]}; {texts[-1]}.",
         x=logarithmic_axis("runs so far", runs),
         y=Axis(title_with_unit(course.label, course.unit), (lower, upper)),
-        traces=(
-            dot_trace(
-                bounds,
-                np.array(runs),
-                position,
-                hovers=texts,
-                name=course.label,
-                marker=series_marker(position),
-                along="y",
-            ),
-        ),
+        traces=(trace,),
         shapes=(horizontal_line(float(bounds[-1, 0]), "quiet", "dot"),),
         notes=(_CUT,) if is_cut else (),
         height=260,
@@ -230,7 +215,6 @@ def _axis_limits(bounds: FloatArray) -> tuple[float, float, bool]:
 def _table(
     view: ArchiveView, output: str, design: str, histories: Sequence[_EstimateHistory]
 ) -> OutputTable:
-    """Return a table of the points."""
     columns = [title_with_unit(history.label, history.unit) for history in histories]
     table = OutputTable(f"{output_title(view, output)} by {design}, by its runs so far", columns)
     for number, runs in enumerate(histories[0].runs):

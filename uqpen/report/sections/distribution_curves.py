@@ -24,17 +24,7 @@ _FEWEST = 250
 
 
 class Grid(NamedTuple):
-    """Round values from one end of an axis to the other.
-
-    Attributes
-    ----------
-    values : ndarray, shape (value,)
-        Ascending, in the unit that is shown.
-    step : float
-        How far they are apart.
-    decimals : int
-        To write them with.
-    """
+    """Round values from one end of an axis to the other, in the unit that is shown."""
 
     values: FloatArray
     step: float

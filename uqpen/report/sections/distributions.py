@@ -38,7 +38,6 @@ from uqpen.report.sections.leading_design import (
     output_heading,
     output_title,
 )
-from uqpen.report.sections.view_statistics import view_statistics
 from uqpen.report.shapes import vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
@@ -59,23 +58,18 @@ def distributions(view: ArchiveView) -> Iterator[Block]:
     if design is None:
         return
     for output in view.numeric_outputs:
-        if curves := _curves(view, output, design):
+        # The function of the leading design comes first.
+        found = distribution_curves(view, output)
+        if curves := sorted(found, key=lambda curve: curve.name != design):
             yield Heading(output_heading(view, output))
             yield _cdf(view, output, curves)
-            runs = histogram(view, output, design)
-            yield Charts((runs, *exceedance(view, output, curves[0])))
+            yield Charts((histogram(view, output, design), *exceedance(view, output, curves[0])))
             yield Table(_quantile_table(view, output, design))
     for output in view.categorical_outputs:
-        probabilities = view_statistics(view).get(design, output, "share")
+        probabilities = view.statistics.get(design, output, "share")
         if probabilities is not None:
             yield Heading(output_heading(view, output))
             yield shares(view, output, design, probabilities)
-
-
-def _curves(view: ArchiveView, output: str, design: str) -> list[Curve]:
-    """Return the functions that all sources give, that of the leading design first."""
-    found = distribution_curves(view, output)
-    return sorted(found, key=lambda curve: curve.name != design)
 
 
 def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
@@ -121,7 +115,6 @@ def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
 
 
 def _summary(view: ArchiveView, output: str, curve: Curve) -> str:
-    """The function in a sentence."""
     low, middle, high = (curve_quantile(curve, p) for p in (0.05, 0.5, 0.95))
     unit_text = unit_suffix(view.unit(output))
     return (
@@ -132,7 +125,6 @@ def _summary(view: ArchiveView, output: str, curve: Curve) -> str:
 
 
 def _cdf_table(view: ArchiveView, output: str, curve: Curve) -> OutputTable:
-    """The function at some probabilities, with its band."""
     with_band = ", with its simultaneous band" * curve.has_band
     title = f"Distribution function by {curve.name}{with_band}"
     table = OutputTable(title, [view.axis_label(output), "P(at most)", "band"])
@@ -150,7 +142,6 @@ def _cdf_table(view: ArchiveView, output: str, curve: Curve) -> OutputTable:
 def _threshold_readout(
     view: ArchiveView, output: str, curve: Curve, grid: Grid, begin: float
 ) -> ThresholdReadout:
-    """Return the values read off at thresholds that are round numbers."""
     return ThresholdReadout(
         output=output,
         unit=unit_suffix(view.unit(output)).lstrip(),
@@ -161,18 +152,17 @@ def _threshold_readout(
         step=grid.step,
         decimals=grid.decimals,
         start=int(np.argmin(np.abs(grid.values - begin))),
-        bounds=[_exact_numbers(row) for row in curve.band.tolist()],
+        bounds=[
+            [round(value, 9) if math.isfinite(value) else None for value in row]
+            for row in curve.band.tolist()
+        ],
     )
-
-
-def _exact_numbers(row: list[float]) -> list[float | None]:
-    return [round(value, 9) if math.isfinite(value) else None for value in row]
 
 
 def _quantile_table(view: ArchiveView, output: str, design: str) -> OutputTable:
     """Percentiles and their intervals; in an archive without them, the requested quantiles."""
     convert = view.scale(output).from_si
-    statistics = view_statistics(view).statistics(design, output)
+    statistics = view.statistics.statistics(design, output)
     array = statistics.get("percentile", statistics["quantile"])
     probabilities = array[PERCENT] / 100 if PERCENT in array.dims else array[PROBABILITY]
     level = array.attrs.get(INTERVAL_LEVEL)

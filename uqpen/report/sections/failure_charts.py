@@ -19,7 +19,6 @@ from uqpen.report.notes import hollow_note, interval_notes
 from uqpen.report.sections.view_statistics import (
     failure_probabilities,
     status_probability,
-    view_statistics,
 )
 from uqpen.report.shapes import vertical_line
 from uqpen.results.archive_view import ArchiveView
@@ -51,6 +50,7 @@ def failure_probability_chart(view: ArchiveView, designs: Sequence[str]) -> Char
     ]
     bounds = np.array([[array for array, _ in row] for row in rows])
     last = 1.05 * float(np.nanmax(bounds))
+    found = [failure_probabilities(view, name) for name in designs]
     return Chart(
         title="How likely a run is lost",
         summary=_probability_sentence(designs, statuses, bounds),
@@ -58,7 +58,11 @@ def failure_probability_chart(view: ArchiveView, designs: Sequence[str]) -> Char
         y=Axis("", rows=tuple(designs)),
         traces=tuple(_status_traces(designs, statuses, bounds)),
         keys=tuple(LegendKey(STATUS_TEXT[each], *_status_style(each)) for each in statuses),
-        notes=(*_notes(view, designs, bounds), *_sample_notes(view, designs)),
+        notes=(
+            *interval_notes(each for each in found if each is not None),
+            *hollow_note(bounds),
+            *_sample_notes(view, designs),
+        ),
         tables=(table,),
         height=100 + len(designs) * max(34, 18 * len(statuses)),
     )
@@ -112,35 +116,21 @@ def _status_traces(
         yield dot_trace(bounds[:, number], place, colour, hovers=hovers, name=name, marker=marker)
 
 
-def _notes(view: ArchiveView, designs: Sequence[str], bounds: FloatArray) -> Iterator[str]:
-    found = (failure_probabilities(view, name) for name in designs)
-    yield from interval_notes(each for each in found if each is not None)
-    yield from hollow_note(bounds)
-
-
 def _sample_notes(view: ArchiveView, designs: Sequence[str]) -> Iterator[str]:
-    """Yield a note on each design where only some runs are a sample."""
     for design in designs:
         ends = failure_probabilities(view, design)
         used = None if ends is None else ends.attrs.get("runs")
         if used is not None and used != read_group(view.tree, RUNS, design).sizes[RUN]:
-            yield (
-                f"{design}: of those {grouped_number(int(used))} runs that are a sample of the "
-                "inputs."
-            )
+            count = grouped_number(int(used))
+            yield f"{design}: of those {count} runs that are a sample of the inputs."
 
 
 def failure_association_chart(view: ArchiveView, design: str, table: OutputTable) -> Chart | None:
-    """Return the inputs associated with a design's failed runs; None without an estimate.
+    """Return the inputs associated with a design's failed runs, the strongest first.
 
-    Parameters
-    ----------
-    view : ArchiveView
-    design : str
-    table : OutputTable
-        The numbers behind it, a row for each input; the strongest associations come first.
+    The table has the numbers behind it. None without an estimate.
     """
-    associations = view_statistics(view).failures(design)
+    associations = view.statistics.failures(design)
     bounds = np.stack([associations[name].values for name, _ in ASSOCIATIONS])
     if not np.isfinite(bounds[..., 0]).any():
         return None
@@ -149,9 +139,13 @@ def failure_association_chart(view: ArchiveView, design: str, table: OutputTable
     bounds = bounds[:, order[:_MOST_INPUTS]]
     rows = tuple(str(name) for name in associations["larger"][INPUT].values[order[:_MOST_INPUTS]])
     left_out = len(order) - len(rows)
+    strongest = (
+        f"P({label}) {estimate_text(*each)}"
+        for (_, label), each in zip(ASSOCIATIONS, bounds[:, 0], strict=True)
+    )
     return Chart(
         title=f"Which inputs go with the lost runs of {design}",
-        summary=_strongest_input(rows[0], bounds[:, 0]),
+        summary=f"The input that goes with the losses most is {rows[0]}: {', '.join(strongest)}.",
         x=Axis("P(a lost run's input is so)", (-0.02, 1.02)),
         y=Axis("", rows=rows),
         traces=tuple(_measure_traces(rows, bounds)),
@@ -169,14 +163,6 @@ def failure_association_chart(view: ArchiveView, design: str, table: OutputTable
         tables=(table,),
         height=100 + 36 * len(rows),
     )
-
-
-def _strongest_input(name: str, bounds: FloatArray) -> str:
-    texts = (
-        f"P({label}) {estimate_text(*each)}"
-        for (_, label), each in zip(ASSOCIATIONS, bounds, strict=True)
-    )
-    return f"The input that goes with the losses most is {name}: {', '.join(texts)}."
 
 
 def _measure_traces(rows: Sequence[str], bounds: FloatArray) -> Iterator[Trace]:

@@ -19,7 +19,6 @@ from uqpen.report.blocks import Block, Chart, Charts, LegendKey, Table
 from uqpen.report.counting import count_text
 from uqpen.report.marks import Trace, escape_text, line_trace, point_trace, series_marker
 from uqpen.report.sections.quoted_statistics import share_label
-from uqpen.report.sections.view_statistics import view_statistics
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.statistics_rows import runs_spent
@@ -78,11 +77,8 @@ def interval_costs(
     plain = _independent_design(view)
     shown = {width.source for each in compared for width in each.widths}
     sources = [source for source in view.sources if source in shown]
-    others = [
-        s
-        for s in view.sources
-        if s not in shown and any(s in each.available_estimates for each in found)
-    ]
+    available = {source for each in found for source in each.available_estimates}
+    others = [source for source in view.sources if source in available - shown]
     keys = [_key(view, source) for source in sources]
     if plain in shown:
         keys.append(LegendKey(_guide(plain), "quiet", "line", "dot"))
@@ -114,15 +110,13 @@ def _main_statistics(
 
 
 def _entries(view: ArchiveView, output: str, statistic: str, along: str) -> list[str]:
-    """Return the labels of a statistic's entries, by the first source that has it."""
-    statistics = view_statistics(view)
+    statistics = view.statistics
     arrays = (statistics.get(source, output, statistic) for source in view.sources)
     first = next((array for array in arrays if array is not None), None)
     return [] if first is None else [str(each) for each in first[along].values.tolist()]
 
 
 def _widths(view: ArchiveView, statistic: ComparedStatistic) -> list[_Width]:
-    """The intervals that have a width, each with the runs of its source."""
     widths = []
     for source, estimate in statistic.available_estimates.items():
         _, lower, upper = (float(bound) for bound in statistic.convert(estimate.values))
@@ -133,7 +127,6 @@ def _widths(view: ArchiveView, statistic: ComparedStatistic) -> list[_Width]:
 
 
 def _independent_design(view: ArchiveView) -> str:
-    """The first design of independent draws; empty for none."""
     return next((n for n in view.designs if view.sampling(n) is Sampling.INDEPENDENT), "")
 
 
@@ -165,9 +158,8 @@ def _chart(view: ArchiveView, output: str, compared: _ComparedWidths, plain: str
     texts = []
     for each in widths:
         key = _key(view, each.source)
-        texts.append(
-            f"{each.source}: ± {_two_digits(each.half)}{shown} with {count_text(each.runs, 'run')}"
-        )
+        width = f"± {_two_digits(each.half)}{shown}"
+        texts.append(f"{each.source}: {width} with {count_text(each.runs, 'run')}")
         traces.append(
             point_trace(
                 [each.runs],
@@ -191,13 +183,11 @@ def _chart(view: ArchiveView, output: str, compared: _ComparedWidths, plain: str
 
 
 def _two_digits(half: float) -> str:
-    """A half-width in two digits."""
     power = math.floor(math.log10(half))
     return f"{half:.{max(0, 1 - power)}f}" if -5 <= power < 6 else f"{half:.1e}"
 
 
 def _unit(view: ArchiveView, output: str, statistic: ComparedStatistic) -> str:
-    """Return the unit that a width of a statistic is shown in."""
     return DIMENSIONLESS if statistic.convert is identity else view.unit(output)
 
 
@@ -208,7 +198,6 @@ def _table(
     sources: Sequence[str],
     plain: str,
 ) -> OutputTable:
-    """Of each source, what its intervals took, and what independent draws would take."""
     title = "What an interval costs: its ±, and as many independent draws"
     table = OutputTable(title, ["runs"])
     for each in compared:
@@ -228,12 +217,8 @@ def _runs(view: ArchiveView, source: str, table: OutputTable) -> str:
     sampled = spent
     if source in view.designs:
         sampled = view.runs(source).sizes[RUN]
-    mark = ""
-    if sampled < spent:
-        mark = table.note_mark(
-            f"{grouped_number(sampled)} of them are a sample; the others serve its indices"
-        )
-    return grouped_number(spent) + mark
+    note = f"{grouped_number(sampled)} of them are a sample; the others serve its indices"
+    return grouped_number(spent) + table.note_mark(note * (sampled < spent))
 
 
 def _cells(width: _Width | None, plain: _Width | None, table: OutputTable) -> list[str]:

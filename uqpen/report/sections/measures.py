@@ -38,24 +38,12 @@ _MOST_REASONS = 3
 
 @dataclass(frozen=True)
 class MeasureChartSpec:
-    """Content of a chart of measures.
-
-    Parameters
-    ----------
-    title, axis : str
-    convert : callable
-        Out of SI units, estimate and bounds.
-    summary_order : tuple of str
-        The labels of measures, the better ones first. For these, the summary may name the input
-        with the largest estimate.
-    unit : str
-        Of the estimates.
-    notes : tuple of str
-    """
+    """Content of a chart of measures."""
 
     title: str
     axis: str
-    convert: Conversion
+    convert: Conversion  # out of SI units
+    # Labels of the measures that the summary may name the largest input by, the better ones first.
     summary_order: tuple[str, ...]
     unit: str = DIMENSIONLESS
     notes: tuple[str, ...] = ()
@@ -83,17 +71,7 @@ def measures_chart(
     spec: MeasureChartSpec,
     tables: Sequence[OutputTable] = (),
 ) -> Chart:
-    """A chart of some measures.
-
-    Parameters
-    ----------
-    view : ArchiveView
-    found : sequence of MeasureSeries
-        At least one, each with at least one estimate.
-    spec : MeasureChartSpec
-    tables : sequence of OutputTable
-        The numbers behind it.
-    """
+    """A chart of at least one measure, each with at least one estimate."""
     inputs, cut = largest_inputs(found)
     estimates = [_estimates(each.array, inputs, spec.convert) for each in found]
     shapes: list[Shape] = [vertical_line(0, "quiet", "dot")]
@@ -132,7 +110,6 @@ def _estimates(
 
 
 def _axis_limits(estimates: Sequence[Sequence[_InputEstimate]]) -> tuple[float, float]:
-    """Zero, all estimates and all of their bounds, with some room."""
     every = np.concatenate([[0.0], *(one.bounds for each in estimates for one in each)])
     return padded_limits(float(np.nanmin(every)), float(np.nanmax(every)))
 
@@ -191,7 +168,6 @@ def _keys(
 def _notes(
     found: Sequence[MeasureSeries], estimates: Sequence[Sequence[_InputEstimate]]
 ) -> Iterator[str]:
-    """Yield notes on bars, on hollow markers and on crosses."""
     every = [
         (_series_name(each), one)
         for each, input_estimates in zip(found, estimates, strict=True)

@@ -16,7 +16,6 @@ from uqpen.figures.sensitivity import EFFECTS, INDICES, best_sources
 from uqpen.report.blocks import Block, Chart, Charts, Heading, Table
 from uqpen.report.sections.leading_design import output_heading
 from uqpen.report.sections.measures import MeasureChartSpec, measures_chart
-from uqpen.report.sections.view_statistics import view_statistics
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.sensitivity_tables import named_tables
 from uqpen.results.table import NOTHING, OutputTable, identity
@@ -39,14 +38,12 @@ _MOST_CATEGORIES = 6
 
 def sensitivity(view: ArchiveView) -> Iterator[Block]:
     """Yield the sources of the uncertainty: shares of the variance, effects, responses."""
-    for output in view.numeric_outputs:
-        if blocks := list(_numeric_output_blocks(view, output)):
+    found = {output: _numeric_output_blocks(view, output) for output in view.numeric_outputs}
+    found |= {each: _categorical_output_blocks(view, each) for each in view.categorical_outputs}
+    for output, blocks in found.items():
+        if listed := list(blocks):
             yield Heading(output_heading(view, output))
-            yield from blocks
-    for output in view.categorical_outputs:
-        if blocks := list(_categorical_output_blocks(view, output)):
-            yield Heading(output_heading(view, output))
-            yield from blocks
+            yield from listed
 
 
 def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
@@ -74,18 +71,15 @@ def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
 
 
 def _has_estimates(table: OutputTable) -> bool:
-    """Return whether there is any figure in a table."""
     return any(not cell.startswith(NOTHING) for _, cells in table.rows for cell in cells)
 
 
 def _responses(view: ArchiveView, output: str) -> Iterator[Chart]:
-    """Responses near the nominal point, and × uncertainty."""
     for suffix, label, axis in RESPONSES:
         if found := measure_series(view, output, ((suffix, "", "o"),)):
             title = f"{capitalized(label)}, near the nominal point"
-            yield measures_chart(
-                view, found, MeasureChartSpec(title, axis, magnitudes, (label,), "%")
-            )
+            spec = MeasureChartSpec(title, axis, magnitudes, (label,), "%")
+            yield measures_chart(view, found, spec)
 
 
 def _categorical_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
@@ -94,9 +88,8 @@ def _categorical_output_blocks(view: ArchiveView, output: str) -> Iterator[Block
     charts = []
     for names, found in _group_categories(view, output, labels)[:_MOST_CATEGORIES]:
         title = f"Shares of the variance of whether it is {' or '.join(names)}"
-        charts.append(
-            measures_chart(view, found, MeasureChartSpec(title, _SHARE, identity, _SUMMARY_ORDER))
-        )
+        spec = MeasureChartSpec(title, _SHARE, identity, _SUMMARY_ORDER)
+        charts.append(measures_chart(view, found, spec))
     tables = tuple(_category_tables(view, output, labels))
     if charts:
         yield Charts(tuple(charts), tables=tables)
@@ -114,7 +107,7 @@ def _category_indices(
     view: ArchiveView, output: str
 ) -> Iterator[tuple[str, str, str, xr.DataArray]]:
     """Yield the source, words and marker of each array along categories and inputs."""
-    statistics = view_statistics(view)
+    statistics = view.statistics
     for source in view.sources:
         for statistic, label, marker in _CATEGORY_INDICES:
             array = statistics.get(source, output, statistic)
@@ -123,7 +116,6 @@ def _category_indices(
 
 
 def _category_series(view: ArchiveView, output: str, position: int) -> list[MeasureSeries]:
-    """Return the estimates of all sources for one kind."""
     return [
         MeasureSeries(source, label, marker, array[{CATEGORY: position}])
         for source, label, marker, array in _category_indices(view, output)
@@ -163,7 +155,6 @@ def _is_same(one: Sequence[MeasureSeries], other: Sequence[MeasureSeries]) -> bo
 def _category_tables(
     view: ArchiveView, output: str, labels: Sequence[str]
 ) -> Iterator[OutputTable]:
-    """A table for each kind, a row for each input."""
     for position, label in enumerate(labels):
         category_series = _category_series(view, output, position)
         headers = [f"{each.label}\n{each.source}" for each in category_series]
