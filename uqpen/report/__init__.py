@@ -151,9 +151,7 @@ BENCHMARK_SECTIONS = {
         "uqpen.report.benchmark.reference:reference",
     ),
     "tables": ReportSection(
-        "All tables",
-        "As the command line shows them.",
-        "uqpen.report.benchmark.reference:tables",
+        "All tables", "As the command line shows them.", "uqpen.report.benchmark.reference:tables"
     ),
     "archive": ReportSection(
         "The study, and what made this archive",

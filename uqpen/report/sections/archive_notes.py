@@ -59,9 +59,8 @@ def archive_notes(tree: xr.DataTree) -> tuple[str, ...]:
 def _estimate_notes(statistics: SourceStatistics) -> Iterator[tuple[str, str]]:
     # What is published elsewhere has no interval, and says so in its place.
     sources = [name for name in statistics.sources if not statistics.citation(name)]
-    every = [
-        statistics.statistics(source, output) for source in sources for output in statistics.outputs
-    ]
+    outputs = statistics.outputs
+    every = [statistics.statistics(source, output) for source in sources for output in outputs]
     for names in STATISTIC_FAMILIES.values():
         for arrays in every:
             for name in names:

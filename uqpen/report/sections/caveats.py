@@ -15,7 +15,7 @@ from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import status_counts
 from uqpen.report.counting import percent_texts
 from uqpen.report.sections.quoted_statistics import no_break
-from uqpen.report.sections.view_statistics import failure_probabilities, status_probability
+from uqpen.report.sections.view_statistics import sample_account, status_probability
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.texts import capitalized
@@ -32,8 +32,7 @@ _GENERAL = (
 
 def caveats(view: ArchiveView, design: str) -> Iterator[str]:
     """Yield what the answers of a design depend on, one or two sentences each."""
-    ends = failure_probabilities(view, design)
-    accounts = {} if ends is None else ends.attrs
+    accounts = sample_account(view, design)
     runs = read_group(view.tree, RUNS, design)
     if CONDITIONAL in accounts:
         yield _inadmissible_caveat(view, design, str(accounts[CONDITIONAL]))

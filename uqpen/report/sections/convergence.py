@@ -18,11 +18,7 @@ from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, 
 from uqpen.report.counting import count_text
 from uqpen.report.marks import dot_trace, series_marker
 from uqpen.report.notes import all_bounded, has_interval
-from uqpen.report.sections.leading_design import (
-    leading_design,
-    output_heading,
-    output_title,
-)
+from uqpen.report.sections.leading_design import leading_design, output_heading, output_title
 from uqpen.report.sections.quoted_statistics import share_label
 from uqpen.report.shapes import horizontal_line
 from uqpen.results.archive_view import ArchiveView
@@ -168,9 +164,7 @@ def _history_charts(
         covered = percent_text(next(filter(None, levels)))
         keys.insert(0, LegendKey(f"with its {covered} interval", position, series_marker(position)))
     return Charts(
-        charts=tuple(charts),
-        keys=tuple(keys),
-        tables=(_table(view, output, design, histories),),
+        charts=tuple(charts), keys=tuple(keys), tables=(_table(view, output, design, histories),)
     )
 
 

@@ -53,10 +53,7 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
         if is_shown.any():
             traces.append(_threshold_trace(view, output, probabilities[is_shown]))
             keys.append(LegendKey("asked for beforehand", "ink", "circle"))
-        notes = [
-            *interval_notes([probabilities[is_shown]]),
-            *notes,
-        ]
+        notes = [*interval_notes([probabilities[is_shown]]), *notes]
         if hidden := [label for label, _ in _rows(probabilities[~is_shown])]:
             notes.append(f"In the table alone: {', '.join(hidden)}.")
     yield Chart(

@@ -18,6 +18,7 @@ from uqpen.report.marks import Trace, dot_trace, series_marker
 from uqpen.report.notes import hollow_note, interval_notes
 from uqpen.report.sections.view_statistics import (
     failure_probabilities,
+    sample_account,
     status_probability,
 )
 from uqpen.report.shapes import vertical_line
@@ -87,11 +88,10 @@ def _status_style(status: Status) -> tuple[int, str]:
 def _probability_sentence(
     designs: Sequence[str], statuses: Sequence[Status], bounds: FloatArray
 ) -> str:
+    names = [STATUS_TEXT[status] for status in statuses]
     texts = []
     for design, row in zip(designs[:_MOST_NAMED], bounds, strict=False):
-        shares = (
-            f"{STATUS_TEXT[s]} {_percent_text(b)}" for s, b in zip(statuses, row, strict=True)
-        )
+        shares = (f"{name} {_percent_text(each)}" for name, each in zip(names, row, strict=True))
         texts.append(f"{design}: {', '.join(shares)}")
     return f"{'; '.join(texts)}."
 
@@ -106,20 +106,18 @@ def _status_traces(
 ) -> Iterator[Trace]:
     for number, status in enumerate(statuses):
         name = STATUS_TEXT[status]
-        offset = (number + 1) / (len(statuses) + 1) - 0.5
-        place = [row + offset for row in range(len(designs))]
+        places = np.arange(len(designs)) + (number + 1) / (len(statuses) + 1) - 0.5
         colour, marker = _status_style(status)
         hovers = [
             f"{design}, {name}: {_percent_text(row)}"
             for design, row in zip(designs, bounds[:, number], strict=True)
         ]
-        yield dot_trace(bounds[:, number], place, colour, hovers=hovers, name=name, marker=marker)
+        yield dot_trace(bounds[:, number], places, colour, hovers=hovers, name=name, marker=marker)
 
 
 def _sample_notes(view: ArchiveView, designs: Sequence[str]) -> Iterator[str]:
     for design in designs:
-        ends = failure_probabilities(view, design)
-        used = None if ends is None else ends.attrs.get("runs")
+        used = sample_account(view, design).get("runs")
         if used is not None and used != read_group(view.tree, RUNS, design).sizes[RUN]:
             count = grouped_number(int(used))
             yield f"{design}: of those {count} runs that are a sample of the inputs."
@@ -171,6 +169,6 @@ def _measure_traces(rows: Sequence[str], bounds: FloatArray) -> Iterator[Trace]:
             f"{row}: P({label}) = {estimate_text(*each)}"
             for row, each in zip(rows, bounds[number], strict=True)
         ]
-        place = [row + 0.3 * (number - 0.5) for row in range(len(rows))]
+        places = np.arange(len(rows)) + 0.3 * (number - 0.5)
         marker = series_marker(number)
-        yield dot_trace(bounds[number], place, number, hovers=hovers, name=label, marker=marker)
+        yield dot_trace(bounds[number], places, number, hovers=hovers, name=label, marker=marker)

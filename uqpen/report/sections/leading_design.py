@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from uqpen.core.labels import MISSING
-from uqpen.report.sections.view_statistics import failure_probabilities
+from uqpen.report.sections.view_statistics import sample_account
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.texts import title_with_name
 
-__all__ = [
-    "leading_design",
-    "missing_runs_note",
-    "output_heading",
-    "output_title",
-]
+__all__ = ["leading_design", "missing_runs_note", "output_heading", "output_title"]
 
 
 def leading_design(view: ArchiveView) -> str | None:
@@ -28,11 +23,8 @@ def leading_design(view: ArchiveView) -> str | None:
 
 def missing_runs_note(view: ArchiveView, design: str) -> list[str]:
     """Return a note on the runs that a distribution function and its band leave out, if any."""
-    ends = failure_probabilities(view, design)
-    missing = None if ends is None else ends.attrs.get(MISSING)
-    if not missing:
-        return []
-    return [f"Curve and band are of the runs that came back; {missing} did not."]
+    missing = sample_account(view, design).get(MISSING)
+    return [f"Curve and band are of the runs that came back; {missing} did not."] if missing else []
 
 
 def output_title(view: ArchiveView, output: str) -> str:

@@ -35,11 +35,7 @@ _LONGEST, _HIGHEST = 36, 26
 _HEIGHT = 230
 
 # What tells how an output goes along with an input: for the table, and to choose inputs by.
-_ASSOCIATIONS = (
-    ("spearman", "Spearman"),
-    ("pearson", "Pearson"),
-    ("first_order", "first order"),
-)
+_ASSOCIATIONS = (("spearman", "Spearman"), ("pearson", "Pearson"), ("first_order", "first order"))
 _CHOICE_TEXTS = (
     ("spearman", "the strongest rank correlations"),
     ("first_order", "the largest first order"),
@@ -55,22 +51,19 @@ def scatter(view: ArchiveView) -> Iterator[Block]:
     cloud = PlottedRuns(view, design)
     outputs = [*view.numeric_outputs, *view.categorical_outputs][:_MOST_CHARTS]
     most = max(1, _MOST_CHARTS // len(outputs))
+    keys = [LegendKey("run", view.sources.index(design), "circle")]
+    if cloud.shown_failed.sizes[RUN]:
+        keys.append(LegendKey("lost run, at the foot", "ink", "x"))
     for output in outputs:
         inputs, note = _chosen_inputs(cloud, output, most)
         if inputs:
             yield Heading(output_heading(view, output))
             yield Charts(
                 tuple(_chart(cloud, output, name) for name in inputs),
-                keys=tuple(_keys(cloud)),
+                keys=tuple(keys),
                 notes=tuple(filter(None, (cloud.thinning_note, note, _cut_note(cloud, output)))),
                 tables=(_table(cloud, output),),
             )
-
-
-def _keys(cloud: PlottedRuns) -> Iterator[LegendKey]:
-    yield LegendKey("run", cloud.view.sources.index(cloud.design), "circle")
-    if cloud.shown_failed.sizes[RUN]:
-        yield LegendKey("lost run, at the foot", "ink", "x")
 
 
 def _chosen_inputs(cloud: PlottedRuns, output: str, most: int) -> tuple[list[str], str]:
@@ -104,15 +97,16 @@ def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
     shown = (cloud.shown_completed, cloud.shown_failed)
     every = np.concatenate([cloud.values(name, each) for each in shown])
     finite = every[np.isfinite(every)]
+    # No run lies on the frame.
+    ends = padded_limits(float(finite.min()), float(finite.max()))
     y, axis = _vertical_axis(cloud, output)
-    x = cloud.values(name, cloud.shown_completed)
     is_number = output in view.numeric_outputs
     value = f"<br>{_hover_line(view, output, 'y')}" if is_number else "<br>%{text}"
     kinds = {} if is_number else category_labels(cloud.shown_completed[output])
     codes = cloud.shown_completed[output].values.tolist()
     texts = [kinds.get(code, "") for code in codes] if kinds else ()
     drawn = point_trace(
-        x,
+        cloud.values(name, cloud.shown_completed),
         y,
         view.sources.index(cloud.design),
         hover=f"run %{{customdata}}<br>{_hover_line(view, name, 'x')}{value}",
@@ -126,11 +120,7 @@ def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
     return Chart(
         title=f"against {name}",
         summary=_summary(cloud, output, name),
-        x=Axis(
-            _short_title(view, name, _LONGEST),
-            # So that no run lies on the frame.
-            padded_limits(float(finite.min()), float(finite.max())),
-        ),
+        x=Axis(_short_title(view, name, _LONGEST), ends),
         y=axis,
         traces=tuple(traces),
         height=_HEIGHT,

@@ -18,7 +18,7 @@ from uqpen.report.sections.quoted_statistics import (
     output_name,
     requested_statistics,
 )
-from uqpen.report.sections.view_statistics import failure_probabilities
+from uqpen.report.sections.view_statistics import sample_account
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.table import estimate_remark
@@ -103,8 +103,7 @@ class _Population(NamedTuple):
     @classmethod
     def from_design(cls, view: ArchiveView, design: str) -> _Population:
         """Return the population of a design's statistics."""
-        ends = failure_probabilities(view, design)
-        accounts = {} if ends is None else ends.attrs
+        accounts = sample_account(view, design)
         given, missing = accounts.get(CONDITIONAL), accounts.get(MISSING)
         every = "all admissible cases" if given else "all cases"
         return cls(

@@ -11,10 +11,7 @@ import xarray as xr
 from uqpen.core.catalogue import CATALOGUE, PROBABILITY, THRESHOLD
 from uqpen.core.labels import CHECKED, INTERVAL_LABEL, NOTE, REFUSED, UNCHECKED
 from uqpen.report.blocks import Block, Remarks, Table, Text
-from uqpen.report.sections.view_statistics import (
-    STATISTIC_FAMILIES,
-    failure_probabilities,
-)
+from uqpen.report.sections.view_statistics import STATISTIC_FAMILIES, failure_probabilities
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.table import OutputTable, exceedance_label, quantile_label

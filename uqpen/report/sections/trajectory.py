@@ -84,16 +84,13 @@ def _line(
     x, y, unit = _shown_values(view, told, name)
     chosen = _spread_positions(x.size, _MOST_POINTS)
     head = f"{escape_text(model, 40)}<br>" if model else ""
-    here = (
-        f"{escape_text(quantity_name(told[along]), 50)} "
-        f"%{{x:.4~g}}{escape_text(unit_suffix(view.unit(along)))}"
-    )
+    where, what = (escape_text(quantity_name(told[each]), 50) for each in (along, name))
+    here = f"{where} %{{x:.4~g}}{escape_text(unit_suffix(view.unit(along)))}"
     return line_trace(
         x[chosen],
         y[chosen],
         series,
-        hover=f"{head}{here}<br>{escape_text(quantity_name(told[name]), 50)} "
-        f"%{{y:.4~g}}{escape_text(unit)}",
+        hover=f"{head}{here}<br>{what} %{{y:.4~g}}{escape_text(unit)}",
         name=f"{model} {name}".strip(),
         dash=series_dash(number),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Any
 
 import xarray as xr
 
@@ -12,25 +13,17 @@ from uqpen.core.labels import INPUT, PAIR, STATUS
 from uqpen.core.status import Status
 from uqpen.results.archive_view import ArchiveView
 
-__all__ = [
-    "STATISTIC_FAMILIES",
-    "failure_probabilities",
-    "status_probability",
-]
-
-_FAMILIES = {
-    "moments": ("mean", "std", "half_spread", "skewness", "kurtosis", "effective_runs"),
-    "quantiles": ("quantile",),
-    "values that hold": ("tolerance_limit",),
-    "probabilities of exceeding": ("exceedance",),
-    "distribution functions": ("cdf", "cdf_band"),
-    "shares of kinds": ("share",),
-}
+__all__ = ["STATISTIC_FAMILIES", "failure_probabilities", "sample_account", "status_probability"]
 
 # The families of estimates, by the words of a table, in the order that they are told in.
 STATISTIC_FAMILIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        **_FAMILIES,
+        "moments": ("mean", "std", "half_spread", "skewness", "kurtosis", "effective_runs"),
+        "quantiles": ("quantile",),
+        "values that hold": ("tolerance_limit",),
+        "probabilities of exceeding": ("exceedance",),
+        "distribution functions": ("cdf", "cdf_band"),
+        "shares of kinds": ("share",),
         "measures of sensitivity": tuple(
             name for name, each in CATALOGUE.items() if not {INPUT, PAIR}.isdisjoint(each.dims)
         ),
@@ -39,11 +32,14 @@ STATISTIC_FAMILIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 def failure_probabilities(view: ArchiveView, design: str) -> xr.DataArray | None:
-    """Return how likely each end of a run is, along ``status`` and ``bound``.
-
-    Its attributes say what the statistics of the design are conditional on, and what is missing.
-    """
+    """Return how likely each end of a run is, along ``status`` and ``bound``."""
     return view.statistics.failures(design).get("probability")
+
+
+def sample_account(view: ArchiveView, design: str) -> Mapping[Any, Any]:
+    """Return attributes on the runs of a design: their number, their condition, what is missing."""
+    probability = failure_probabilities(view, design)
+    return {} if probability is None else probability.attrs
 
 
 def status_probability(view: ArchiveView, design: str, status: Status) -> xr.DataArray | None:
