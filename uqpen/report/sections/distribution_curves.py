@@ -15,7 +15,7 @@ from uqpen.report.marks import Trace, band_traces, escape_text, line_trace
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.empirical_cdf import empirical_cdf
 
-__all__ = ["Grid", "curve_at", "curve_band_traces", "curve_quantile", "curve_trace"]
+__all__ = ["Grid", "curve_at", "curve_quantile", "curve_traces"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -58,14 +58,7 @@ def curve_quantile(curve: Curve, p: float) -> float:
     return float(curve.values[round(p * (curve.values.size - 1))])
 
 
-def curve_band_traces(curve: Curve, series: int, *, is_stepped: bool) -> Iterator[Trace]:
-    """Its simultaneous band; nothing where it has none."""
-    if curve.has_band:
-        lower, upper = curve.band[:, 1], curve.band[:, 2]
-        yield from band_traces(curve.values, lower, upper, series, is_stepped=is_stepped)
-
-
-def curve_trace(
+def curve_traces(
     curve: Curve,
     series: int,
     dash: str,
@@ -73,17 +66,20 @@ def curve_trace(
     is_stepped: bool,
     width: float = 2,
     has_band: bool = True,
-) -> Trace:
-    """The function, which a pointer reads off, with its band where that is shown."""
-    bounds = " (%{customdata[0]:.4f} … %{customdata[1]:.4f})"
+) -> Iterator[Trace]:
+    """The function, which a pointer reads off, above its simultaneous band if that is shown."""
+    estimate, lower, upper = curve.band.T
     has_band = has_band and curve.has_band
-    return line_trace(
+    if has_band:
+        yield from band_traces(curve.values, lower, upper, series, is_stepped=is_stepped)
+    bounds = " (%{customdata[0]:.4f} … %{customdata[1]:.4f})"
+    yield line_trace(
         curve.values,
-        curve.band[:, 0],
+        estimate,
         series,
         hover=f"%{{y:.4f}}{bounds * has_band} {escape_text(curve.name, 40)}",
         name=curve.name,
-        beside=[curve.band[:, 1], curve.band[:, 2]] if has_band else (),
+        beside=[lower, upper] if has_band else (),
         dash=dash,
         width=width,
         is_stepped=is_stepped,

@@ -23,13 +23,7 @@ from uqpen.report.blocks import (
     ThresholdReadout,
 )
 from uqpen.report.marks import Trace, series_dash
-from uqpen.report.sections.distribution_curves import (
-    Grid,
-    curve_at,
-    curve_band_traces,
-    curve_quantile,
-    curve_trace,
-)
+from uqpen.report.sections.distribution_curves import Grid, curve_at, curve_quantile, curve_traces
 from uqpen.report.sections.exceedance import exceedance
 from uqpen.report.sections.histograms import histogram, shares
 from uqpen.report.sections.leading_design import (
@@ -75,21 +69,18 @@ def distributions(view: ArchiveView) -> Iterator[Block]:
 def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
     lower, upper, is_cut = exceedance_span(view, output, curves[0])
     grid = Grid.between(lower, upper)
-    first = curve_at(view, output, curves[0], grid)
-    lead = view.sources.index(first.name)
-    steps = curves[0].is_stepped
-    traces: list[Trace] = list(curve_band_traces(first, lead, is_stepped=steps))
+    drawn = [curve_at(view, output, curve, grid) for curve in curves]
+    traces: list[Trace] = []
     keys: list[LegendKey] = []
-    if first.has_band:
-        text = f"simultaneous {percent_text(first.level)} band of {first.name}"
-        keys.append(LegendKey(text, lead, "band"))
-    traces.append(curve_trace(first, lead, "solid", is_stepped=steps, width=2.5))
-    keys.append(LegendKey(first.name, lead, "line"))
-    for curve in curves[1:]:
-        series = view.sources.index(curve.name)
-        dash = series_dash(series)
-        drawn, steps = curve_at(view, output, curve, grid), curve.is_stepped
-        traces.append(curve_trace(drawn, series, dash, is_stepped=steps, width=1.5, has_band=False))
+    for curve, shown in zip(curves, drawn, strict=True):
+        series, is_first = view.sources.index(curve.name), curve is curves[0]
+        dash, width = ("solid", 2.5) if is_first else (series_dash(series), 1.5)
+        traces += curve_traces(
+            shown, series, dash, is_stepped=curve.is_stepped, width=width, has_band=is_first
+        )
+        if is_first and curve.has_band:
+            text = f"simultaneous {percent_text(curve.level)} band of {curve.name}"
+            keys.append(LegendKey(text, series, "band"))
         keys.append(LegendKey(curve.name, series, "line", dash))
     threshold_values = [
         each for each in thresholds(view, output).values() if lower <= each <= upper
@@ -110,7 +101,7 @@ def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
         tables=(_cdf_table(view, output, curves[0]),),
         height=380,
         is_compared=True,
-        reading=_threshold_readout(view, output, first, grid, begin),
+        reading=_threshold_readout(view, output, drawn[0], grid, begin),
     )
 
 

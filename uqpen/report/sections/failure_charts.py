@@ -106,7 +106,9 @@ def _status_traces(
 ) -> Iterator[Trace]:
     for number, status in enumerate(statuses):
         name = STATUS_TEXT[status]
-        places = np.arange(len(designs)) + (number + 1) / (len(statuses) + 1) - 0.5
+        places = (
+            np.arange(len(designs), dtype=np.float64) + (number + 1) / (len(statuses) + 1) - 0.5
+        )
         colour, marker = _status_style(status)
         hovers = [
             f"{design}, {name}: {_percent_text(row)}"
@@ -169,6 +171,6 @@ def _measure_traces(rows: Sequence[str], bounds: FloatArray) -> Iterator[Trace]:
             f"{row}: P({label}) = {estimate_text(*each)}"
             for row, each in zip(rows, bounds[number], strict=True)
         ]
-        places = np.arange(len(rows)) + 0.3 * (number - 0.5)
+        places = np.arange(len(rows), dtype=np.float64) + 0.3 * (number - 0.5)
         marker = series_marker(number)
         yield dot_trace(bounds[number], places, number, hovers=hovers, name=label, marker=marker)
