@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -12,9 +15,11 @@ from uqpen.core.labels import REPLICATE
 from uqpen.core.model import Category, Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
+from uqpen.results.json import archive_json
+from uqpen.results.long_table import long_table
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze
-from uqpen.statistics.convergence import convergence, reason_without_parts
+from uqpen.statistics.convergence import reason_without_parts
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 
 pytestmark = pytest.mark.processor
@@ -63,9 +68,26 @@ def runs_of(sampling: Sampling, count: int, replicate: np.ndarray | None = None)
     )
 
 
+Statistics = dict[str, xr.DataArray]
+
+
+def convergence(runs: xr.Dataset, quantities: list[QuantityOfInterest]) -> dict[str, Statistics]:
+    """What follows the runs so far, by output and by the statistic that it is of."""
+    found = analyze(runs, quantities, only=("convergence",))
+    return {output: followed(told) for output, told in found.items()}
+
+
+def followed(statistics: Statistics) -> Statistics:
+    return {
+        name.removeprefix("convergence_"): array
+        for name, array in statistics.items()
+        if "runs_so_far" in array.dims
+    }
+
+
 def sizes(runs: xr.Dataset) -> list[int]:
-    told = convergence(runs, [Y])
-    return [int(size) for size in told["y"]["mean"]["runs_so_far"].values] if told else []
+    told = convergence(runs, [Y])["y"]
+    return [int(size) for size in told["mean"]["runs_so_far"].values] if told else []
 
 
 def assert_same(last: xr.DataArray, whole: xr.DataArray) -> None:
@@ -80,17 +102,33 @@ def assert_same(last: xr.DataArray, whole: xr.DataArray) -> None:
 
 @pytest.mark.slow
 def test_the_last_part_is_what_the_archive_tells() -> None:
-    study = uqpen.parse_study(STUDY)
-    tree = uqpen.run(study)
+    tree = uqpen.run(uqpen.parse_study(STUDY))
     for design in ("independent", "replicated", "blocks"):
-        answers = convergence(tree["runs"][design].to_dataset(), study.quantities_of_interest)
-        assert set(answers) == {"y"}
-        assert {"mean", "quantile", "exceedance"} < set(answers["y"])
         archived = SourceStatistics(tree).statistics(design, "y")
-        assert set(answers["y"]) <= set(archived)
-        for name, parts in answers["y"].items():
+        answers = followed(archived)
+        assert set(answers) == {"mean", "quantile", "exceedance"}
+        for name, parts in answers.items():
             assert_same(parts[-1], archived[name])
             assert parts.attrs["units"] == archived[name].attrs["units"]
+
+
+def test_it_is_in_no_table_unless_it_is_asked_for() -> None:
+    tree = uqpen.run(uqpen.parse_study(STUDY))
+    detailed = {"percentile", "convergence_mean", "convergence_quantile", "convergence_exceedance"}
+    assert not detailed & set(long_table(tree)["statistic"])
+    assert detailed <= set(long_table(tree, functions=True)["statistic"])
+    assert not any(name in json.dumps(archive_json(tree)) for name in detailed)
+
+
+def test_percentiles_are_quantiles_with_their_intervals() -> None:
+    asked = replace(Y, quantiles=(0.05, 0.5, 0.99))
+    for runs in (
+        runs_of(Sampling.INDEPENDENT, 130),
+        runs_of(Sampling.STRATIFIED, 240, np.repeat(np.arange(4), 60)),
+    ):
+        found = analyze(runs, [asked])["y"]
+        assert_same(found["percentile"].sel(percent=[5, 50, 99]), found["quantile"])
+        assert found["percentile"]["percent"].values.tolist() == [1, 5, 10, 25, 50, 75, 90, 95, 99]
 
 
 def test_the_first_draws_are_a_smaller_sample() -> None:
@@ -170,7 +208,7 @@ def test_what_cannot_be_divided_says_why(
     replicate = np.repeat(np.arange(replicates), count // replicates) if replicates else None
     runs = runs_of(sampling, count, replicate)
     assert reason_without_parts(runs) == reason
-    assert convergence(runs, [Y]) == {}
+    assert convergence(runs, [Y]) == {"y": {}}
 
 
 def test_runs_that_were_all_lost_have_no_figures() -> None:

@@ -20,8 +20,11 @@ __all__ = [
     "CONTENT_LEVEL",
     "DIMENSIONS",
     "FAILURE_STATISTICS",
+    "PERCENT",
     "PROBABILITY",
+    "RUNS_SO_FAR",
     "THRESHOLD",
+    "UNLISTED_DIMENSIONS",
     "Dimension",
     "Statistic",
     "UnitRule",
@@ -32,6 +35,11 @@ PROBABILITY = "probability"
 CONTENT_LEVEL = "content"
 THRESHOLD = "threshold"
 CATEGORY = "category"
+PERCENT = "percent"
+RUNS_SO_FAR = "runs_so_far"
+
+# Tables and lists leave out what lies along these, unless it is asked for.
+UNLISTED_DIMENSIONS = frozenset({RANK, PERCENT, RUNS_SO_FAR})
 
 
 class UnitRule(Enum):
@@ -63,6 +71,8 @@ DIMENSIONS: Mapping[str, Dimension] = MappingProxyType(
         THRESHOLD: Dimension("text", {"threshold_value": "number"}),
         CATEGORY: Dimension("text", {"category_label": "text"}),
         RANK: Dimension("number"),
+        PERCENT: Dimension("number"),
+        RUNS_SO_FAR: Dimension("count"),
         INPUT: Dimension("text"),
         PAIR: Dimension("text", {"pair_first": "text", "pair_second": "text"}),
         STATUS: Dimension("text"),
@@ -132,6 +142,16 @@ _STATISTICS = [
     Statistic("cdf", "distribution function, pointwise bounds", (RANK,)),
     Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
+    Statistic("percentile", "percentile", (PERCENT,), UnitRule.VALUE),
+    *(
+        Statistic(f"convergence_{name}", f"{title}, by the runs so far", (RUNS_SO_FAR, *dims), unit)
+        for name, title, dims, unit in (
+            ("mean", "mean", (), UnitRule.VALUE),
+            ("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
+            ("exceedance", "probability of exceeding a value", (THRESHOLD,), UnitRule.NONE),
+            ("share", "probability of a category", (CATEGORY,), UnitRule.NONE),
+        )
+    ),
     *_indices("", ""),
     Statistic("second_order", "second-order Sobol' index", (PAIR,), note_is_of_estimate=True),
     *_indices("log_", " of the logarithm"),

@@ -14,27 +14,15 @@ __all__ = ["BENCHMARK_SECTIONS", "SECTIONS", "ReportSection"]
 
 
 class ReportSection(NamedTuple):
-    """Entry of the page's contents.
-
-    Attributes
-    ----------
-    title : str
-    introduction : str
-        Paragraph that says what the section shows, and how to read it.
-    function : str
-        Reference to the function that yields its blocks. It takes a `Part`, or the archive itself
-        where that is a benchmark of methods.
-    is_common : bool
-        Whether it is stated once, for all models of an archive together.
-    absence_note : str
-        What an archive lacks if the section has no content; empty where none is expected.
-    """
+    """Entry of the page's contents."""
 
     title: str
-    introduction: str
+    introduction: str  # what the section shows, and how to read it
+    # Reference to the function that yields its blocks. It takes an `ArchiveView`, or the archive
+    # itself where that is a benchmark of methods.
     function: str
-    is_common: bool = False
-    absence_note: str = ""
+    is_common: bool = False  # stated once, for all models of an archive together
+    absence_note: str = ""  # what an archive lacks without content, where some is expected
 
 
 # In the order of the page, by the names that links have.
@@ -163,9 +151,7 @@ BENCHMARK_SECTIONS = {
         "uqpen.report.benchmark.reference:reference",
     ),
     "tables": ReportSection(
-        "All tables",
-        "As the command line shows them.",
-        "uqpen.report.benchmark.reference:tables",
+        "All tables", "As the command line shows them.", "uqpen.report.benchmark.reference:tables"
     ),
     "archive": ReportSection(
         "The study, and what made this archive",

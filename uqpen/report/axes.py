@@ -18,15 +18,7 @@ _STEPS = ((1, 2, 5), (1, 3), (1,))
 
 
 def padded_limits(lower: float, upper: float, share: float = 0.03) -> tuple[float, float]:
-    """The ends of an axis that has some room beyond two values.
-
-    Parameters
-    ----------
-    lower, upper : float
-        The least and the greatest; they may be the same.
-    share : float
-        Of what lies between them, at either end.
-    """
+    """The ends of an axis that goes beyond two values, by a share of what lies between them."""
     margin = share * (upper - lower) or 0.05 * abs(upper) or 1.0
     return lower - margin, upper + margin
 

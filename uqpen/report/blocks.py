@@ -37,17 +37,10 @@ class Block:
 
 @dataclass(frozen=True)
 class Heading(Block):
-    """A heading below that of the section; what follows is of one output, or one model.
-
-    Parameters
-    ----------
-    text : str
-    level : int
-        As HTML counts: 3, or 4 below another.
-    """
+    """A heading below that of the section; what follows is of one output, or one model."""
 
     text: str
-    level: int = 3
+    level: int = 3  # as HTML counts: 4 below another
 
 
 @dataclass(frozen=True)
@@ -92,137 +85,63 @@ class Table(Block):
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis of a chart.
-
-    Parameters
-    ----------
-    title : str
-        With the unit in brackets.
-    ends : tuple of float, optional
-        Where it begins and ends, of a logarithmic one as powers of ten; without them, where the
-        data do.
-    rows : tuple of str
-        Names in place of numbers: of the rows 0, 1, … from the top.
-    is_logarithmic : bool
-    ticks : tuple of (float, str)
-        The only places that are marked, and what stands there.
-    """
+    """An axis of a chart, its title with the unit in brackets."""
 
     title: str
-    ends: tuple[float, float] | None = None
-    rows: tuple[str, ...] = ()
+    ends: tuple[float, float] | None = None  # powers of ten if logarithmic; None: where data end
+    rows: tuple[str, ...] = ()  # names in place of numbers: of the rows 0, 1, … from the top
     is_logarithmic: bool = False
-    ticks: tuple[tuple[float, str], ...] = ()
+    ticks: tuple[tuple[float, str], ...] = ()  # the only places that are marked, with texts
 
 
 @dataclass(frozen=True)
 class LegendKey:
-    """An entry of a legend.
-
-    Parameters
-    ----------
-    text : str
-    series : int or str
-        What gives its colour, see `marks`.
-    mark : str
-        ``"line"``, ``"band"``, ``"bar"``, or the name of a marker.
-    dash : str
-        Of a line.
-    """
+    """An entry of a legend."""
 
     text: str
-    series: int | str
-    mark: str
+    series: int | str  # what gives its colour, see `marks`
+    mark: str  # "line", "band", "bar", or the name of a marker
     dash: str = "solid"
 
 
 @dataclass(frozen=True)
 class ThresholdReadout:
-    """A threshold that is moved over a distribution function, and what is read off there.
-
-    Parameters
-    ----------
-    output, unit : str
-        What is compared with the threshold, and the unit of both.
-    source : str
-        Whose function it is.
-    level : float
-        Of the simultaneous band; NaN where there is none.
-    note : str
-        Why there is none.
-    first, step : float
-        The first threshold, and how far apart they are.
-    decimals : int
-        To write them with.
-    start : int
-        Which one is shown first.
-    bounds : sequence of sequence of float
-        At each, the probability of lying at or below, and the ends of the band; None for none.
-    """
+    """A threshold that is moved over a distribution function, and what is read off there."""
 
     output: str
     unit: str
     source: str
-    level: float
-    note: str
+    level: float  # of the simultaneous band; NaN where there is none
+    note: str  # why there is none
     first: float
     step: float
     decimals: int
-    start: int
+    start: int  # which threshold is shown first
+    # At each threshold, the probability of lying at or below, and the ends of the band or None.
     bounds: Sequence[Sequence[float | None]]
 
 
 @dataclass(frozen=True)
 class Chart(Block):
-    """A chart, drawn by the page's script, with what it says to who cannot see it.
-
-    Parameters
-    ----------
-    title : str
-    summary : str
-        What is seen in it, for those who do not see it.
-    x, y : Axis
-    traces : tuple
-        See `marks`.
-    shapes : tuple
-        Lines and shades behind the traces, see `shapes`.
-    keys : tuple of LegendKey
-        The legend.
-    notes : tuple of str
-        What a reader must know.
-    tables : tuple of OutputTable
-        The numbers behind it.
-    height : int
-        In CSS pixels.
-    reading : ThresholdReadout, optional
-    is_compared : bool
-        Whether a pointer reads off all lines at once.
-    """
+    """A chart, drawn by the page's script, with what it says to who cannot see it."""
 
     title: str
-    summary: str
+    summary: str  # what is seen in it, for those who do not see it
     x: Axis
     y: Axis
     traces: tuple[Trace, ...]
-    shapes: tuple[Shape, ...] = ()
+    shapes: tuple[Shape, ...] = ()  # lines and shades behind the traces
     keys: tuple[LegendKey, ...] = ()
     notes: tuple[str, ...] = ()
-    tables: tuple[OutputTable, ...] = ()
-    height: int = 300
+    tables: tuple[OutputTable, ...] = ()  # the numbers behind it
+    height: int = 300  # in CSS pixels
     reading: ThresholdReadout | None = None
-    is_compared: bool = False
+    is_compared: bool = False  # whether a pointer reads off all lines at once
 
 
 @dataclass(frozen=True)
 class Charts(Block):
-    """Charts side by side, as many in a row as there is room for, under one legend.
-
-    Parameters
-    ----------
-    charts : tuple of Chart
-    keys, notes, tables
-        Of all of them together.
-    """
+    """Charts side by side, as many in a row as there is room for, under one legend."""
 
     charts: tuple[Chart, ...]
     keys: tuple[LegendKey, ...] = ()

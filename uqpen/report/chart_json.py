@@ -49,7 +49,6 @@ def _deduplicate_lists(charts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]
 
 
 def _chart_content(chart: Chart) -> dict[str, Any]:
-    """Return the data that the page's script draws a chart from."""
     drawn: dict[str, Any] = {
         "traces": chart.traces,
         "shapes": chart.shapes,

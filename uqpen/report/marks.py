@@ -8,6 +8,7 @@ Plotly, which reads some tags in them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -87,35 +88,25 @@ def line_trace(
 
     Parameters
     ----------
-    x, y : array_like of float
-    series : int or str
-        Its colour.
     hover : str
-        What is shown under a pointer, with Plotly's placeholders; texts in it are `escape_text`.
-        Empty for nothing.
+        Text under a pointer, with Plotly's placeholders; texts in it are `escape_text`.
     name : str
         What a test or a reader finds it by.
     beside : sequence of array_like
         What the placeholders ``customdata`` stand for.
-    dash : str
-        Of `DASHES`.
     width : float
         In CSS pixels.
     is_stepped : bool
         Whether it goes on level until the next point.
     """
+    shape = "hv" if is_stepped else "linear"
     trace: Trace = {
         "type": "scatter",
         "mode": "lines",
         "name": escape_text(name),
         "x": rounded_numbers(x),
         "y": rounded_numbers(y),
-        "line": {
-            "color": series,
-            "dash": dash,
-            "width": width,
-            "shape": "hv" if is_stepped else "linear",
-        },
+        "line": {"color": series, "dash": dash, "width": width, "shape": shape},
     } | _hover_attributes(hover)
     if beside:
         trace["customdata"] = list(zip(*(rounded_numbers(each) for each in beside), strict=True))
@@ -126,12 +117,11 @@ def band_traces(
     x: Numbers, lower: Numbers, upper: Numbers, series: int | str, *, is_stepped: bool = False
 ) -> list[Trace]:
     """Return the traces of a band between two lines."""
-    shape = "hv" if is_stepped else "linear"
     edge: Trace = {
         "type": "scatter",
         "mode": "lines",
         "x": rounded_numbers(x),
-        "line": {"width": 0, "shape": shape},
+        "line": {"width": 0, "shape": "hv" if is_stepped else "linear"},
         "hoverinfo": "skip",
     }
     filled = {"y": rounded_numbers(upper), "fill": "tonexty", "fillcolor": series}
@@ -155,12 +145,6 @@ def point_trace(
 
     Parameters
     ----------
-    x, y : array_like of float
-    series : int or str
-        Their colour.
-    hover : str
-        As of a `line_trace`.
-    name : str
     texts : sequence of str
         Plain texts, one for each point: what the placeholder ``text`` stands for.
     numbers : sequence of int
@@ -169,7 +153,6 @@ def point_trace(
         Of `MARKERS`, or with ``-open`` behind it.
     size : float
         In CSS pixels.
-    opacity : float
     """
     trace: Trace = {
         "type": "scatter",
@@ -214,12 +197,8 @@ def dot_trace(
         Estimate, lower, upper; NaN for a bound that is none.
     places : array_like of float
         Along the other axis.
-    series : int or str
     hovers : sequence of str
         Plain texts, one for each.
-    name : str
-    marker : str
-        Of `MARKERS`.
     along : str
         Which axis the estimates lie along.
     is_joined : bool
@@ -273,9 +252,7 @@ def bar_trace(edges: Numbers, counts: Numbers, series: int | str, *, hover: str)
         "x": rounded_numbers((edges[1:] + edges[:-1]) / 2),
         "y": rounded_numbers(counts),
         "width": rounded_numbers(np.diff(edges)),
-        "customdata": list(
-            zip(rounded_numbers(edges[:-1], 4), rounded_numbers(edges[1:], 4), strict=True)
-        ),
+        "customdata": [rounded_numbers(ends, 4) for ends in pairwise(edges)],
         "marker": {"color": series, "opacity": 0.55},
         "hovertemplate": f"{hover}<extra></extra>",
     }

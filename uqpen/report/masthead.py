@@ -36,7 +36,6 @@ def _all_facts(tree: xr.DataTree) -> Iterator[str]:
 
 
 def _runs(tree: xr.DataTree) -> Iterator[str]:
-    """The models, and the runs that all designs made of each."""
     models = model_trees(tree)
     if len(models) > 1:
         yield f"models {', '.join(models)}"
@@ -50,7 +49,6 @@ def _runs(tree: xr.DataTree) -> Iterator[str]:
 
 
 def _methods(tree: xr.DataTree) -> Iterator[str]:
-    """Yield the number of methods, of budgets, and of repeats."""
     methods = read_group(tree, METHODS)
     sources = dict.fromkeys(methods[SOURCE].values.tolist())
     budgets = count_text(methods.sizes[BUDGET], "budget")

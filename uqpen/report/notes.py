@@ -26,45 +26,23 @@ def has_interval(bounds: FloatArray) -> BoolArray:
     ----------
     bounds : ndarray of shape (..., bound)
         Estimate, lower, upper; NaN for a bound that is none.
-
-    Returns
-    -------
-    ndarray of bool, shape (...)
     """
     return np.asarray(np.isfinite(bounds[..., 1:]).any(axis=-1))
 
 
 def all_bounded(bounds: FloatArray) -> bool:
-    """Return whether each of some estimates has an interval; what is no estimate does not count.
-
-    Parameters
-    ----------
-    bounds : ndarray of shape (..., bound)
-    """
+    """Return whether each of some estimates has an interval; what is no estimate does not count."""
     return bool(has_interval(bounds)[np.isfinite(bounds[..., 0])].all())
 
 
 def hollow_note(bounds: FloatArray) -> Iterator[str]:
-    """A note on estimates without an interval, if there are any, for a chart that has a table.
-
-    Parameters
-    ----------
-    bounds : ndarray of shape (..., bound)
-    """
+    """A note on estimates without an interval, if there are any, for a chart that has a table."""
     if not all_bounded(bounds):
         yield f"{capitalized(HOLLOW)}; the table says why."
 
 
 def interval_notes(estimates: Iterable[xr.DataArray], each: str = "") -> Iterator[str]:
-    """A note for each level of the intervals that are drawn as bars.
-
-    Parameters
-    ----------
-    estimates : iterable of DataArray
-        Along ``bound`` at the last; those without an interval do not count.
-    each : str
-        What else is said of the intervals, with all that stands before it.
-    """
+    """A note for each level of the intervals that are drawn as bars, with more words on each."""
     levels = {
         float(estimate.attrs[INTERVAL_LEVEL])
         for estimate in estimates

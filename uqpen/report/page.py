@@ -57,12 +57,6 @@ def write_report(tree: xr.DataTree, path: str | Path) -> None:
 
     What stood there is replaced in one step.
 
-    Parameters
-    ----------
-    tree : DataTree
-        What `run` returns, or `open_archive` reads.
-    path : str or Path
-
     Raises
     ------
     ReportError
@@ -84,10 +78,6 @@ def write_report(tree: xr.DataTree, path: str | Path) -> None:
 def report_page(tree: xr.DataTree) -> str:
     """The report of an archive as HTML; the same text each time.
 
-    Parameters
-    ----------
-    tree : DataTree
-
     Raises
     ------
     ArchiveError
@@ -95,6 +85,7 @@ def report_page(tree: xr.DataTree) -> str:
     """
     every = list(_sections(tree))
     sections = [filled for filled in every if filled.blocks]
+    notes = (filled.section.absence_note for filled in every if not filled.blocks)
     charts = [chart for filled in sections for chart in find_charts(filled.blocks)]
     # By identity, as what a chart holds has no hash.
     numbers = {id(chart): number for number, chart in enumerate(charts)}
@@ -107,11 +98,7 @@ def report_page(tree: xr.DataTree) -> str:
             title=page_heading(tree),
             facts=page_facts(tree),
             sections=sections,
-            lacks=[
-                each.section.absence_note
-                for each in every
-                if each.section.absence_note and not each.blocks
-            ],
+            lacks=[note for note in notes if note],
             number_of=lambda chart: numbers[id(chart)],
             data=charts_json(charts),
             style=style,
@@ -123,7 +110,6 @@ def report_page(tree: xr.DataTree) -> str:
 
 
 def _environment() -> jinja2.Environment:
-    """Return the environment of the template, with escaping on."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("uqpen.report", "assets"),
         autoescape=True,
@@ -150,20 +136,16 @@ def _sections(tree: xr.DataTree) -> Iterator[_FilledSection]:
 
 
 def _model_blocks(tree: xr.DataTree, section: ReportSection) -> Iterator[Block]:
-    """Yield a section's blocks for each model of an archive, or for all models together."""
     make = resolve(section.function)
     models = list(model_trees(tree))
     for model in models[:1] if section.is_common else models:
         blocks = list(make(ArchiveView(tree, model)))
         if blocks and model and not section.is_common:
             yield Heading(model)
-            blocks = [_lower_heading(block) for block in blocks]
+            blocks = [
+                replace(block, level=4) if isinstance(block, Heading) else block for block in blocks
+            ]
         yield from blocks
-
-
-def _lower_heading(block: Block) -> Block:
-    """A block below the heading of a model."""
-    return replace(block, level=4) if isinstance(block, Heading) else block
 
 
 def _legible_text(value: Any) -> Any:

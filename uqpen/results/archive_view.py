@@ -6,9 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import UnknownNameError
 from uqpen.core.labels import ROLE, RUNS, SAMPLING, STATUS
 from uqpen.core.lookup import choices
@@ -20,6 +22,7 @@ from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle, source_style
 from uqpen.results.table import Conversion, conversion, first_runs, output_names
 from uqpen.results.texts import title_with_unit
+from uqpen.statistics.convergence import reason_without_parts
 from uqpen.statistics.sample import input_sample
 
 __all__ = ["ArchiveView", "select_view"]
@@ -137,6 +140,15 @@ class ArchiveView:
     def has_completed_runs(self, design: str) -> bool:
         """Return whether a run of a design completed."""
         return bool((self.runs(design)[STATUS].values == Status.OK).any())
+
+    def completed_values(self, design: str, output: str) -> FloatArray:
+        """Return an output of the completed runs of a design's sample, in SI units."""
+        runs = self.runs(design)
+        return np.asarray(runs[output].values[runs[STATUS].values == Status.OK], dtype=np.float64)
+
+    def reason_without_convergence(self, design: str) -> str:
+        """Return why no part of a design's runs is a smaller sample; empty where some are."""
+        return reason_without_parts(read_group(self.tree, RUNS, design))
 
     def random_inputs(self, design: str) -> list[str]:
         """The inputs that are not the same in all runs."""

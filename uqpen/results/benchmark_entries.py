@@ -17,8 +17,16 @@ from uqpen.core.labels import EXCEEDANCE, NOTE, REFERENCE
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import estimate_text
 from uqpen.results.table import conversion, exceedance_label, quantile_label
+from uqpen.statistics.estimate import LEVEL
+from uqpen.statistics.intervals import clopper_pearson
 
-__all__ = ["BenchmarkEntry", "entries", "output_title", "reference_attributes"]
+__all__ = [
+    "BenchmarkEntry",
+    "entries",
+    "lowest_expected_coverage",
+    "output_title",
+    "reference_attributes",
+]
 
 
 @dataclass(frozen=True)
@@ -130,6 +138,21 @@ def output_title(tree: xr.DataTree, output: str) -> str:
     """Return what an output is called in words."""
     described = read_group(tree, BENCHMARK_GROUP, output).attrs
     return str(described.get("long_name", "")) or output
+
+
+def lowest_expected_coverage(level: float, repeats: int) -> float:
+    """Return the least share of intervals that 95 % chance scatter allows.
+
+    Parameters
+    ----------
+    level : float
+        Nominal level of the intervals.
+    repeats : int
+        Number of intervals.
+    """
+    covered = np.arange(repeats + 1)
+    _, upper = clopper_pearson(covered, repeats, LEVEL)
+    return float(covered[upper >= level][0] / repeats)
 
 
 def reference_attributes(tree: xr.DataTree) -> Mapping[Any, Any]:

@@ -21,7 +21,7 @@ def long_table(tree: xr.DataTree, *, functions: bool = False) -> pd.DataFrame:
     tree : DataTree
         An archive of a study.
     functions : bool
-        Whether to list distribution functions, which have a row for each run.
+        Whether to list distribution functions, percentiles and convergence as well.
 
     Returns
     -------

@@ -11,7 +11,7 @@ import xarray as xr
 
 from uqpen.archive.estimates import unpack_all
 from uqpen.archive.tree import model_trees, read_group
-from uqpen.core.catalogue import FAILURE_STATISTICS
+from uqpen.core.catalogue import FAILURE_STATISTICS, UNLISTED_DIMENSIONS
 from uqpen.core.labels import (
     CITED,
     CONDITIONAL,
@@ -20,7 +20,6 @@ from uqpen.core.labels import (
     INPUT,
     LARGEST_CONTRIBUTION,
     MISSING,
-    RANK,
     RUNS,
     SOURCE_KIND,
     STATISTICS_GROUP,
@@ -171,7 +170,7 @@ class SourceStatistics:
         model : str
             The model's name, for the column of that name.
         functions : bool
-            Whether to list distribution functions, which have a row for each run.
+            Whether to list distribution functions, percentiles and convergence as well.
 
         Returns
         -------
@@ -195,7 +194,7 @@ class SourceStatistics:
             }
             for output in self.outputs:
                 for name, array in self.statistics(source, output).items():
-                    if functions or RANK not in array.dims:
+                    if functions or UNLISTED_DIMENSIONS.isdisjoint(map(str, array.dims)):
                         yield from estimate_rows(array, **described, output=output, statistic=name)
             if not self.is_difference:
                 yield from self._failure_rows(source, described)

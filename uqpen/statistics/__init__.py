@@ -22,6 +22,7 @@ __all__ = ["ANALYSES", "ANALYSES_OF_DESIGNS"]
 ANALYSES = {
     "moments": ["uqpen.statistics.moments.sample_moments:sample_moments"],
     "quantiles": ["uqpen.statistics.distribution_function.quantiles:quantile_estimates"],
+    "percentiles": ["uqpen.statistics.distribution_function.quantiles:percentiles"],
     "holds": ["uqpen.statistics.distribution_function.quantiles:tolerance_limits"],
     "exceedance": ["uqpen.statistics.distribution_function.probabilities:exceedance_probabilities"],
     "cdfs": ["uqpen.statistics.distribution_function.cdfs:cdf"],
@@ -31,6 +32,7 @@ ANALYSES = {
         "uqpen.statistics.sensitivity.correlations:correlations",
         "uqpen.statistics.sensitivity.delta:delta",
     ],
+    "convergence": ["uqpen.statistics.convergence:convergence"],
 }
 
 ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType(

@@ -4,36 +4,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
-from uqpen.core.arrays import IntArray
-from uqpen.core.labels import (
-    BOUND,
-    EXCEEDANCE,
-    INTERVAL_LEVEL,
-    MOMENTS,
-    QUANTILES,
-    REPLICATE,
-    RUN,
-    SAMPLING,
-    SHARES,
-    STATUS,
-)
+from uqpen.core.arrays import BoolArray, IntArray
+from uqpen.core.catalogue import RUNS_SO_FAR
+from uqpen.core.labels import BOUND, INTERVAL_LEVEL, SAMPLING
 from uqpen.core.sampling import Sampling
-from uqpen.statistics.analyze import OutputStatistics, analyze
+from uqpen.statistics.distribution_function.probabilities import (
+    category_probabilities,
+    exceedance_probabilities,
+)
+from uqpen.statistics.distribution_function.quantiles import quantile_estimates
 from uqpen.statistics.estimate import LEVEL
+from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample, input_sample
 
-__all__ = ["RUNS_SO_FAR", "convergence", "reason_without_parts"]
+__all__ = ["convergence", "reason_without_parts"]
 
-RUNS_SO_FAR = "runs_so_far"
-
-# The groups of statistics that are estimated from every part.
-_GROUPS = (MOMENTS, QUANTILES, EXCEEDANCE, SHARES)
+# Who estimates, from every part, the statistics that are followed.
+_ANALYSES = (
+    sample_moments,
+    quantile_estimates,
+    exceedance_probabilities,
+    category_probabilities,
+)
+_FOLLOWED = ("mean", "quantile", "exceedance", "share")
 # Parts at the most, and the fewest runs of one.
 _MOST, _FEWEST = 16, 20
 # Round numbers in each decade; replicates grow by such a factor. Of many runs each part takes long.
@@ -48,74 +48,80 @@ def reason_without_parts(runs: xr.Dataset) -> str:
     """Reason why no part of a design's runs is a sample of the same kind; empty if some are."""
     if not Sampling(runs.attrs[SAMPLING]).is_sample:
         return "its points are not a sample of the input distribution"
-    drawn = input_sample(runs)[[STATUS]]
-    error_model = Sample.from_statuses(drawn).error_model
-    if error_model is ErrorModel.UNKNOWN:
-        return _UNKNOWN
-    if error_model is ErrorModel.SINGLE_STRATIFIED_SET:
-        return _STRATIFIED
-    if len(_part_sizes(drawn)) > 1:
-        return ""
-    if error_model is ErrorModel.REPLICATED:
-        return "it has only two replicates, and an error needs two"
-    return f"it has only {drawn.sizes[RUN]} runs"
+    return _reason(Sample.from_statuses(input_sample(runs)))
 
 
-def convergence(
-    runs: xr.Dataset, quantities: Sequence[QuantityOfInterest]
-) -> dict[str, OutputStatistics]:
-    """Moments, quantiles and probabilities from growing parts of a design's runs.
+def convergence(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
+    """Mean, quantiles and probabilities of an output from growing parts of a design's runs.
 
     Each part of independent draws consists of the first runs, each part of replicates of the first
     replicates. A part is a sample of the same kind as the whole, so each estimate has the same
-    interval as if the design had ended there. The last part is the whole.
+    interval as if the design had ended there. The last part is the whole. Failed runs count as
+    runs of a part.
 
-    Parameters
-    ----------
-    runs : Dataset
-        Of a design. Failed runs count as runs of a part.
-    quantities : sequence of QuantityOfInterest
-        One for each output.
-
-    Returns
-    -------
-    dict of str to dict of str to DataArray
-        By output and statistic, estimate arrays along ``runs_so_far``, the statistic's own
-        dimension if it has one, and ``bound``. Empty where parts are no samples of the same kind,
-        see `reason_without_parts`.
+    Yields
+    ------
+    name : str
+        ``convergence_mean``, ``convergence_quantile``, ``convergence_exceedance``,
+        ``convergence_share``. Nothing where no part is a sample of the same kind, see
+        `reason_without_parts`.
+    estimate : DataArray
+        Along ``runs_so_far``, the statistic's own dimension if it has one, and ``bound``.
     """
-    if reason_without_parts(runs):
-        return {}
-    # The statistics of independent draws or replicates need no inputs.
-    names = [quantity.output.name for quantity in quantities]
-    drawn = input_sample(runs)[[STATUS, *names]]
-    parts = list(_growing_parts(drawn))
-    sizes = np.array([part.sizes[RUN] for part in parts])
-    answers = [analyze(part, quantities, only=_GROUPS) for part in parts]
-    return {
-        output: {
-            name: _stack_parts([answer[output][name] for answer in answers], sizes)
-            for name in statistics
-        }
-        for output, statistics in answers[-1].items()
-    }
+    if _reason(sample):
+        return
+    parts = list(_growing_parts(sample))
+    sizes = np.array([len(part.replicates) for part in parts])
+    for analysis in _ANALYSES:
+        estimates = [dict(analysis(part, quantity)) for part in parts]
+        for name in _FOLLOWED:
+            if name in estimates[-1]:
+                stacked = _stack_parts([of_part[name] for of_part in estimates], sizes)
+                yield f"convergence_{name}", stacked
 
 
-def _growing_parts(drawn: xr.Dataset) -> Iterator[xr.Dataset]:
-    """Yield the runs of each part, in ascending order of size."""
-    for end in _part_sizes(drawn):
-        if REPLICATE in drawn.coords:
-            numbers = np.unique(drawn[REPLICATE].values)
-            yield drawn.isel({RUN: np.isin(drawn[REPLICATE].values, numbers[:end])})
+def _reason(sample: Sample) -> str:
+    if sample.error_model is ErrorModel.UNKNOWN:
+        return _UNKNOWN
+    if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
+        return _STRATIFIED
+    if len(_part_sizes(sample)) > 1:
+        return ""
+    if sample.error_model is ErrorModel.REPLICATED:
+        return "it has only two replicates, and an error needs two"
+    return f"it has only {len(sample.replicates)} runs"
+
+
+def _growing_parts(sample: Sample) -> Iterator[Sample]:
+    """Yield each part of a sample, in ascending order of size."""
+    numbers = np.unique(sample.replicates)
+    for end in _part_sizes(sample):
+        if sample.error_model is ErrorModel.REPLICATED:
+            yield _part(sample, np.isin(sample.replicates, numbers[:end]))
         else:
-            yield drawn.isel({RUN: slice(end)})
+            yield _part(sample, np.arange(len(sample.replicates)) < end)
 
 
-def _part_sizes(drawn: xr.Dataset) -> list[int]:
+def _part(sample: Sample, is_taken: BoolArray) -> Sample:
+    """Return a sample of some of the points, without the inputs, which no estimate here needs."""
+    numbers = np.cumsum(is_taken) - 1
+    return replace(
+        sample,
+        values=sample.values[is_taken[sample.used]],
+        used=numbers[sample.used[is_taken[sample.used]]],
+        missing=numbers[sample.missing[is_taken[sample.missing]]],
+        points=np.empty((int(is_taken.sum()), 0)),
+        inputs=(),
+        replicates=sample.replicates[is_taken],
+    )
+
+
+def _part_sizes(sample: Sample) -> list[int]:
     """Number of replicates, or of runs, in each part."""
-    whole, is_large = drawn.sizes[RUN], drawn.sizes[RUN] > _MANY
-    if REPLICATE in drawn.coords:
-        whole = len(np.unique(drawn[REPLICATE].values))
+    whole = len(sample.replicates)
+    is_large = whole > _MANY
+    if sample.error_model is ErrorModel.REPLICATED:
+        whole = len(np.unique(sample.replicates))
         growth = _GROWTH_FOR_MANY if is_large else _GROWTH
         ends = [2]
         while ends[-1] < whole:
@@ -143,6 +149,6 @@ def _stack_parts(arrays: Sequence[xr.DataArray], sizes: IntArray) -> xr.DataArra
         {RUNS_SO_FAR: len(arrays), **dims},
         texts,
         units=last.attrs["units"],
-        long_name=last.attrs["long_name"],
+        long_name=f"{last.attrs['long_name']}, by the runs so far",
         attributes={INTERVAL_LEVEL: LEVEL},
     ).assign_coords({**own, RUNS_SO_FAR: (RUNS_SO_FAR, sizes, described)})

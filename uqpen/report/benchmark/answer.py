@@ -63,6 +63,10 @@ def answer(tree: xr.DataTree) -> Iterator[Block]:
         return
     yield Table(standings_table(tree))
     outputs = entries_by_output(tree)
+    omitted = []
+    if len(outputs) > MOST_CHARTS:
+        count = len(outputs)
+        omitted = [f"The first {MOST_CHARTS} of {count} outputs; the verdicts below are of all."]
     yield Charts(
         tuple(_leaders(tree, *each) for each in islice(outputs.items(), MOST_CHARTS)),
         keys=method_keys(plotted_methods(tree, SINGLE)),
@@ -70,15 +74,10 @@ def answer(tree: xr.DataTree) -> Iterator[Block]:
             "One filled marker: it leads all others by more than the noise. Several side by side: "
             "they are level. A hollow one: it is ahead, but the lead is in doubt and has no "
             "interval. None: no two methods have figures to compare.",
-            *_omitted_outputs_note(len(outputs)),
+            *omitted,
         ),
     )
     yield from _verdict_blocks(tree)
-
-
-def _omitted_outputs_note(outputs: int) -> Iterator[str]:
-    if outputs > MOST_CHARTS:
-        yield f"The first {MOST_CHARTS} of {outputs} outputs; the verdicts below are of all."
 
 
 def _standing_sentences(tree: xr.DataTree) -> Iterator[str]:
@@ -94,9 +93,7 @@ def _standing_sentences(tree: xr.DataTree) -> Iterator[str]:
 def _method_standings(tree: xr.DataTree, found: list[tuple[str, float]]) -> Iterator[str]:
     """Yield a statement on each method at a number of runs, the best first."""
     counted = {
-        method.source: Counter(
-            standing_mark(method.source, *level_and_bound) for level_and_bound in found
-        )
+        method.source: Counter(standing_mark(method.source, *contest) for contest in found)
         for method in plotted_methods(tree, SINGLE)
     }
     ranked = sorted(counted, key=lambda name: [-counted[name][mark] for mark in _STANDING_TEXTS])
@@ -110,7 +107,6 @@ def _method_standings(tree: xr.DataTree, found: list[tuple[str, float]]) -> Iter
 
 
 def _caveat_sentences(tree: xr.DataTree) -> Iterator[str]:
-    """Yield the caveats of the answer, a sentence each."""
     yield from _reference_caveats(tree)
     if not has_reference(tree):
         return
@@ -118,11 +114,7 @@ def _caveat_sentences(tree: xr.DataTree) -> Iterator[str]:
     notes = [str(note) for each in found for note in each.variable("remark").values[0]]
     for note, count in Counter(filter(None, notes)).items():
         yield f"For {count} of {len(notes)} verdicts: {note}."
-    marks = [
-        _is_doubtful(*level_and_bound)
-        for each in found
-        for level_and_bound in each.single_set_standings
-    ]
+    marks = [_is_doubtful(*contest) for each in found for contest in each.single_set_standings]
     if any(marks):
         yield (
             f"In {sum(marks)} of {len(marks)} contests the lead is in doubt: few of the repeats "
@@ -144,11 +136,8 @@ def _reference_caveats(tree: xr.DataTree) -> Iterator[str]:
     if not used:
         yield "The reference lost all of its runs, so no error can be told."
     elif used < run_count:
-        yield (
-            f"The reference lost {grouped_number(run_count - used)} of its "
-            f"{grouped_number(run_count)} runs; errors are "
-            "held to what the others tell."
-        )
+        lost = f"{grouped_number(run_count - used)} of its {grouped_number(run_count)} runs"
+        yield f"The reference lost {lost}; errors are held to what the others tell."
 
 
 def _is_doubtful(level: str, lowest: float) -> bool:
@@ -157,7 +146,6 @@ def _is_doubtful(level: str, lowest: float) -> bool:
 
 
 def _absent_methods(tree: xr.DataTree) -> Iterator[str]:
-    """The methods that cannot do with some numbers of runs."""
     runs = read_group(tree, METHODS)["runs"].values
     for method in plotted_methods(tree, SINGLE):
         counts = zip(benchmark_budgets(tree), runs[method.position].tolist(), strict=True)
@@ -193,7 +181,6 @@ def _leaders(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> Cha
 
 
 def _leader_markers(method: PlottedMethod, found: list[BenchmarkEntry]) -> Trace:
-    """Return the markers where a method leads, or is level."""
     marks: list[tuple[float, float, str, float, str]] = []
     for row, entry in enumerate(found):
         texts = entry.variable("verdict").values[0].tolist()
@@ -217,7 +204,6 @@ def _leader_markers(method: PlottedMethod, found: list[BenchmarkEntry]) -> Trace
 
 
 def _verdict_blocks(tree: xr.DataTree) -> Iterator[Block]:
-    """The verdicts in words, output by output."""
     lines: dict[str, list[str]] = {}
     for comparison in entry_comparisons(tree):
         entry = comparison.entry

@@ -23,6 +23,7 @@ from uqpen.report.benchmark.plotted_methods import (
 from uqpen.report.benchmark.row_charts import (
     chart_height,
     method_positions,
+    method_values,
     omitted_charts_note,
     variant_text,
 )
@@ -50,7 +51,7 @@ def convergence_rates(tree: xr.DataTree) -> Iterator[Block]:
         _slope_chart(tree, output, variant, found)
         for variant in variants(tree)
         for output, found in entries_by_output(tree).items()
-        if np.isfinite(_slope_bounds(tree, variant, found)[..., 0]).any()
+        if np.isfinite(method_values(tree, variant, found, "slope")[..., 0]).any()
     ]
     if charts:
         yield Charts(
@@ -60,18 +61,10 @@ def convergence_rates(tree: xr.DataTree) -> Iterator[Block]:
         )
 
 
-def _slope_bounds(tree: xr.DataTree, variant: str, found: list[BenchmarkEntry]) -> FloatArray:
-    """Along statistic, method and bound."""
-    positions = [method.position for method in plotted_methods(tree, variant)]
-    return np.array(
-        [entry.variable("slope").values[positions] for entry in found], dtype=np.float64
-    )
-
-
 def _slope_chart(
     tree: xr.DataTree, output: str, variant: str, found: list[BenchmarkEntry]
 ) -> Chart:
-    slopes = _slope_bounds(tree, variant, found)
+    slopes = method_values(tree, variant, found, "slope")
     methods = plotted_methods(tree, variant)
     has_interval = np.asarray(np.isfinite(slopes).all(axis=-1))
     lower, upper = _axis_limits(slopes, has_interval)
@@ -114,7 +107,6 @@ def _is_outside(slopes: FloatArray, lower: float, upper: float) -> BoolArray:
 def _steepest_sentences(
     found: list[BenchmarkEntry], methods: list[PlottedMethod], slopes: FloatArray
 ) -> Iterator[str]:
-    """Whose error falls fastest, a sentence for each statistic."""
     for entry, row in zip(found, slopes, strict=True):
         if np.isfinite(row[:, 0]).any():
             at = int(np.nanargmin(row[:, 0]))

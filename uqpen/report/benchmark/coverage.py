@@ -24,22 +24,22 @@ from uqpen.report.benchmark.plotted_methods import (
 from uqpen.report.benchmark.row_charts import (
     chart_height,
     method_positions,
+    method_values,
     omitted_charts_note,
     variant_text,
 )
 from uqpen.report.blocks import Axis, Block, Chart, Charts
 from uqpen.report.marks import Trace, point_trace
 from uqpen.report.shapes import Shape, shaded_interval, vertical_line
-from uqpen.results.benchmark_entries import BenchmarkEntry, entries
+from uqpen.results.benchmark_entries import BenchmarkEntry, entries, lowest_expected_coverage
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.table import NOTHING, OutputTable
-from uqpen.statistics.intervals import clopper_pearson
 
 __all__ = ["coverage"]
 
 FloatArray = npt.NDArray[np.float64]
 
-# Of the shares that chance may show; and of intervals that do not say themselves.
+# Of intervals that do not say themselves.
 _LEVEL = 0.95
 
 
@@ -50,7 +50,7 @@ def coverage(tree: xr.DataTree) -> Iterator[Block]:
         _coverage_chart(tree, output, variant, found, repeats)
         for variant in variants(tree)
         for output, found in entries_by_output(tree).items()
-        if np.isfinite(_shares(tree, variant, found)).any()
+        if np.isfinite(method_values(tree, variant, found, "coverage")).any()
     ]
     if charts:
         yield Charts(
@@ -64,20 +64,6 @@ def coverage(tree: xr.DataTree) -> Iterator[Block]:
         )
 
 
-def _shares(tree: xr.DataTree, variant: str, found: list[BenchmarkEntry]) -> FloatArray:
-    """Along statistic, method and budget."""
-    positions = [method.position for method in plotted_methods(tree, variant)]
-    values = [entry.variable("coverage").values[positions] for entry in found]
-    return np.array(values, dtype=np.float64)
-
-
-def _lowest_expected_share(level: float, repeats: int) -> float:
-    """The least share that intervals that cover as often as they say would show."""
-    covered = np.arange(repeats + 1)
-    _, upper = clopper_pearson(covered, repeats, _LEVEL)
-    return float(covered[upper >= level][0] / repeats)
-
-
 def _nominal_level(tree: xr.DataTree) -> float:
     """Return the nominal level of the methods' own intervals: that of the reference's."""
     truths = (entry.reference for entry in entries(tree))
@@ -87,7 +73,7 @@ def _nominal_level(tree: xr.DataTree) -> float:
 
 def _expected_coverage_note(tree: xr.DataTree, repeats: int) -> str:
     level = _nominal_level(tree)
-    least = f"{100 * _lowest_expected_share(level, repeats):.0f} %"
+    least = f"{100 * lowest_expected_coverage(level, repeats):.0f} %"
     return (
         f"Each marker is of one number of runs. Shaded: shares from {least}, which {repeats} "
         f"intervals that cover {percent_text(level)} may well show by chance. Estimates without an "
@@ -96,39 +82,34 @@ def _expected_coverage_note(tree: xr.DataTree, repeats: int) -> str:
 
 
 def _methods_without_intervals(tree: xr.DataTree) -> Iterator[str]:
-    """The methods without any interval of their own."""
     every = [entry for found in entries_by_output(tree).values() for entry in found]
     has_coverage: dict[str, bool] = {}
     for variant in variants(tree):
-        shares = _shares(tree, variant, every)
+        shares = method_values(tree, variant, every, "coverage")
         for at, method in enumerate(plotted_methods(tree, variant)):
-            has_coverage[method.source] = has_coverage.get(method.source, False) or _has_coverage(
-                shares[:, at]
-            )
+            has_coverage.setdefault(method.source, False)
+            has_coverage[method.source] |= bool(np.isfinite(shares[:, at]).any())
     for source, has_intervals in has_coverage.items():
         if not has_intervals:
             yield f"{source} tells no intervals of its own."
 
 
-def _has_coverage(shares: FloatArray) -> bool:
-    return bool(np.isfinite(shares).any())
-
-
 def _coverage_chart(
     tree: xr.DataTree, output: str, variant: str, found: list[BenchmarkEntry], repeats: int
 ) -> Chart:
-    shares, methods = _shares(tree, variant, found), plotted_methods(tree, variant)
+    shares = method_values(tree, variant, found, "coverage")
+    methods = plotted_methods(tree, variant)
     level = _nominal_level(tree)
     known = shares[np.isfinite(shares)]
+    lowest, highest = (percent_text(round(share, 3)) for share in (known.min(), known.max()))
     shapes: tuple[Shape, ...] = (
-        shaded_interval(100 * _lowest_expected_share(level, repeats), 100, "quiet"),
+        shaded_interval(100 * lowest_expected_coverage(level, repeats), 100, "quiet"),
         vertical_line(100 * level, "quiet", "dash"),
     )
     return Chart(
         title=f"Intervals of {output_heading(tree, output)}{variant_text(tree, variant)}",
-        summary="The shares of intervals that held lie between "
-        f"{percent_text(round(known.min(), 3))} "
-        f"and {percent_text(round(known.max(), 3))}; they should be {percent_text(level)}.",
+        summary=f"The shares of intervals that held lie between {lowest} and {highest}; they "
+        f"should be {percent_text(level)}.",
         x=Axis("intervals that held [%]", (min(78.0, 100 * known.min()) - 2, 102)),
         y=Axis("", rows=tuple(entry.label for entry in found)),
         traces=tuple(

@@ -84,14 +84,11 @@ def _variant_charts(tree: xr.DataTree, variant: str) -> Iterator[Block]:
     if without:
         yield Text(f"Not drawn, as no error is above 0: {'; '.join(without)}.")
     if drawn + len(without) < count:
-        yield Text(
-            f"These are the first {drawn} of {count} statistics; the tables further down are of "
-            "all."
-        )
+        first = f"These are the first {drawn} of {count} statistics"
+        yield Text(f"{first}; the tables further down are of all.")
 
 
 def _keys(charts: list[Chart]) -> Iterator[LegendKey]:
-    """Yield the legend entries beside those of the methods."""
     if any(trace.get("name") == _GUIDE for chart in charts for trace in chart.traces):
         yield LegendKey(_GUIDE, "quiet", "line", "dot")
     if any("fillcolor" in trace for chart in charts for trace in chart.traces):
@@ -176,7 +173,6 @@ def _error_text(bounds: FloatArray) -> str:
 def _summary(
     entry: BenchmarkEntry, methods: list[PlottedMethod], told: dict[PlottedMethod, FloatArray]
 ) -> str:
-    """The errors at the most runs in a sentence."""
     most = grouped_number(benchmark_budgets(entry.tree)[-1])
     found = [
         f"{method.source} {estimate_text(*map(float, told[method][-1]))} %"
@@ -193,7 +189,6 @@ def _notes(
     own: float,
     lower: float,
 ) -> Iterator[str]:
-    """Yield the notes on the errors, and the verdicts among replicated sets."""
     entry = comparison.entry
     yield from (f"{capitalized(note)}." for note in _scale_note(entry))
     if any(
@@ -231,7 +226,6 @@ def _scale_note(entry: BenchmarkEntry) -> Iterator[str]:
 
 
 def _table(entry: BenchmarkEntry, variant: str) -> OutputTable:
-    """The errors behind a chart, with their intervals and the marks that a table has."""
     budgets = benchmark_budgets(entry.tree)
     title = "Errors in %, with their 95 % intervals"
     if variant == SINGLE:

@@ -51,24 +51,12 @@ _FREE = 0.1
 
 @dataclass(frozen=True)
 class PlottedMethod:
-    """One that takes part.
+    """One that takes part."""
 
-    Parameters
-    ----------
-    position : int
-        Along the dimension of the methods.
-    source : str
-        The study's name of what it is.
-    variants : tuple of str
-        The contests that it is in.
-    series : int
-        Its colour and marker: the same for a design as one set and in replicates.
-    """
-
-    position: int
-    source: str
-    variants: tuple[str, ...]
-    series: int
+    position: int  # along the dimension of the methods
+    source: str  # the study's name of what it is
+    variants: tuple[str, ...]  # the contests that it is in
+    series: int  # colour and marker, the same for a design as one set and in replicates
 
     @property
     def marker(self) -> str:

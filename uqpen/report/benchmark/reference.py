@@ -58,12 +58,9 @@ def tables(tree: xr.DataTree) -> Iterator[Block]:
 def reference(tree: xr.DataTree) -> Iterator[Block]:
     """The values that errors are held to, and how sure they are."""
     run_count, used = reference_run_counts(tree)
-    yield Text(
-        f"It made {grouped_number(run_count)} runs, of which {grouped_number(used)} came back "
-        "and count."
-        if used < run_count
-        else f"It made {grouped_number(run_count)} runs, all of which came back."
-    )
+    some = f"of which {grouped_number(used)} came back and count"
+    returned = some if used < run_count else "all of which came back"
+    yield Text(f"It made {grouped_number(run_count)} runs, {returned}.")
     for output, found in entries_by_output(tree).items():
         yield Table(_values(tree, output, found))
 
@@ -75,24 +72,14 @@ def _values(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> Outp
         truth = entry.reference
         value = entry.reference_text if math.isfinite(truth.values[0]) else NOTHING
         value += table.note_mark(estimate_remark(truth))
-        cells = [
-            value,
-            _reference_error_text(entry),
-            _error_scale_text(entry),
-            interval_text(truth, INTERVAL) or NOTHING,
-        ]
-        table.rows.append((entry.label, cells))
+        own = reference_error(entry)
+        own_text = NOTHING if math.isnan(own) else f"± {percentage_text(own / 100)} %"
+        method = interval_text(truth, INTERVAL) or NOTHING
+        table.rows.append((entry.label, [value, own_text, _error_scale_text(entry), method]))
     return table
 
 
-def _reference_error_text(entry: BenchmarkEntry) -> str:
-    """Half its interval over what errors are relative to."""
-    own = reference_error(entry)
-    return NOTHING if math.isnan(own) else f"± {percentage_text(own / 100)} %"
-
-
 def _error_scale_text(entry: BenchmarkEntry) -> str:
-    """Return the text of what errors are relative to, in the unit that is shown."""
     unit = entry.display_units
     value = float(np.asarray(scale(unit).difference_from_si(entry.error_scale)))
     if not math.isfinite(value + float(entry.reference.values[0])):

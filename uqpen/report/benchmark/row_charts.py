@@ -9,10 +9,17 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.labels import REPLICATED, SINGLE
-from uqpen.report.benchmark.plotted_methods import MOST_CHARTS, variants
+from uqpen.report.benchmark.plotted_methods import MOST_CHARTS, plotted_methods, variants
 from uqpen.report.blocks import Chart
+from uqpen.results.benchmark_entries import BenchmarkEntry
 
-__all__ = ["chart_height", "method_positions", "omitted_charts_note", "variant_text"]
+__all__ = [
+    "chart_height",
+    "method_positions",
+    "method_values",
+    "omitted_charts_note",
+    "variant_text",
+]
 
 _VARIANT_TEXTS = {SINGLE: "as single sets", REPLICATED: "in replicates"}
 # Pixels of a row, of each method in it, and of what is around all rows.
@@ -28,6 +35,14 @@ def method_positions(at: int, methods: int, rows: int) -> npt.NDArray[np.float64
     """Return the positions of a method's markers, one below the other in each row."""
     shift = (at - (methods - 1) / 2) * 0.8 / methods
     return np.arange(rows, dtype=np.float64) + shift
+
+
+def method_values(
+    tree: xr.DataTree, variant: str, found: Sequence[BenchmarkEntry], name: str
+) -> npt.NDArray[np.float64]:
+    """Return a variable along statistic and method, then along its own dimensions."""
+    positions = [method.position for method in plotted_methods(tree, variant)]
+    return np.array([entry.variable(name).values[positions] for entry in found], dtype=np.float64)
 
 
 def chart_height(methods: int, rows: int) -> int:

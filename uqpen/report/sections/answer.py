@@ -11,6 +11,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import status_counts
 from uqpen.report.blocks import Block, Quote, Remarks, Text
+from uqpen.report.counting import count_text
 from uqpen.report.sections.caveats import caveats
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.quoted_statistics import (
@@ -24,7 +25,6 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.texts import plain_text
-from uqpen.statistics.sample import input_sample
 
 __all__ = ["answer"]
 
@@ -69,19 +69,17 @@ def _ordered_outputs(view: ArchiveView, design: str) -> list[str]:
 
 
 def _omissions_note(shown: Sequence[OutputSentences], outputs: int) -> str:
-    """Return a note on the figures that the archive states, but that have no sentence."""
     omitted = sum(entry.omitted for entry in shown)
     parts = []
     if omitted:
-        parts.append(f"{omitted} more {'figure' if omitted == 1 else 'figures'} of these outputs")
+        parts.append(f"{count_text(omitted, 'more figure')} of these outputs")
     if outputs > 0:
-        parts.append(f"{outputs} more {'output' if outputs == 1 else 'outputs'}")
+        parts.append(count_text(outputs, "more output"))
     return f"What the archive tells of {' and of '.join(parts)} stands below." if parts else ""
 
 
 def _origin_sentence(view: ArchiveView, design: str) -> str:
-    """Which runs the sentences come from, and why these."""
-    runs = input_sample(read_group(view.tree, RUNS, design))
+    runs = view.runs(design)
     completed, every = status_counts(runs)[Status.OK], runs.sizes[RUN]
     known = [str(view.tree.attrs.get(name, "")) for name in ("model_name", "model_version")]
     model = plain_text(" ".join(filter(None, known)))
@@ -90,9 +88,8 @@ def _origin_sentence(view: ArchiveView, design: str) -> str:
     if every == 1:
         returned = f"It is a single run of the model {model}."
     return (
-        f"This comes from {design}: {_leading_reason(view, design)}. It was chosen by its place "
-        "in the "
-        f"study, not by what it says. {returned}"
+        f"This comes from {design}: {_leading_reason(view, design)}. It was chosen by its place in "
+        f"the study, not by what it says. {returned}"
     )
 
 
@@ -117,22 +114,21 @@ def _agreement_remarks(shown: Sequence[OutputSentences], design: str) -> Iterato
             values = [float(quantity.bounds(array)[0]) for array in others.values()]
             here, _, _, lowest, highest = quantity.texts(own, min(values), max(values))
             span = lowest if lowest == highest else f"{lowest} to {highest}"
-            by = "1 other design" if len(others) == 1 else f"{len(others)} other designs"
+            by = count_text(len(others), "other design")
             yield f"{quantity.heading}: {span} by {by}, {here} by {design}."
 
 
 def _blocks_without_sample(view: ArchiveView) -> Iterator[Block]:
-    """Yield the blocks for a study where no run of a sample completed."""
     means = list(_quadrature_means(view))
     failed = [each for design in view.designs for each in failed_runs(view.tree, design)]
-    if not any(_has_completed_runs(view, design) for design in view.designs):
+    every = [read_group(view.tree, RUNS, design) for design in view.designs]
+    if not any(status_counts(runs)[Status.OK] for runs in every):
         yield Text(_no_completed_runs_text(view, failed))
         return
     if view.sample_designs:
         yield Text(
             f"No run of {', '.join(view.sample_designs)} came back: nothing is told of how the "
-            "outputs "
-            f"are distributed. {_failure_reasons(failed)}"
+            f"outputs are distributed. {_failure_reasons(failed)}"
         )
     else:
         yield Text(
@@ -146,7 +142,6 @@ def _blocks_without_sample(view: ArchiveView) -> Iterator[Block]:
 
 
 def _quadrature_means(view: ArchiveView) -> Iterator[str]:
-    """Means by integration rules, which have no interval."""
     rules = [each for each in view.designs if view.sampling(each) is Sampling.QUADRATURE]
     for output in view.numeric_outputs[:_MOST_OUTPUTS]:
         quantity = QuotedStatistic(view, output, "mean")
@@ -159,18 +154,11 @@ def _quadrature_means(view: ArchiveView) -> Iterator[str]:
                 break
 
 
-def _has_completed_runs(view: ArchiveView, design: str) -> bool:
-    """Return whether any run completed, not of a sample alone."""
-    return bool(status_counts(read_group(view.tree, RUNS, design))[Status.OK])
-
-
 def _no_completed_runs_text(view: ArchiveView, failed: Sequence[FailedRuns]) -> str:
     runs = sum(read_group(view.tree, RUNS, design).sizes[RUN] for design in view.designs)
-    all_failed_text = (
-        "The only one was lost." if runs == 1 else f"All {grouped_number(runs)} were lost."
-    )
+    lost = "The only one was lost." if runs == 1 else f"All {grouped_number(runs)} were lost."
     return (
-        f"No run came back: there is no answer. {all_failed_text} {_failure_reasons(failed)} "
+        f"No run came back: there is no answer. {lost} {_failure_reasons(failed)} "
         "Once the model is mended, or its time limit raised, or the inputs are within what it "
         "allows, run the study again; the archive keeps the inputs of every lost run, so that one "
         "can be tried alone."
@@ -178,13 +166,11 @@ def _no_completed_runs_text(view: ArchiveView, failed: Sequence[FailedRuns]) -> 
 
 
 def _failure_reasons(failed: Sequence[FailedRuns]) -> str:
-    """Return the most frequent reasons that runs failed."""
     counts: Counter[tuple[Status, str]] = Counter()
     for each in failed:
         counts[each.status, each.reason] += each.runs
     texts = [
-        f"“{plain_text(reason, 160)}” ({STATUS_TEXT[status]}, {grouped_number(number)} "
-        f"{'run' if number == 1 else 'runs'})"
+        f"“{plain_text(reason, 160)}” ({STATUS_TEXT[status]}, {count_text(number, 'run')})"
         for (status, reason), number in counts.most_common(_MOST_REASONS)
     ]
     more = len(counts) - len(texts)

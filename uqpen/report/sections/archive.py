@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from uqpen.archive.content import recorded_hashes
-from uqpen.archive.files import FILES, ArchivedFile, archived_files
+from uqpen.archive.files import FILES, archived_files
 from uqpen.archive.read import read_group
 from uqpen.core.labels import CONTENT
 from uqpen.report.blocks import Block, Heading, Listing, Remarks, Table, Text
@@ -50,7 +50,14 @@ def archive(view: ArchiveView) -> Iterator[Block]:
     if found := archive_notes(view.archive):
         yield Remarks("Warnings that this archive holds, and how many figures bear each", found)
     yield Table(provenance_table(view))
-    yield from _check_blocks(view)
+    yield Text(
+        "With these commands the archive that this page was made of is checked and repeated. A "
+        "model or an analysis of its author's own is executed only if they are given --trust."
+    )
+    yield Listing("Commands", _COMMANDS)
+    if recorded_hashes(view.archive):
+        title = "SHA-256 of the content of each of the archive's groups"
+        yield _listing(title, str(view.archive.attrs[CONTENT]), is_folded=True)
 
 
 def study_blocks(view: ArchiveView) -> Iterator[Block]:
@@ -62,7 +69,12 @@ def study_blocks(view: ArchiveView) -> Iterator[Block]:
     )
     files = archived_files(read_group(view.archive, FILES))
     if files:
-        yield Table(_file_table(files))
+        table = OutputTable("Files that the study names", ["bytes", "content", "SHA-256"])
+        for file in files:
+            kept = "in the archive" if file.is_whole else "not in the archive"
+            cells = [grouped_number(file.size), kept, file.sha256]
+            table.rows.append((plain_text(file.name), cells))
+        yield Table(table)
     shown = [file for file in files if file.encoding == "utf-8"]
     for file in shown[:_MOST_FILES]:
         yield _listing(plain_text(file.name), file.content, is_folded=True)
@@ -73,31 +85,7 @@ def study_blocks(view: ArchiveView) -> Iterator[Block]:
 
 def _listing(title: str, text: str, *, is_folded: bool = False) -> Listing:
     """A text, cut where it is too long for a page."""
-    if len(text) <= _LONGEST:
-        return Listing(title, text, is_folded)
-    head = (
-        f"{title} (the first {grouped_number(_LONGEST)} of {grouped_number(len(text))} characters)"
-    )
-    return Listing(head, text[:_LONGEST], is_folded)
-
-
-def _file_table(files: list[ArchivedFile]) -> OutputTable:
-    table = OutputTable("Files that the study names", ["bytes", "content", "SHA-256"])
-    for file in files:
-        kept = "in the archive" if file.is_whole else "not in the archive"
-        table.rows.append((plain_text(file.name), [grouped_number(file.size), kept, file.sha256]))
-    return table
-
-
-def _check_blocks(view: ArchiveView) -> Iterator[Block]:
-    """Yield how the archive is checked and repeated."""
-    yield Text(
-        "With these commands the archive that this page was made of is checked and repeated. A "
-        "model or an analysis of its author's own is executed only if they are given --trust."
-    )
-    yield Listing("Commands", _COMMANDS)
-    if recorded_hashes(view.archive):
-        text = str(view.archive.attrs[CONTENT])
-        yield _listing(
-            "SHA-256 of the content of each of the archive's groups", text, is_folded=True
-        )
+    if len(text) > _LONGEST:
+        cut = f"the first {grouped_number(_LONGEST)} of {grouped_number(len(text))} characters"
+        title = f"{title} ({cut})"
+    return Listing(title, text[:_LONGEST], is_folded)

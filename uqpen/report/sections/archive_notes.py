@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 import xarray as xr
@@ -23,7 +23,8 @@ from uqpen.core.labels import (
     SURROGATES,
     UNCHECKED,
 )
-from uqpen.report.sections.view_statistics import STATISTIC_FAMILIES, all_outputs
+from uqpen.report.counting import count_text
+from uqpen.report.sections.view_statistics import STATISTIC_FAMILIES
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.texts import plain_text
@@ -41,20 +42,13 @@ _NUMBERS = re.compile(r" \(kurtosis [^()]*\)")
 
 
 def archive_notes(tree: xr.DataTree) -> tuple[str, ...]:
-    """The distinct notes of an archive's figures, the most frequent first, one line each.
-
-    Parameters
-    ----------
-    tree : DataTree
-        The whole archive.
-    """
+    """The distinct notes of an archive's figures, the most frequent first, one line each."""
     counts: Counter[tuple[str, str]] = Counter()
     for model in model_trees(tree).values():
-        counts.update(_estimate_notes(SourceStatistics(model), all_outputs(model)))
+        counts.update(_estimate_notes(SourceStatistics(model)))
         counts.update(_failure_notes(model))
     for name in group_names(tree, DIFFERENCES):
-        statistics = SourceStatistics.of_differences(tree, name)
-        counts.update(_estimate_notes(statistics, all_outputs(model_trees(tree)[name])))
+        counts.update(_estimate_notes(SourceStatistics.of_differences(tree, name)))
     first = counts.most_common(_MOST_NOTES)
     lines = [_note_line(label, note, count) for (label, note), count in first]
     if more := counts.total() - sum(count for _, count in first):
@@ -62,12 +56,10 @@ def archive_notes(tree: xr.DataTree) -> tuple[str, ...]:
     return (*_model_notes(tree), *lines)
 
 
-def _estimate_notes(
-    statistics: SourceStatistics, outputs: Sequence[str]
-) -> Iterator[tuple[str, str]]:
-    """Yield the verdict and note of each estimate that bears a warning."""
+def _estimate_notes(statistics: SourceStatistics) -> Iterator[tuple[str, str]]:
     # What is published elsewhere has no interval, and says so in its place.
     sources = [name for name in statistics.sources if not statistics.citation(name)]
+    outputs = statistics.outputs
     every = [statistics.statistics(source, output) for source in sources for output in outputs]
     for names in STATISTIC_FAMILIES.values():
         for arrays in every:
@@ -77,7 +69,6 @@ def _estimate_notes(
 
 
 def _failure_notes(model: xr.DataTree) -> Iterator[tuple[str, str]]:
-    """Yield the notes of the statistics of runs that did not complete."""
     statistics = SourceStatistics(model)
     found = [statistics.failures(source) for source in statistics.sources]
     for name in ("probability", "larger", "further_out"):
@@ -98,9 +89,8 @@ def _notes(array: xr.DataArray, *, is_whole: bool = False) -> Iterator[tuple[str
 
 
 def _note_line(label: str, note: str, count: int) -> str:
-    count_text = "1 figure" if count == 1 else f"{grouped_number(count)} figures"
     verdict = f"{label}: " if label else ""
-    return f"{count_text}: {verdict}{plain_text(note, 240)}"
+    return f"{count_text(count, 'figure')}: {verdict}{plain_text(note, 240)}"
 
 
 def _model_notes(tree: xr.DataTree) -> Iterator[str]:
@@ -117,8 +107,7 @@ def _model_notes(tree: xr.DataTree) -> Iterator[str]:
             for output, reason in unfitted_outputs(group).items():
                 reason_text = plain_text(reason, 240)
                 yield f"{head}{surrogate} is not fitted to {output}: {reason_text}."
-        for text in dict.fromkeys(_rejected_fits(model)):
-            yield f"{head}{text}"
+        yield from dict.fromkeys(f"{head}{text}" for text in _rejected_fits(model))
 
 
 def _rejected_fits(model: xr.DataTree) -> Iterator[str]:

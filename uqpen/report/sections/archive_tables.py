@@ -86,9 +86,8 @@ def _inputs_as_written(view: ArchiveView) -> dict[str, str]:
         content = parse_document(str(view.archive.attrs["study_text"]), "study").content
     except StudyError:
         return {}
-    model = (
-        _table(_table(content, "models"), view.model) if view.model else _table(content, "model")
-    )
+    models = _table(content, "models")
+    model = _table(models, view.model) if view.model else _table(content, "model")
     inputs = _table(content, "inputs") | _table(model, "with")
     return {str(name): plain_text(_toml_text(value), 100) for name, value in inputs.items()}
 
@@ -119,16 +118,14 @@ def designs_table(view: ArchiveView) -> OutputTable:
         sampling = view.sampling(name)
         completed = grouped_number(status_counts(runs)[Status.OK])
         purpose = "; ".join((_PURPOSES[sampling], *_surrogate_uses(view, name)))
-        replicates = (
-            str(np.unique(runs[REPLICATE]).size) if REPLICATE in runs.variables else NOTHING
-        )
+        is_replicated = REPLICATE in runs.variables
+        replicates = str(np.unique(runs[REPLICATE]).size) if is_replicated else NOTHING
         cells = [str(sampling), grouped_number(runs.sizes[RUN]), completed, replicates, purpose]
         table.rows.append((name, cells))
     return table
 
 
 def _surrogate_uses(view: ArchiveView, design: str) -> Iterator[str]:
-    """The surrogates that a design trains or checks."""
     surrogates = view.tree.children.get(SURROGATES)
     for name, surrogate in (surrogates.children if surrogates is not None else {}).items():
         if surrogate.attrs.get("design") == design:
@@ -161,9 +158,7 @@ def provenance_table(view: ArchiveView) -> OutputTable:
     others = {
         _attribute_name(name): value
         for name, value in attributes.items()
-        if name not in _NAMES
-        and name not in _SHOWN_ELSEWHERE
-        and not str(name).startswith("model_")
+        if name not in (*_NAMES, *_SHOWN_ELSEWHERE) and not str(name).startswith("model_")
     }
     _add(table, others)
     return table

@@ -15,11 +15,10 @@ from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import status_counts
 from uqpen.report.counting import percent_texts
 from uqpen.report.sections.quoted_statistics import no_break
-from uqpen.report.sections.view_statistics import failure_probabilities, status_probability
+from uqpen.report.sections.view_statistics import sample_account, status_probability
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.texts import capitalized
-from uqpen.statistics.sample import input_sample
 
 __all__ = ["caveats"]
 
@@ -32,16 +31,8 @@ _GENERAL = (
 
 
 def caveats(view: ArchiveView, design: str) -> Iterator[str]:
-    """Yield the things that the answers of a design depend on, one or two sentences each.
-
-    Parameters
-    ----------
-    view : ArchiveView
-    design : str
-        Its runs are a sample of the joint distribution of the inputs.
-    """
-    ends = failure_probabilities(view, design)
-    accounts = {} if ends is None else ends.attrs
+    """Yield what the answers of a design depend on, one or two sentences each."""
+    accounts = sample_account(view, design)
     runs = read_group(view.tree, RUNS, design)
     if CONDITIONAL in accounts:
         yield _inadmissible_caveat(view, design, str(accounts[CONDITIONAL]))
@@ -49,8 +40,7 @@ def caveats(view: ArchiveView, design: str) -> Iterator[str]:
         yield (
             f"{capitalized(str(accounts[MISSING]))} did not come back "
             f"({', '.join(_missing_run_counts(view, design))}). All estimates are of those that "
-            "did, and are "
-            "off as far as the others would have given other results."
+            "did, and are off as far as the others would have given other results."
         )
     if view.sampling(design) is Sampling.USER_SUPPLIED:
         yield (
@@ -66,7 +56,7 @@ def caveats(view: ArchiveView, design: str) -> Iterator[str]:
 
 def _missing_run_counts(view: ArchiveView, design: str) -> list[str]:
     """Return counts of failed runs of a design's sample by status, without inadmissible ones."""
-    counts = status_counts(input_sample(read_group(view.tree, RUNS, design)))
+    counts = status_counts(view.runs(design))
     left_out = (Status.OK, Status.INADMISSIBLE)
     return [
         f"{grouped_number(count)} {STATUS_TEXT[status]}"
@@ -76,7 +66,6 @@ def _missing_run_counts(view: ArchiveView, design: str) -> list[str]:
 
 
 def _probability_text(array: xr.DataArray) -> str:
-    """A probability in per cent, with its interval or the reason for none in brackets."""
     value, lower, upper = (no_break(text) for text in percent_texts(*array.values))
     if np.isfinite(array.values).all():
         level = no_break(percent_text(array.attrs[INTERVAL_LEVEL]))
@@ -85,16 +74,14 @@ def _probability_text(array: xr.DataArray) -> str:
 
 
 def _inadmissible_caveat(view: ArchiveView, design: str, condition: str) -> str:
-    runs = input_sample(read_group(view.tree, RUNS, design))
+    runs = view.runs(design)
     count = status_counts(runs)[Status.INADMISSIBLE]
     some = f"{grouped_number(count)} of the {grouped_number(runs.sizes[RUN])} points of {design}"
     were = "was" if count == 1 else "were"
     probability = status_probability(view, design, Status.INADMISSIBLE)
-    likely = (
-        ""
-        if probability is None
-        else f", the probability of which is {_probability_text(probability)}"
-    )
+    likely = ""
+    if probability is not None:
+        likely = f", the probability of which is {_probability_text(probability)}"
     return (
         f"{some} {were} inadmissible, so outside of what the model or the study allows{likely}. "
         f"All figures are conditional on {condition}."

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.catalogue import CATEGORY, PROBABILITY, THRESHOLD
+from uqpen.core.catalogue import CATEGORY, PROBABILITY, RUNS_SO_FAR, THRESHOLD
 from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUN, RUNS
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.report.axes import logarithmic_axis, padded_limits
@@ -18,12 +18,7 @@ from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, 
 from uqpen.report.counting import count_text
 from uqpen.report.marks import dot_trace, series_marker
 from uqpen.report.notes import all_bounded, has_interval
-from uqpen.report.sections.leading_design import (
-    leading_design,
-    output_heading,
-    output_title,
-    requested_quantity,
-)
+from uqpen.report.sections.leading_design import leading_design, output_heading, output_title
 from uqpen.report.sections.quoted_statistics import share_label
 from uqpen.report.shapes import horizontal_line
 from uqpen.results.archive_view import ArchiveView
@@ -37,9 +32,6 @@ from uqpen.results.table import (
     quantile_label,
 )
 from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
-from uqpen.statistics.convergence import RUNS_SO_FAR, reason_without_parts
-from uqpen.statistics.convergence import convergence as by_parts
-from uqpen.statistics.sample import input_sample
 
 __all__ = ["convergence"]
 
@@ -79,32 +71,29 @@ class _EstimateHistory(NamedTuple):
         """Estimate, lower, upper for each, in the unit that is shown."""
         return np.asarray(self.convert(self.estimates.values), dtype=np.float64)
 
-    def estimate_texts(self) -> list[str]:
-        """Each estimate in its digits, with the unit."""
-        unit = unit_suffix(self.unit)
-        return [f"{estimate_with_verdict(each, self.convert)}{unit}" for each in self.estimates]
-
 
 def convergence(view: ArchiveView) -> Iterator[Block]:
     """Estimates of the leading design from growing parts of its runs."""
     design = leading_design(view)
     if design is None:
         return
-    runs = read_group(view.tree, RUNS, design)
-    if reason := reason_without_parts(runs):
+    outputs = [*view.numeric_outputs, *view.categorical_outputs]
+    statistics = {
+        output: view.statistics.statistics(design, output) for output in outputs[:_MOST_OUTPUTS]
+    }
+    reason = view.reason_without_convergence(design)
+    if not any(RUNS_SO_FAR in array.dims for of in statistics.values() for array in of.values()):
+        reason = reason or "the archive has no estimates from parts of its runs"
+    if reason:
         yield Text(
             f"How the answers settle cannot be shown by {design}, the design that they come from: "
             f"{reason}."
         )
         return
-    outputs = [*view.numeric_outputs, *view.categorical_outputs]
-    shown = outputs[:_MOST_OUTPUTS]
-    quantities = [requested_quantity(view, output, design) for output in shown]
-    statistics = by_parts(runs, quantities)
     yield Text(_design_sentence(view, design))
     yield Remarks("How to read it", (_SHARED, _FIXED))
-    for output in shown:
-        if histories := list(_estimate_histories(view, output, statistics.get(output, {}))):
+    for output, arrays in statistics.items():
+        if histories := list(_estimate_histories(view, output, arrays)):
             yield Heading(output_heading(view, output))
             yield _history_charts(view, output, design, histories)
     if left := outputs[_MOST_OUTPUTS:]:
@@ -112,9 +101,8 @@ def convergence(view: ArchiveView) -> Iterator[Block]:
 
 
 def _design_sentence(view: ArchiveView, design: str) -> str:
-    """Which design it is, why that one, and what its parts are."""
     runs = read_group(view.tree, RUNS, design)
-    drawn = input_sample(runs)
+    drawn = view.runs(design)
     runs_text = count_text(drawn.sizes[RUN], "run")
     if drawn.sizes[RUN] < runs.sizes[RUN]:
         runs_text += " that are a sample"
@@ -126,39 +114,39 @@ def _design_sentence(view: ArchiveView, design: str) -> str:
     if REPLICATE in drawn.coords:
         count = len(np.unique(drawn[REPLICATE].values))
         parts = (
-            f"Its {runs_text} are {count} independent replicates, and each part is the first so "
-            "many "
-            "of these: less than a whole replicate would not be a sample of the same kind."
+            f"{count} independent replicates, and each part is the first so many of these: less "
+            "than a whole replicate would not be a sample of the same kind."
         )
     else:
-        parts = (
-            f"Its {runs_text} are independent draws, and each part is the first so many of these."
-        )
-    return f"By {design}, the design that the answers come from, {place}. {parts}"
+        parts = "independent draws, and each part is the first so many of these."
+    return (
+        f"By {design}, the design that the answers come from, {place}. Its {runs_text} are {parts}"
+    )
 
 
 def _estimate_histories(
     view: ArchiveView, output: str, statistics: Mapping[str, xr.DataArray]
 ) -> Iterator[_EstimateHistory]:
-    """Yield the statistics of an output that are followed."""
     unit, convert = view.unit(output), view.scale(output).from_si
-    found = []
-    if (array := statistics.get("mean")) is not None:
-        found.append(_EstimateHistory("mean", unit, convert, array))
-    if (array := statistics.get("quantile")) is not None:
+    values: dict[str, xr.DataArray] = {}
+    probabilities: dict[str, xr.DataArray] = {}
+    if (array := statistics.get("convergence_mean")) is not None:
+        values["mean"] = array
+    if (array := statistics.get("convergence_quantile")) is not None:
         asked = array[PROBABILITY].values.tolist()
-        for p in [0.5] if 0.5 in asked else dict.fromkeys([asked[0], asked[-1]]):
-            entry = array[{PROBABILITY: asked.index(p)}]
-            found.append(_EstimateHistory(quantile_label(p), unit, convert, entry))
-    if (array := statistics.get("exceedance")) is not None:
-        label = exceedance_label(str(array[THRESHOLD].values[0]))
-        entry = array[{THRESHOLD: 0}]
-        found.append(_EstimateHistory(label, DIMENSIONLESS, identity, entry))
-    if (array := statistics.get("share")) is not None:
-        labels = array["category_label"].values.tolist()
-        for position, label in enumerate(labels[:_MOST_KINDS]):
-            entry = array[{CATEGORY: position}]
-            found.append(_EstimateHistory(share_label(label), DIMENSIONLESS, identity, entry))
+        for p in [0.5] if 0.5 in asked else [asked[0], asked[-1]]:
+            values[quantile_label(p)] = array[{PROBABILITY: asked.index(p)}]
+    if (array := statistics.get("convergence_exceedance")) is not None:
+        first = array[{THRESHOLD: 0}]
+        probabilities[exceedance_label(str(first[THRESHOLD].values))] = first
+    if (array := statistics.get("convergence_share")) is not None:
+        for position, label in enumerate(array["category_label"].values.tolist()[:_MOST_KINDS]):
+            probabilities[share_label(label)] = array[{CATEGORY: position}]
+    found = [_EstimateHistory(label, unit, convert, each) for label, each in values.items()]
+    found += [
+        _EstimateHistory(label, DIMENSIONLESS, identity, each)
+        for label, each in probabilities.items()
+    ]
     yield from (each for each in found if np.isfinite(each.bounds[:, 0]).any())
 
 
@@ -172,42 +160,34 @@ def _history_charts(
     if not all_bounded(every):
         keys.insert(0, LegendKey("no interval", position, f"{series_marker(position)}-open"))
     if has_interval(every).any():
-        covered = percent_text(float(histories[0].estimates.attrs[INTERVAL_LEVEL]))
+        levels = (each.estimates.attrs.get(INTERVAL_LEVEL) for each in histories)
+        covered = percent_text(next(filter(None, levels)))
         keys.insert(0, LegendKey(f"with its {covered} interval", position, series_marker(position)))
     return Charts(
-        charts=tuple(charts),
-        keys=tuple(keys),
-        tables=(_table(view, output, design, histories),),
+        charts=tuple(charts), keys=tuple(keys), tables=(_table(view, output, design, histories),)
     )
 
 
 def _chart(view: ArchiveView, output: str, design: str, course: _EstimateHistory) -> Chart:
-    """One statistic against the number of runs."""
     position = view.sources.index(design)
-    bounds, runs, estimate_texts = course.bounds, course.runs, course.estimate_texts()
+    marker = series_marker(position)
+    bounds, runs, unit = course.bounds, course.runs, unit_suffix(course.unit)
     lower, upper, is_cut = _axis_limits(bounds)
     texts = [
-        f"{count_text(n, 'run')}: {text}" for n, text in zip(runs, estimate_texts, strict=True)
+        f"{count_text(size, 'run')}: {estimate_with_verdict(estimate, course.convert)}{unit}"
+        for size, estimate in zip(runs, course.estimates, strict=True)
     ]
+    trace = dot_trace(
+        bounds, runs, position, hovers=texts, name=course.label, marker=marker, along="y"
+    )
     middle = len(texts) // 2
     return Chart(
         title=course.label,
-        summary=f"{capitalized(output_title(view, output))} by {design}, {texts[0]}; "
-        f"{texts[middle]}; "
-        f"{texts[-1]}.",
+        summary=f"{capitalized(output_title(view, output))} by {design}, "
+        f"{texts[0]}; {texts[middle]}; {texts[-1]}.",
         x=logarithmic_axis("runs so far", runs),
         y=Axis(title_with_unit(course.label, course.unit), (lower, upper)),
-        traces=(
-            dot_trace(
-                bounds,
-                np.array(runs),
-                position,
-                hovers=texts,
-                name=course.label,
-                marker=series_marker(position),
-                along="y",
-            ),
-        ),
+        traces=(trace,),
         shapes=(horizontal_line(float(bounds[-1, 0]), "quiet", "dot"),),
         notes=(_CUT,) if is_cut else (),
         height=260,
@@ -229,7 +209,6 @@ def _axis_limits(bounds: FloatArray) -> tuple[float, float, bool]:
 def _table(
     view: ArchiveView, output: str, design: str, histories: Sequence[_EstimateHistory]
 ) -> OutputTable:
-    """Return a table of the points."""
     columns = [title_with_unit(history.label, history.unit) for history in histories]
     table = OutputTable(f"{output_title(view, output)} by {design}, by its runs so far", columns)
     for number, runs in enumerate(histories[0].runs):

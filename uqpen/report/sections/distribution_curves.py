@@ -10,15 +10,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.archive.estimates import interval_text
-from uqpen.core.labels import INTERVAL_LEVEL, NOTE
 from uqpen.figures.curves import Curve
 from uqpen.report.marks import Trace, band_traces, escape_text, line_trace
-from uqpen.report.sections.leading_design import output_sample
 from uqpen.results.archive_view import ArchiveView
-from uqpen.statistics.distribution_function.cdfs import cdf_at_values
+from uqpen.results.empirical_cdf import empirical_cdf
 
-__all__ = ["Grid", "curve_at", "curve_band_traces", "curve_quantile", "curve_trace"]
+__all__ = ["Grid", "curve_at", "curve_quantile", "curve_traces"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -27,17 +24,7 @@ _FEWEST = 250
 
 
 class Grid(NamedTuple):
-    """Round values from one end of an axis to the other.
-
-    Attributes
-    ----------
-    values : ndarray, shape (value,)
-        Ascending, in the unit that is shown.
-    step : float
-        How far they are apart.
-    decimals : int
-        To write them with.
-    """
+    """Round values from one end of an axis to the other, in the unit that is shown."""
 
     values: FloatArray
     step: float
@@ -59,9 +46,8 @@ def curve_at(view: ArchiveView, output: str, curve: Curve, grid: Grid) -> Curve:
     if curve.name in view.designs:
         measure = view.scale(output)
         in_si = np.array([measure.to_si(value) for value in grid.values.tolist()])
-        cdf = cdf_at_values(output_sample(view, curve.name, output), in_si)
-        level, note = cdf.attrs.get(INTERVAL_LEVEL, math.nan), interval_text(cdf[0], NOTE)
-        return replace(curve, values=grid.values, band=cdf.values, level=level, note=note)
+        band = empirical_cdf(view.completed_values(curve.name, output), curve.band, in_si)
+        return replace(curve, values=grid.values, band=band)
     estimate = np.interp(grid.values, curve.values, curve.band[:, 0], left=0.0, right=1.0)
     none = np.full_like(estimate, np.nan)
     return replace(curve, values=grid.values, band=np.stack([estimate, none, none], axis=-1))
@@ -72,14 +58,7 @@ def curve_quantile(curve: Curve, p: float) -> float:
     return float(curve.values[round(p * (curve.values.size - 1))])
 
 
-def curve_band_traces(curve: Curve, series: int, *, is_stepped: bool) -> Iterator[Trace]:
-    """Its simultaneous band; nothing where it has none."""
-    if curve.has_band:
-        lower, upper = curve.band[:, 1], curve.band[:, 2]
-        yield from band_traces(curve.values, lower, upper, series, is_stepped=is_stepped)
-
-
-def curve_trace(
+def curve_traces(
     curve: Curve,
     series: int,
     dash: str,
@@ -87,17 +66,20 @@ def curve_trace(
     is_stepped: bool,
     width: float = 2,
     has_band: bool = True,
-) -> Trace:
-    """The function, which a pointer reads off, with its band where that is shown."""
-    bounds = " (%{customdata[0]:.4f} … %{customdata[1]:.4f})"
+) -> Iterator[Trace]:
+    """The function, which a pointer reads off, above its simultaneous band if that is shown."""
+    estimate, lower, upper = curve.band.T
     has_band = has_band and curve.has_band
-    return line_trace(
+    if has_band:
+        yield from band_traces(curve.values, lower, upper, series, is_stepped=is_stepped)
+    bounds = " (%{customdata[0]:.4f} … %{customdata[1]:.4f})"
+    yield line_trace(
         curve.values,
-        curve.band[:, 0],
+        estimate,
         series,
         hover=f"%{{y:.4f}}{bounds * has_band} {escape_text(curve.name, 40)}",
         name=curve.name,
-        beside=[curve.band[:, 1], curve.band[:, 2]] if has_band else (),
+        beside=[lower, upper] if has_band else (),
         dash=dash,
         width=width,
         is_stepped=is_stepped,

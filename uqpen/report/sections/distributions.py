@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.core.catalogue import PERCENT, PROBABILITY
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import CUT, distribution_curves, exceedance_span, thresholds
@@ -22,37 +23,25 @@ from uqpen.report.blocks import (
     ThresholdReadout,
 )
 from uqpen.report.marks import Trace, series_dash
-from uqpen.report.sections.distribution_curves import (
-    Grid,
-    curve_at,
-    curve_band_traces,
-    curve_quantile,
-    curve_trace,
-)
+from uqpen.report.sections.distribution_curves import Grid, curve_at, curve_quantile, curve_traces
 from uqpen.report.sections.exceedance import exceedance
 from uqpen.report.sections.histograms import histogram, shares
 from uqpen.report.sections.leading_design import (
     leading_design,
     missing_runs_note,
     output_heading,
-    output_sample,
     output_title,
-    quantity_with_quantiles,
 )
-from uqpen.report.sections.view_statistics import view_statistics
 from uqpen.report.shapes import vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.table import OutputTable, quantile_label
 from uqpen.results.texts import capitalized, unit_suffix
-from uqpen.statistics.distribution_function.quantiles import quantile_estimates
 
 __all__ = ["distributions"]
 
 FloatArray = npt.NDArray[np.float64]
 
-# Quantiles in the table, where the runs tell them.
-_QUANTILES = (0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)
 # Probabilities at which the numbers behind a distribution function are shown.
 _SHOWN = np.linspace(0, 1, 21)
 
@@ -63,43 +52,35 @@ def distributions(view: ArchiveView) -> Iterator[Block]:
     if design is None:
         return
     for output in view.numeric_outputs:
-        if curves := _curves(view, output, design):
+        # The function of the leading design comes first.
+        found = distribution_curves(view, output)
+        if curves := sorted(found, key=lambda curve: curve.name != design):
             yield Heading(output_heading(view, output))
             yield _cdf(view, output, curves)
-            runs = histogram(view, output, design)
-            yield Charts((runs, *exceedance(view, output, curves[0])))
+            yield Charts((histogram(view, output, design), *exceedance(view, output, curves[0])))
             yield Table(_quantile_table(view, output, design))
     for output in view.categorical_outputs:
-        probabilities = view_statistics(view).get(design, output, "share")
+        probabilities = view.statistics.get(design, output, "share")
         if probabilities is not None:
             yield Heading(output_heading(view, output))
             yield shares(view, output, design, probabilities)
 
 
-def _curves(view: ArchiveView, output: str, design: str) -> list[Curve]:
-    """Return the functions that all sources give, that of the leading design first."""
-    found = distribution_curves(view, output)
-    return sorted(found, key=lambda curve: curve.name != design)
-
-
 def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
     lower, upper, is_cut = exceedance_span(view, output, curves[0])
     grid = Grid.between(lower, upper)
-    first = curve_at(view, output, curves[0], grid)
-    lead = view.sources.index(first.name)
-    steps = curves[0].is_stepped
-    traces: list[Trace] = list(curve_band_traces(first, lead, is_stepped=steps))
+    drawn = [curve_at(view, output, curve, grid) for curve in curves]
+    traces: list[Trace] = []
     keys: list[LegendKey] = []
-    if first.has_band:
-        text = f"simultaneous {percent_text(first.level)} band of {first.name}"
-        keys.append(LegendKey(text, lead, "band"))
-    traces.append(curve_trace(first, lead, "solid", is_stepped=steps, width=2.5))
-    keys.append(LegendKey(first.name, lead, "line"))
-    for curve in curves[1:]:
-        series = view.sources.index(curve.name)
-        dash = series_dash(series)
-        drawn, steps = curve_at(view, output, curve, grid), curve.is_stepped
-        traces.append(curve_trace(drawn, series, dash, is_stepped=steps, width=1.5, has_band=False))
+    for curve, shown in zip(curves, drawn, strict=True):
+        series, is_first = view.sources.index(curve.name), curve is curves[0]
+        dash, width = ("solid", 2.5) if is_first else (series_dash(series), 1.5)
+        traces += curve_traces(
+            shown, series, dash, is_stepped=curve.is_stepped, width=width, has_band=is_first
+        )
+        if is_first and curve.has_band:
+            text = f"simultaneous {percent_text(curve.level)} band of {curve.name}"
+            keys.append(LegendKey(text, series, "band"))
         keys.append(LegendKey(curve.name, series, "line", dash))
     threshold_values = [
         each for each in thresholds(view, output).values() if lower <= each <= upper
@@ -120,12 +101,11 @@ def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
         tables=(_cdf_table(view, output, curves[0]),),
         height=380,
         is_compared=True,
-        reading=_threshold_readout(view, output, first, grid, begin),
+        reading=_threshold_readout(view, output, drawn[0], grid, begin),
     )
 
 
 def _summary(view: ArchiveView, output: str, curve: Curve) -> str:
-    """The function in a sentence."""
     low, middle, high = (curve_quantile(curve, p) for p in (0.05, 0.5, 0.95))
     unit_text = unit_suffix(view.unit(output))
     return (
@@ -136,7 +116,6 @@ def _summary(view: ArchiveView, output: str, curve: Curve) -> str:
 
 
 def _cdf_table(view: ArchiveView, output: str, curve: Curve) -> OutputTable:
-    """The function at some probabilities, with its band."""
     with_band = ", with its simultaneous band" * curve.has_band
     title = f"Distribution function by {curve.name}{with_band}"
     table = OutputTable(title, [view.axis_label(output), "P(at most)", "band"])
@@ -154,7 +133,6 @@ def _cdf_table(view: ArchiveView, output: str, curve: Curve) -> OutputTable:
 def _threshold_readout(
     view: ArchiveView, output: str, curve: Curve, grid: Grid, begin: float
 ) -> ThresholdReadout:
-    """Return the values read off at thresholds that are round numbers."""
     return ThresholdReadout(
         output=output,
         unit=unit_suffix(view.unit(output)).lstrip(),
@@ -165,23 +143,22 @@ def _threshold_readout(
         step=grid.step,
         decimals=grid.decimals,
         start=int(np.argmin(np.abs(grid.values - begin))),
-        bounds=[_exact_numbers(row) for row in curve.band.tolist()],
+        bounds=[
+            [round(value, 9) if math.isfinite(value) else None for value in row]
+            for row in curve.band.tolist()
+        ],
     )
 
 
-def _exact_numbers(row: list[float]) -> list[float | None]:
-    return [round(value, 9) if math.isfinite(value) else None for value in row]
-
-
 def _quantile_table(view: ArchiveView, output: str, design: str) -> OutputTable:
-    """Quantiles and their intervals, worked out from the archive's runs."""
+    """Percentiles and their intervals; in an archive without them, the requested quantiles."""
     convert = view.scale(output).from_si
-    quantity = quantity_with_quantiles(view, output, _QUANTILES)
-    ((_, array),) = quantile_estimates(output_sample(view, design, output), quantity)
-    level = float(array.attrs[INTERVAL_LEVEL])
-    has_any = bool(np.isfinite(array.values[:, 1:]).any())
-    with_intervals = f", with {percent_text(level)} intervals" * has_any
+    statistics = view.statistics.statistics(design, output)
+    array = statistics.get("percentile", statistics["quantile"])
+    probabilities = array[PERCENT] / 100 if PERCENT in array.dims else array[PROBABILITY]
+    level = array.attrs.get(INTERVAL_LEVEL)
+    with_intervals = "" if level is None else f", with {percent_text(level)} intervals"
     table = OutputTable(f"Quantiles by {design}{with_intervals}", [view.axis_label(output)])
-    for position, p in enumerate(_QUANTILES):
-        table.rows.append((quantile_label(p), [table.cell(array[position], convert)]))
+    for p, estimate in zip(probabilities.values.tolist(), array, strict=True):
+        table.rows.append((quantile_label(p), [table.cell(estimate, convert)]))
     return table

@@ -14,13 +14,12 @@ from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.marks import Trace, band_traces, dot_trace, escape_text, line_trace
 from uqpen.report.notes import interval_notes
-from uqpen.report.sections.leading_design import missing_runs_note, output_sample, output_title
-from uqpen.report.sections.view_statistics import view_statistics
+from uqpen.report.sections.leading_design import missing_runs_note, output_title
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, percent_text
+from uqpen.results.empirical_cdf import empirical_cdf
 from uqpen.results.table import OutputTable, exceedance_label
 from uqpen.results.texts import unit_suffix
-from uqpen.statistics.distribution_function.cdfs import cdf_at_values
 
 __all__ = ["exceedance"]
 
@@ -36,36 +35,36 @@ _MOST = 200
 
 
 def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
-    """The probability of exceeding each value, with those that the study asks for.
-
-    Nothing where no run exceeds another.
-    """
+    """The probability of exceeding each value, if any run exceeds another, with the thresholds."""
     values, tail = _tail(view, output, curve)
     if not values.size:
         return
     least = _BELOW / max(curve.runs, 10)
     traces, keys = _tail_traces(view, output, curve, values, np.maximum(tail, least))
-    probabilities = view_statistics(view).get(curve.name, output, "exceedance")
+    probabilities = view.statistics.get(curve.name, output, "exceedance")
     notes = missing_runs_note(view, curve.name)
+    summary = f"It falls from 1 to what {count_text(curve.runs, 'run')} of {curve.name} can tell."
+    tables: tuple[OutputTable, ...] = ()
     if probabilities is not None:
+        rows = _rows(probabilities)
+        summary = "; ".join(f"{label}: {cells[0]}" for label, cells in rows) + "."
+        tables = (OutputTable(f"Probabilities asked for, by {curve.name}", [curve.name], rows),)
         is_shown = _is_threshold_shown(view, output, probabilities, values)
         if is_shown.any():
             traces.append(_threshold_trace(view, output, probabilities[is_shown]))
             keys.append(LegendKey("asked for beforehand", "ink", "circle"))
-        notes = [
-            *interval_notes([probabilities[is_shown]]),
-            *notes,
-            *_hidden_thresholds_note(probabilities[~is_shown]),
-        ]
+        notes = [*interval_notes([probabilities[is_shown]]), *notes]
+        if hidden := [label for label, _ in _rows(probabilities[~is_shown])]:
+            notes.append(f"In the table alone: {', '.join(hidden)}.")
     yield Chart(
         title=f"Probability that {output_title(view, output)} is more than x",
-        summary=_summary(probabilities, curve),
+        summary=summary,
         x=Axis(view.axis_label(output)),
         y=Axis("P(more than x)", (np.log10(least).item(), 0.0), is_logarithmic=True),
         traces=tuple(traces),
         keys=tuple(keys),
         notes=tuple(notes),
-        tables=_tables(curve, probabilities),
+        tables=tables,
         height=280,
     )
 
@@ -73,7 +72,6 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
 def _tail_traces(
     view: ArchiveView, output: str, curve: Curve, values: FloatArray, tail: FloatArray
 ) -> tuple[list[Trace], list[LegendKey]]:
-    """Return the traces of the probability that each value is exceeded, with its band."""
     series = view.sources.index(curve.name)
     unit = unit_suffix(view.unit(output))
     function = line_trace(
@@ -99,12 +97,12 @@ def _tail(view: ArchiveView, output: str, curve: Curve) -> tuple[FloatArray, Flo
     The values are spaced evenly by the logarithm of that probability. The archive's function has
     equally spaced ranks, and few of them lie in the tail.
     """
-    sample = output_sample(view, curve.name, output)
-    left = np.arange(1, sample.size + 1)
-    if sample.size > _MOST:
-        left = np.geomspace(1, sample.size, _MOST).round().astype(np.int64)
-    values = np.unique(sample.sorted_values[sample.size - left])
-    tail_values = 1 - cdf_at_values(sample, values).values
+    outputs = np.sort(view.completed_values(curve.name, output))
+    left = np.arange(1, outputs.size + 1)
+    if outputs.size > _MOST:
+        left = np.geomspace(1, outputs.size, _MOST).round().astype(np.int64)
+    values = np.unique(outputs[outputs.size - left])
+    tail_values = 1 - empirical_cdf(outputs, curve.band, values)
     # The largest value leaves nothing above it, which has no logarithm.
     above = tail_values[:, 0] > 0
     shown: FloatArray = view.scale(output).from_si(values[above])
@@ -123,24 +121,11 @@ def _is_threshold_shown(
 
 
 def _threshold_trace(view: ArchiveView, output: str, probabilities: xr.DataArray) -> Trace:
-    """The probabilities that the study asks for."""
     places = view.scale(output).from_si(probabilities["threshold_value"].values)
     hovers = [f"{label} = {cells[0]}" for label, cells in _rows(probabilities)]
     # An end at 0 has no logarithm.
     bounds = np.where(probabilities.values > 0, probabilities.values, np.nan)
     return dot_trace(bounds, places, "ink", hovers=hovers, name="asked", along="y")
-
-
-def _hidden_thresholds_note(probabilities: xr.DataArray) -> list[str]:
-    """Return a note on the probabilities that are no dots, if any."""
-    labels = [label for label, _ in _rows(probabilities)]
-    return [f"In the table alone: {', '.join(labels)}."] if labels else []
-
-
-def _summary(probabilities: xr.DataArray | None, curve: Curve) -> str:
-    if probabilities is None:
-        return f"It falls from 1 to what {count_text(curve.runs, 'run')} of {curve.name} can tell."
-    return "; ".join(f"{label}: {cells[0]}" for label, cells in _rows(probabilities)) + "."
 
 
 def _rows(probabilities: xr.DataArray) -> list[tuple[str, list[str]]]:
@@ -149,10 +134,3 @@ def _rows(probabilities: xr.DataArray) -> list[tuple[str, list[str]]]:
         (label, [estimate_text(*row)])
         for label, row in zip(labels, probabilities.values, strict=True)
     ]
-
-
-def _tables(curve: Curve, probabilities: xr.DataArray | None) -> tuple[OutputTable, ...]:
-    if probabilities is None:
-        return ()
-    title = f"Probabilities asked for, by {curve.name}"
-    return (OutputTable(title, [curve.name], _rows(probabilities)),)

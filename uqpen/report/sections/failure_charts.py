@@ -18,8 +18,8 @@ from uqpen.report.marks import Trace, dot_trace, series_marker
 from uqpen.report.notes import hollow_note, interval_notes
 from uqpen.report.sections.view_statistics import (
     failure_probabilities,
+    sample_account,
     status_probability,
-    view_statistics,
 )
 from uqpen.report.shapes import vertical_line
 from uqpen.results.archive_view import ArchiveView
@@ -51,6 +51,7 @@ def failure_probability_chart(view: ArchiveView, designs: Sequence[str]) -> Char
     ]
     bounds = np.array([[array for array, _ in row] for row in rows])
     last = 1.05 * float(np.nanmax(bounds))
+    found = [failure_probabilities(view, name) for name in designs]
     return Chart(
         title="How likely a run is lost",
         summary=_probability_sentence(designs, statuses, bounds),
@@ -58,7 +59,11 @@ def failure_probability_chart(view: ArchiveView, designs: Sequence[str]) -> Char
         y=Axis("", rows=tuple(designs)),
         traces=tuple(_status_traces(designs, statuses, bounds)),
         keys=tuple(LegendKey(STATUS_TEXT[each], *_status_style(each)) for each in statuses),
-        notes=(*_notes(view, designs, bounds), *_sample_notes(view, designs)),
+        notes=(
+            *interval_notes(each for each in found if each is not None),
+            *hollow_note(bounds),
+            *_sample_notes(view, designs),
+        ),
         tables=(table,),
         height=100 + len(designs) * max(34, 18 * len(statuses)),
     )
@@ -83,11 +88,10 @@ def _status_style(status: Status) -> tuple[int, str]:
 def _probability_sentence(
     designs: Sequence[str], statuses: Sequence[Status], bounds: FloatArray
 ) -> str:
+    names = [STATUS_TEXT[status] for status in statuses]
     texts = []
     for design, row in zip(designs[:_MOST_NAMED], bounds, strict=False):
-        shares = (
-            f"{STATUS_TEXT[s]} {_percent_text(b)}" for s, b in zip(statuses, row, strict=True)
-        )
+        shares = (f"{name} {_percent_text(each)}" for name, each in zip(names, row, strict=True))
         texts.append(f"{design}: {', '.join(shares)}")
     return f"{'; '.join(texts)}."
 
@@ -102,45 +106,31 @@ def _status_traces(
 ) -> Iterator[Trace]:
     for number, status in enumerate(statuses):
         name = STATUS_TEXT[status]
-        offset = (number + 1) / (len(statuses) + 1) - 0.5
-        place = [row + offset for row in range(len(designs))]
+        places = (
+            np.arange(len(designs), dtype=np.float64) + (number + 1) / (len(statuses) + 1) - 0.5
+        )
         colour, marker = _status_style(status)
         hovers = [
             f"{design}, {name}: {_percent_text(row)}"
             for design, row in zip(designs, bounds[:, number], strict=True)
         ]
-        yield dot_trace(bounds[:, number], place, colour, hovers=hovers, name=name, marker=marker)
-
-
-def _notes(view: ArchiveView, designs: Sequence[str], bounds: FloatArray) -> Iterator[str]:
-    found = (failure_probabilities(view, name) for name in designs)
-    yield from interval_notes(each for each in found if each is not None)
-    yield from hollow_note(bounds)
+        yield dot_trace(bounds[:, number], places, colour, hovers=hovers, name=name, marker=marker)
 
 
 def _sample_notes(view: ArchiveView, designs: Sequence[str]) -> Iterator[str]:
-    """Yield a note on each design where only some runs are a sample."""
     for design in designs:
-        ends = failure_probabilities(view, design)
-        used = None if ends is None else ends.attrs.get("runs")
+        used = sample_account(view, design).get("runs")
         if used is not None and used != read_group(view.tree, RUNS, design).sizes[RUN]:
-            yield (
-                f"{design}: of those {grouped_number(int(used))} runs that are a sample of the "
-                "inputs."
-            )
+            count = grouped_number(int(used))
+            yield f"{design}: of those {count} runs that are a sample of the inputs."
 
 
 def failure_association_chart(view: ArchiveView, design: str, table: OutputTable) -> Chart | None:
-    """Return the inputs associated with a design's failed runs; None without an estimate.
+    """Return the inputs associated with a design's failed runs, the strongest first.
 
-    Parameters
-    ----------
-    view : ArchiveView
-    design : str
-    table : OutputTable
-        The numbers behind it, a row for each input; the strongest associations come first.
+    The table has the numbers behind it. None without an estimate.
     """
-    associations = view_statistics(view).failures(design)
+    associations = view.statistics.failures(design)
     bounds = np.stack([associations[name].values for name, _ in ASSOCIATIONS])
     if not np.isfinite(bounds[..., 0]).any():
         return None
@@ -149,9 +139,13 @@ def failure_association_chart(view: ArchiveView, design: str, table: OutputTable
     bounds = bounds[:, order[:_MOST_INPUTS]]
     rows = tuple(str(name) for name in associations["larger"][INPUT].values[order[:_MOST_INPUTS]])
     left_out = len(order) - len(rows)
+    strongest = (
+        f"P({label}) {estimate_text(*each)}"
+        for (_, label), each in zip(ASSOCIATIONS, bounds[:, 0], strict=True)
+    )
     return Chart(
         title=f"Which inputs go with the lost runs of {design}",
-        summary=_strongest_input(rows[0], bounds[:, 0]),
+        summary=f"The input that goes with the losses most is {rows[0]}: {', '.join(strongest)}.",
         x=Axis("P(a lost run's input is so)", (-0.02, 1.02)),
         y=Axis("", rows=rows),
         traces=tuple(_measure_traces(rows, bounds)),
@@ -171,20 +165,12 @@ def failure_association_chart(view: ArchiveView, design: str, table: OutputTable
     )
 
 
-def _strongest_input(name: str, bounds: FloatArray) -> str:
-    texts = (
-        f"P({label}) {estimate_text(*each)}"
-        for (_, label), each in zip(ASSOCIATIONS, bounds, strict=True)
-    )
-    return f"The input that goes with the losses most is {name}: {', '.join(texts)}."
-
-
 def _measure_traces(rows: Sequence[str], bounds: FloatArray) -> Iterator[Trace]:
     for number, (_, label) in enumerate(ASSOCIATIONS):
         hovers = [
             f"{row}: P({label}) = {estimate_text(*each)}"
             for row, each in zip(rows, bounds[number], strict=True)
         ]
-        place = [row + 0.3 * (number - 0.5) for row in range(len(rows))]
+        places = np.arange(len(rows), dtype=np.float64) + 0.3 * (number - 0.5)
         marker = series_marker(number)
-        yield dot_trace(bounds[number], place, number, hovers=hovers, name=label, marker=marker)
+        yield dot_trace(bounds[number], places, number, hovers=hovers, name=label, marker=marker)

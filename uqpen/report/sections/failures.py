@@ -17,7 +17,7 @@ from uqpen.report.sections.failure_charts import (
     failure_association_chart,
     failure_probability_chart,
 )
-from uqpen.report.sections.view_statistics import status_probability, view_statistics
+from uqpen.report.sections.view_statistics import status_probability
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.failed_runs import failed_runs as losses_of
@@ -44,7 +44,6 @@ def failures(view: ArchiveView) -> Iterator[Block]:
 
 
 def _no_failure_text(view: ArchiveView) -> str:
-    """Return the text that no run failed, with the upper limit of the failure probability."""
     runs = sum(read_group(view.tree, RUNS, design).sizes[RUN] for design in view.designs)
     text = f"None of the {grouped_number(runs)} runs was lost."
     if runs == 1:
@@ -62,21 +61,19 @@ def _no_failure_text(view: ArchiveView) -> str:
 
 
 def _reason_table(view: ArchiveView, designs: Sequence[str]) -> OutputTable:
-    """Return the number of failed runs by design and reason, the most frequent reason first."""
     counts: dict[tuple[Status, str], Counter[str]] = {}
     for design in designs:
         for each in losses_of(view.tree, design):
             counts.setdefault((each.status, each.reason), Counter())[design] += each.runs
     ordered = sorted(counts.items(), key=lambda entry: -entry[1].total())
-    table = OutputTable(
-        "Runs lost, by status and reason", [_design_text(view, name) for name in designs]
-    )
+    columns = [
+        f"{name}\nof {count_text(read_group(view.tree, RUNS, name).sizes[RUN], 'run')}"
+        for name in designs
+    ]
+    table = OutputTable("Runs lost, by status and reason", columns)
     for (status, reason), found in ordered[:_MOST_REASONS]:
-        _add(
-            table,
-            f"{STATUS_TEXT[status]}: {plain_text(reason, 200)}",
-            [found[each] for each in designs],
-        )
+        label = f"{STATUS_TEXT[status]}: {plain_text(reason, 200)}"
+        _add(table, label, [found[each] for each in designs])
     if rest := ordered[_MOST_REASONS:]:
         left = [sum(found[design] for _, found in rest) for design in designs]
         _add(table, f"{grouped_number(len(rest))} less frequent reasons", left)
@@ -85,17 +82,12 @@ def _reason_table(view: ArchiveView, designs: Sequence[str]) -> OutputTable:
     return table
 
 
-def _design_text(view: ArchiveView, design: str) -> str:
-    return f"{design}\nof {count_text(read_group(view.tree, RUNS, design).sizes[RUN], 'run')}"
-
-
 def _add(table: OutputTable, label: str, counts: Sequence[int]) -> None:
     table.rows.append((label, [grouped_number(count) if count else NOTHING for count in counts]))
 
 
 def _association_blocks(view: ArchiveView) -> Iterator[Block]:
-    """Yield where among the inputs the failed runs lie, for each design that has some."""
-    statistics = view_statistics(view)
+    statistics = view.statistics
     designs = [each for each in view.designs if "larger" in statistics.failures(each)]
     pairs = list(zip(designs, failure_tables(view.tree), strict=True))
     for design, table in pairs[:_MOST_CHARTS]:

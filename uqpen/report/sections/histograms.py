@@ -10,7 +10,7 @@ from uqpen.figures.histogram import bin_values, marked_estimates
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.marks import bar_trace, dot_trace
-from uqpen.report.sections.leading_design import output_sample, output_title
+from uqpen.report.sections.leading_design import output_title
 from uqpen.report.shapes import Shape, shaded_interval, vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, percent_text
@@ -20,10 +20,12 @@ from uqpen.results.texts import capitalized, unit_suffix
 
 __all__ = ["histogram", "shares"]
 
+_HOVER = "%{customdata[0]} … %{customdata[1]}<br>%{y} runs"
+
 
 def histogram(view: ArchiveView, output: str, design: str) -> Chart:
     """Return the chart of a design's completed runs, in bins."""
-    values = view.scale(output).from_si(output_sample(view, design, output).values)
+    values = view.scale(output).from_si(view.completed_values(design, output))
     counts, edges = bin_values(values)
     outside = values.size - int(counts.sum())
     marked = list(marked_estimates(view, output, design))
@@ -38,22 +40,16 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
     if lacks:
         notes.append(f"No interval with two ends, so no shade: {', '.join(lacks)}.")
     highest = int(np.argmax(counts))
+    series = view.sources.index(design)
     return Chart(
         title=f"{count_text(values.size, 'run')} of {design}",
         summary=f"The fullest bin, with {count_text(int(counts[highest]), 'run')}, lies between "
         f"{edges[highest]:.4g} and {edges[highest + 1]:.4g}{unit_suffix(view.unit(output))}.",
         x=Axis(view.axis_label(output), (float(edges[0]), float(edges[-1]))),
         y=Axis("runs in a bin"),
-        traces=(
-            bar_trace(
-                edges,
-                counts,
-                view.sources.index(design),
-                hover="%{customdata[0]} … %{customdata[1]}<br>%{y} runs",
-            ),
-        ),
+        traces=(bar_trace(edges, counts, series, hover=_HOVER),),
         shapes=tuple(shapes),
-        keys=(LegendKey("runs", view.sources.index(design), "bar"), *keys),
+        keys=(LegendKey("runs", series, "bar"), *keys),
         notes=tuple(notes),
         height=280,
     )
@@ -80,34 +76,19 @@ def _estimate_marks(
 
 
 def shares(view: ArchiveView, output: str, design: str, probabilities: xr.DataArray) -> Chart:
-    """Return a chart of how likely each kind of an output is.
-
-    Parameters
-    ----------
-    view : ArchiveView
-    output, design : str
-    probabilities : DataArray
-        The shares, an estimate array along ``category``.
-    """
+    """Return a chart of how likely each kind of an output is, by its shares along ``category``."""
+    title = capitalized(output_title(view, output))
     labels = tuple(map(str, probabilities["category_label"].values))
     table = OutputTable(f"Shares by {design}", [design])
     add_shares(table, view.tree, output)
     texts = [f"{label}: {cells[0]}" for label, cells in table.rows]
+    places, series = np.arange(len(labels)), view.sources.index(design)
     return Chart(
-        title=f"{capitalized(output_title(view, output))}: how often each kind comes about, by "
-        f"{design}",
+        title=f"{title}: how often each kind comes about, by {design}",
         summary="; ".join(texts),
         x=Axis("share", (0.0, 1.0)),
         y=Axis("", rows=labels),
-        traces=(
-            dot_trace(
-                probabilities.values,
-                np.arange(len(labels)),
-                view.sources.index(design),
-                hovers=texts,
-                name=design,
-            ),
-        ),
+        traces=(dot_trace(probabilities.values, places, series, hovers=texts, name=design),),
         tables=(table,),
         height=90 + 34 * len(labels),
     )

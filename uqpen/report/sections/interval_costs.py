@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import read_group
 from uqpen.core.catalogue import THRESHOLD
-from uqpen.core.labels import RUN, RUNS
+from uqpen.core.labels import RUN
 from uqpen.core.sampling import Sampling
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.figures.source_comparison import ComparedStatistic
@@ -20,7 +19,6 @@ from uqpen.report.blocks import Block, Chart, Charts, LegendKey, Table
 from uqpen.report.counting import count_text
 from uqpen.report.marks import Trace, escape_text, line_trace, point_trace, series_marker
 from uqpen.report.sections.quoted_statistics import share_label
-from uqpen.report.sections.view_statistics import view_statistics
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.statistics_rows import runs_spent
@@ -33,7 +31,6 @@ from uqpen.results.table import (
     quantile_label,
 )
 from uqpen.results.texts import title_with_unit, unit_suffix
-from uqpen.statistics.sample import input_sample
 
 __all__ = ["interval_costs"]
 
@@ -50,41 +47,28 @@ _HALF = "± is half of an interval's length, also where its ends lie unevenly."
 class _Width(NamedTuple):
     """Half the length of a source's interval, in the unit that is shown, and what it took."""
 
-    source: str
     runs: int
     half: float
     estimate: xr.DataArray
 
 
-class _ComparedWidths(NamedTuple):
-    """A statistic and the intervals that there are of it."""
-
-    statistic: ComparedStatistic
-    widths: Sequence[_Width]
-
-    def source_width(self, source: str) -> _Width | None:
-        """The interval of a source."""
-        return next((each for each in self.widths if each.source == source), None)
+# A statistic and the intervals that there are of it, by source.
+_ComparedWidths = tuple[ComparedStatistic, Mapping[str, _Width]]
 
 
 def interval_costs(
     view: ArchiveView, output: str, found: Sequence[ComparedStatistic]
 ) -> Iterator[Block]:
     """Widths of intervals against runs, where there are several to be compared."""
-    every = [
-        _ComparedWidths(each, _widths(view, each)) for each in _main_statistics(view, output, found)
-    ]
-    compared = [each for each in every if len(each.widths) > 1]
+    every = ((each, _widths(view, each)) for each in _main_statistics(view, output, found))
+    compared = [(statistic, widths) for statistic, widths in every if len(widths) > 1]
     if not compared:
         return
     plain = _independent_design(view)
-    shown = {width.source for each in compared for width in each.widths}
+    shown = {source for _, widths in compared for source in widths}
     sources = [source for source in view.sources if source in shown]
-    others = [
-        s
-        for s in view.sources
-        if s not in shown and any(s in each.available_estimates for each in found)
-    ]
+    available = {source for each in found for source in each.available_estimates}
+    others = [source for source in view.sources if source in available - shown]
     keys = [_key(view, source) for source in sources]
     if plain in shown:
         keys.append(LegendKey(_guide(plain), "quiet", "line", "dot"))
@@ -105,10 +89,8 @@ def _main_statistics(
 ) -> list[ComparedStatistic]:
     """Return mean, median, and the first probabilities among statistics."""
     by_label = {each.label: each for each in found}
-    thresholds = [
-        exceedance_label(text) for text in _entries(view, output, "exceedance", THRESHOLD)
-    ]
-    shares = [share_label(text) for text in _entries(view, output, "share", "category_label")]
+    thresholds = map(exceedance_label, _entries(view, output, "exceedance", THRESHOLD))
+    shares = map(share_label, _entries(view, output, "share", "category_label"))
     first = [label for label in thresholds if label in by_label][:1]
     kinds = [label for label in shares if label in by_label][:_MOST_SHARES]
     labels = ("mean", quantile_label(0.5), *first, *kinds)
@@ -116,26 +98,23 @@ def _main_statistics(
 
 
 def _entries(view: ArchiveView, output: str, statistic: str, along: str) -> list[str]:
-    """Return the labels of a statistic's entries, by the first source that has it."""
-    statistics = view_statistics(view)
+    statistics = view.statistics
     arrays = (statistics.get(source, output, statistic) for source in view.sources)
     first = next((array for array in arrays if array is not None), None)
     return [] if first is None else [str(each) for each in first[along].values.tolist()]
 
 
-def _widths(view: ArchiveView, statistic: ComparedStatistic) -> list[_Width]:
-    """The intervals that have a width, each with the runs of its source."""
-    widths = []
+def _widths(view: ArchiveView, statistic: ComparedStatistic) -> dict[str, _Width]:
+    widths = {}
     for source, estimate in statistic.available_estimates.items():
         _, lower, upper = (float(bound) for bound in statistic.convert(estimate.values))
         runs = runs_spent(view.tree, source)
         if runs and 0 < upper - lower < math.inf:
-            widths.append(_Width(source, runs, (upper - lower) / 2, estimate))
+            widths[source] = _Width(runs, (upper - lower) / 2, estimate)
     return widths
 
 
 def _independent_design(view: ArchiveView) -> str:
-    """The first design of independent draws; empty for none."""
     return next((n for n in view.designs if view.sampling(n) is Sampling.INDEPENDENT), "")
 
 
@@ -154,9 +133,8 @@ def _chart(view: ArchiveView, output: str, compared: _ComparedWidths, plain: str
     unit = _unit(view, output, statistic)
     shown = unit_suffix(unit)
     traces: list[Trace] = []
-    heights = [each.half for each in widths]
-    if (first := compared.source_width(plain)) is not None:
-        runs = [each.runs for each in widths]
+    heights, runs = [each.half for each in widths.values()], [each.runs for each in widths.values()]
+    if (first := widths.get(plain)) is not None:
         ends = np.array([min(runs), max(runs)], dtype=np.float64)
         half = first.half * np.sqrt(first.runs / ends)
         heights += half.tolist()
@@ -165,18 +143,17 @@ def _chart(view: ArchiveView, output: str, compared: _ComparedWidths, plain: str
             line_trace(ends, half, "quiet", hover=hover, name="guide", dash="dot", width=1.5)
         )
     texts = []
-    for each in widths:
-        key = _key(view, each.source)
-        texts.append(
-            f"{each.source}: ± {_two_digits(each.half)}{shown} with {count_text(each.runs, 'run')}"
-        )
+    for source, each in widths.items():
+        key = _key(view, source)
+        width = f"± {_two_digits(each.half)}{shown}"
+        texts.append(f"{source}: {width} with {count_text(each.runs, 'run')}")
         traces.append(
             point_trace(
                 [each.runs],
                 [each.half],
                 key.series,
                 hover=escape_text(texts[-1], 200),
-                name=each.source,
+                name=source,
                 marker=key.mark,
                 size=10,
                 opacity=1,
@@ -185,7 +162,7 @@ def _chart(view: ArchiveView, output: str, compared: _ComparedWidths, plain: str
     return Chart(
         title=f"How wide the interval is: {statistic.label}",
         summary=f"{'; '.join(texts)}.",
-        x=logarithmic_axis("runs spent", [each.runs for each in widths]),
+        x=logarithmic_axis("runs spent", runs),
         y=logarithmic_axis(title_with_unit("half-width", unit), heights),
         traces=tuple(traces),
         height=260,
@@ -193,13 +170,11 @@ def _chart(view: ArchiveView, output: str, compared: _ComparedWidths, plain: str
 
 
 def _two_digits(half: float) -> str:
-    """A half-width in two digits."""
     power = math.floor(math.log10(half))
     return f"{half:.{max(0, 1 - power)}f}" if -5 <= power < 6 else f"{half:.1e}"
 
 
 def _unit(view: ArchiveView, output: str, statistic: ComparedStatistic) -> str:
-    """Return the unit that a width of a statistic is shown in."""
     return DIMENSIONLESS if statistic.convert is identity else view.unit(output)
 
 
@@ -210,16 +185,15 @@ def _table(
     sources: Sequence[str],
     plain: str,
 ) -> OutputTable:
-    """Of each source, what its intervals took, and what independent draws would take."""
     title = "What an interval costs: its ±, and as many independent draws"
     table = OutputTable(title, ["runs"])
-    for each in compared:
-        label, unit = each.statistic.label, _unit(view, output, each.statistic)
-        table.columns += [title_with_unit(f"{label} ±", unit), "draws"]
+    for statistic, _ in compared:
+        unit = _unit(view, output, statistic)
+        table.columns += [title_with_unit(f"{statistic.label} ±", unit), "draws"]
     for source in sources:
         cells = [_runs(view, source, table)]
-        for each in compared:
-            cells += _cells(each.source_width(source), each.source_width(plain), table)
+        for _, widths in compared:
+            cells += _cells(widths.get(source), widths.get(plain), table)
         table.rows.append((source, cells))
     return table
 
@@ -229,13 +203,9 @@ def _runs(view: ArchiveView, source: str, table: OutputTable) -> str:
     spent = runs_spent(view.tree, source) or 0
     sampled = spent
     if source in view.designs:
-        sampled = input_sample(read_group(view.tree, RUNS, source)).sizes[RUN]
-    mark = ""
-    if sampled < spent:
-        mark = table.note_mark(
-            f"{grouped_number(sampled)} of them are a sample; the others serve its indices"
-        )
-    return grouped_number(spent) + mark
+        sampled = view.runs(source).sizes[RUN]
+    note = f"{grouped_number(sampled)} of them are a sample; the others serve its indices"
+    return grouped_number(spent) + table.note_mark(note * (sampled < spent))
 
 
 def _cells(width: _Width | None, plain: _Width | None, table: OutputTable) -> list[str]:

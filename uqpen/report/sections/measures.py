@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
 from uqpen.archive.estimates import interval_text
 from uqpen.core.labels import CHECKED, INPUT, INTERVAL_LABEL, REFUSED, UNCHECKED
@@ -38,24 +37,12 @@ _MOST_REASONS = 3
 
 @dataclass(frozen=True)
 class MeasureChartSpec:
-    """Content of a chart of measures.
-
-    Parameters
-    ----------
-    title, axis : str
-    convert : callable
-        Out of SI units, estimate and bounds.
-    summary_order : tuple of str
-        The labels of measures, the better ones first. For these, the summary may name the input
-        with the largest estimate.
-    unit : str
-        Of the estimates.
-    notes : tuple of str
-    """
+    """Content of a chart of measures."""
 
     title: str
     axis: str
-    convert: Conversion
+    convert: Conversion  # out of SI units
+    # Labels of the measures that the summary may name the largest input by, the better ones first.
     summary_order: tuple[str, ...]
     unit: str = DIMENSIONLESS
     notes: tuple[str, ...] = ()
@@ -77,138 +64,111 @@ class _InputEstimate(NamedTuple):
         return f"{estimate_text(*self.bounds.tolist())}{unit_suffix(unit)}"
 
 
+class _PlottedSeries(NamedTuple):
+    """Series of a measure with its name, colour and marker, and its estimates by input."""
+
+    of: MeasureSeries
+    name: str
+    colour: int
+    marker: str
+    estimates: list[_InputEstimate]
+
+
 def measures_chart(
     view: ArchiveView,
     found: Sequence[MeasureSeries],
     spec: MeasureChartSpec,
     tables: Sequence[OutputTable] = (),
 ) -> Chart:
-    """A chart of some measures.
-
-    Parameters
-    ----------
-    view : ArchiveView
-    found : sequence of MeasureSeries
-        At least one, each with at least one estimate.
-    spec : MeasureChartSpec
-    tables : sequence of OutputTable
-        The numbers behind it.
-    """
+    """A chart of at least one measure, each with at least one estimate."""
     inputs, cut = largest_inputs(found)
-    estimates = [_estimates(each.array, inputs, spec.convert) for each in found]
+    every = [_plotted_series(view, each, inputs, spec.convert) for each in found]
+    bounds = np.concatenate([[0.0], *(one.bounds for each in every for one in each.estimates)])
     shapes: list[Shape] = [vertical_line(0, "quiet", "dot")]
     shapes += [horizontal_line(row - 0.5, "grid") for row in range(1, len(inputs))]
-    notes = [*_notes(found, estimates), *spec.notes]
+    notes = [*_notes(every), *spec.notes]
     if cut:
         notes.append(f"Shown are {cut}; the table has all." if tables else f"Shown are {cut}.")
     return Chart(
         title=spec.title,
-        summary=_summary(found, estimates, spec),
-        x=Axis(spec.axis, _axis_limits(estimates)),
+        summary=_summary(every, spec),
+        x=Axis(spec.axis, padded_limits(float(np.nanmin(bounds)), float(np.nanmax(bounds)))),
         y=Axis("", rows=inputs),
-        traces=tuple(_traces(view, found, estimates, inputs, spec)),
+        traces=tuple(_traces(every, inputs, spec.unit)),
         shapes=tuple(shapes),
-        keys=tuple(_keys(view, found, estimates)),
+        keys=tuple(_keys(every)),
         notes=tuple(notes),
         tables=tuple(tables),
         height=_FRAME + len(inputs) * (_GAP + _DOT * len(found)),
     )
 
 
-def _estimates(
-    array: xr.DataArray, inputs: Sequence[str], convert: Conversion
-) -> list[_InputEstimate]:
-    known = array[INPUT].values.tolist()
-    return [
+def _plotted_series(
+    view: ArchiveView, of: MeasureSeries, inputs: Sequence[str], convert: Conversion
+) -> _PlottedSeries:
+    """Give a series the colour of its source, and its own marker where there are several."""
+    position, known = view.sources.index(of.source), of.array[INPUT].values.tolist()
+    entries = {name: of.array[known.index(name)] for name in inputs if name in known}
+    estimates = [
         _InputEstimate(
             name,
-            np.asarray(convert(estimate.values), dtype=np.float64),
-            interval_text(estimate, INTERVAL_LABEL),
-            estimate_remark(estimate),
+            np.asarray(convert(entry.values), dtype=np.float64),
+            interval_text(entry, INTERVAL_LABEL),
+            estimate_remark(entry),
         )
-        for name in inputs
-        if name in known and np.isfinite((estimate := array[known.index(name)]).values[0])
+        for name, entry in entries.items()
+        if np.isfinite(entry.values[0])
     ]
+    if of.label:
+        name, marker = f"{of.label} by {of.source}", _MARKERS[of.marker]
+    else:
+        name, marker = of.source, series_marker(position)
+    return _PlottedSeries(of, name, position, marker, estimates)
 
 
-def _axis_limits(estimates: Sequence[Sequence[_InputEstimate]]) -> tuple[float, float]:
-    """Zero, all estimates and all of their bounds, with some room."""
-    every = np.concatenate([[0.0], *(one.bounds for each in estimates for one in each)])
-    return padded_limits(float(np.nanmin(every)), float(np.nanmax(every)))
-
-
-def _series_style(view: ArchiveView, each: MeasureSeries) -> tuple[int, str]:
-    """Colour and marker: of the source, or of the measure where there are several."""
-    position = view.sources.index(each.source)
-    return position, _MARKERS[each.marker] if each.label else series_marker(position)
-
-
-def _series_name(each: MeasureSeries) -> str:
-    return f"{each.label} by {each.source}" if each.label else each.source
-
-
-def _traces(
-    view: ArchiveView,
-    found: Sequence[MeasureSeries],
-    estimates: Sequence[Sequence[_InputEstimate]],
-    inputs: Sequence[str],
-    spec: MeasureChartSpec,
-) -> Iterator[Trace]:
-    room = 1 / (len(found) + 1)
-    for number, (each, input_estimates) in enumerate(zip(found, estimates, strict=True)):
-        if not input_estimates:
+def _traces(every: Sequence[_PlottedSeries], inputs: Sequence[str], unit: str) -> Iterator[Trace]:
+    room = 1 / (len(every) + 1)
+    for number, (_, name, colour, marker, estimates) in enumerate(every, 1):
+        if not estimates:
             continue
-        places = [inputs.index(one.name) + (number + 1) * room - 0.5 for one in input_estimates]
-        bounds = np.array([one.bounds for one in input_estimates])
-        colour, marker = _series_style(view, each)
-        hovers = [_hover(one, each, spec.unit) for one in input_estimates]
-        name = _series_name(each)
+        places = np.array([inputs.index(one.name) + number * room - 0.5 for one in estimates])
+        bounds = np.array([one.bounds for one in estimates])
+        hovers = [_hover(one, name, unit) for one in estimates]
         yield dot_trace(bounds, places, colour, hovers=hovers, name=name, marker=marker)
-        refused = [at for at, one in enumerate(input_estimates) if one.label == REFUSED]
+        refused = [at for at, one in enumerate(estimates) if one.label == REFUSED]
         if refused:
-            yield cross_trace(bounds[refused, 0], np.array(places)[refused], f"{name}, refused")
+            yield cross_trace(bounds[refused, 0], places[refused], f"{name}, refused")
 
 
-def _hover(one: _InputEstimate, each: MeasureSeries, unit: str) -> str:
-    text = f"{one.name}, {_series_name(each)}: {one.text(unit)}"
+def _hover(one: _InputEstimate, series: str, unit: str) -> str:
+    text = f"{one.name}, {series}: {one.text(unit)}"
     verdict = one.label if one.label in _VERDICTS else ""
     known = ", ".join(filter(None, (verdict, one.note)))
     return f"{text} ({known})" if known else text
 
 
-def _keys(
-    view: ArchiveView, found: Sequence[MeasureSeries], estimates: Sequence[Sequence[_InputEstimate]]
-) -> Iterator[LegendKey]:
-    every = [one for each in estimates for one in each]
-    for each, input_estimates in zip(found, estimates, strict=True):
-        colour, marker = _series_style(view, each)
-        is_hollow = input_estimates and not any(one.has_interval for one in input_estimates)
-        yield LegendKey(_series_name(each), colour, f"{marker}-open" if is_hollow else marker)
-    if any(one.label == REFUSED for one in every):
+def _keys(every: Sequence[_PlottedSeries]) -> Iterator[LegendKey]:
+    for _, name, colour, marker, estimates in every:
+        is_hollow = estimates and not any(one.has_interval for one in estimates)
+        yield LegendKey(name, colour, f"{marker}-open" if is_hollow else marker)
+    if any(one.label == REFUSED for each in every for one in each.estimates):
         yield LegendKey("refused", "ink", "x")
 
 
-def _notes(
-    found: Sequence[MeasureSeries], estimates: Sequence[Sequence[_InputEstimate]]
-) -> Iterator[str]:
-    """Yield notes on bars, on hollow markers and on crosses."""
-    every = [
-        (_series_name(each), one)
-        for each, input_estimates in zip(found, estimates, strict=True)
-        for one in input_estimates
-    ]
-    yield from interval_notes((each.array for each in found), ", of each estimate by itself")
-    barred = [(name, one) for name, one in every if one.has_interval]
+def _notes(every: Sequence[_PlottedSeries]) -> Iterator[str]:
+    named = [(each.name, one) for each in every for one in each.estimates]
+    yield from interval_notes((each.of.array for each in every), ", of each estimate by itself")
+    barred = [(name, one) for name, one in named if one.has_interval]
     for text, names in _names_by_text((name, one.note) for name, one in barred if one.note).items():
         yield f"Of the intervals of {', '.join(names)}: {text}."
-    hollow = ((name, _missing_interval_reason(one)) for name, one in every if not one.has_interval)
+    hollow = ((name, _missing_interval_reason(one)) for name, one in named if not one.has_interval)
     reasons = _names_by_text(hollow)
     if len(reasons) > _MOST_REASONS:
         yield "Hollow: no interval; the notes of the table say why."
     else:
         for text, names in reasons.items():
             yield f"Hollow, without an interval: {', '.join(names)} ({text})."
-    if any(one.label == REFUSED for _, one in every):
+    if any(one.label == REFUSED for _, one in named):
         yield "Crossed out: refused, as independent runs contradict it."
 
 
@@ -228,16 +188,11 @@ def _missing_interval_reason(one: _InputEstimate) -> str:
     return one.note or "none is told"
 
 
-def _summary(
-    found: Sequence[MeasureSeries],
-    estimates: Sequence[Sequence[_InputEstimate]],
-    spec: MeasureChartSpec,
-) -> str:
+def _summary(every: Sequence[_PlottedSeries], spec: MeasureChartSpec) -> str:
     """Return which input has the largest estimate, and whether intervals overlap with it."""
-    input_estimates, each, label = _summary_series(found, estimates, spec)
-    ordered = sorted(input_estimates, key=lambda one: -float(one.bounds[0]))
-    first, *others = ordered
-    text = f"By {each.source}, {first.name} has the largest {label}: {first.text(spec.unit)}"
+    each, label = _summary_series(every, spec.summary_order)
+    first, *others = sorted(each.estimates, key=lambda one: -float(one.bounds[0]))
+    text = f"By {each.of.source}, {first.name} has the largest {label}: {first.text(spec.unit)}"
     if others:
         text += f"; that of {others[0].name} comes next: {others[0].text(spec.unit)}"
     verdict = " It is refused, as independent runs contradict it." * (first.label == REFUSED)
@@ -245,20 +200,17 @@ def _summary(
 
 
 def _summary_series(
-    found: Sequence[MeasureSeries],
-    estimates: Sequence[Sequence[_InputEstimate]],
-    spec: MeasureChartSpec,
-) -> tuple[Sequence[_InputEstimate], MeasureSeries, str]:
+    every: Sequence[_PlottedSeries], order: Sequence[str]
+) -> tuple[_PlottedSeries, str]:
     """Return the series for the summary: one with intervals if any has, else one not refused."""
-    ranked = []
-    for position, (each, input_estimates) in enumerate(zip(found, estimates, strict=True)):
-        label = each.label or spec.summary_order[0]
-        if input_estimates and label in spec.summary_order:
-            lacks = not all(one.has_interval for one in input_estimates)
-            is_refused = any(one.label == REFUSED for one in input_estimates)
-            rank = (lacks, is_refused, spec.summary_order.index(label), position)
-            ranked.append((rank, (input_estimates, each, label)))
-    return min(ranked, key=lambda entry: entry[0])[1]
+    labelled = ((each, each.of.label or order[0]) for each in every if each.estimates)
+
+    def rank(entry: tuple[_PlottedSeries, str]) -> tuple[bool, bool, int]:
+        each, label = entry
+        lacks = not all(one.has_interval for one in each.estimates)
+        return lacks, any(one.label == REFUSED for one in each.estimates), order.index(label)
+
+    return min((entry for entry in labelled if entry[1] in order), key=rank)
 
 
 def _order_certainty(first: _InputEstimate, others: Sequence[_InputEstimate]) -> str:

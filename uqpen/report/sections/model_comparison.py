@@ -9,13 +9,7 @@ from uqpen.figures.curves import Curve, axis_span
 from uqpen.figures.distributions import CUT, model_curves
 from uqpen.report.blocks import Axis, Block, Chart, Heading, LegendKey, Table
 from uqpen.report.marks import Trace, series_dash
-from uqpen.report.sections.distribution_curves import (
-    Grid,
-    curve_at,
-    curve_band_traces,
-    curve_quantile,
-    curve_trace,
-)
+from uqpen.report.sections.distribution_curves import Grid, curve_at, curve_quantile, curve_traces
 from uqpen.report.sections.leading_design import leading_design, output_heading, output_title
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
@@ -49,8 +43,7 @@ def _chart(view: ArchiveView, output: str, design: str, curves: list[Curve]) -> 
         dash = series_dash(series)
         by_design = replace(curve, name=design)
         drawn = replace(curve_at(parts[curve.name], output, by_design, grid), name=curve.name)
-        traces += curve_band_traces(drawn, series, is_stepped=curve.is_stepped)
-        traces.append(curve_trace(drawn, series, dash, is_stepped=curve.is_stepped))
+        traces += curve_traces(drawn, series, dash, is_stepped=curve.is_stepped)
         keys.append(LegendKey(curve.name, series, "line", dash))
     notes = [f"no band of {curve.name}: {curve.note}" for curve in curves if not curve.has_band]
     if banded := [curve for curve in curves if curve.has_band]:

@@ -27,14 +27,7 @@ _MOST_RUNS, _MOST_LOST = 400, 100
 
 @dataclass(frozen=True)
 class PlottedRuns:
-    """Runs of a design that are shown.
-
-    Parameters
-    ----------
-    view : ArchiveView
-    design : str
-        It has some completed runs.
-    """
+    """Runs that are shown of a design with some completed runs."""
 
     view: ArchiveView
     design: str

@@ -15,7 +15,6 @@ from uqpen.core.catalogue import CATALOGUE, UnitRule
 from uqpen.core.labels import INTERVAL_LEVEL, RUNS
 from uqpen.core.sampling import Sampling
 from uqpen.report.counting import percent_texts
-from uqpen.report.sections.view_statistics import view_statistics
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_texts, percent_text
 from uqpen.results.table import estimate_remark, exceedance_label, output_names, quantile_label
@@ -36,26 +35,16 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class QuotedStatistic:
-    """A quantity of an output.
-
-    Parameters
-    ----------
-    view : ArchiveView
-    output : str
-    statistic : str
-        Its name in the catalogue.
-    entry : str or float or None
-        Of a statistic with several entries the one: a probability, a threshold as written, a kind.
-    """
+    """A quantity of an output."""
 
     view: ArchiveView
     output: str
-    statistic: str
-    entry: Any = None
+    statistic: str  # by its name in the catalogue
+    entry: Any = None  # one of several: a probability, a threshold as written, a kind
 
     def estimate(self, design: str) -> xr.DataArray | None:
         """Return a design's estimate of it, along ``bound``; None where there is none."""
-        array = view_statistics(self.view).get(design, self.output, self.statistic)
+        array = self.view.statistics.get(design, self.output, self.statistic)
         if array is None:
             return None
         for along in CATALOGUE[self.statistic].dims:
@@ -143,31 +132,27 @@ def requested_statistics(view: ArchiveView, output: str, design: str) -> list[Qu
 
 def default_statistic(view: ArchiveView, output: str, design: str) -> QuotedStatistic | None:
     """The median of an output, or else its mean."""
-    for each in (
-        QuotedStatistic(view, output, "quantile", 0.5),
-        QuotedStatistic(view, output, "mean"),
-    ):
-        if each.estimate(design) is not None:
-            return each
-    return None
+    median = QuotedStatistic(view, output, "quantile", 0.5)
+    every = (median, QuotedStatistic(view, output, "mean"))
+    return next((each for each in every if each.estimate(design) is not None), None)
 
 
 def other_design_estimates(quantity: QuotedStatistic, leading: str) -> dict[str, xr.DataArray]:
     """Return estimates of the same quantity by other designs, which drew their own points."""
     view = quantity.view
-    found = {}
-    for design in view.sample_designs:
-        given = view.sampling(design) is Sampling.USER_SUPPLIED
-        estimate = None if given or design == leading else quantity.estimate(design)
-        if estimate is not None:
-            found[design] = estimate
-    return found
+    others = (
+        design
+        for design in view.sample_designs
+        if design != leading and view.sampling(design) is not Sampling.USER_SUPPLIED
+    )
+    found = {design: quantity.estimate(design) for design in others}
+    return {design: estimate for design, estimate in found.items() if estimate is not None}
 
 
 def _entries(
     view: ArchiveView, output: str, design: str, statistic: str
 ) -> Iterator[QuotedStatistic]:
-    array = view_statistics(view).get(design, output, statistic)
+    array = view.statistics.get(design, output, statistic)
     if array is not None:
         (along,) = CATALOGUE[statistic].dims
         for entry in array[along].values.tolist():

@@ -18,7 +18,6 @@ from uqpen.report.counting import count_text
 from uqpen.report.marks import Trace, escape_text, point_trace
 from uqpen.report.sections.leading_design import leading_design, output_heading
 from uqpen.report.sections.plotted_runs import PlottedRuns
-from uqpen.report.sections.view_statistics import view_statistics
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
 from uqpen.results.table import NOTHING, OutputTable, identity
@@ -36,11 +35,7 @@ _LONGEST, _HIGHEST = 36, 26
 _HEIGHT = 230
 
 # What tells how an output goes along with an input: for the table, and to choose inputs by.
-_ASSOCIATIONS = (
-    ("spearman", "Spearman"),
-    ("pearson", "Pearson"),
-    ("first_order", "first order"),
-)
+_ASSOCIATIONS = (("spearman", "Spearman"), ("pearson", "Pearson"), ("first_order", "first order"))
 _CHOICE_TEXTS = (
     ("spearman", "the strongest rank correlations"),
     ("first_order", "the largest first order"),
@@ -56,22 +51,19 @@ def scatter(view: ArchiveView) -> Iterator[Block]:
     cloud = PlottedRuns(view, design)
     outputs = [*view.numeric_outputs, *view.categorical_outputs][:_MOST_CHARTS]
     most = max(1, _MOST_CHARTS // len(outputs))
+    keys = [LegendKey("run", view.sources.index(design), "circle")]
+    if cloud.shown_failed.sizes[RUN]:
+        keys.append(LegendKey("lost run, at the foot", "ink", "x"))
     for output in outputs:
         inputs, note = _chosen_inputs(cloud, output, most)
         if inputs:
             yield Heading(output_heading(view, output))
             yield Charts(
                 tuple(_chart(cloud, output, name) for name in inputs),
-                keys=tuple(_keys(cloud)),
+                keys=tuple(keys),
                 notes=tuple(filter(None, (cloud.thinning_note, note, _cut_note(cloud, output)))),
                 tables=(_table(cloud, output),),
             )
-
-
-def _keys(cloud: PlottedRuns) -> Iterator[LegendKey]:
-    yield LegendKey("run", cloud.view.sources.index(cloud.design), "circle")
-    if cloud.shown_failed.sizes[RUN]:
-        yield LegendKey("lost run, at the foot", "ink", "x")
 
 
 def _chosen_inputs(cloud: PlottedRuns, output: str, most: int) -> tuple[list[str], str]:
@@ -89,7 +81,7 @@ def _chosen_inputs(cloud: PlottedRuns, output: str, most: int) -> tuple[list[str
 
 def _input_importance(cloud: PlottedRuns, output: str) -> tuple[dict[str, float], str]:
     """Return how much each input counts, and the words for it; empty without an estimate."""
-    statistics = view_statistics(cloud.view)
+    statistics = cloud.view.statistics
     for statistic, why in _CHOICE_TEXTS:
         array = statistics.get(cloud.design, output, statistic)
         if array is not None:
@@ -102,25 +94,24 @@ def _input_importance(cloud: PlottedRuns, output: str) -> tuple[dict[str, float]
 
 def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
     view = cloud.view
-    x_ends = _axis_limits(
-        np.concatenate(
-            [cloud.values(name, each) for each in (cloud.shown_completed, cloud.shown_failed)]
-        )
-    )
+    shown = (cloud.shown_completed, cloud.shown_failed)
+    every = np.concatenate([cloud.values(name, each) for each in shown])
+    finite = every[np.isfinite(every)]
+    # No run lies on the frame.
+    ends = padded_limits(float(finite.min()), float(finite.max()))
     y, axis = _vertical_axis(cloud, output)
-    x = cloud.values(name, cloud.shown_completed)
     is_number = output in view.numeric_outputs
     value = f"<br>{_hover_line(view, output, 'y')}" if is_number else "<br>%{text}"
     kinds = {} if is_number else category_labels(cloud.shown_completed[output])
+    codes = cloud.shown_completed[output].values.tolist()
+    texts = [kinds.get(code, "") for code in codes] if kinds else ()
     drawn = point_trace(
-        x,
+        cloud.values(name, cloud.shown_completed),
         y,
         view.sources.index(cloud.design),
         hover=f"run %{{customdata}}<br>{_hover_line(view, name, 'x')}{value}",
         name=f"{output}, {name}",
-        texts=[kinds.get(c, "") for c in cloud.shown_completed[output].values.tolist()]
-        if kinds
-        else (),
+        texts=texts,
         numbers=cloud.shown_completed["number"].values.tolist(),
     )
     traces = [drawn]
@@ -129,7 +120,7 @@ def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
     return Chart(
         title=f"against {name}",
         summary=_summary(cloud, output, name),
-        x=Axis(_short_title(view, name, _LONGEST), x_ends),
+        x=Axis(_short_title(view, name, _LONGEST), ends),
         y=axis,
         traces=tuple(traces),
         height=_HEIGHT,
@@ -137,21 +128,12 @@ def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
 
 
 def _short_title(view: ArchiveView, name: str, longest: int) -> str:
-    """Return the title of a short axis: the name in place of a long title."""
     long = view.axis_label(name)
     return long if len(long) <= longest else title_with_unit(name, view.unit(name))
 
 
 def _hover_line(view: ArchiveView, name: str, along: str) -> str:
-    """A line under a pointer."""
     return f"{escape_text(name, 40)} %{{{along}:.4~g}}{escape_text(unit_suffix(view.unit(name)))}"
-
-
-def _axis_limits(values: FloatArray) -> tuple[float, float]:
-    """Return the limits of an input's axis, so that no run lies on its frame."""
-    finite = values[np.isfinite(values)]
-    lower, upper = float(finite.min()), float(finite.max())
-    return padded_limits(lower, upper)
 
 
 def _vertical_axis(cloud: PlottedRuns, output: str) -> tuple[FloatArray, Axis]:
@@ -176,8 +158,10 @@ def _cut_note(cloud: PlottedRuns, output: str) -> str:
 
 
 def _failed_run_trace(cloud: PlottedRuns, name: str, axis: Axis) -> Trace:
-    """Return the failed runs, which have no output, at the foot of a chart."""
-    foot = len(axis.rows) - 0.58 if axis.ends is None else _foot_position(*axis.ends)
+    foot = len(axis.rows) - 0.58
+    if axis.ends is not None:
+        lower, upper = axis.ends
+        foot = lower + 0.025 * (upper - lower)
     statuses = [Status(code) for code in cloud.shown_failed[STATUS].values.tolist()]
     x = cloud.values(name, cloud.shown_failed)
     return point_trace(
@@ -194,15 +178,10 @@ def _failed_run_trace(cloud: PlottedRuns, name: str, axis: Axis) -> Trace:
     )
 
 
-def _foot_position(lower: float, upper: float) -> float:
-    return lower + 0.025 * (upper - lower)
-
-
 def _association_estimates(
     cloud: PlottedRuns, output: str, name: str
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """Yield the design's estimates of how an output goes along with an input."""
-    statistics = view_statistics(cloud.view)
+    statistics = cloud.view.statistics
     for statistic, label in _ASSOCIATIONS:
         array = statistics.get(cloud.design, output, statistic)
         if array is not None and name in (known := array[INPUT].values.tolist()):
@@ -210,7 +189,6 @@ def _association_estimates(
 
 
 def _summary(cloud: PlottedRuns, output: str, name: str) -> str:
-    """Return the association of output and input where there is one, else the input's range."""
     for label, array in _association_estimates(cloud, output, name):
         if np.isfinite(array.values[0]):
             what = "rank correlation" if label == "Spearman" else label
@@ -226,7 +204,6 @@ def _range(cloud: PlottedRuns, name: str, which: BoolArray) -> str:
 
 
 def _table(cloud: PlottedRuns, output: str) -> OutputTable:
-    """Return a table of measures of association where there are any, else of ranges."""
     first = [label for label, _ in _association_estimates(cloud, output, (cloud.inputs or [""])[0])]
     if not first:
         return _range_table(cloud, output)
@@ -251,8 +228,7 @@ def _range_table(cloud: PlottedRuns, output: str) -> OutputTable:
     table = OutputTable(f"Smallest and largest values, by {cloud.design}", columns)
     note = table.note_mark("ranges of these runs, not estimates; so they have no intervals")
     for name in names:
-        cells = [_range(cloud, name, runs) for runs in which.values()]
-        table.rows.append(
-            (view.axis_label(name), [cell + note * (cell != NOTHING) for cell in cells])
-        )
+        ranges = (_range(cloud, name, runs) for runs in which.values())
+        cells = [text + note * (text != NOTHING) for text in ranges]
+        table.rows.append((view.axis_label(name), cells))
     return table

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 
 import numpy as np
@@ -15,7 +15,6 @@ from uqpen.figures.sensitivity import EFFECTS, INDICES, RESPONSES, best_sources,
 from uqpen.report.blocks import Block, Chart, Charts, Heading, Table
 from uqpen.report.sections.leading_design import output_heading
 from uqpen.report.sections.measures import MeasureChartSpec, measures_chart
-from uqpen.report.sections.view_statistics import view_statistics
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.sensitivity_tables import named_tables
 from uqpen.results.table import NOTHING, OutputTable, identity
@@ -38,14 +37,12 @@ _MOST_CATEGORIES = 6
 
 def sensitivity(view: ArchiveView) -> Iterator[Block]:
     """Yield the sources of the uncertainty: shares of the variance, effects, responses."""
-    for output in view.numeric_outputs:
-        if blocks := list(_numeric_output_blocks(view, output)):
+    found = {output: _numeric_output_blocks(view, output) for output in view.numeric_outputs}
+    found |= {each: _categorical_output_blocks(view, each) for each in view.categorical_outputs}
+    for output, blocks in found.items():
+        if listed := list(blocks):
             yield Heading(output_heading(view, output))
-            yield from blocks
-    for output in view.categorical_outputs:
-        if blocks := list(_categorical_output_blocks(view, output)):
-            yield Heading(output_heading(view, output))
-            yield from blocks
+            yield from listed
 
 
 def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
@@ -73,78 +70,59 @@ def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
 
 
 def _has_estimates(table: OutputTable) -> bool:
-    """Return whether there is any figure in a table."""
     return any(not cell.startswith(NOTHING) for _, cells in table.rows for cell in cells)
 
 
 def _responses(view: ArchiveView, output: str) -> Iterator[Chart]:
-    """Responses near the nominal point, and × uncertainty."""
     for suffix, label, axis in RESPONSES:
         if found := measure_series(view, output, ((suffix, "", "o"),)):
             title = f"{capitalized(label)}, near the nominal point"
-            yield measures_chart(
-                view, found, MeasureChartSpec(title, axis, magnitudes, (label,), "%")
-            )
+            spec = MeasureChartSpec(title, axis, magnitudes, (label,), "%")
+            yield measures_chart(view, found, spec)
 
 
 def _categorical_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     """Shares of the variance of whether an output is of a kind."""
-    labels = _category_labels(view, output)
+    every = _category_series(view, output)
     charts = []
-    for names, found in _group_categories(view, output, labels)[:_MOST_CATEGORIES]:
+    for names, found in _group_categories(view, every)[:_MOST_CATEGORIES]:
         title = f"Shares of the variance of whether it is {' or '.join(names)}"
-        charts.append(
-            measures_chart(view, found, MeasureChartSpec(title, _SHARE, identity, _SUMMARY_ORDER))
-        )
-    tables = tuple(_category_tables(view, output, labels))
+        spec = MeasureChartSpec(title, _SHARE, identity, _SUMMARY_ORDER)
+        charts.append(measures_chart(view, found, spec))
+    title = f"{output}: shares of the variance of whether it is "
+    tables = tuple(_category_table(f"{title}{kind}", each) for (_, kind), each in every.items())
     if charts:
         yield Charts(tuple(charts), tables=tables)
     else:
         yield from (Table(table, is_folded=True) for table in tables)
 
 
-def _category_labels(view: ArchiveView, output: str) -> list[str]:
-    for _, _, _, array in _category_indices(view, output):
-        return list(map(str, array["category_label"].values.tolist()))
-    return []
-
-
-def _category_indices(
-    view: ArchiveView, output: str
-) -> Iterator[tuple[str, str, str, xr.DataArray]]:
-    """Yield the source, words and marker of each array along categories and inputs."""
-    statistics = view_statistics(view)
-    for source in view.sources:
-        for statistic, label, marker in _CATEGORY_INDICES:
-            array = statistics.get(source, output, statistic)
-            if array is not None and view.source in (None, source):
-                yield source, label, marker, array
-
-
-def _category_series(view: ArchiveView, output: str, position: int) -> list[MeasureSeries]:
-    """Return the estimates of all sources for one kind."""
-    return [
-        MeasureSeries(source, label, marker, array[{CATEGORY: position}])
-        for source, label, marker, array in _category_indices(view, output)
-    ]
+def _category_series(view: ArchiveView, output: str) -> dict[tuple[int, str], list[MeasureSeries]]:
+    """Return the measures of all sources for each kind, by its position and label."""
+    found: dict[tuple[int, str], list[MeasureSeries]] = {}
+    statistics = view.statistics
+    for source in view.sources if view.source is None else [view.source]:
+        for statistic, words, marker in _CATEGORY_INDICES:
+            if (array := statistics.get(source, output, statistic)) is not None:
+                for kind in enumerate(map(str, array["category_label"].values.tolist())):
+                    series = MeasureSeries(source, words, marker, array[{CATEGORY: kind[0]}])
+                    found.setdefault(kind, []).append(series)
+    return found
 
 
 def _group_categories(
-    view: ArchiveView, output: str, labels: Sequence[str]
+    view: ArchiveView, every: Mapping[tuple[int, str], Sequence[MeasureSeries]]
 ) -> list[tuple[list[str], list[MeasureSeries]]]:
     """Return kinds and their measures; kinds with the same measures are grouped.
 
     Where there are two kinds, one occurs whenever the other does not.
     """
     kept: list[tuple[list[str], list[MeasureSeries]]] = []
-    for position, label in enumerate(labels):
-        category_series = _category_series(view, output, position)
-        found = best_sources(
-            view, [each for each in category_series if np.isfinite(each.array.values[:, 0]).any()]
-        )
-        if not found:
+    for (_, label), series in every.items():
+        known = [each for each in series if np.isfinite(each.array.values[:, 0]).any()]
+        if not (found := best_sources(view, known)):
             continue
-        same = (names for names, known in kept if _is_same(known, found))
+        same = (names for names, others in kept if _is_same(others, found))
         if (names := next(same, None)) is not None:
             names.append(label)
         else:
@@ -159,20 +137,12 @@ def _is_same(one: Sequence[MeasureSeries], other: Sequence[MeasureSeries]) -> bo
     )
 
 
-def _category_tables(
-    view: ArchiveView, output: str, labels: Sequence[str]
-) -> Iterator[OutputTable]:
-    """A table for each kind, a row for each input."""
-    for position, label in enumerate(labels):
-        category_series = _category_series(view, output, position)
-        headers = [f"{each.label}\n{each.source}" for each in category_series]
-        title = f"{output}: shares of the variance of whether it is {label}"
-        table = OutputTable(title, headers)
-        for name in dict.fromkeys(
-            str(i) for each in category_series for i in each.array[INPUT].values
-        ):
-            table.rows.append((name, [_cell(table, each.array, name) for each in category_series]))
-        yield table
+def _category_table(title: str, series: Sequence[MeasureSeries]) -> OutputTable:
+    """A row for each input."""
+    table = OutputTable(title, [f"{each.label}\n{each.source}" for each in series])
+    for name in dict.fromkeys(str(i) for each in series for i in each.array[INPUT].values):
+        table.rows.append((name, [_cell(table, each.array, name) for each in series]))
+    return table
 
 
 def _cell(table: OutputTable, array: xr.DataArray, name: str) -> str:

@@ -18,7 +18,7 @@ from uqpen.report.sections.quoted_statistics import (
     output_name,
     requested_statistics,
 )
-from uqpen.report.sections.view_statistics import failure_probabilities, view_statistics
+from uqpen.report.sections.view_statistics import sample_account
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.table import estimate_remark
@@ -32,35 +32,16 @@ _MOST_CATEGORIES = 4
 
 
 class OutputSentences(NamedTuple):
-    """Sentences about an output.
-
-    Attributes
-    ----------
-    sentences : tuple of str
-    quantities : tuple of QuotedStatistic
-        What they state.
-    remarks : tuple of str
-        What a reader must know of these estimates.
-    missing_runs_note : int
-        Number of requested quantities that have no sentence.
-    """
+    """Sentences about an output."""
 
     sentences: tuple[str, ...]
-    quantities: tuple[QuotedStatistic, ...]
-    remarks: tuple[str, ...]
-    omitted: int = 0
+    quantities: tuple[QuotedStatistic, ...]  # that they state
+    remarks: tuple[str, ...]  # on these estimates
+    omitted: int = 0  # requested quantities that have no sentence
 
 
 def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSentences | None:
-    """Return what a design says of an output; None for nothing.
-
-    Parameters
-    ----------
-    view : ArchiveView
-    output : str
-    design : str
-        Its runs are a sample of the joint distribution of the inputs.
-    """
+    """Return what a design, whose runs are a sample, says of an output; None for nothing."""
     if output in view.categorical_outputs:
         return _category_sentences(view, output, design)
     every = requested_statistics(view, output, design)
@@ -89,11 +70,8 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, of: _Population) -
         half = f"half of {of.name} stay at or below it"
         return f"The median of {name} is {stated}: {half}.{of.omission_sentence}"
     if quantity.statistic == "exceedance":
-        name = f"{name} exceeds {no_break(plain_text(quantity.entry))}"
-        return (
-            f"The probability that {name}{of.condition} is "
-            f"{stated}.{of.missing_run_sentence(array)}"
-        )
+        event = f"{name} exceeds {no_break(plain_text(quantity.entry))}{of.condition}"
+        return f"The probability that {event} is {stated}.{of.missing_run_sentence(array)}"
     return f"The mean of {name}{of.condition} is {stated}.{of.omission_sentence}"
 
 
@@ -115,30 +93,17 @@ def _tolerance_limit_sentence(
 
 
 class _Population(NamedTuple):
-    """Population of a design's figures, in the words of a sentence that stands by itself.
+    """Population of a design's figures, in the words of a sentence that stands by itself."""
 
-    Attributes
-    ----------
-    name : str
-        The cases that quantiles and tolerance limits refer to: only those with a result.
-    every : str
-        All cases, which the interval of a probability allows for.
-    condition : str
-        Condition of a probability; empty for none.
-    missing : str
-        Runs that did not complete; empty for none.
-    """
-
-    name: str
-    every: str
-    condition: str
-    missing: str
+    name: str  # the cases with a result, which quantiles and tolerance limits refer to
+    every: str  # all cases, which the interval of a probability allows for
+    condition: str  # of a probability; empty for none
+    missing: str  # runs that did not complete; empty for none
 
     @classmethod
     def from_design(cls, view: ArchiveView, design: str) -> _Population:
         """Return the population of a design's statistics."""
-        ends = failure_probabilities(view, design)
-        accounts = {} if ends is None else ends.attrs
+        accounts = sample_account(view, design)
         given, missing = accounts.get(CONDITIONAL), accounts.get(MISSING)
         every = "all admissible cases" if given else "all cases"
         return cls(
@@ -191,8 +156,7 @@ def _category_sentences(view: ArchiveView, output: str, design: str) -> OutputSe
 def _category_statistics(
     view: ArchiveView, output: str, design: str
 ) -> Iterator[tuple[str, QuotedStatistic, xr.DataArray]]:
-    """Yield the name of each kind, and its share."""
-    shares = view_statistics(view).get(design, output, "share")
+    shares = view.statistics.get(design, output, "share")
     if shares is not None:
         flags = shares[CATEGORY].values.tolist()
         labels = shares["category_label"].values.tolist()
@@ -203,7 +167,6 @@ def _category_statistics(
 
 
 def _remarks(told: list[tuple[QuotedStatistic, xr.DataArray]]) -> Iterator[str]:
-    """Yield remarks on the estimates, where their sentences do not say it."""
     for quantity, array in told:
         if note := _estimate_remark(array):
             yield f"{quantity.heading}: {note}."

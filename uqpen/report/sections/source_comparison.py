@@ -52,19 +52,16 @@ def source_comparison(view: ArchiveView) -> Iterator[Block]:
 
 
 def _available_statistics(view: ArchiveView, output: str) -> list[ComparedStatistic]:
-    """Return the statistics that any source gives."""
     return [each for each in compared_statistics(view, output) if each.available_estimates]
 
 
 def _rows(view: ArchiveView, found: Sequence[ComparedStatistic]) -> tuple[str, ...]:
-    """Return the sources that give any of some statistics."""
     return tuple(
         name for name in view.sources if any(name in each.available_estimates for each in found)
     )
 
 
 def _tables(view: ArchiveView, output: str, *, is_folded: bool = False) -> Iterator[Table]:
-    """The table of all statistics of an output."""
     if table := statistics_table(view.tree, output, view.attributes(output)):
         yield Table(table, is_folded)
 
@@ -89,7 +86,6 @@ def _comparison_charts(
 def _chart(
     view: ArchiveView, output: str, statistic: ComparedStatistic, rows: tuple[str, ...]
 ) -> Chart:
-    """One statistic, a row for each source."""
     traces: list[Trace] = []
     refused: list[Trace] = []
     texts = []

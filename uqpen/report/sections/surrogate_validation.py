@@ -11,12 +11,7 @@ import xarray as xr
 from uqpen.core.catalogue import CATALOGUE, PROBABILITY, THRESHOLD
 from uqpen.core.labels import CHECKED, INTERVAL_LABEL, NOTE, REFUSED, UNCHECKED
 from uqpen.report.blocks import Block, Remarks, Table, Text
-from uqpen.report.sections.view_statistics import (
-    STATISTIC_FAMILIES,
-    all_outputs,
-    failure_probabilities,
-    view_statistics,
-)
+from uqpen.report.sections.view_statistics import STATISTIC_FAMILIES, failure_probabilities
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.table import OutputTable, exceedance_label, quantile_label
@@ -49,8 +44,8 @@ class _ValidatedEstimate(NamedTuple):
 
 def surrogate_validation(view: ArchiveView, name: str) -> Iterator[Block]:
     """Yield the number of figures that validation runs confirm, and those they contradict."""
-    statistics = view_statistics(view)
-    found = {output: statistics.statistics(name, output) for output in all_outputs(view.tree)}
+    statistics = view.statistics
+    found = {output: statistics.statistics(name, output) for output in statistics.outputs}
     every = [
         each
         for family in _FAMILIES
@@ -60,26 +55,22 @@ def surrogate_validation(view: ArchiveView, name: str) -> Iterator[Block]:
     ]
     if not every:
         return
-    counts = {label: sum(each.verdict == label for each in every) for label in _VERDICTS}
+    counts = [sum(each.verdict == label for each in every) for label in _VERDICTS]
+    whole, checked, refused, unchecked = map(grouped_number, (len(every), *counts))
     yield Text(
-        f"Figure by figure, {name} was held against independent runs. Of "
-        f"{grouped_number(len(every))}: "
-        f"{grouped_number(counts[CHECKED])} checked, as the runs' own interval agrees; "
-        f"{grouped_number(counts[REFUSED])} refused; {grouped_number(counts[UNCHECKED])} "
-        "unchecked, as no "
-        f"runs tell an interval."
+        f"Figure by figure, {name} was held against independent runs. Of {whole}: {checked} "
+        f"checked, as the runs' own interval agrees; {refused} refused; {unchecked} unchecked, as "
+        "no runs tell an interval."
     )
-    refused = [f"{each.name}: {each.note}." for each in every if each.verdict == REFUSED]
-    if refused:
-        lines = refused[:_MOST_LISTED]
-        if len(lines) < len(refused):
-            lines.append(f"And {grouped_number(len(refused) - len(lines))} more.")
+    lines = [f"{each.name}: {each.note}." for each in every if each.verdict == REFUSED]
+    if more := lines[_MOST_LISTED:]:
+        lines[_MOST_LISTED:] = [f"And {grouped_number(len(more))} more."]
+    if lines:
         yield Remarks("Refused", tuple(lines))
     yield Table(_validation_table(name, every), is_folded=True)
 
 
 def _failure_rows(view: ArchiveView, name: str) -> Iterator[_ValidatedEstimate]:
-    """Yield the verdicts on how likely the model loses a run."""
     ends = failure_probabilities(view, name)
     if ends is not None:
         yield from _verdicts(_LOSSES, ends, "")
@@ -109,7 +100,6 @@ def _verdicts(family: str, array: xr.DataArray, title: str) -> Iterator[_Validat
 
 
 def _estimate_name(array: xr.DataArray, place: tuple[int, ...]) -> str:
-    """Return what a figure is called in a list."""
     entries = []
     for dimension, position in zip(array.dims, place, strict=False):
         entry = array[dimension].values.tolist()[position]
@@ -122,7 +112,6 @@ def _estimate_name(array: xr.DataArray, place: tuple[int, ...]) -> str:
 
 
 def _validation_table(name: str, every: list[_ValidatedEstimate]) -> OutputTable:
-    """Return how many figures of each family there are, by verdict."""
     table = OutputTable(f"{name}: verdicts on its figures", list(_VERDICTS))
     for family in _FAMILIES:
         found = [each.verdict for each in every if each.family == family]

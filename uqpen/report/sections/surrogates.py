@@ -102,7 +102,9 @@ def _chart(
     unit = view.unit(output)
     unit_text = unit_suffix(unit)
     off = np.abs(compared.differences)
-    middle, most = np.nanquantile(off, [0.5, 0.95])
+    middle, most, largest = (
+        f"{value:.3g}{unit_text}" for value in (*np.nanquantile(off, [0.5, 0.95]), np.nanmax(off))
+    )
     series = view.sources.index(name)
     traces = [
         _prediction_trace(compared, np.flatnonzero(shown), series, unit_text, f"{output} by {name}")
@@ -115,10 +117,8 @@ def _chart(
     made = view.tree.children[SURROGATES].children[name]
     return Chart(
         title=f"{output}: {fit_quality(made, output)}",
-        summary=f"Half of the {grouped_number(off.size)} runs differ by at most "
-        f"{middle:.3g}{unit_text}, "
-        f"95 % by at most {most:.3g}{unit_text}, and the largest difference is "
-        f"{np.nanmax(off):.3g}{unit_text}.",
+        summary=f"Half of the {grouped_number(off.size)} runs differ by at most {middle}, 95 % by "
+        f"at most {most}, and the largest difference is {largest}.",
         x=Axis(title_with_unit("run of the model", unit), room),
         y=Axis(title_with_unit("surrogate", unit), room),
         traces=(line_trace(ends, ends, "quiet", hover="", width=1.5), *traces),
@@ -134,7 +134,6 @@ def _prediction_trace(
     name: str,
     marker: str = "circle",
 ) -> Trace:
-    """Runs of a comparison as points."""
     unit_text = escape_text(unit)
     return point_trace(
         compared.observed[which],
@@ -164,13 +163,8 @@ def _axis_limits(values: FloatArray) -> tuple[float, float]:
 def _difference_table(
     view: ArchiveView, design: str, whole: int, compared: dict[str, _Predictions]
 ) -> OutputTable:
-    """Return a table of the differences of a surrogate from the model, run by run."""
     size = next(iter(compared.values())).observed.size
-    of = (
-        grouped_number(size)
-        if size == whole
-        else f"{grouped_number(size)} of {grouped_number(whole)}"
-    )
+    of = grouped_number(size) + f" of {grouped_number(whole)}" * (size != whole)
     title = f"Surrogate minus model, in {of} runs of {design}"
     columns = ["mean", "root mean square", "95 % differ at most by", "largest", "sd of the runs"]
     table = OutputTable(title, columns)

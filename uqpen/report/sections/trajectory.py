@@ -49,7 +49,6 @@ def trajectory(view: ArchiveView) -> Iterator[Block]:
 
 
 def _chart(view: ArchiveView, trajectories: Trajectories, names: list[str]) -> Chart:
-    """Quantities that share an axis, of all models."""
     first = next(iter(trajectories.values()))
     along = str(next(iter(first.dims)))
     unit, _ = readable_unit(first[names[0]])
@@ -85,16 +84,13 @@ def _line(
     x, y, unit = _shown_values(view, told, name)
     chosen = _spread_positions(x.size, _MOST_POINTS)
     head = f"{escape_text(model, 40)}<br>" if model else ""
-    here = (
-        f"{escape_text(quantity_name(told[along]), 50)} "
-        f"%{{x:.4~g}}{escape_text(unit_suffix(view.unit(along)))}"
-    )
+    where, what = (escape_text(quantity_name(told[each]), 50) for each in (along, name))
+    here = f"{where} %{{x:.4~g}}{escape_text(unit_suffix(view.unit(along)))}"
     return line_trace(
         x[chosen],
         y[chosen],
         series,
-        hover=f"{head}{here}<br>{escape_text(quantity_name(told[name]), 50)} "
-        f"%{{y:.4~g}}{escape_text(unit)}",
+        hover=f"{head}{here}<br>{what} %{{y:.4~g}}{escape_text(unit)}",
         name=f"{model} {name}".strip(),
         dash=series_dash(number),
     )
@@ -116,22 +112,18 @@ def _spread_positions(size: int, most: int) -> npt.NDArray[np.int64]:
 
 
 def _ends_sentence(view: ArchiveView, model: str, told: xr.Dataset, names: list[str]) -> str:
-    """Return a sentence on where each quantity begins and ends."""
     texts = []
     for name in (each for each in names if each in told):
         _, y, unit = _shown_values(view, told, name)
         known = y[np.isfinite(y)]
         if known.size:
-            ends = f"from {known[0]:.4g} to {known[-1]:.4g}{unit}"
-            texts.append(
-                f"{quantity_name(told[name])} goes {ends}, and is {known.max():.4g} at most"
-            )
+            goes = f"goes from {known[0]:.4g} to {known[-1]:.4g}{unit}"
+            texts.append(f"{quantity_name(told[name])} {goes}, and is {known.max():.4g} at most")
     text = "; ".join(texts) or "no values"
     return f"By {model}, {text}." if model else f"{capitalized(text)}."
 
 
 def _table(view: ArchiveView, model: str, told: xr.Dataset) -> OutputTable:
-    """All quantities of a model at some places."""
     along = str(next(iter(told.dims)))
     title = f"Course of {model}" if model else "Course"
     where = title_with_unit(quantity_name(told[along]), view.unit(along))
@@ -143,10 +135,7 @@ def _table(view: ArchiveView, model: str, told: xr.Dataset) -> OutputTable:
         x, y, _ = _shown_values(view, told, name)
         columns.append(y)
     for position in _spread_positions(x.size, _ROWS).tolist():
-        cells = [_number_text(y[position]) for y in columns]
+        values = (y[position] for y in columns)
+        cells = [f"{value:.4g}" if np.isfinite(value) else NOTHING for value in values]
         table.rows.append((f"{x[position]:.4g}", cells))
     return table
-
-
-def _number_text(value: float) -> str:
-    return f"{value:.4g}" if np.isfinite(value) else NOTHING

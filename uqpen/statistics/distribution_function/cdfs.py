@@ -19,7 +19,7 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import rounding_error
 
-__all__ = ["RANKS", "cdf", "cdf_at_values"]
+__all__ = ["RANKS", "cdf"]
 
 
 # A distribution function is kept at this many equally spaced probabilities.
@@ -55,18 +55,6 @@ def cdf(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.
     ):
         long_name = f"probability that {title} lies below a value, {which}"
         yield statistic, _band_array(band, RANK, long_name).assign_coords(coordinate)
-
-
-def cdf_at_values(sample: Sample, values: FloatArray) -> xr.DataArray:
-    """Estimate the distribution function at given values in SI units, with the simultaneous band.
-
-    Returns
-    -------
-    DataArray
-        Along ``value`` and ``bound``: as the archive has it at the values of its ranks.
-    """
-    _, simultaneous = _bands(sample, values)
-    return _band_array(simultaneous, "value", "probability of lying below a value, simultaneous")
 
 
 def _band_array(band: _Band, dimension: str, long_name: str) -> xr.DataArray:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.core.catalogue import CONTENT_LEVEL, PROBABILITY
+from uqpen.core.catalogue import CONTENT_LEVEL, PERCENT, PROBABILITY
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import (
@@ -25,6 +25,7 @@ from uqpen.statistics.standard_errors import cdf_error
 
 __all__ = [
     "has_enough_runs_around",
+    "percentiles",
     "quantile_estimates",
     "sample_quantile",
     "tolerance_limits",
@@ -33,6 +34,8 @@ __all__ = [
 
 # With fewer runs than this on one side of a value, replicates do not show the error there.
 _FEWEST_BEYOND = 10
+
+_PERCENTS = (1, 5, 10, 25, 50, 75, 90, 95, 99)
 
 
 def quantile_estimates(
@@ -58,6 +61,28 @@ def quantile_estimates(
     described = {"units": "1", "long_name": "probability of lying below the quantile"}
     probabilities = np.array(quantity.quantiles)
     yield "quantile", array.assign_coords({PROBABILITY: (PROBABILITY, probabilities, described)})
+
+
+def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
+    """Estimate nine percentiles of an output, from 1 % to 99 %, whatever a study requests.
+
+    Yields
+    ------
+    name : str
+        ``percentile``.
+    estimate : DataArray
+        Along ``percent`` and ``bound``.
+    """
+    if quantity.output.categories:
+        return
+    array = Estimate.stack(
+        [_quantile_estimate(sample, percent / 100) for percent in _PERCENTS],
+        PERCENT,
+        units=quantity.output.unit,
+        long_name=f"percentiles of {quantity.output.title}",
+    )
+    described = {"units": "%", "long_name": "probability of lying below the percentile"}
+    yield "percentile", array.assign_coords({PERCENT: (PERCENT, np.array(_PERCENTS), described)})
 
 
 def tolerance_limits(
