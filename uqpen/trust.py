@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import estimate_array, interval_text
+from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, THRESHOLD
 from uqpen.core.labels import (
     BOUND,
@@ -28,7 +29,6 @@ from uqpen.core.labels import (
     REFUSED,
     UNCHECKED,
 )
-from uqpen.core.model import FloatArray
 from uqpen.statistics.surrogate.surrogate_statistics import TrainingRange
 
 __all__ = ["ValidationRuns", "validate_surrogate"]

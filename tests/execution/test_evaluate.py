@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.core.model import POSITIVE, Arrays, Category, Input, Model, Output, Results
+from uqpen.core.arrays import Arrays
+from uqpen.core.model import POSITIVE, Category, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.distributions.constraints import parse_constraint
 from uqpen.execution import Evaluator, Progress, evaluate, join_rounds

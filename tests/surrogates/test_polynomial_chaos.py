@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from uqpen.core.arrays import Arrays, BoolArray
 from uqpen.core.errors import UnknownNameError
 from uqpen.core.labels import STATUS
-from uqpen.core.model import Arrays, BoolArray, Category, Input, Model, Output, Results
+from uqpen.core.model import Category, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design

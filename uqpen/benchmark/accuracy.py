@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import student_quantile
 
@@ -25,8 +25,6 @@ __all__ = [
     "root_mean_square_errors",
 ]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 # With a kurtosis of the errors above this, too few repeats dominate their mean square for a
 # reliable interval; for normally distributed errors the kurtosis is 3.

@@ -6,17 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from uqpen.benchmark.accuracy import Accuracy, convergence_slope, root_mean_square_errors
 from uqpen.benchmark.methods import BenchmarkMethod
 from uqpen.benchmark.settings import BenchmarkSettings
 from uqpen.benchmark.statistics import BenchmarkStatistic, Estimates
 from uqpen.benchmark.verdicts import Verdict, find_verdict
+from uqpen.core.arrays import FloatArray
 
 __all__ = ["EstimateRecord"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.benchmark_layout import COMPARED_STATISTICS
+from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, PROBABILITY, THRESHOLD, Statistic, UnitRule
 from uqpen.core.labels import BOUNDS, EXCEEDANCE, MOMENTS, QUANTILES
 from uqpen.core.units import DIMENSIONLESS
@@ -17,7 +17,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
 __all__ = ["COMPARED_ANALYSES", "BenchmarkStatistic", "Estimates", "benchmark_statistics"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Estimate arrays by output and statistic.
 Estimates = Mapping[str, Mapping[str, xr.DataArray]]

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from uqpen.benchmark.accuracy import Accuracy, ErrorRatio, error_ratio
 from uqpen.results.benchmark_tables import join_names
@@ -15,7 +14,6 @@ from uqpen.results.digits import grouped_number
 
 __all__ = ["NO_VERDICT", "Verdict", "find_verdict", "reference_remark", "verdict_sentence"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Largest half-width of the reference's own 95 % interval, relative to an error, without a remark:
 # the error is then wrong by a few per cent at most.

@@ -22,9 +22,9 @@ from uqpen.checkpoints.runs_file import (
     write_file,
     write_runs,
 )
+from uqpen.core.arrays import Arrays
 from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.core.labels import MODELS, RUNS
-from uqpen.core.model import Arrays
 from uqpen.core.status import Status
 from uqpen.execution import Progress
 from uqpen.execution.batch import BatchResult

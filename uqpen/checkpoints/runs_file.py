@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from uqpen.core.arrays import Arrays, IntArray
 from uqpen.core.labels import FAILURE_REASON, RUN, STATUS
-from uqpen.core.model import Arrays, IntArray, Results
+from uqpen.core.model import Results
 from uqpen.core.status import Status
 from uqpen.execution.batch import BatchResult, join_results
 

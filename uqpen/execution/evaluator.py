@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray
+from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.limits import Limits
-from uqpen.core.model import Arrays, Model, Results, violated_conditions
+from uqpen.core.model import Model, Results, violated_conditions
 from uqpen.core.status import Status
 from uqpen.distributions.constraints import Constraint
 from uqpen.execution.batch import Batch, BatchResult

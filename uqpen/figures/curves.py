@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from uqpen.archive.estimates import interval_text
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL, NOTE
 from uqpen.core.units import Scale
 from uqpen.figures.panel import Axes
@@ -19,7 +19,6 @@ from uqpen.results.texts import plain_text
 
 __all__ = ["CUT", "Curve", "axis_span", "draw_band", "draw_curve"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Fewer runs or different values than this are drawn as steps.
 _FEW = 500

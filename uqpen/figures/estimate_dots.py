@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.estimates import interval_text
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LABEL, INTERVAL_LEVEL, REFUSED
 from uqpen.figures.panel import Axes
 from uqpen.results.digits import percent_text
@@ -19,7 +19,6 @@ from uqpen.results.table import Conversion
 
 __all__ = ["HOLLOW", "REFUSED_NOTE", "EstimateDot", "draw_dots", "error_bar_lengths"]
 
-FloatArray = npt.NDArray[np.float64]
 
 HOLLOW = "hollow: no interval"
 REFUSED_NOTE = "crossed out: refused, as independent runs contradict it"

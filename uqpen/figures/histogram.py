@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.catalogue import PROBABILITY
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.curves import axis_span
@@ -22,8 +22,6 @@ from uqpen.results.texts import plain_text
 
 __all__ = ["bin_values", "histogram", "marked_estimates"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _MOST_BINS, _FEWEST_BINS = 70, 8
 # A bin's opacity and that of an interval's shade, which is seen on top of it.

@@ -7,7 +7,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.labels import INPUT
@@ -19,7 +18,6 @@ from uqpen.results.table import Conversion
 
 __all__ = ["MeasureSeries", "largest_inputs", "measure_series", "measures_panel"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Inputs that are shown, those with the largest estimates of all.
 _MOST_INPUTS = 15

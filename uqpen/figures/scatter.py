@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
@@ -22,7 +23,6 @@ from uqpen.results.texts import plain_text
 
 __all__ = ["category_labels", "jitter", "scatter_panels", "thin_runs"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Runs that are drawn in a panel at the most, and in all panels together.
 _MOST_RUNS, _MOST_IN_ALL = 1000, 8000

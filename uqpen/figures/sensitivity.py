@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-import numpy.typing as npt
-
+from uqpen.core.arrays import FloatArray
 from uqpen.figures.measures import MeasureSeries, measure_series, measures_panel
 from uqpen.figures.panel import Panel
 from uqpen.results import measure_labels
@@ -25,7 +23,6 @@ __all__ = [
     "sensitivity_panels",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 
 # The mean effect stands in the tables alone: effects of both signs cancel in it.
 EFFECTS = tuple(each for each in measure_labels.EFFECTS if each.statistic != "mu")

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import read_group
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import TRAJECTORY
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
@@ -23,7 +23,6 @@ from uqpen.results.source_style import GREY, source_style
 
 __all__ = ["axial_velocity", "velocity_profile_panels"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _NEEDED = ("nose_velocity", "tail_velocity", "plastic_extent")
 _NOMINAL = ("crater_radius", "plasticity_radius", "smoothing")

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray, floats
+from uqpen.core.arrays import Arrays, FloatArray, floats
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
-from uqpen.core.model import Arrays, Input, Model, Output, Results
+from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.models.reasons import one_line

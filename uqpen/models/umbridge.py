@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray, floats
+from uqpen.core.arrays import Arrays, FloatArray, floats
 from uqpen.core.errors import toml_text
 from uqpen.core.limits import Limits
-from uqpen.core.model import Arrays, Input, Model, Output, Results
+from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.models.umbridge_client import Address, NoAnswerError, UmbridgeClient

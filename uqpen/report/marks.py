@@ -12,8 +12,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.report.legend import OUTLINES, STROKES
 from uqpen.report.notes import has_interval
 from uqpen.results.texts import plain_text
@@ -36,7 +36,7 @@ __all__ = [
 
 # As Plotly takes them; all are made by the functions below.
 Trace = dict[str, Any]
-Numbers = Sequence[float] | npt.NDArray[np.float64] | npt.NDArray[np.int64]
+Numbers = Sequence[float] | FloatArray | IntArray
 
 # By the position of a source; as many as there are colours. A legend has all of them.
 MARKERS = tuple(marker for marker in OUTLINES if marker != "x")
@@ -179,7 +179,7 @@ def cross_trace(estimates: Numbers, places: Numbers, name: str) -> Trace:
 
 
 def dot_trace(
-    bounds: npt.NDArray[np.float64],
+    bounds: FloatArray,
     places: Numbers,
     series: int | str,
     *,

@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.estimate_dots import HOLLOW
 from uqpen.results.digits import percent_text
 from uqpen.results.texts import capitalized
 
 __all__ = ["all_bounded", "has_interval", "hollow_note", "interval_notes"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 def has_interval(bounds: FloatArray) -> BoolArray:

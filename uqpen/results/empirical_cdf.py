@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+
+from uqpen.core.arrays import FloatArray
 
 __all__ = ["empirical_cdf"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def empirical_cdf(outputs: FloatArray, band: FloatArray, values: FloatArray) -> FloatArray:

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
-
+from uqpen.core.arrays import FloatArray
 from uqpen.core.columns import Column
 from uqpen.core.errors import SettingsError, TableError, toml_text
 from uqpen.core.lookup import choices
@@ -36,7 +34,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MEASURED", "read_measured"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # The key that stands where the name of a distribution would.
 MEASURED = "measured"

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from uqpen.core.model import Arrays, Input, Model, Output, Results
+from uqpen.core.arrays import Arrays
+from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.units import ANY_DIMENSION
 from uqpen.study.table_reader import TableReader
 

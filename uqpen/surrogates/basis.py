@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.core.model import Arrays, FloatArray, IntArray
+from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.univariate_basis import UnivariateBasis, univariate_basis
 

@@ -11,8 +11,9 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.tree import read_group
+from uqpen.core.arrays import Arrays, BoolArray, FloatArray
 from uqpen.core.labels import INPUT, NOT_FITTED, ROLE, RUN, STATUS
-from uqpen.core.model import Arrays, BoolArray, FloatArray, Input, Model, Output, Results
+from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.expansion import Expansion

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqpen.core.model import BoolArray, FloatArray, IntArray
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["SobolIndices", "mean", "shapley_effects", "sobol_indices", "standard_deviation"]
 

@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import INPUT
-from uqpen.core.model import FloatArray, IntArray, Output
+from uqpen.core.model import Output
 from uqpen.surrogates.basis import NestedSums, nested_sums
 from uqpen.surrogates.fit_noise import FitNoise
 from uqpen.surrogates.storage import describe, description

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from uqpen.core.model import FloatArray, IntArray
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.surrogates.closed_forms import mean, sobol_indices, standard_deviation
 
 __all__ = ["FitNoise", "estimate_fit_noise"]

@@ -9,7 +9,8 @@ from typing import ClassVar
 import numpy as np
 import xarray as xr
 
-from uqpen.core.model import FloatArray, Input, Model, Output
+from uqpen.core.arrays import FloatArray
+from uqpen.core.model import Input, Model, Output
 from uqpen.core.settings import choice, choices, count, name, number
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqpen.core.model import FloatArray
+from uqpen.core.arrays import FloatArray
 
 __all__ = ["is_exact", "projection_coefficients"]
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from uqpen.core.model import FloatArray, IntArray
+from uqpen.core.arrays import FloatArray, IntArray
 
 __all__ = ["FOLDS", "RegressionFit", "cross_validation", "least_squares", "sparse_regression"]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqpen.core.model import Arrays, FloatArray, IntArray
+from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.surrogates.basis import MOST_TERMS, ProductBasis
 from uqpen.surrogates.projection import is_exact, projection_coefficients
 from uqpen.surrogates.regression import (

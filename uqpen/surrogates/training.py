@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import QUADRATURE_WEIGHT, ROLE, RUN, STATUS
-from uqpen.core.model import FloatArray, Model
+from uqpen.core.model import Model
 from uqpen.core.status import Status
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import status_counts

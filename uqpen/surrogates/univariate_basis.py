@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.core.model import FloatArray, Input
+from uqpen.core.arrays import FloatArray
+from uqpen.core.model import Input
 from uqpen.distributions.continuous import Lognormal, LogUniform, Normal, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.orthogonal_polynomials import recurrence

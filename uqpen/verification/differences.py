@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray
+
 __all__ = [
     "NEGLIGIBLE",
     "TOLERANCE",
@@ -53,7 +55,7 @@ class Difference(NamedTuple):
     is_new: bool = False
 
 
-def unequal(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+def unequal(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> BoolArray:
     """Mask of the elements that are not equal to the bit; all NaNs are equal."""
     if one.dtype.kind == "f" and other.dtype.kind == "f":
         same = (one == other) & (np.signbit(one) == np.signbit(other))

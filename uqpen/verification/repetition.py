@@ -10,8 +10,9 @@ import xarray as xr
 
 from uqpen.archive.files import FILES
 from uqpen.archive.read import read_group
+from uqpen.core.arrays import IntArray
 from uqpen.core.labels import CONTENT, MODELS, RUN, RUNS, STATUS
-from uqpen.core.model import IntArray, Output
+from uqpen.core.model import Output
 from uqpen.core.streams import Stream
 from uqpen.execution import Evaluator, FailurePolicy, Map, Progress, evaluate
 from uqpen.study.study import Study

@@ -14,10 +14,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from uqpen.core.arrays import Arrays
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
-from uqpen.core.model import Arrays, Input, Model, Output, Results
+from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.settings import choice, validate
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import scale

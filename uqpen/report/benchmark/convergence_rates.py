@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import SINGLE
 from uqpen.report.axes import padded_limits
 from uqpen.report.benchmark.plotted_methods import (
@@ -36,8 +36,6 @@ from uqpen.results.table import OutputTable
 
 __all__ = ["convergence_rates"]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 # Of Monte Carlo.
 _MONTE_CARLO_SLOPE = -0.5

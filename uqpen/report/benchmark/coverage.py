@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import read_group
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LEVEL, METHODS, SINGLE
 from uqpen.report.benchmark.plotted_methods import (
     MOST_CHARTS,
@@ -37,7 +37,6 @@ from uqpen.results.table import NOTHING, OutputTable
 
 __all__ = ["coverage"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Of intervals that do not say themselves.
 _LEVEL = 0.95

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import REPLICATED, SINGLE
 from uqpen.report.axes import logarithmic_axis
 from uqpen.report.benchmark.plotted_methods import (
@@ -40,7 +40,6 @@ from uqpen.results.texts import capitalized, unit_suffix
 
 __all__ = ["error_charts", "replicate_error_charts"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _GUIDE = "1/√runs"
 _FEW_DECIDE = "no interval, as few of the repeats decide this error"

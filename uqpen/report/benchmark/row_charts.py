@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import REPLICATED, SINGLE
 from uqpen.report.benchmark.plotted_methods import MOST_CHARTS, plotted_methods, variants
 from uqpen.report.blocks import Chart
@@ -31,7 +31,7 @@ def variant_text(tree: xr.DataTree, variant: str) -> str:
     return f", {_VARIANT_TEXTS[variant]}" if len(variants(tree)) > 1 else ""
 
 
-def method_positions(at: int, methods: int, rows: int) -> npt.NDArray[np.float64]:
+def method_positions(at: int, methods: int, rows: int) -> FloatArray:
     """Return the positions of a method's markers, one below the other in each row."""
     shift = (at - (methods - 1) / 2) * 0.8 / methods
     return np.arange(rows, dtype=np.float64) + shift
@@ -39,7 +39,7 @@ def method_positions(at: int, methods: int, rows: int) -> npt.NDArray[np.float64
 
 def method_values(
     tree: xr.DataTree, variant: str, found: Sequence[BenchmarkEntry], name: str
-) -> npt.NDArray[np.float64]:
+) -> FloatArray:
     """Return a variable along statistic and method, then along its own dimensions."""
     positions = [method.position for method in plotted_methods(tree, variant)]
     return np.array([entry.variable(name).values[positions] for entry in found], dtype=np.float64)

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from uqpen.archive.provenance import SCHEMA_ATTRIBUTE
 from uqpen.archive.read import read_group
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import StudyError
 from uqpen.core.labels import CONTENT, REPLICATE, ROLE, RUN, RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
@@ -73,7 +73,7 @@ def inputs_table(view: ArchiveView) -> OutputTable:
     return table
 
 
-def _spread(values: npt.NDArray[np.float64]) -> list[str]:
+def _spread(values: FloatArray) -> list[str]:
     """The value of a constant; median and range of what varies."""
     if not values.ndim or not values.size:
         return [f"{values:.6g}" if values.size else NOTHING, NOTHING]

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import read_group
+from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATEGORY, PROBABILITY, RUNS_SO_FAR, THRESHOLD
 from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUN, RUNS
 from uqpen.core.units import DIMENSIONLESS
@@ -35,7 +35,6 @@ from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
 
 __all__ = ["convergence"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Outputs that are drawn, and kinds of one.
 _MOST_OUTPUTS, _MOST_KINDS = 6, 3

@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.figures.curves import Curve
 from uqpen.report.marks import Trace, band_traces, escape_text, line_trace
 from uqpen.results.archive_view import ArchiveView
@@ -17,7 +17,6 @@ from uqpen.results.empirical_cdf import empirical_cdf
 
 __all__ = ["Grid", "curve_at", "curve_quantile", "curve_traces"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Values between the ends of an axis, at the least.
 _FEWEST = 250

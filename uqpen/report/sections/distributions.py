@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from uqpen.core.catalogue import PERCENT, PROBABILITY
 from uqpen.core.labels import INTERVAL_LEVEL
@@ -40,7 +39,6 @@ from uqpen.results.texts import capitalized, unit_suffix
 
 __all__ = ["distributions"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Probabilities at which the numbers behind a distribution function are shown.
 _SHOWN = np.linspace(0, 1, 21)

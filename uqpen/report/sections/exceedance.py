@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import THRESHOLD
 from uqpen.figures.curves import Curve
 from uqpen.report.blocks import Axis, Chart, LegendKey
@@ -23,8 +23,6 @@ from uqpen.results.texts import unit_suffix
 
 __all__ = ["exceedance"]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 # How far below the least probability that runs can tell the axis goes on.
 _BELOW = 0.3

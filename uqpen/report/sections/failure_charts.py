@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from uqpen.archive.read import read_group
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INPUT, RUN, RUNS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import status_counts
@@ -28,7 +28,6 @@ from uqpen.results.table import OutputTable, identity
 
 __all__ = ["failure_association_chart", "failure_probability_chart"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Inputs in a chart, and designs in what is said of one.
 _MOST_INPUTS = 15

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from uqpen.archive.estimates import interval_text
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import CHECKED, INPUT, INTERVAL_LABEL, REFUSED, UNCHECKED
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.figures.measures import MeasureSeries, largest_inputs
@@ -25,7 +25,6 @@ from uqpen.results.texts import unit_suffix
 
 __all__ = ["MeasureChartSpec", "measures_chart"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _MARKERS = {"o": "circle", "s": "square", "D": "diamond", "^": "triangle-up"}
 _VERDICTS = (CHECKED, REFUSED, UNCHECKED)

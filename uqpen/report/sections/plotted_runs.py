@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import read_group
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import MATRIX, RUN, RUNS, STATUS
 from uqpen.core.status import Status
 from uqpen.figures.scatter import thin_runs
@@ -18,8 +18,6 @@ from uqpen.results.digits import grouped_number
 
 __all__ = ["PlottedRuns"]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 # Runs in a chart at the most, and lost ones besides.
 _MOST_RUNS, _MOST_LOST = 400, 100

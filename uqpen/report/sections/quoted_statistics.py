@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import read_group
+from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, UnitRule
 from uqpen.core.labels import INTERVAL_LEVEL, RUNS
 from uqpen.core.sampling import Sampling
@@ -29,8 +29,6 @@ __all__ = [
     "requested_statistics",
     "share_label",
 ]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import INPUT, RUN, STATUS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.figures.curves import axis_span
@@ -25,8 +25,6 @@ from uqpen.results.texts import title_with_unit, unit_suffix
 
 __all__ = ["scatter"]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 # Charts of a model at the most.
 _MOST_CHARTS = 24

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.read import group_names, read_group
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.labels import RUN, RUNS, STATUS, SURROGATES
 from uqpen.core.status import Status
 from uqpen.figures.scatter import thin_runs
@@ -27,7 +27,6 @@ from uqpen.results.texts import title_with_unit, unit_suffix
 
 __all__ = ["surrogates"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # Runs in a chart, and runs that differences are told of, at the most.
 _MOST_RUNS, _MOST_COMPARED = 400, 100_000
@@ -51,7 +50,7 @@ def surrogates(view: ArchiveView) -> Iterator[Block]:
 class _Predictions(NamedTuple):
     """Results of the model and its surrogate for the same runs, in the unit that is shown."""
 
-    runs: npt.NDArray[np.int64]
+    runs: IntArray
     observed: FloatArray
     predicted: FloatArray
 
@@ -93,7 +92,7 @@ def _comparison(view: ArchiveView, name: str, design: str, outputs: list[str]) -
 
 
 def _chart(
-    view: ArchiveView, name: str, output: str, compared: _Predictions, shown: npt.NDArray[np.bool_]
+    view: ArchiveView, name: str, output: str, compared: _Predictions, shown: BoolArray
 ) -> Chart:
     worst = _largest_differences(compared) if not shown.all() else np.array([], dtype=np.int64)
     at = np.union1d(np.flatnonzero(shown), worst)
@@ -128,7 +127,7 @@ def _chart(
 
 def _prediction_trace(
     compared: _Predictions,
-    which: npt.NDArray[np.int64],
+    which: IntArray,
     series: int | str,
     unit: str,
     name: str,
@@ -149,7 +148,7 @@ def _prediction_trace(
     )
 
 
-def _largest_differences(compared: _Predictions) -> npt.NDArray[np.int64]:
+def _largest_differences(compared: _Predictions) -> IntArray:
     """The runs with the largest differences, which a choice at random would leave out."""
     order = np.argsort(-np.abs(np.nan_to_num(compared.differences, nan=0.0)), kind="stable")
     return np.sort(order[:_WORST])

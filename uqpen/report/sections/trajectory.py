@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.figures.trajectory import (
     find_trajectories,
     quantity_name,
@@ -23,7 +23,6 @@ from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
 
 __all__ = ["trajectory"]
 
-FloatArray = npt.NDArray[np.float64]
 Trajectories = Mapping[str, xr.Dataset]
 
 # Points of a line at the most, and rows of a table.
@@ -106,7 +105,7 @@ def _shown_values(
     return x, np.asarray(told[name].values * factor, dtype=np.float64), unit_suffix(unit)
 
 
-def _spread_positions(size: int, most: int) -> npt.NDArray[np.int64]:
+def _spread_positions(size: int, most: int) -> IntArray:
     """Return at most a given number of positions, with the first and the last among them."""
     return np.unique(np.round(np.linspace(0, size - 1, min(size, most))).astype(np.int64))
 
