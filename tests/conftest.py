@@ -22,7 +22,7 @@ from hypothesis import settings
 import uqpen
 from uqpen.cli.main import main
 from uqpen.study.load import parse_study
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
 # What a shell starts in the background ignores Ctrl-C, and so does all that it starts; here some of
 # that is to be interrupted.
@@ -40,13 +40,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture
-def study_of(tmp_path: Path) -> Callable[..., Study]:
+def study_of(tmp_path: Path) -> Callable[..., ValidatedStudy]:
     """Makes a study of y, a line of NumPy in its inputs.
 
     An input is given as the ends of a uniform law, or as a study file has it.
     """
 
-    def make(body: str, text: str = "", **inputs: Any) -> Study:
+    def make(body: str, text: str = "", **inputs: Any) -> ValidatedStudy:
         names = ", ".join(inputs)
         source = f"import numpy as np\ndef f({names}):\n    return {{'y': {body}}}\n"
         (tmp_path / "line.py").write_text(source)

@@ -7,6 +7,7 @@ block that is a file has `<!-- file: name -->` before it, or starts with its nam
 from __future__ import annotations
 
 import ast
+import linecache
 import re
 import shlex
 import tomllib
@@ -106,6 +107,8 @@ def test_its_python_runs(
     names: dict[str, object] = {}
     for block in blocks:
         tree = compile(block.text, str(block), "exec")
+        lines = block.text.splitlines(keepends=True)
+        linecache.cache[str(block)] = len(block.text), None, lines, str(block)
         if not block.reason:
             exec(tree, names)
 

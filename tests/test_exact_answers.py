@@ -17,11 +17,11 @@ from scipy import stats
 
 import uqpen
 from uqpen.statistics.intervals import dkw_half_width, runs_needed
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
 pytestmark = [pytest.mark.processor, pytest.mark.slow]
 
-MakeStudy = Callable[..., Study]
+MakeStudy = Callable[..., ValidatedStudy]
 
 SAMPLES = """
 [designs.mc]

@@ -14,12 +14,12 @@ from uqpen.archive.estimates import interval_text
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.surrogate.surrogate_statistics import TrainingRange
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 from uqpen.trust import ValidationRuns, validate_surrogate
 
 pytestmark = pytest.mark.slow
 
-MakeStudy = Callable[..., Study]
+MakeStudy = Callable[..., ValidatedStudy]
 
 # Of one output.
 Statistics = dict[str, xr.DataArray]

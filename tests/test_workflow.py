@@ -15,7 +15,7 @@ import uqpen
 from uqpen.archive.estimates import interval_text
 from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
 pytestmark = pytest.mark.processor
 
@@ -205,7 +205,7 @@ def test_the_self_check_holds_the_exact_answers(design: str) -> None:
     assert std["lower"] < 13.844587940719254**0.5 < std["upper"]
 
 
-def small(extra: str = "", runs: int = 300, constraint: str = "") -> Study:
+def small(extra: str = "", runs: int = 300, constraint: str = "") -> ValidatedStudy:
     return uqpen.parse_study(
         f"""
         seed = 1

@@ -2,7 +2,7 @@
 
 >>> import uqpen
 >>> study = uqpen.load_study("studies/ishigami.toml")  # doctest: +SKIP
->>> tree = uqpen.run(study)  # doctest: +SKIP
+>>> archive = uqpen.run(study)  # doctest: +SKIP
 """
 
 from __future__ import annotations
@@ -10,20 +10,86 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from uqpen.archive.read import open_archive
     from uqpen.archive.write import write
     from uqpen.benchmark.compare import compare
-    from uqpen.checkpoints.make_archive import make_archive
-    from uqpen.core.errors import UqpenError
+    from uqpen.core.errors import ArchiveError, StudyError, UqpenError
+    from uqpen.designs.full_factorial import FullFactorial
+    from uqpen.designs.latin_hypercube import LatinHypercube
+    from uqpen.designs.monte_carlo import MonteCarlo
+    from uqpen.designs.morris import Morris
+    from uqpen.designs.one_at_a_time import OneAtATime
+    from uqpen.designs.quadrature import Quadrature
+    from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
+    from uqpen.designs.saltelli import Saltelli
+    from uqpen.designs.table import TableDesign
+    from uqpen.distributions.continuous import (
+        Beta,
+        Gamma,
+        Gumbel,
+        Lognormal,
+        LogUniform,
+        Normal,
+        Triangular,
+        Uniform,
+        Weibull,
+    )
+    from uqpen.distributions.copulas import ClaytonCopula, FrankCopula, GumbelCopula, JoeCopula
+    from uqpen.distributions.elliptical_copulas import GaussianCopula, StudentCopula
+    from uqpen.distributions.frozen import FrozenDistribution
+    from uqpen.distributions.truncated import Truncated
+    from uqpen.execution.failures import FailurePolicy
     from uqpen.figures.page import figure
+    from uqpen.library import make_archive, run, verify
+    from uqpen.models.ishigami import Ishigami
+    from uqpen.models.rigid_penetration import RigidPenetration
+    from uqpen.models.walker_anderson import WalkerAnderson
     from uqpen.report.page import write_report
-    from uqpen.study.load import load_study, parse_study
-    from uqpen.study.study import Study
-    from uqpen.workflow import run
+    from uqpen.results.archive import Archive, open_archive
+    from uqpen.study.load import parse_study
+    from uqpen.study.python_model import OutputSpec, PythonModel
+    from uqpen.study.python_study import Study, load_study
+    from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 
 __all__ = [
+    "Archive",
+    "ArchiveError",
+    "Beta",
+    "ClaytonCopula",
+    "FailurePolicy",
+    "FrankCopula",
+    "FrozenDistribution",
+    "FullFactorial",
+    "Gamma",
+    "GaussianCopula",
+    "Gumbel",
+    "GumbelCopula",
+    "Halton",
+    "Ishigami",
+    "JoeCopula",
+    "LatinHypercube",
+    "LogUniform",
+    "Lognormal",
+    "MonteCarlo",
+    "Morris",
+    "Normal",
+    "OneAtATime",
+    "OutputSpec",
+    "PolynomialChaos",
+    "PythonModel",
+    "Quadrature",
+    "RigidPenetration",
+    "Saltelli",
+    "SobolSequence",
+    "StudentCopula",
     "Study",
+    "StudyError",
+    "TableDesign",
+    "Triangular",
+    "Truncated",
+    "Uniform",
     "UqpenError",
+    "WalkerAnderson",
+    "Weibull",
     "compare",
     "figure",
     "load_study",
@@ -31,6 +97,7 @@ __all__ = [
     "open_archive",
     "parse_study",
     "run",
+    "verify",
     "write",
     "write_report",
 ]
@@ -39,27 +106,56 @@ __version__ = "0.1.0"
 
 # Imported when they are asked for, so that the command line starts at once.
 _HOMES = {
-    "Study": "uqpen.study.study",
-    "UqpenError": "uqpen.core.errors",
-    "compare": "uqpen.benchmark.compare",
-    "figure": "uqpen.figures.page",
-    "load_study": "uqpen.study.load",
-    "make_archive": "uqpen.checkpoints.make_archive",
-    "open_archive": "uqpen.archive.read",
-    "parse_study": "uqpen.study.load",
-    "run": "uqpen.workflow",
-    "write": "uqpen.archive.write",
-    "write_report": "uqpen.report.page",
+    "uqpen.archive.write": ("write",),
+    "uqpen.benchmark.compare": ("compare",),
+    "uqpen.core.errors": ("ArchiveError", "StudyError", "UqpenError"),
+    "uqpen.designs.full_factorial": ("FullFactorial",),
+    "uqpen.designs.latin_hypercube": ("LatinHypercube",),
+    "uqpen.designs.monte_carlo": ("MonteCarlo",),
+    "uqpen.designs.morris": ("Morris",),
+    "uqpen.designs.one_at_a_time": ("OneAtATime",),
+    "uqpen.designs.quadrature": ("Quadrature",),
+    "uqpen.designs.quasi_monte_carlo": ("Halton", "SobolSequence"),
+    "uqpen.designs.saltelli": ("Saltelli",),
+    "uqpen.designs.table": ("TableDesign",),
+    "uqpen.distributions.continuous": (
+        "Beta",
+        "Gamma",
+        "Gumbel",
+        "LogUniform",
+        "Lognormal",
+        "Normal",
+        "Triangular",
+        "Uniform",
+        "Weibull",
+    ),
+    "uqpen.distributions.copulas": ("ClaytonCopula", "FrankCopula", "GumbelCopula", "JoeCopula"),
+    "uqpen.distributions.elliptical_copulas": ("GaussianCopula", "StudentCopula"),
+    "uqpen.distributions.frozen": ("FrozenDistribution",),
+    "uqpen.distributions.truncated": ("Truncated",),
+    "uqpen.execution.failures": ("FailurePolicy",),
+    "uqpen.figures.page": ("figure",),
+    "uqpen.library": ("make_archive", "run", "verify"),
+    "uqpen.models.ishigami": ("Ishigami",),
+    "uqpen.models.rigid_penetration": ("RigidPenetration",),
+    "uqpen.models.walker_anderson": ("WalkerAnderson",),
+    "uqpen.report.page": ("write_report",),
+    "uqpen.results.archive": ("Archive", "open_archive"),
+    "uqpen.study.load": ("parse_study",),
+    "uqpen.study.python_model": ("OutputSpec", "PythonModel"),
+    "uqpen.study.python_study": ("Study", "load_study"),
+    "uqpen.surrogates.polynomial_chaos": ("PolynomialChaos",),
 }
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    import importlib
+    for module, names in _HOMES.items():
+        if name in names:
+            import importlib
 
-    return getattr(importlib.import_module(_HOMES[name]), name)
+            return getattr(importlib.import_module(module), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return [*__all__, "__version__"]

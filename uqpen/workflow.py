@@ -38,10 +38,10 @@ from uqpen.statistics.model_differences import model_differences
 from uqpen.statistics.published import Publication, published_estimates
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
-from uqpen.study.study import Study, Variant
+from uqpen.study.study import ValidatedStudy, Variant
 from uqpen.trust import ValidationRuns, validate_surrogate
 
-__all__ = ["Progress", "analyse_runs", "root_attributes", "run", "run_design"]
+__all__ = ["Checkpoints", "Progress", "analyse_runs", "root_attributes", "run", "run_design"]
 
 Groups = Iterator[tuple[str, xr.Dataset]]
 Checkpoints = Callable[[str, str, int], Checkpoint]
@@ -50,7 +50,7 @@ Runs = dict[str, xr.Dataset]
 
 
 def run(
-    study: Study,
+    study: ValidatedStudy,
     *,
     map: Map = map,
     progress: Progress | None = None,
@@ -60,7 +60,7 @@ def run(
 
     Parameters
     ----------
-    study : Study
+    study : ValidatedStudy
         Result of `load_study`.
     map : callable
         Like the built-in; it makes the batches of runs. It cannot change a result.
@@ -85,7 +85,7 @@ def run(
     return analyse_runs(study, runs)
 
 
-def analyse_runs(study: Study, runs: Mapping[str, Runs]) -> xr.DataTree:
+def analyse_runs(study: ValidatedStudy, runs: Mapping[str, Runs]) -> xr.DataTree:
     """Analyse runs, given by model and design, and return the content of an archive."""
     groups = {"/": xr.Dataset(attrs=root_attributes(study))}
     for name, variant in study.models.items():
@@ -99,7 +99,7 @@ def analyse_runs(study: Study, runs: Mapping[str, Runs]) -> xr.DataTree:
 
 
 def _run_designs(
-    study: Study, map: Map, progress: Progress, checkpoints: Checkpoints
+    study: ValidatedStudy, map: Map, progress: Progress, checkpoints: Checkpoints
 ) -> dict[str, Runs]:
     """Make the runs of every design, by model, at common points."""
     runs_by_model: dict[str, Runs] = {name: {} for name in study.models}
@@ -119,7 +119,7 @@ def _run_designs(
 
 
 def run_design(
-    study: Study,
+    study: ValidatedStudy,
     design: Design,
     stream: Stream,
     *,
@@ -131,7 +131,7 @@ def run_design(
 
     Parameters
     ----------
-    study : Study
+    study : ValidatedStudy
         Provides the models and the inputs.
     design : Design
         The study's own, or another in its place.
@@ -191,7 +191,7 @@ class _Source(NamedTuple):
                 yield f"{path}/{output}", pack(statistics)
 
 
-def _model_groups(study: Study, variant: Variant, runs: Runs) -> Groups:
+def _model_groups(study: ValidatedStudy, variant: Variant, runs: Runs) -> Groups:
     """Yield the groups of one model: runs, failures, surrogates, statistics, its trajectory."""
     quantities = study.model_quantities(variant.model)
     sources: dict[str, _Source] = {}
@@ -230,7 +230,7 @@ def _publication_groups(publication: Publication, path: str) -> Groups:
 
 
 def _fit_surrogate(
-    study: Study, variant: Variant, name: str, runs: Runs, sources: Mapping[str, _Source]
+    study: ValidatedStudy, variant: Variant, name: str, runs: Runs, sources: Mapping[str, _Source]
 ) -> tuple[xr.DataTree, _Source]:
     """Fit a surrogate to its design, and compare its estimates with those of other designs."""
     surrogate = study.surrogates[name]
@@ -257,7 +257,7 @@ def _fit_surrogate(
     return tree, source
 
 
-def _difference_groups(study: Study, runs: Mapping[str, Runs]) -> Groups:
+def _difference_groups(study: ValidatedStudy, runs: Mapping[str, Runs]) -> Groups:
     """Yield the groups of each model's differences from the first, on common points."""
     first, *others = study.models
     for other in others:
@@ -269,7 +269,7 @@ def _difference_groups(study: Study, runs: Mapping[str, Runs]) -> Groups:
                 yield path, pack(statistics).assign_attrs({"minus": first})
 
 
-def _trajectory(study: Study, variant: Variant) -> xr.Dataset | None:
+def _trajectory(study: ValidatedStudy, variant: Variant) -> xr.Dataset | None:
     """Return the model's trajectory at the nominal inputs, if it has one and all are given."""
     known = {variable.name for variable in variant.model.inputs}
     given = {**study.joint.nominal(), **variant.given}
@@ -285,7 +285,7 @@ def _trajectory(study: Study, variant: Variant) -> xr.Dataset | None:
     return None if trajectory is None else trajectory.assign_attrs(attributes)
 
 
-def _display_units(study: Study) -> dict[str, str]:
+def _display_units(study: ValidatedStudy) -> dict[str, str]:
     """Return the display unit of each input and output."""
     units = {entry.variable.name: entry.display_unit for entry in study.joint.inputs}
     return units | {
@@ -293,7 +293,7 @@ def _display_units(study: Study) -> dict[str, str]:
     }
 
 
-def root_attributes(study: Study) -> dict[str, str | int]:
+def root_attributes(study: ValidatedStudy) -> dict[str, str | int]:
     """Return the attributes of an archive's root, which determine its numbers."""
     return {
         "title": study.title,

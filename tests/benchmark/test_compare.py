@@ -13,7 +13,7 @@ import uqpen
 from uqpen.benchmark.compare import compare
 from uqpen.benchmark.settings import BenchmarkSettings
 from uqpen.core.errors import SettingsError
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
 pytestmark = pytest.mark.slow
 
@@ -50,7 +50,7 @@ order = 3
 """
 
 
-def study(function: str, more: str = "") -> Study:
+def study(function: str, more: str = "") -> ValidatedStudy:
     return uqpen.parse_study(STUDY.format(function=function) + more, folder=HERE)
 
 

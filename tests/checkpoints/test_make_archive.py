@@ -26,7 +26,7 @@ from uqpen.core.model import Results
 from uqpen.execution import Progress
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.processes import processes
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
 pytestmark = [pytest.mark.processor, pytest.mark.slow]
 
@@ -480,7 +480,7 @@ def test_a_log_that_cannot_be_written_hides_no_reason(folder: Path) -> None:
         _ended_without_a_log(uqpen.load_study(folder / "study.toml"), folder / "log")
 
 
-def _ended_without_a_log(study: Study, log: Path) -> None:
+def _ended_without_a_log(study: ValidatedStudy, log: Path) -> None:
     with Journal(log, study, Progress()):
         log.unlink()
         log.mkdir()

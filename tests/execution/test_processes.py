@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -199,10 +200,15 @@ def test_a_long_path_of_temporary_files_is_no_hindrance(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_a_function_without_a_reference_is_refused(two: Map) -> None:
-    model = PythonFunction(
-        lambda x: {"y": x}, "mine", (Input("x", "1"),), (Output("y", "1"),), {"x": "1", "y": "1"}
-    )
+def test_a_function_that_exists_in_this_process_only_is_refused(two: Map) -> None:
+    lock = threading.Lock()
+
+    def locked(x: float) -> dict[str, float]:
+        with lock:
+            return {"y": x}
+
+    units = {"x": "1", "y": "1"}
+    model = PythonFunction(locked, "mine", (Input("x", "1"),), (Output("y", "1"),), units)
     with pytest.raises(ModelError, match="cannot be sent to another process"):
         evaluate(Evaluator(model), points(1.0), {}, map=two)
 

@@ -16,7 +16,7 @@ from uqpen.archive.read import read_tree
 from uqpen.cli.main import main
 from uqpen.core.errors import StudyError, UqpenError
 from uqpen.study.load import load_study
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 from uqpen.verification.archived_study import archived_study
 
 __all__ = ["ARCHIVE_COMMANDS", "archive_outcome", "study_outcome"]
@@ -87,7 +87,7 @@ def study_outcome(file: Path, random: Random) -> str:
     return _run_outcome(study, file, random)
 
 
-def _study(file: Path) -> Study | None:
+def _study(file: Path) -> ValidatedStudy | None:
     try:
         with _strictly():
             return load_study(file)
@@ -95,7 +95,7 @@ def _study(file: Path) -> Study | None:
         return None
 
 
-def _run_outcome(study: Study, file: Path, random: Random) -> str:
+def _run_outcome(study: ValidatedStudy, file: Path, random: Random) -> str:
     if study.runs > _MOST_RUNS:
         return "right, too many runs to make"
     done = called("study", str(file), "-o", "made.nc")

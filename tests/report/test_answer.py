@@ -14,7 +14,7 @@ from uqpen.report.blocks import Block, Quote, Remarks, Text
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_texts
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
 pytestmark = pytest.mark.slow
 
@@ -100,7 +100,7 @@ def test_lost_runs_and_notes_are_told(archives: Mapping[str, xr.DataTree]) -> No
     ]
 
 
-def test_a_single_run_is_told_in_the_singular(study_of: Callable[..., Study]) -> None:
+def test_a_single_run_is_told_in_the_singular(study_of: Callable[..., ValidatedStudy]) -> None:
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 1'
     told = _told(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0))))
     assert told[1].endswith(
@@ -173,7 +173,7 @@ def test_of_several_models_each_has_its_answer(archives: Mapping[str, xr.DataTre
     ],
 )
 def test_what_a_design_cannot_tell_is_said(
-    study_of: Callable[..., Study], design: str, said: list[str]
+    study_of: Callable[..., ValidatedStudy], design: str, said: list[str]
 ) -> None:
     asked = '[outputs.y]\nhold = [0.99]\nexceeds = ["1", "2", "3"]'
     text = f"{asked}\n[designs.some]\n{DESIGNS[design]}"

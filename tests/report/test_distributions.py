@@ -15,7 +15,7 @@ from uqpen.report.sections.distributions import distributions
 from uqpen.report.sections.model_comparison import model_comparison
 from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.intervals import dkw_half_width
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
 pytestmark = pytest.mark.slow
 
@@ -97,7 +97,7 @@ def test_what_is_lost_is_told_with_the_curves(beam: list[Block]) -> None:
 
 class TestThresholdsFarAway:
     @pytest.fixture
-    def told(self, study_of: Callable[..., Study]) -> list[Chart]:
+    def told(self, study_of: Callable[..., ValidatedStudy]) -> list[Chart]:
         asked = '[outputs.y]\nexceeds = ["1e9", "1.5", "-1e9"]'
         text = f'{asked}\n[designs.some]\nkind = "monte-carlo"\nruns = 40'
         tree = uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 1.0)))
@@ -120,7 +120,7 @@ class TestThresholdsFarAway:
 
 
 def test_of_whole_numbers_the_function_reaches_whole_numbers(
-    study_of: Callable[..., Study],
+    study_of: Callable[..., ValidatedStudy],
 ) -> None:
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 40'
     tree = uqpen.run(study_of("(3 * a) // 1 + 0 * b", text, a=(0.0, 1.0), b=(0.0, 1.0)))
@@ -145,7 +145,9 @@ def test_a_study_that_lost_all_has_no_distributions(archives: Archives) -> None:
     assert list(distributions(ArchiveView(archives["lost"], ""))) == []
 
 
-def test_an_output_that_is_the_same_in_all_runs_has_no_tail(study_of: Callable[..., Study]) -> None:
+def test_an_output_that_is_the_same_in_all_runs_has_no_tail(
+    study_of: Callable[..., ValidatedStudy],
+) -> None:
     blocks = list(distributions(ArchiveView(uqpen.run(study_of("0 * a + 2", a=(0, 1))), "")))
     assert [chart.title for chart in find_charts(blocks)] == [
         "Probability that y is at most x",

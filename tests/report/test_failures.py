@@ -15,7 +15,7 @@ from uqpen.report.sections.failures import failures
 from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.sample import Sample
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
 
 def test_losses_are_told_by_reason_and_design(archives: Mapping[str, xr.DataTree]) -> None:
@@ -74,7 +74,7 @@ def test_where_none_is_lost_a_bound_is_told(archives: Mapping[str, xr.DataTree])
 
 
 def test_what_is_no_sample_has_a_share_without_an_interval(
-    study_of: Callable[..., Study],
+    study_of: Callable[..., ValidatedStudy],
 ) -> None:
     text = '[designs.some]\nkind = "quadrature"\norder = 3'
     tree = uqpen.run(study_of("np.where(a > 0.9, np.nan, a)", text, a=(0.0, 1.0)))
@@ -86,7 +86,7 @@ def test_what_is_no_sample_has_a_share_without_an_interval(
     assert chart.notes == ("Hollow: no interval; the table says why.",)
 
 
-def test_rare_reasons_are_counted_together(study_of: Callable[..., Study]) -> None:
+def test_rare_reasons_are_counted_together(study_of: Callable[..., ValidatedStudy]) -> None:
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 60'
     tree = uqpen.run(study_of("np.nan * a", text, a=(0.0, 1.0)))
     runs = read_group(tree, "runs", "some")

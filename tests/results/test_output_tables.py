@@ -20,7 +20,7 @@ from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import OutputTable
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
 
 @pytest.mark.parametrize(
@@ -241,7 +241,7 @@ def test_json_holds_every_figure_in_si_units(tree: xr.DataTree) -> None:
 
 
 def test_json_holds_every_measure_that_lies_along_the_inputs(
-    study_of: Callable[..., Study],
+    study_of: Callable[..., ValidatedStudy],
 ) -> None:
     text = """
         [designs.lhs]
@@ -261,7 +261,7 @@ def test_json_holds_every_measure_that_lies_along_the_inputs(
     assert {"shapley", "log_shapley"} <= names
 
 
-def test_a_fixed_input_may_be_called_a_coefficient(study_of: Callable[..., Study]) -> None:
+def test_a_fixed_input_may_be_called_a_coefficient(study_of: Callable[..., ValidatedStudy]) -> None:
     text = """
         [designs.lhs]
         kind = "latin-hypercube"

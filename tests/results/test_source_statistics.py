@@ -13,11 +13,11 @@ import uqpen
 from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
 pytestmark = pytest.mark.processor
 
-MakeStudy = Callable[..., Study]
+MakeStudy = Callable[..., ValidatedStudy]
 
 DESIGNS = """
 [outputs.y]

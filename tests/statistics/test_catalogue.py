@@ -17,9 +17,9 @@ from uqpen.core.model import Output
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
-MakeStudy = Callable[..., Study]
+MakeStudy = Callable[..., ValidatedStudy]
 
 # In metres, so that values of the output and plain numbers are told apart.
 LENGTH = QuantityOfInterest(

@@ -14,15 +14,15 @@ from uqpen.statistics.surrogate.pick_freeze_pairs import (
     VarianceShares,
     draw_pick_freeze_pairs,
 )
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
-MakeStudy = Callable[..., Study]
+MakeStudy = Callable[..., ValidatedStudy]
 
 # 16 384 pairs of scrambled Sobol' points leave less than this of a smooth function's indices.
 TOLERANCE = 0.005
 
 
-def drawn(study: Study) -> PickFreezePairs:
+def drawn(study: ValidatedStudy) -> PickFreezePairs:
     evaluator = Evaluator(study.model, study.constraints)
     return draw_pick_freeze_pairs(evaluator, study.joint, {}, Stream(4, "test"))
 
@@ -32,7 +32,7 @@ def correlated(r: float) -> str:
     return f'[dependence]\ncopula = "gaussian"\nof = "normal-scores"\npairs = [{pair}]'
 
 
-def shares(study: Study) -> VarianceShares:
+def shares(study: ValidatedStudy) -> VarianceShares:
     found = drawn(study).variance_shares("y", lambda values: values)
     assert found is not None
     return found

@@ -19,7 +19,7 @@ from uqpen.distributions.truncated import Truncated
 from uqpen.models.surroundings import ModelFolder
 from uqpen.statistics.quantity_of_interest import Threshold
 from uqpen.study.load import load_study, parse_study
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
@@ -96,7 +96,7 @@ def test_a_whole_study_is_understood() -> None:
 
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.toml")), ids=lambda path: path.stem)
 def test_the_studies_that_come_with_it_are_right(path: Path) -> None:
-    assert isinstance(load_study(path), Study)
+    assert isinstance(load_study(path), ValidatedStudy)
 
 
 @pytest.mark.parametrize(
@@ -429,7 +429,7 @@ runs = 10
 
 
 class TestPythonModel:
-    def study(self, folder: Path, source: str, text: str = PYTHON) -> Study:
+    def study(self, folder: Path, source: str, text: str = PYTHON) -> ValidatedStudy:
         (folder / "mine.py").write_text(source, encoding="utf-8")
         return parse_study(text, folder=folder)
 

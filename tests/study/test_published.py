@@ -11,9 +11,9 @@ import pytest
 import uqpen
 from uqpen.core.errors import StudyError
 from uqpen.results.output_tables import output_tables
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
-MakeStudy = Callable[..., Study]
+MakeStudy = Callable[..., ValidatedStudy]
 
 DESIGNS = """
 [designs.blocks]
@@ -31,7 +31,7 @@ largest_contribution = "b"
 """
 
 
-def study(study_of: MakeStudy, published: str = PUBLISHED) -> Study:
+def study(study_of: MakeStudy, published: str = PUBLISHED) -> ValidatedStudy:
     return study_of("a + b", DESIGNS + published, a=(0, 1), b=(0, 1))
 
 

@@ -15,7 +15,7 @@ from uqpen.core.errors import Problem, SettingsError
 from uqpen.core.streams import Stream
 from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.execution import Map
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
 __all__ = ["BenchmarkProgress", "check_study", "compare"]
 
@@ -34,7 +34,7 @@ class BenchmarkProgress(execution.Progress):
 
 
 def compare(
-    study: Study,
+    study: ValidatedStudy,
     settings: BenchmarkSettings | None = None,
     *,
     map: Map = map,
@@ -44,7 +44,7 @@ def compare(
 
     Parameters
     ----------
-    study : Study
+    study : ValidatedStudy
         Its designs and surrogates are the methods.
     settings : BenchmarkSettings, optional
         Budgets, repeats and the size of the reference.
@@ -96,7 +96,7 @@ def compare(
     return benchmark_tree(study, record, truth)
 
 
-def check_study(study: Study, settings: BenchmarkSettings) -> None:
+def check_study(study: ValidatedStudy, settings: BenchmarkSettings) -> None:
     """Raise a `SettingsError` for a study that has nothing to compare, before anything runs."""
     if study.has_several_models:
         found = f"{len(study.models)} models, {', '.join(study.models)}"

@@ -13,7 +13,7 @@ from uqpen.core.labels import REPLICATED, SINGLE
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["BenchmarkMethod", "DesignMethod", "MethodCost", "SurrogateMethod", "study_methods"]
@@ -146,7 +146,7 @@ class SurrogateMethod(BenchmarkMethod):
         return self.design.scaled(self.joint, self._training_budget(budget), replicated=False)
 
 
-def study_methods(study: Study, budgets: Sequence[int]) -> tuple[BenchmarkMethod, ...]:
+def study_methods(study: ValidatedStudy, budgets: Sequence[int]) -> tuple[BenchmarkMethod, ...]:
     """Return the methods of a study that can use at least one of the budgets.
 
     A method without replicates, such as a design of independent points, is in both comparisons. If
@@ -163,7 +163,7 @@ def study_methods(study: Study, budgets: Sequence[int]) -> tuple[BenchmarkMethod
     return tuple(each for each in methods if any(each.cost(budget).runs for budget in budgets))
 
 
-def _design_methods(study: Study, budgets: Sequence[int]) -> Iterator[DesignMethod]:
+def _design_methods(study: ValidatedStudy, budgets: Sequence[int]) -> Iterator[DesignMethod]:
     # What only serves a surrogate comes last, so that it does not stand for a design like it.
     serving = {name for each in study.surrogates.values() for name in (each.design, each.check)}
     for name in sorted(study.designs, key=lambda name: name in serving):
@@ -174,7 +174,7 @@ def _design_methods(study: Study, budgets: Sequence[int]) -> Iterator[DesignMeth
             yield replicated
 
 
-def _surrogate_methods(study: Study) -> Iterator[SurrogateMethod]:
+def _surrogate_methods(study: ValidatedStudy) -> Iterator[SurrogateMethod]:
     joint = study.joint
     for name, surrogate in study.surrogates.items():
         training, check = study.designs[surrogate.design], _DEFAULT_CHECK

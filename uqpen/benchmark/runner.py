@@ -16,7 +16,7 @@ from uqpen.execution import Evaluator, Map, Progress, evaluate
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
-from uqpen.study.study import ONLY_MODEL, Study
+from uqpen.study.study import ONLY_MODEL, ValidatedStudy
 from uqpen.surrogates.surrogate import FittedSurrogate
 from uqpen.workflow import run_design
 
@@ -30,7 +30,7 @@ _TIMED_VECTORIZED, _TIMED = 4096, 1
 class BenchmarkRunner:
     """Runs and analyses of the single model of a study; the map makes batches of runs."""
 
-    study: Study
+    study: ValidatedStudy
     map: Map
     progress: Progress
 

@@ -40,7 +40,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.statistics.estimate import LEVEL
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 from uqpen.workflow import root_attributes
 
 __all__ = ["benchmark_tree"]
@@ -60,7 +60,9 @@ _INTERVAL_NOTE = (
 )
 
 
-def benchmark_tree(study: Study, record: EstimateRecord, reference: Estimates) -> xr.DataTree:
+def benchmark_tree(
+    study: ValidatedStudy, record: EstimateRecord, reference: Estimates
+) -> xr.DataTree:
     """Return all estimates and their comparison in the layout of an archive.
 
     The reference's estimate arrays are given by output and statistic.

@@ -14,7 +14,6 @@ from types import TracebackType
 from uqpen.archive.provenance import provenance
 from uqpen.core.errors import ArchiveError
 from uqpen.execution import Progress
-from uqpen.study.study import Study
 
 __all__ = ["Journal"]
 
@@ -29,15 +28,15 @@ class Journal(Progress):
     ----------
     path : Path
         The text file; lines of earlier starts are kept.
-    study : Study
-        The study that is run.
+    title : str
+        Name and hash of the study.
     progress : Progress
         Receives the same reports.
     """
 
-    def __init__(self, path: Path, study: Study, progress: Progress) -> None:
+    def __init__(self, path: Path, title: str, progress: Progress) -> None:
         self._path = path
-        self._study = study
+        self._title = title
         self._progress = progress
         self._warnings: Counter[str] = Counter()
         self._name = ""
@@ -47,7 +46,7 @@ class Journal(Progress):
     def __enter__(self) -> Journal:
         version = provenance()["version_uqpen"]
         self.write_line(
-            f"{self._study.name}: study {self._study.sha256[:16]} by uqpen {version} "
+            f"{self._title} by uqpen {version} "
             f"on {platform.node()} ({platform.platform()}), process {os.getpid()}"
         )
         return self

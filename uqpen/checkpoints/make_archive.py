@@ -12,15 +12,16 @@ from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.lock import lock_archive
 from uqpen.core.errors import ArchiveError, ClusterError, TooManyFailedError
 from uqpen.execution import Map, Progress
+from uqpen.execution.checkpoint import Checkpoint
 from uqpen.study.fingerprint import run_fingerprint
-from uqpen.study.study import Study
-from uqpen.workflow import run
+from uqpen.study.study import ValidatedStudy
+from uqpen.workflow import Checkpoints, run
 
 __all__ = ["make_archive"]
 
 
 def make_archive(
-    study: Study,
+    study: ValidatedStudy,
     path: str | Path,
     *,
     map: Map = map,
@@ -36,7 +37,7 @@ def make_archive(
 
     Parameters
     ----------
-    study : Study
+    study : ValidatedStudy
         The result of `load_study`.
     path : str or Path
         The archive; one that is there is replaced when this one is complete.
@@ -58,9 +59,10 @@ def make_archive(
     """
     path = Path(path).absolute()
     prepare_destination(path)
+    title = f"{study.name}: study {study.sha256[:16]}"
     with (
         lock_archive(path),
-        Journal(_sibling_path(path, "log"), study, progress or Progress()) as journal,
+        Journal(_sibling_path(path, "log"), title, progress or Progress()) as journal,
     ):
         fingerprints = {
             (model, design): run_fingerprint(study, model, design)
@@ -74,32 +76,57 @@ def make_archive(
         kept.check_compatibility()
         if lost_again:
             kept.discard_failed()
+        checkpoints = _no_checkpoints if _warn_if_unknown(study, journal) else kept.checkpoint
         try:
-            tree = _run_study(study, map, journal, kept)
+            tree = _run_study(study, map, journal, kept, checkpoints)
             _write(tree, path, kept)
         except KeyboardInterrupt:
-            message = f"{kept.runs} runs are kept; the same command goes on from there"
-            raise KeyboardInterrupt(message if kept.runs else "nothing was written") from None
+            raise KeyboardInterrupt(_kept_text(kept) or "nothing was written") from None
         journal.write_line(f"{path.name}: is written")
         kept.remove_archived()
     return tree
 
 
-def _run_study(study: Study, map: Map, journal: Journal, kept: CheckpointFolder) -> xr.DataTree:
+def _warn_if_unknown(study: ValidatedStudy, journal: Journal) -> bool:
+    """Warn of a model whose versions `Model.identity` cannot distinguish; its runs are not kept."""
+    unknown = [variant.model.unknown_dependency for variant in study.models.values()]
+    for reason in filter(None, unknown):
+        journal.warn(
+            f"an interrupted start is not resumed: {reason}, so another version of the model "
+            "cannot be distinguished from this one"
+        )
+    return any(unknown)
+
+
+def _no_checkpoints(design: str, model: str, number: int) -> Checkpoint:
+    return Checkpoint()
+
+
+def _kept_text(kept: CheckpointFolder) -> str:
+    """Return how many runs are kept; empty for none."""
+    return f"{kept.runs} runs are kept; the same command goes on from there" if kept.runs else ""
+
+
+def _run_study(
+    study: ValidatedStudy,
+    map: Map,
+    journal: Journal,
+    kept: CheckpointFolder,
+    checkpoints: Checkpoints,
+) -> xr.DataTree:
     """Run a study; keep its finished runs if it is stopped."""
     try:
-        return run(study, map=map, progress=journal, checkpoints=kept.checkpoint)
+        return run(study, map=map, progress=journal, checkpoints=checkpoints)
     except TooManyFailedError as error:
         kept.save()
         message = (
             f"{kept.runs} runs are kept: with a larger share the same command goes on from them,\n"
             "with --lost-again it makes the lost ones of them again"
         )
-        raise TooManyFailedError(f"{error}\n{message}") from None
+        raise TooManyFailedError(f"{error}\n{message}" if kept.runs else str(error)) from None
     except ClusterError as error:
         kept.save()
-        message = f"{kept.runs} runs are kept; the same command goes on from there"
-        raise ClusterError(f"{error}\n{message}" if kept.runs else str(error)) from None
+        raise ClusterError("\n".join(filter(None, (str(error), _kept_text(kept))))) from None
     except BaseException:
         kept.save()
         raise

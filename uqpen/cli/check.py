@@ -11,8 +11,7 @@ import click
 from uqpen.cli.options import PATH
 
 if TYPE_CHECKING:
-    from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-    from uqpen.study.study import Study
+    from uqpen.study.study import ValidatedStudy
 
 __all__ = ["check"]
 
@@ -24,54 +23,34 @@ def check(file: Path) -> None:
     from uqpen.cli.printable import printable
     from uqpen.cli.screen import plain_table, standard_output
     from uqpen.study.load import load_study
+    from uqpen.study.summary import (
+        design_rows,
+        input_rows,
+        models_text,
+        output_rows,
+        surrogate_rows,
+    )
 
     study = load_study(file)
     console = standard_output()
     console.print(printable(study.title), style="bold", markup=False)
-    console.print(f"{_models(study)}, seed {study.seed}\n", markup=False)
-    console.print(plain_table(["input", "value or law"], _inputs(study)))
+    console.print(f"{models_text(study)}, seed {study.seed}\n", markup=False)
+    console.print(plain_table(["input", "value or law"], input_rows(study)))
     console.print()
     for remark in _input_remarks(study):
         console.print(f"{printable(remark)}\n", markup=False)
-    outputs = [
-        (quantity.output.name, _requested(quantity)) for quantity in study.quantities_of_interest
-    ]
-    console.print(plain_table(["output", "asked"], outputs))
+    console.print(plain_table(["output", "asked"], output_rows(study)))
     console.print()
     for line in _run_settings(study):
         console.print(f"{line}\n", markup=False)
-    console.print(plain_table(["design", "kind", "runs"], _designs(study)))
+    console.print(plain_table(["design", "kind", "runs"], design_rows(study)))
     if study.surrogates:
-        surrogates = [
-            (name, surrogate.design, next(iter(study.validation_designs(surrogate)), "nothing"))
-            for name, surrogate in study.surrogates.items()
-        ]
         console.print()
-        console.print(plain_table(["surrogate", "fitted to", "checked by"], surrogates))
+        console.print(plain_table(["surrogate", "fitted to", "checked by"], surrogate_rows(study)))
     console.print(f"\n{study.runs} runs in all; the study is right", markup=False)
 
 
-def _models(study: Study) -> str:
-    if not study.has_several_models:
-        return f"model {study.model.name}"
-    named = (f"{name} ({variant.model.name})" for name, variant in study.models.items())
-    return f"models {', '.join(named)}"
-
-
-def _inputs(study: Study) -> Iterator[tuple[str, str]]:
-    from uqpen.core.units import DIMENSIONLESS, scale
-    from uqpen.distributions.joint_distribution import FixedInput
-
-    for entry in study.joint.inputs:
-        if isinstance(entry, FixedInput):
-            unit = "" if entry.display_unit == DIMENSIONLESS else f" {entry.display_unit}"
-            value = scale(entry.display_unit).from_si(entry.value)
-            yield entry.variable.name, f"{value:.10g}{unit}"
-        else:
-            yield entry.variable.name, entry.description
-
-
-def _input_remarks(study: Study) -> Iterator[str]:
+def _input_remarks(study: ValidatedStudy) -> Iterator[str]:
     """Yield remarks on the random inputs that their distributions do not state."""
     if study.joint.dependence is not None:
         yield str(study.joint.dependence)
@@ -80,16 +59,7 @@ def _input_remarks(study: Study) -> Iterator[str]:
             yield f"warning: {entry.variable.name}: {entry.fit['fit_warning']}"
 
 
-def _requested(quantity: QuantityOfInterest) -> str:
-    if quantity.output.categories:
-        return "shares of " + ", ".join(kind.label for kind in quantity.output.categories)
-    requested = ["moments, cdf, quantiles " + ", ".join(f"{p:g}" for p in quantity.quantiles)]
-    requested += [f"P(> {threshold.text})" for threshold in quantity.thresholds]
-    requested += [f"value held with {p:g}" for p in quantity.tolerance_contents]
-    return "; ".join(requested)
-
-
-def _run_settings(study: Study) -> Iterator[str]:
+def _run_settings(study: ValidatedStudy) -> Iterator[str]:
     """Yield the limits of a run, what is done about failed runs, and the constraints."""
     for name, variant in study.models.items():
         limits = variant.model.run_limits
@@ -105,12 +75,3 @@ def _run_settings(study: Study) -> Iterator[str]:
         yield f"the study ends when more than {share} of a design's runs are lost"
     for constraint in study.constraints:
         yield f"only where {constraint.text}"
-
-
-def _designs(study: Study) -> Iterator[tuple[str, str, str]]:
-    from uqpen.designs import DESIGNS
-
-    kinds = {reference: kind for kind, reference in DESIGNS.items()}
-    for name, design in study.designs.items():
-        kind = kinds[f"{type(design).__module__}:{type(design).__name__}"]
-        yield name, kind, str(design.run_count(study.joint))

@@ -14,7 +14,7 @@ from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_opt
 if TYPE_CHECKING:
     import xarray as xr
 
-    from uqpen.study.study import Study
+    from uqpen.study.study import ValidatedStudy
 
 __all__ = ["make_and_show", "study"]
 
@@ -57,7 +57,7 @@ def study(
 
 
 def make_and_show(
-    study: Study,
+    study: ValidatedStudy,
     here: Path,
     archive: Path,
     executor: ExecutorOptions,

@@ -13,7 +13,7 @@ from typing import Any
 
 from uqpen.core.errors import UnknownNameError
 
-__all__ = ["choices", "nearest", "resolve", "resolve_name"]
+__all__ = ["choices", "family_name", "nearest", "resolve", "resolve_name"]
 
 
 def resolve(reference: str) -> Any:
@@ -34,6 +34,12 @@ def resolve_name(family: Mapping[str, str], name: str, what: str) -> Any:
     if name not in family:
         raise UnknownNameError(f'no {what} "{name}"; {choices(name, family)}')
     return resolve(family[name])
+
+
+def family_name(family: Mapping[str, str], member: object) -> str:
+    """Return the name in a family of an object's class; empty for a class of another kind."""
+    reference = f"{type(member).__module__}:{type(member).__qualname__}"
+    return next((name for name, known in family.items() if known == reference), "")
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

@@ -97,6 +97,21 @@ class Model(ABC):
     is_untrusted: bool = False
     enforced_limits: Limits = Limits()
 
+    @property
+    def is_object(self) -> bool:
+        """True if it is an object of this process that no text describes."""
+        return False
+
+    @property
+    def is_absent(self) -> bool:
+        """True if it is an object of another process, so it cannot be run here."""
+        return False
+
+    @property
+    def unknown_dependency(self) -> str:
+        """Part of it whose versions `identity` cannot distinguish; empty where it can."""
+        return ""
+
     @abstractmethod
     def evaluate(self, inputs: Arrays) -> Results:
         """Run a batch.

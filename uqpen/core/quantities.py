@@ -76,9 +76,9 @@ def parse_quantity(text: str | float, like: str, *, difference: bool = False) ->
     return Quantity(value, unit)
 
 
-def parse_any_dimension(text: str) -> Quantity:
+def parse_any_dimension(text: str, *, difference: bool = False) -> Quantity:
     """Read a finite number with a unit of any dimension, or none; QuantityError for other text."""
-    return parse_quantity(text, _split(text, DIMENSIONLESS)[1])
+    return parse_quantity(text, _split(text, DIMENSIONLESS)[1], difference=difference)
 
 
 def parse_spread(text: str, like: str) -> Spread | None:

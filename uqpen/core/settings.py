@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.labels import NAME
-from uqpen.core.quantities import parse_quantity
+from uqpen.core.quantities import parse_any_dimension, parse_quantity
 from uqpen.core.units import DIMENSIONLESS
 
 __all__ = [
@@ -29,6 +29,7 @@ __all__ = [
     "difference",
     "file",
     "flag",
+    "limit",
     "name",
     "number",
     "probabilities",
@@ -40,11 +41,15 @@ __all__ = [
     "share",
     "text",
     "validate",
+    "written_settings",
 ]
 
 T = TypeVar("T")
 
 _KEY = "uqpen.setting"
+
+# Attribute with the texts of the quantities that an instance was made from.
+_WRITTEN = "_written_quantities"
 
 # More runs than this fit no machine's memory.
 _MOST = 100_000_000
@@ -86,6 +91,11 @@ class Setting:
     def has_dimension(self) -> bool:
         """True if its values have the dimension of their context."""
         return self.kind in ("quantity", "difference")
+
+    @property
+    def is_quantity(self) -> bool:
+        """True if its values are quantities, which text can give."""
+        return self.kind.startswith(("quantity", "difference", "share"))
 
 
 def setting(
@@ -153,6 +163,12 @@ def quantity(
     expected = expected or _range_text(above, math.inf, "a quantity")
     kind = f"{kind} with a unit of its own" if unit else kind
     return setting(kind, expected, lambda value: _is_within(value, above), read, **options)
+
+
+def limit(*, default: float) -> Any:
+    """Declare an end of an interval in the dimension of its context, infinite for an open end."""
+    accepts = lambda value: isinstance(value, int | float) and not math.isnan(value)  # noqa: E731
+    return setting("quantity", "a quantity", accepts, default=default)
 
 
 def difference(*, above: float = -math.inf, **options: Any) -> Any:
@@ -277,6 +293,8 @@ def declared_settings(owner: Any) -> Iterator[tuple[dataclasses.Field[Any], Sett
 def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
     """Check the settings of an instance; raise an error if one is out of range.
 
+    A quantity that is given as text, such as ``"2.5 m"``, is converted to SI units first.
+
     Parameters
     ----------
     owner : dataclass instance
@@ -289,6 +307,9 @@ def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
     SettingsError
         Naming every setting that is wrong.
     """
+    problems = list(_convert_quantities(owner))
+    if problems:
+        raise SettingsError(problems)
     problems = [
         Problem((declared.key or field.name,), toml_text(value), declared.expected)
         for field, declared in declared_settings(owner)
@@ -297,6 +318,48 @@ def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
     problems = problems or list(further)
     if problems:
         raise SettingsError(problems)
+
+
+def written_settings(owner: Any) -> dict[str, Any]:
+    """Return the settings of an instance as a study file states them, without the defaults.
+
+    Returns
+    -------
+    dict
+        By key; quantities as they were written.
+    """
+    found = {}
+    written = getattr(owner, _WRITTEN, {})
+    for field, declared in declared_settings(owner):
+        value, default = getattr(owner, field.name), field.default
+        if callable(field.default_factory):
+            default = field.default_factory()
+        if value != default:
+            found[declared.key or field.name] = written.get(field.name, value)
+    return found
+
+
+def _convert_quantities(owner: Any) -> Iterator[Problem]:
+    """Convert the quantities given as text to SI units; yield a problem for each unreadable one."""
+    written = {}
+    for field, declared in declared_settings(owner):
+        text = getattr(owner, field.name)
+        if isinstance(text, str) and declared.is_quantity:
+            try:
+                value = _convert(text, declared)
+            except QuantityError as error:
+                yield Problem((declared.key or field.name,), error.found, error.expected)
+                continue
+            written[field.name] = text
+            object.__setattr__(owner, field.name, value)
+    if written:
+        object.__setattr__(owner, _WRITTEN, written)
+
+
+def _convert(text: str, declared: Setting) -> float:
+    if declared.has_dimension:  # of a context that is not known here
+        return parse_any_dimension(text, difference=declared.kind == "difference").value
+    return float(declared.read(text, Context()))
 
 
 def _table(

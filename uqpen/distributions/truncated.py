@@ -10,6 +10,7 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
+from uqpen.core.settings import limit
 from uqpen.distributions.distribution import Distribution, order_problem
 
 __all__ = ["Truncated"]
@@ -30,8 +31,8 @@ class Truncated(Distribution):
     """
 
     parent: Distribution
-    lower: float = -math.inf
-    upper: float = math.inf
+    lower: float = limit(default=-math.inf)
+    upper: float = limit(default=math.inf)
 
     def check_settings(self) -> Iterator[Problem]:
         yield from order_problem(self.lower, self.upper)

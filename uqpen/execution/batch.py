@@ -87,6 +87,10 @@ class Work(Protocol):
         """True if it calls code that can hang or kill the process it is called in."""
 
     @property
+    def is_object(self) -> bool:
+        """True if it exists in this process only, and only processes that it starts may get it."""
+
+    @property
     def retries(self) -> int:
         """Number of further attempts at a missing run."""
 

@@ -80,6 +80,11 @@ class Cluster:
         """Yield the results of batches as they complete."""
         from distributed import as_completed
 
+        if work.is_object:
+            raise ClusterError(
+                "a model that is a Python object runs in this process or on its own workers, not "
+                'on a cluster; name its function in a file: python = "my_model.py:function"'
+            )
         threads = max(1, sum(self._client.nthreads().values()))
         call = TaskQueue(work, batches, _AHEAD * threads)
         under_way: dict[Future[BatchResult], Task] = {}

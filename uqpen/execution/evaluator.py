@@ -94,6 +94,11 @@ class EvaluatorWork:
         """True if the model can hang or kill the process it is called in."""
         return self.evaluator.model.is_untrusted
 
+    @property
+    def is_object(self) -> bool:
+        """True if the model is an object of this process."""
+        return self.evaluator.model.is_object
+
     def __call__(self, batch: Batch) -> BatchResult:
         """Return the result of a batch."""
         if self.limits and not is_child_process():

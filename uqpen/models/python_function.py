@@ -7,6 +7,7 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
+import pickle
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -23,6 +24,7 @@ from uqpen.core.limits import Limits
 from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.core.units import scale
+from uqpen.models.function_source import FunctionSource
 from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import ModelFolder
 
@@ -53,6 +55,8 @@ class PythonFunction(Model):
         of the model.
     enforced_limits : Limits
         Limits of one run; if anything is limited, runs are made in a process of their own.
+    source : FunctionSource, optional
+        The source of a function that is an object of this process, without a file to load it from.
     """
 
     function: Callable[..., Mapping[str, Any]]
@@ -63,7 +67,20 @@ class PythonFunction(Model):
     vectorized: bool = False
     surroundings: ModelFolder | None = field(default=None, repr=False, compare=False)
     enforced_limits: Limits = Limits()
+    source: FunctionSource | None = field(default=None, repr=False)
     is_untrusted: bool = field(default=True, init=False)
+
+    @property
+    def is_object(self) -> bool:
+        return self.source is not None
+
+    @property
+    def is_absent(self) -> bool:
+        return self.source is not None and self.source.is_absent
+
+    @property
+    def unknown_dependency(self) -> str:
+        return self.source.unknown if self.source else ""
 
     def evaluate(self, inputs: Arrays) -> Results:
         arguments = {
@@ -98,10 +115,13 @@ class PythonFunction(Model):
         # Another process loads the function itself: its modules cannot be sent.
         declared = (self.name, self.inputs, self.outputs, self.units, self.vectorized)
         if self.surroundings is None:
-            return PythonFunction, (self.function, *declared, None, self.enforced_limits)
+            function = _pickle_by_value(self.function)
+            return _unpickle, (function, *declared, None, self.enforced_limits, self.source)
         return _restore, (self.surroundings.folder, *declared, self.enforced_limits)
 
     def identity(self) -> dict[str, str]:
+        if self.source is not None:
+            return {"name": self.name, "source_sha256": self.source.sha256 or "unknown"}
         if self.surroundings is None:
             return {"name": self.name}
         sources = self.surroundings.sources()
@@ -197,6 +217,31 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], Mod
         listing = f"; it defines {', '.join(known)}" if known else ""
         raise ModelError(f'"{where}" has no function "{name}"{listing}')
     return function, surroundings
+
+
+def _pickle_by_value(function: Callable[..., Any]) -> bytes:
+    """Pickle a function that may be defined in a notebook or inside another function.
+
+    Only processes that this one has started read it, from the pipe to them.
+
+    Raises
+    ------
+    ModelError
+        If it refers to something that exists in this process only.
+    """
+    import cloudpickle
+
+    try:
+        return bytes(cloudpickle.dumps(function))
+    except Exception as error:  # a foreign object can raise anything while it is pickled
+        raise ModelError(
+            f"the model cannot be sent to another process: {_error_text(error)}"
+        ) from None
+
+
+def _unpickle(function: bytes, *declared: Any) -> PythonFunction:
+    """Restore a model from its pickled function and its declaration."""
+    return PythonFunction(pickle.loads(function), *declared)
 
 
 def _restore(

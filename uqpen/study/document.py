@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import Any
 
 from uqpen.core.errors import Problem, StudyError, toml_text
 
-__all__ = ["Document", "read_document"]
+__all__ = ["ArgumentsDocument", "Document", "parse_document", "read_document"]
 
 _POSITION = re.compile(r"\s*\(at line (\d+), column (\d+)\)\Z")
 _DUPLICATE_MESSAGES = ("Cannot overwrite a value", "Cannot declare", "Cannot redefine", "Duplicate")
@@ -27,13 +27,30 @@ _ABSENT = object()
 _MOST_LISTED = 50
 
 
+Objects = Mapping[tuple[str | int, ...], Any]
+
+
 @dataclass(frozen=True)
 class Document:
-    """Text and content of a study; `label` is the name of its file in messages."""
+    """Text and content of a study.
+
+    Parameters
+    ----------
+    label : str
+        Name of its file in messages.
+    text : str
+        Verbatim.
+    content : dict
+        The parsed text.
+    objects : mapping of tuple to object, optional
+        Python objects that the text only names, by the path of the table that names each; None
+        for a file, which cannot name any.
+    """
 
     label: str
     text: str
     content: dict[str, Any]
+    objects: Objects | None = None
 
     def value_text(self, path: Sequence[str | int]) -> str | None:
         """Return the value at a path about as its author wrote it; None where there is none."""
@@ -89,10 +106,28 @@ class Document:
         )
         count = "1 mistake" if len(problems) == 1 else f"{len(problems)} mistakes"
         blocks = [f"{self.label}: {count}; nothing was run"]
-        blocks += [_message_block(self.label, line, problem) for line, problem in located]
+        blocks += [self._message_block(line, problem) for line, problem in located]
         if len(problems) > len(located):
             blocks.append(f"  and {len(problems) - len(located)} more")
         return StudyError("\n\n".join(blocks), [problem for _, problem in located])
+
+    def _message_block(self, line: int | None, problem: Problem) -> str:
+        return _message_block(self.label, line, problem)
+
+
+class ArgumentsDocument(Document):
+    """Study made from Python objects, as the text that states it.
+
+    The content is the arguments' by name, so a mistake is located by its path alone.
+    """
+
+    def line(self, path: Sequence[str | int]) -> int | None:
+        """Return None: whoever made the study has not seen these lines."""
+        return None
+
+    def _message_block(self, line: int | None, problem: Problem) -> str:
+        argument = f"({problem.path[0]}=…)" if problem.path else ""
+        return _message_block(f"{self.label}{argument}", None, problem)
 
 
 def read_document(path: Path) -> Document:
@@ -120,7 +155,12 @@ def read_document(path: Path) -> Document:
     return parse_document(text, label)
 
 
-def parse_document(text: str, label: str) -> Document:
+def parse_document(
+    text: str,
+    label: str,
+    objects: Objects | None = None,
+    kind: type[Document] = Document,
+) -> Document:
     """Parse a study's text; `label` names it in messages.
 
     Raises
@@ -129,7 +169,7 @@ def parse_document(text: str, label: str) -> Document:
         If it is not TOML.
     """
     try:
-        return Document(label, text, tomllib.loads(text))
+        return kind(label, text, tomllib.loads(text), objects)
     except tomllib.TOMLDecodeError as error:
         message = str(error)
         match = _POSITION.search(message)

@@ -9,7 +9,7 @@ from typing import Any
 
 from uqpen.archive.provenance import of_python_functions, provenance
 from uqpen.models.python_function import PythonFunction
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 
 __all__ = ["run_fingerprint"]
 
@@ -17,7 +17,7 @@ __all__ = ["run_fingerprint"]
 _TABLES = ("seed", "inputs", "dependence", "constraints")
 
 
-def run_fingerprint(study: Study, model: str, design: str) -> dict[str, str]:
+def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str, str]:
     """Return all that determines the runs of a model in a design, each as a text by its key.
 
     That is the model, the inputs, the constraints, the seed, the design, the files that these name,

@@ -18,9 +18,12 @@ from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS
 from uqpen.distributions.constraints import Constraint, parse_constraint
 from uqpen.distributions.continuous import DISTRIBUTIONS, Normal
 from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.frozen import LIBRARIES
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.truncated import Truncated
+from uqpen.study.frozen_section import FROZEN, read_frozen
 from uqpen.study.measurements_section import MEASURED, read_measured
+from uqpen.study.object_section import OBJECT
 from uqpen.study.table_reader import TableReader, check_names
 
 __all__ = ["Inputs", "read_constraints", "read_inputs"]
@@ -28,6 +31,8 @@ __all__ = ["Inputs", "read_constraints", "read_inputs"]
 Entry = FixedInput | RandomInput
 
 # The ends of a truncated distribution, and their names in its description.
+_FAMILIES = (*DISTRIBUTIONS, MEASURED, *LIBRARIES)
+
 _LIMITS = {"lower": "at least", "upper": "at most"}
 
 
@@ -120,11 +125,11 @@ def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> E
     families = [key for key in table if key not in _LIMITS]
     if len(families) != 1:
         found = " and ".join(families) or "no distribution"
-        table.add_problem((), found, f"one distribution of {', '.join([*DISTRIBUTIONS, MEASURED])}")
+        table.add_problem((), found, f"one distribution of {', '.join(_FAMILIES)}")
         return None
     (family,) = families
-    if family not in (*DISTRIBUTIONS, MEASURED):
-        expected = choices(family, [*DISTRIBUTIONS, MEASURED])
+    if family not in (*_FAMILIES, OBJECT):
+        expected = choices(family, _FAMILIES)
         table.add_problem(family, "an unknown distribution", expected)
         return None
     section = table.table(family)
@@ -132,6 +137,8 @@ def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> E
         return None
     if family == MEASURED:
         made = read_measured(section, variable, stream)
+    elif family in FROZEN:
+        made = read_frozen(section, variable, family)
     else:
         made = _read_distribution(section, variable, family)
     limits = {key: table.quantity(key, variable.unit) for key in _LIMITS if key in table}

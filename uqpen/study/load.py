@@ -18,19 +18,19 @@ from uqpen.execution import FailurePolicy
 from uqpen.study.analyses_section import read_analyses
 from uqpen.study.dependence_section import read_dependence
 from uqpen.study.designs_section import check_designs, check_tables, read_designs
-from uqpen.study.document import Document, parse_document, read_document
+from uqpen.study.document import Document, Objects, parse_document, read_document
 from uqpen.study.inputs_section import Inputs, read_constraints, read_inputs
 from uqpen.study.models_section import check_variants, read_models
 from uqpen.study.outputs_section import read_quantities_of_interest
 from uqpen.study.published_section import read_published
-from uqpen.study.study import ONLY_MODEL, Study, Variant
+from uqpen.study.study import ONLY_MODEL, ValidatedStudy, Variant
 from uqpen.study.surrogates_section import check_surrogates, read_surrogates
 from uqpen.study.table_reader import TableReader
 
-__all__ = ["load_study", "parse_study"]
+__all__ = ["load_study", "parse_study", "read_study"]
 
 
-def load_study(path: str | Path) -> Study:
+def load_study(path: str | Path) -> ValidatedStudy:
     """Read a study file.
 
     Parameters
@@ -49,12 +49,17 @@ def load_study(path: str | Path) -> Study:
         Listing every mistake with its line, what was found and what is expected.
     """
     path = Path(path)
-    return _read_study(read_document(path), path.stem, path.absolute().parent, trust=True)
+    return read_study(read_document(path), path.stem, path.absolute().parent, trust=True)
 
 
 def parse_study(
-    text: str, *, name: str = "study", folder: str | Path = ".", trust: bool = True
-) -> Study:
+    text: str,
+    *,
+    name: str = "study",
+    folder: str | Path = ".",
+    trust: bool = True,
+    objects: Objects | None = None,
+) -> ValidatedStudy:
     """Read a study from its text, as `load_study` reads a file.
 
     Parameters
@@ -68,9 +73,12 @@ def parse_study(
     trust : bool
         True if models and analyses that it names may be loaded, which executes modules and sends
         requests to servers. Otherwise they cannot be run, but the rest of the study can be used.
+    objects : mapping of tuple to object, optional
+        For the text of a study made in Python: the objects that it names, by the paths of their
+        tables, such as ``{("model",): function}``. Without its function a model cannot be run.
     """
-    document = parse_document(text, f"{name}.toml")
-    return _read_study(document, name, Path(folder).absolute(), trust=trust)
+    document = parse_document(text, f"{name}.toml", objects)
+    return read_study(document, name, Path(folder).absolute(), trust=trust)
 
 
 # What is expected of the tables that a study must have beside its models; the other tables.
@@ -90,7 +98,8 @@ class _Heading:
     )
 
 
-def _read_study(document: Document, name: str, folder: Path, *, trust: bool) -> Study:
+def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> ValidatedStudy:
+    """Read a study from its parsed text; see `parse_study`."""
     root = TableReader(document, folder, trust, document.content)
     heading = root.settings(_Heading) or _Heading(seed=0)
     noted = len(root.problems)
@@ -126,7 +135,7 @@ def _read_study(document: Document, name: str, folder: Path, *, trust: bool) -> 
             _check_nominal(tables["inputs"], variant, joint)
     if root.problems:
         raise document.error(root.problems)
-    return Study(
+    return ValidatedStudy(
         name=name,
         title=heading.title or name,
         seed=heading.seed,

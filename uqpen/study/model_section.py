@@ -19,13 +19,21 @@ from uqpen.study.partial_model import PartialModel
 from uqpen.study.table_reader import TableReader, family_member
 from uqpen.study.variables_section import read_variables
 
-__all__ = ["EXTERNAL_MODELS", "read_limits", "read_model", "read_partial_model"]
+__all__ = [
+    "EXTERNAL_MODELS",
+    "read_function_limits",
+    "read_limits",
+    "read_model",
+    "read_partial_model",
+    "unloaded_function",
+]
 
 # The keys that name a model from outside, and the readers of its table.
 EXTERNAL_MODELS = {
     "python": "uqpen.study.model_section:read_function",
     "command": "uqpen.study.command_section:read_command",
     "umbridge": "uqpen.study.umbridge_section:read_umbridge",
+    "object": "uqpen.study.object_section:read_object",
 }
 
 _MODEL_KEYS = {
@@ -41,7 +49,7 @@ def read_model(table: TableReader) -> Model | None:
 
     Without trust, none of its code is executed and no server gets requests; it cannot be run.
     """
-    ways = [key for key in _MODEL_KEYS if key in table]
+    ways = [key for key in ("use", *EXTERNAL_MODELS) if key in table]
     if len(ways) != 1:
         found = "nothing that names a model" if not ways else " and ".join(ways)
         table.add_problem((), found, f"one of {', '.join(_MODEL_KEYS.values())}")
@@ -63,7 +71,7 @@ def read_partial_model(table: TableReader, mentioned: PartialModel) -> PartialMo
 
     Where it does not, they are those of `mentioned`.
     """
-    ways = [key for key in _MODEL_KEYS if key in table]
+    ways = [key for key in ("use", *EXTERNAL_MODELS) if key in table]
     if len(ways) != 1:
         return mentioned
     name = table.content[ways[0]]
@@ -89,15 +97,12 @@ def read_function(table: TableReader) -> Model | None:
     """Read a Python function as a model; None where a mistake was noted."""
     noted = len(table.problems)
     settings = table.settings(_FunctionSettings)
-    limits = read_limits(table)
-    if settings and settings.vectorized and limits:
-        limit = "time_limit" if limits.seconds is not None else "memory_limit"
-        table.add_problem(limit, "a limit of one run", "vectorized = false, so that runs are apart")
+    limits = read_function_limits(table, is_vectorized=settings is not None and settings.vectorized)
     inputs, outputs, units = read_variables(table)
     if settings is None or len(table.problems) > noted:
         return None
     reference = settings.python
-    load = load_function if table.trust else _unloaded_function
+    load = load_function if table.trust else unloaded_function
     try:
         function, surroundings = load(reference, table.folder)
         check_signature(function, [variable.name for variable in inputs])
@@ -111,14 +116,23 @@ def read_function(table: TableReader) -> Model | None:
 
 
 def read_limits(table: TableReader) -> Limits:
-    """Read the limits of one run; without trust, also one that this system cannot keep."""
+    """Read the limits of one run; with trust, note one that this system cannot keep."""
     if "memory_limit" in table and table.trust and not CAN_LIMIT:
         expected = "no limit on memory: this system cannot keep one"
         table.add_wrong("memory_limit", table.content["memory_limit"], expected)
     return table.settings(Limits) or Limits()
 
 
-def _unloaded_function(reference: str, folder: Path) -> tuple[Callable[..., Any], None]:
+def read_function_limits(table: TableReader, *, is_vectorized: bool) -> Limits:
+    """Read the limits of one run; note one where a call of the function makes many runs."""
+    limits = read_limits(table)
+    if is_vectorized and limits:
+        limit = "time_limit" if limits.seconds is not None else "memory_limit"
+        table.add_problem(limit, "a limit of one run", "vectorized = false, so that runs are apart")
+    return limits
+
+
+def unloaded_function(reference: str, folder: Path) -> tuple[Callable[..., Any], None]:
     """Return a replacement for a function that must not be executed."""
 
     def refuse(**inputs: float) -> Any:

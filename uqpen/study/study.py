@@ -18,7 +18,7 @@ from uqpen.statistics.published import Publication
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["ONLY_MODEL", "Study", "Variant"]
+__all__ = ["ONLY_MODEL", "ValidatedStudy", "Variant"]
 
 # Name of the model of a study with a single ``[model]``.
 ONLY_MODEL = ""
@@ -41,7 +41,7 @@ class Variant:
 
 
 @dataclass(frozen=True)
-class Study:
+class ValidatedStudy:
     """A model, the joint distribution of its inputs, designs and quantities of interest.
 
     Parameters

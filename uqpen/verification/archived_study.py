@@ -13,9 +13,11 @@ from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.errors import ArchiveError, ModelError, StudyError
 from uqpen.core.labels import KIND, RUN, RUNS, SAMPLING
 from uqpen.study.analyses_section import ANALYSES_KEY
+from uqpen.study.document import Objects
 from uqpen.study.load import parse_study
 from uqpen.study.model_section import EXTERNAL_MODELS
-from uqpen.study.study import Study, Variant
+from uqpen.study.object_section import OBJECT
+from uqpen.study.study import ValidatedStudy, Variant
 
 __all__ = [
     "archived_runs",
@@ -29,7 +31,13 @@ __all__ = [
 ]
 
 
-def archived_study(tree: xr.DataTree, folder: Path, *, trust: bool) -> Study:
+# The keys that name code.
+_NAMED = dict.fromkeys(key for key in EXTERNAL_MODELS if key != OBJECT)
+
+
+def archived_study(
+    tree: xr.DataTree, folder: Path, *, trust: bool, objects: Objects | None = None
+) -> ValidatedStudy:
     """Read the study of an archive from its text.
 
     Parameters
@@ -39,6 +47,8 @@ def archived_study(tree: xr.DataTree, folder: Path, *, trust: bool) -> Study:
     trust : bool
         True if code that it names may be executed, and requests sent to servers. Otherwise its
         models and analyses cannot be run, but the rest of the study can be used.
+    objects : mapping of tuple to object, optional
+        Python objects that the study names, as for `parse_study`.
 
     Raises
     ------
@@ -46,38 +56,47 @@ def archived_study(tree: xr.DataTree, folder: Path, *, trust: bool) -> Study:
         If it cannot be read here, for example because a file that it names is missing.
     """
     name = str(tree.attrs.get("study_name", "study"))
+    text = str(tree.attrs["study_text"])
     try:
-        return parse_study(str(tree.attrs["study_text"]), name=name, folder=folder, trust=trust)
+        return parse_study(text, name=name, folder=folder, trust=trust, objects=objects or {})
     except StudyError as error:
         where = f"the files that it names are looked for in {folder.absolute()} (--folder)"
         raise StudyError(f"{error}\n\n{where}", error.problems) from None
 
 
 def external_models(text: str) -> list[str]:
-    """Return the models of a study that are not built in, as its text names them."""
-    content = _content(text)
-    several = content.get("models")
-    tables = [content.get("model"), *(several.values() if isinstance(several, dict) else ())]
+    """Return the models that a study names code for, as its text names them."""
     return [
         next(
             # A function, a server, or the words of a command.
             (
                 " ".join(map(str, told)) if isinstance(told := table[key], list) else str(told)
-                for key in EXTERNAL_MODELS
+                for key in _NAMED
                 if key in table
             ),
             "one of no known kind",
         )
-        for table in tables
-        if isinstance(table, dict)
-        and ("use" not in table or not EXTERNAL_MODELS.keys().isdisjoint(table))
+        for table in _model_tables(text)
+        if (not {"use", OBJECT} & table.keys() or not _NAMED.keys().isdisjoint(table))
     ]
+
+
+def object_models(text: str) -> list[str]:
+    """Return the names of the models of a study that are objects of a Python program."""
+    return [str(table[OBJECT]) for table in _model_tables(text) if OBJECT in table]
 
 
 def outside_analyses(text: str) -> list[str]:
     """Return the user-supplied analyses that the text of a study names."""
     named = _content(text).get(ANALYSES_KEY)
     return [str(reference) for reference in named] if isinstance(named, list) else []
+
+
+def _model_tables(text: str) -> list[dict[str, Any]]:
+    content = _content(text)
+    several = content.get("models")
+    tables = [content.get("model"), *(several.values() if isinstance(several, dict) else ())]
+    return [table for table in tables if isinstance(table, dict)]
 
 
 def _content(text: str) -> dict[str, Any]:
@@ -104,7 +123,13 @@ def refuse_external_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None
     """
     if KIND in tree.attrs:
         raise ArchiveError(f"{path}: holds methods head to head; `uqpen compare` repeats those")
-    named = external_names(str(tree.attrs["study_text"]))
+    text = str(tree.attrs["study_text"])
+    if objects := object_models(text):
+        raise ModelError(
+            f"{path}: its model is an object of a Python program ({', '.join(objects)}), which no "
+            "archive contains; run that program again"
+        )
+    named = external_names(text)
     if named and not trust:
         raise ModelError(
             f"{path}: its study runs code that it names itself: {', '.join(named)}\n"
@@ -120,7 +145,9 @@ def archived_runs(tree: xr.DataTree) -> dict[str, dict[str, xr.Dataset]]:
     }
 
 
-def find_incompatibility(study: Study, runs: Mapping[str, Mapping[str, xr.Dataset]]) -> str:
+def find_incompatibility(
+    study: ValidatedStudy, runs: Mapping[str, Mapping[str, xr.Dataset]]
+) -> str:
     """Reason why runs cannot be those of a study; empty if they can."""
     if set(study.models) != set(runs):
         return f"its text names other models than it holds: {_list_names(study.models)}"
@@ -135,7 +162,7 @@ def find_incompatibility(study: Study, runs: Mapping[str, Mapping[str, xr.Datase
     return ""
 
 
-def _missing_variable(variant: Variant, study: Study, made: xr.Dataset) -> str:
+def _missing_variable(variant: Variant, study: ValidatedStudy, made: xr.Dataset) -> str:
     """Return the name of an input or output that runs lack."""
     for output in variant.model.outputs:
         kind = "i" if output.categories else "f"
@@ -150,7 +177,7 @@ def _missing_variable(variant: Variant, study: Study, made: xr.Dataset) -> str:
     return next(variant.model.missing_inputs(run_inputs(study, made)), "")
 
 
-def run_inputs(study: Study, made: xr.Dataset) -> list[str]:
+def run_inputs(study: ValidatedStudy, made: xr.Dataset) -> list[str]:
     """Return the inputs of runs: of the joint distribution, and given by a table or a model."""
     return [variable.name for variable in study.joint.variables if variable.name in made]
 

@@ -15,7 +15,7 @@ from uqpen.core.labels import CONTENT, MODELS, RUN, RUNS, STATUS
 from uqpen.core.model import Output
 from uqpen.core.streams import Stream
 from uqpen.execution import Evaluator, FailurePolicy, Map, Progress, evaluate
-from uqpen.study.study import Study
+from uqpen.study.study import ValidatedStudy
 from uqpen.verification.archived_study import run_inputs
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.differences import (
@@ -40,7 +40,7 @@ _MOST_LISTED = 8
 
 
 def repeated_runs(
-    study: Study,
+    study: ValidatedStudy,
     runs: Runs,
     number: int | None,
     tolerance: float,
@@ -52,7 +52,7 @@ def repeated_runs(
 
     Parameters
     ----------
-    study : Study
+    study : ValidatedStudy
         Read from the archive, with models that may be run.
     runs : mapping of str to mapping of str to Dataset
         The archived ones, by model and design.
@@ -88,7 +88,7 @@ def repeated_runs(
 
 
 def repeated_statistics(
-    study: Study,
+    study: ValidatedStudy,
     tree: xr.DataTree,
     runs: Runs,
     tolerance: float,
@@ -133,7 +133,9 @@ def repeated_statistics(
     return _check_result("statistics", what, found, tolerance)
 
 
-def draw_runs(study: Study, runs: Runs, number: int | None) -> Iterator[tuple[str, str, Positions]]:
+def draw_runs(
+    study: ValidatedStudy, runs: Runs, number: int | None
+) -> Iterator[tuple[str, str, Positions]]:
     """Draw a number of runs at random from all runs, by the study's seed; None for all.
 
     Yields model, design and positions in that design, in the order in which the study made them.

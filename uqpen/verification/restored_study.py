@@ -16,7 +16,8 @@ from uqpen.archive.files import FILES, ArchivedFile, archived_files, files_by_na
 from uqpen.archive.files_extraction import extract_files
 from uqpen.archive.read import read_group
 from uqpen.core.errors import ArchiveError, StudyError, UqpenError
-from uqpen.study.study import Study
+from uqpen.study.document import Objects
+from uqpen.study.study import ValidatedStudy
 from uqpen.verification.archived_study import archived_study
 
 __all__ = ["RestoredStudy", "restored_study", "with_kept_folders"]
@@ -28,14 +29,14 @@ class RestoredStudy(NamedTuple):
     Either its files are the archived ones (`has_kept_files`), or each that differs has a line.
     """
 
-    study: Study
+    study: ValidatedStudy
     has_kept_files: bool
     different_files: list[str]
 
 
 @contextlib.contextmanager
 def restored_study(
-    tree: xr.DataTree, folder: Path | None, *, trust: bool
+    tree: xr.DataTree, folder: Path | None, *, trust: bool, objects: Objects | None = None
 ) -> Iterator[RestoredStudy]:
     """Provide an archive's study such that it can be repeated.
 
@@ -46,7 +47,7 @@ def restored_study(
     folder : Path or None
         Folder with the files that the study names; None for the archived files. Files that the
         archive has only as hashes, or not at all, are then taken from the current folder.
-    trust : bool
+    trust, objects
         As for `archived_study`.
 
     Raises
@@ -60,14 +61,14 @@ def restored_study(
     files = archived_files(read_group(tree, FILES))
     if folder is not None or not files:
         folder = folder or here
-        study = archived_study(tree, folder, trust=trust)
+        study = archived_study(tree, folder, trust=trust, objects=objects)
         differing = _different_files(study, files, folder.absolute())
         _refuse_substitutes(files, differing)
         yield RestoredStudy(study, False, list(differing.values()))
         return
     with extract_files(files, here) as (place, missing):
         try:
-            study = archived_study(tree, place, trust=trust)
+            study = archived_study(tree, place, trust=trust, objects=objects)
         except UqpenError as error:
             raise _without_temporary_folder(error, place, missing) from None
         differing = _different_files(study, files, None)
@@ -77,7 +78,7 @@ def restored_study(
         yield RestoredStudy(study, True, [])
 
 
-def with_kept_folders(study: Study, folder: Path) -> Study:
+def with_kept_folders(study: ValidatedStudy, folder: Path) -> ValidatedStudy:
     """Return a study whose programs keep the folders of their runs in another folder.
 
     Programs of several models get a folder each in that folder, when the first one is kept.
@@ -90,7 +91,7 @@ def with_kept_folders(study: Study, folder: Path) -> Study:
 
 
 def _different_files(
-    study: Study, files: Sequence[ArchivedFile], folder: Path | None
+    study: ValidatedStudy, files: Sequence[ArchivedFile], folder: Path | None
 ) -> dict[str, str]:
     """Return the difference of each file from the archived one, including files in a folder."""
     kept = {file.name: file.sha256 for file in files}

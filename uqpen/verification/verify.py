@@ -28,7 +28,8 @@ from uqpen.core.labels import KIND
 from uqpen.execution import Map, Progress
 from uqpen.models import MODELS
 from uqpen.models.source import source_sha256
-from uqpen.study.study import Study
+from uqpen.study.document import Objects
+from uqpen.study.study import ValidatedStudy
 from uqpen.verification.archived_study import (
     archived_runs,
     external_models,
@@ -71,6 +72,7 @@ def verify(
     folder: Path | None = None,
     runs: int | None = 100,
     trust: bool = False,
+    objects: Objects | None = None,
     map: Map = map,
     progress: Progress | None = None,
 ) -> Iterator[CheckResult]:
@@ -86,6 +88,8 @@ def verify(
         Number of runs to repeat, drawn at random; None for all.
     trust : bool
         True if code that the archive names may be executed.
+    objects : mapping of tuple to object, optional
+        Python objects that its study names, as for `parse_study`.
     map : callable
         Like the built-in; it makes the batches of runs.
     progress : Progress, optional
@@ -118,7 +122,9 @@ def verify(
         is_other = written.attrs.get(version) != provenance()[version]
         is_earlier = is_other or bool(written.attrs[SCHEMA_ATTRIBUTE] != SCHEMA)
         allowed = _Tolerances(TOLERANCE if others else 0.0, is_earlier)
-        yield from _repeat_checks(tree, folder, runs, allowed, map, progress, trust=trust)
+        yield from _repeat_checks(
+            tree, folder, runs, allowed, map, progress, trust=trust, objects=objects
+        )
 
 
 def environment_differences(tree: xr.DataTree) -> list[str]:
@@ -205,11 +211,14 @@ def _repeat_checks(
     progress: Progress,
     *,
     trust: bool,
+    objects: Objects | None,
 ) -> Iterator[CheckResult]:
     """Repeat the runs and statistics that can be repeated."""
     with contextlib.ExitStack() as stack:
         try:
-            restored = stack.enter_context(restored_study(tree, folder, trust=trust))
+            restored = stack.enter_context(
+                restored_study(tree, folder, trust=trust, objects=objects)
+            )
         except UqpenError as error:
             message, details = "its study cannot be read here", tuple(str(error).split("\n"))
             yield CheckResult("repetition", CheckOutcome.IMPOSSIBLE, message, details)
@@ -221,9 +230,8 @@ def _repeat_checks(
             yield CheckResult("repetition", CheckOutcome.DIFFERENT, reason)
             return
         external = [] if trust else external_models(study.text)
-        if external:
-            what = f"they execute code that the archive names ({', '.join(external)})"
-            yield CheckResult("runs", CheckOutcome.UNCHECKED, f"not repeated: {what}", (_ADVICE,))
+        if unrepeated := _reason_without_repetition(study, external):
+            yield unrepeated
         else:
             for variant in study.models.values():
                 progress.start_preparation(variant.model.name)
@@ -234,8 +242,7 @@ def _repeat_checks(
                 message = f"another than then: {', '.join(others)}"
                 yield CheckResult("program", CheckOutcome.CLOSE, message)
             yield repeated_runs(study, runs, number, tolerance, map=map, progress=progress)
-            if FILES not in tree.children:
-                yield from _check_sources(study, tree)
+            yield from _check_sources(study, tree)
         progress.start_analysis()
         besides = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES]
         besides += _LOADED_MODEL_ATTRIBUTES if external else []
@@ -254,7 +261,25 @@ def _repeat_checks(
             yield CheckResult("statistics", CheckOutcome.IMPOSSIBLE, message, (str(error),))
 
 
-def _other_programs(study: Study, tree: xr.DataTree) -> Iterator[str]:
+def _reason_without_repetition(study: ValidatedStudy, external: list[str]) -> CheckResult | None:
+    """Return the result for runs that cannot be repeated; None where they can.
+
+    They cannot without code that the archive names, and that may not be executed, or without a
+    function that no archive contains.
+    """
+    absent = [each.model.name for each in study.models.values() if each.model.is_absent]
+    if external:
+        what = f"they execute code that the archive names ({', '.join(external)})"
+        advice = _ADVICE
+    elif absent:
+        what = f"{', '.join(absent)} is an object of the Python program that made the archive"
+        advice = "give the function: uqpen.verify(path, model=function)"
+    else:
+        return None
+    return CheckResult("runs", CheckOutcome.UNCHECKED, f"not repeated: {what}", (advice,))
+
+
+def _other_programs(study: ValidatedStudy, tree: xr.DataTree) -> Iterator[str]:
     """Yield the external programs of the same name that differ from those on this machine."""
     for name, model_tree in model_trees(tree).items():
         model, archived_hash = study.models[name].model, str(model_tree.attrs.get(_PROGRAM, ""))
@@ -263,11 +288,13 @@ def _other_programs(study: Study, tree: xr.DataTree) -> Iterator[str]:
             yield f"{model.name} {archived_hash[:8]} (here {here[:8]})"
 
 
-def _check_sources(study: Study, tree: xr.DataTree) -> Iterator[CheckResult]:
+def _check_sources(study: ValidatedStudy, tree: xr.DataTree) -> Iterator[CheckResult]:
     """Check that the source of user-supplied models is unchanged, where it was not archived."""
     details = []
     for name, model_tree in model_trees(tree).items():
         model, made_with = study.models[name].model, model_tree.attrs.get(_SOURCE)
+        if FILES in tree.children and not model.is_object:
+            continue  # the archived files are what it was made with
         here = model.identity().get(_SOURCE.removeprefix("model_"))
         if model.name not in MODELS and made_with and here != made_with:
             found = f"found the SHA-256 {here}, expected {made_with}"

@@ -1,0 +1,97 @@
+"""A function is known by its source, by what it calls and by the values that it takes."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from uqpen.models.function_source import function_source
+
+FACTOR = 2.0
+
+
+def scaled(x: float) -> float:
+    return FACTOR * x
+
+
+def recursive(x: float) -> float:
+    return recursive(x - 1) if x > 1 else math.sqrt(x)
+
+
+class Solver:
+    def __call__(self, x: float) -> float:
+        return x
+
+
+def closure(value: Any) -> Callable[[float], Any]:
+    def model(x: float) -> Any:
+        return scaled(x), value, np.sqrt(x)
+
+    return model
+
+
+def defaulted(x: float, *, y: float = 1.0) -> float:
+    return x + y
+
+
+def sha256(function: Any) -> str:
+    source = function_source(function)
+    assert source.is_known, source.unknown
+    return source.sha256
+
+
+@pytest.mark.parametrize(
+    "value", [1, 1.5, "a", None, (1, 2), {"a": 1.0}, np.arange(3.0), math, recursive, np.float64(2)]
+)
+def test_values_from_outside_are_part_of_it(value: object) -> None:
+    assert sha256(closure(value)) == sha256(closure(value))
+    assert sha256(closure(value)) != sha256(closure("another"))
+
+
+def test_a_global_value_of_a_function_that_it_calls_is_part_of_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before = sha256(closure(1))
+    monkeypatch.setitem(globals(), "FACTOR", 3.0)
+    assert sha256(closure(1)) != before
+
+
+def test_default_values_are_part_of_it() -> None:
+    before = sha256(defaulted)
+    assert sha256(functools.partial(defaulted, y=2.0)) != before
+
+
+def test_functions_in_one_statement_differ() -> None:
+    one, other = (lambda x: x + 1.0), (lambda x: x + 2.0)
+    assert sha256(one) != sha256(other)
+
+
+def test_a_function_may_call_itself() -> None:
+    assert sha256(recursive)
+
+
+def test_its_text_is_its_source() -> None:
+    source = function_source(defaulted)
+    assert source.name == "defaulted"
+    assert source.text == "def defaulted(x: float, *, y: float = 1.0) -> float:\n    return x + y\n"
+
+
+@pytest.mark.parametrize(
+    ("function", "unknown"),
+    [
+        (Solver(), '"Solver" is an object of class Solver'),
+        (closure(Solver()), '"value" is an object of class Solver'),
+        (closure(Solver), '"value" is a class of your own'),
+        (eval("lambda x: x"), 'the source of "lambda" cannot be read'),
+    ],
+)
+def test_what_cannot_be_hashed_is_named(function: Any, unknown: str) -> None:
+    source = function_source(function)
+    assert not source.is_known
+    assert source.sha256 == ""
+    assert source.unknown == unknown

@@ -1,0 +1,157 @@
+"""A study in a notebook, in a real kernel: without a file, on processes, interrupted."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jupyter_client import BlockingKernelClient, KernelManager
+from jupyter_client.manager import start_new_kernel
+
+import uqpen
+
+pytestmark = pytest.mark.slow
+
+# Long enough for a machine that is busy with other work; nothing waits for it to pass.
+PATIENCE = 300
+
+STUDY = """
+import uqpen
+from pathlib import Path
+
+factor = 2.0
+
+def area(length, width):
+    with Path("calls.txt").open("a") as calls:
+        calls.write("x")
+    return {"area": factor * length * width}
+
+def study():
+    return uqpen.Study(
+        model=area,
+        inputs={"length": uqpen.Normal("2 m", "0.1 m"), "width": "(3 ± 0.1) m"},
+        outputs={"area": "m2"},
+        designs={"mc": uqpen.MonteCarlo(runs=40)},
+        seed=5,
+    )
+"""
+
+FILE = """
+seed = 5
+
+[model]
+python = "area.py:area"
+inputs = { length = "m", width = "m" }
+outputs = { area = "m2" }
+
+[inputs]
+length = { normal = { mean = "2 m", std = "0.1 m" } }
+width = "(3 ± 0.1) m"
+
+[outputs.area]
+unit = "m2"
+
+[designs.mc]
+kind = "monte-carlo"
+runs = 40
+"""
+
+MODEL = """
+def area(length, width):
+    return {"area": 2.0 * length * width}
+"""
+
+
+class Notebook:
+    """A notebook whose cells are executed one after the other."""
+
+    def __init__(self, manager: KernelManager, client: BlockingKernelClient) -> None:
+        self.manager, self.client = manager, client
+
+    def run(self, code: str) -> list[dict[str, Any]]:
+        """Execute a cell; return what it shows."""
+        reply, outputs = self.finish(self.start(code))
+        assert reply["status"] == "ok", "\n".join(reply["traceback"])
+        return outputs
+
+    def start(self, code: str) -> str:
+        return str(self.client.execute(textwrap.dedent(code)))
+
+    def finish(self, message: str) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+        outputs = []
+        while True:
+            told = self.client.get_iopub_msg(timeout=PATIENCE)
+            if told["parent_header"].get("msg_id") != message:
+                continue
+            if told["msg_type"] == "status" and told["content"]["execution_state"] == "idle":
+                break
+            outputs.append(told["content"])
+        while True:  # replies to questions of before, whether it is ready, may come as well
+            reply = self.client.get_shell_msg(timeout=PATIENCE)
+            if reply["parent_header"].get("msg_id") == message:
+                return reply["content"], outputs
+
+
+@pytest.fixture
+def notebook(tmp_path: Path) -> Iterator[Notebook]:
+    manager, client = start_new_kernel(cwd=str(tmp_path), startup_timeout=PATIENCE)
+    try:
+        yield Notebook(manager, client)
+    finally:
+        client.stop_channels()
+        manager.shutdown_kernel(now=True)
+
+
+def shown(outputs: list[dict[str, Any]]) -> str:
+    return "\n".join(
+        str(output["data"].get("text/html", "")) for output in outputs if "data" in output
+    )
+
+
+def test_its_archive_is_that_of_a_file(notebook: Notebook, tmp_path: Path) -> None:
+    notebook.run(STUDY)
+    assert "<td>normal: mean 2 m, std 0.1 m</td>" in shown(notebook.run("study()"))
+    outputs = notebook.run('uqpen.make_archive(study(), "notebook.nc", workers=2)')
+    assert "<progress" in shown(outputs)
+    assert "<th>area [m2]</th><th>mc</th>" in shown(outputs)
+    (tmp_path / "area.py").write_text(MODEL)
+    (tmp_path / "study.toml").write_text(FILE)
+    of_file = uqpen.run(uqpen.load_study(tmp_path / "study.toml"))
+    archive = uqpen.open_archive(tmp_path / "notebook.nc")
+    for group in ("runs/mc", "statistics/mc", "statistics/mc/area"):
+        assert archive[group].to_dataset().identical(of_file[group].to_dataset()), group
+
+
+def test_an_interrupted_study_goes_on_where_it_was(notebook: Notebook, tmp_path: Path) -> None:
+    notebook.run(STUDY)
+    notebook.run(
+        """
+        import time
+
+        def area(length, width):
+            with Path("calls.txt").open("a") as calls:
+                calls.write("x")
+            while Path("calls.txt").stat().st_size > 20 and not Path("go.txt").exists():
+                time.sleep(0.01)
+            return {"area": 2.0 * length * width}
+        """
+    )
+    message = notebook.start('archive = uqpen.make_archive(study(), "interrupted.nc")')
+    calls = tmp_path / "calls.txt"
+    deadline = time.monotonic() + PATIENCE
+    while not calls.exists() or calls.stat().st_size <= 20:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    notebook.manager.interrupt_kernel()
+    reply, _ = notebook.finish(message)
+    assert reply["ename"] == "KeyboardInterrupt"
+    kept = int(re.match(r"(\d+) runs are kept", reply["evalue"])[1])  # type: ignore[index]
+    assert 0 < kept <= 20
+    (tmp_path / "go.txt").touch()
+    notebook.run('archive = uqpen.make_archive(study(), "interrupted.nc")')
+    assert calls.stat().st_size == 21 + 40 - kept, "no run that was kept is made again"

@@ -1,0 +1,193 @@
+"""Distributions of SciPy and chaospy as distributions of an input."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.errors import SettingsError
+from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.distributions.distribution import Distribution
+
+__all__ = [
+    "LIBRARIES",
+    "FrozenDistribution",
+    "as_frozen",
+    "declare",
+    "frozen_distribution",
+    "frozen_names",
+]
+
+FloatArray = npt.NDArray[np.float64]
+
+# The key of a library in a study file, and its module with the distributions.
+LIBRARIES = {"scipy": "scipy.stats", "chaospy": "chaospy"}
+
+
+@dataclass(frozen=True)
+class FrozenDistribution(Distribution):
+    """Distribution of SciPy or chaospy with all its parameters, and the unit of its values.
+
+    Parameters
+    ----------
+    frozen : object
+        A frozen continuous distribution of ``scipy.stats``, or a one-dimensional distribution of
+        chaospy.
+    unit : str
+        Unit of its values.
+
+    Examples
+    --------
+    >>> from scipy import stats
+    >>> load = FrozenDistribution(stats.genextreme(-0.1, loc=10, scale=2), "kN")
+    >>> float(load.ppf(0.5)) / 1e3  # doctest: +ELLIPSIS
+    10.746...
+    """
+
+    frozen: Any
+    unit: str = DIMENSIONLESS
+
+    def ppf(self, probability: FloatArray) -> FloatArray:
+        quantile = self.frozen.ppf if self._is_scipy else self.frozen.inv
+        return self._to_si(quantile(probability))
+
+    def isf(self, probability: FloatArray) -> FloatArray:
+        if self._is_scipy:
+            return self._to_si(self.frozen.isf(probability))
+        return self.ppf(1 - np.asarray(probability))
+
+    def cdf(self, value: FloatArray) -> FloatArray:
+        return self._probability(self.frozen.cdf, value)
+
+    def sf(self, value: FloatArray) -> FloatArray:
+        if self._is_scipy:
+            return self._probability(self.frozen.sf, value)
+        return 1 - self.cdf(value)
+
+    @property
+    def _is_scipy(self) -> bool:
+        return hasattr(self.frozen, "sf")
+
+    def _to_si(self, values: Any) -> FloatArray:
+        measure = scale(self.unit)
+        return np.asarray(values, dtype=np.float64) * measure.factor + measure.offset
+
+    def _probability(self, function: Any, value: FloatArray) -> FloatArray:
+        return np.asarray(function(scale(self.unit).from_si(np.asarray(value))), dtype=np.float64)
+
+
+def frozen_distribution(
+    library: str, name: str, parameters: Mapping[str, float], unit: str
+) -> FrozenDistribution:
+    """Return a distribution by its name in a library and its parameters.
+
+    Parameters
+    ----------
+    library : str
+        One of `LIBRARIES`.
+    name : str
+        Name of a continuous distribution there, such as ``"genextreme"``.
+    parameters : mapping of str to float
+        Its parameters under the names that the library gives them.
+    unit : str
+        Unit of its values.
+
+    Raises
+    ------
+    LookupError
+        If the library has no such continuous distribution.
+    ValueError
+        If it does not take these parameters, or is not defined for them.
+    """
+    module = importlib.import_module(LIBRARIES[library])
+    family: Any = getattr(module, name, None)
+    if not _is_family(library, module, family):
+        raise LookupError(name)
+    try:
+        frozen = family(**parameters)
+        median = float(np.ravel(frozen.ppf(0.5) if library == "scipy" else frozen.inv(0.5))[0])
+    except Exception as error:  # a library can raise anything about parameters
+        raise ValueError(str(error) or type(error).__name__) from None
+    if not np.isfinite(median):
+        raise ValueError("it is not defined for these parameters")
+    return FrozenDistribution(frozen, unit)
+
+
+def frozen_names(library: str) -> list[str]:
+    """Return the names of the continuous distributions of a library."""
+    module = importlib.import_module(LIBRARIES[library])
+    return [name for name, value in vars(module).items() if _is_family(library, module, value)]
+
+
+def as_frozen(value: object) -> FrozenDistribution | None:
+    """Return a distribution of SciPy or chaospy with values without a unit; None for others."""
+    is_scipy = hasattr(value, "dist") and hasattr(value, "kwds")
+    is_chaospy = type(value).__module__.partition(".")[0] == "chaospy" and hasattr(value, "inv")
+    return FrozenDistribution(value) if is_scipy or is_chaospy else None
+
+
+def declare(frozen: Any) -> tuple[str, dict[str, Any]] | None:
+    """Return the library of a distribution, and its name and parameters as data.
+
+    Returns
+    -------
+    tuple or None
+        None where they do not determine it: it is an expression, or of a class of the user's.
+    """
+    dist = getattr(frozen, "dist", None)
+    if dist is not None and hasattr(frozen, "kwds"):
+        names = [*(dist.shapes.split(", ") if dist.shapes else []), "loc", "scale"]
+        library, name = "scipy", dist.name
+        parameters = {**dict(zip(names, frozen.args, strict=False)), **frozen.kwds}
+    else:
+        library, name, parameters = "chaospy", *_parse_call(repr(frozen), type(frozen))
+    try:
+        values = {key: float(value) for key, value in parameters.items()}
+        again = frozen_distribution(library, name, values, DIMENSIONLESS)
+        probabilities = np.linspace(0.01, 0.99, 21)
+        same = np.array_equal(
+            again.ppf(probabilities), FrozenDistribution(frozen).ppf(probabilities)
+        )
+    except (LookupError, TypeError, ValueError, SettingsError, ImportError):
+        return None
+    return (library, {"name": name, **values}) if same else None
+
+
+def _is_family(library: str, module: Any, family: Any) -> bool:
+    if library == "scipy":
+        return isinstance(family, module.rv_continuous)
+    return isinstance(family, type) and issubclass(family, module.Distribution)
+
+
+def _parse_call(text: str, called: type) -> tuple[str, dict[str, float]]:
+    """Parse the representation of an object as a call with numbers.
+
+    Parameters
+    ----------
+    text : str
+        Such as ``"Beta(2, 3, lower=0, upper=4)"``.
+    called : type
+        The class of the object; its signature gives the names of positional parameters.
+
+    Returns
+    -------
+    name, parameters : str and dict
+        Empty where the text is not such a call.
+    """
+    try:
+        call = ast.parse(text, mode="eval").body
+        if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name):
+            return "", {}
+        values = [ast.literal_eval(value) for value in call.args]
+        named = {str(each.arg): ast.literal_eval(each.value) for each in call.keywords}
+        bound = inspect.signature(called).bind(*values, **named)
+    except (SyntaxError, TypeError, ValueError):
+        return "", {}
+    return call.func.id, dict(bound.arguments)

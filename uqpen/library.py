@@ -1,0 +1,181 @@
+"""Functions of the library that make and check archives, with worker processes and progress."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from uqpen import workflow
+from uqpen.checkpoints import make_archive as checkpoints
+from uqpen.execution import Map, Progress
+from uqpen.execution.processes import processes
+from uqpen.notebook import notebook_progress
+from uqpen.results.archive import Archive
+from uqpen.study.object_section import OBJECT
+from uqpen.study.study import ValidatedStudy as ValidatedStudy
+from uqpen.verification.check_result import CheckResult
+from uqpen.verification.verify import verify as verify_parts
+
+__all__ = ["make_archive", "run", "verify"]
+
+
+def run(
+    study: ValidatedStudy,
+    *,
+    workers: int = 1,
+    map: Map | None = None,
+    progress: Progress | None = None,
+) -> Archive:
+    """Make all runs of a study and analyse them, in memory.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        Made in Python, or read by `load_study`.
+    workers : int
+        Number of processes that make runs. No result depends on it. A script that uses more than
+        one calls this under ``if __name__ == "__main__":``.
+    map : callable, optional
+        Like the built-in; it makes the batches of runs in place of worker processes.
+    progress : Progress, optional
+        Receives reports of progress; by default a bar in a notebook.
+
+    Returns
+    -------
+    Archive
+        The content of the archive that `make_archive` would write.
+
+    Raises
+    ------
+    TooManyFailedError
+        If more runs fail than the study allows.
+    """
+    with _map(workers, map) as spread, _progress(progress) as reporter:
+        return Archive.of(workflow.run(study, map=spread, progress=reporter))
+
+
+def make_archive(
+    study: ValidatedStudy,
+    path: str | Path,
+    *,
+    workers: int = 1,
+    map: Map | None = None,
+    progress: Progress | None = None,
+    fresh: bool = False,
+    lost_again: bool = False,
+) -> Archive:
+    """Make all runs of a study, analyse them, and write everything into one archive.
+
+    Finished runs are kept beside the archive until it is complete. After an interruption, the same
+    call goes on from them.
+
+    Parameters
+    ----------
+    study, workers, map, progress
+        As in `run`.
+    path : str or Path
+        The archive to write; its folder is made if there is none.
+    fresh : bool
+        True to make all runs again, also those that an earlier call has kept.
+    lost_again : bool
+        True to make again those kept runs that failed.
+
+    Raises
+    ------
+    TooManyFailedError
+        If more runs fail than the study allows.
+    ArchiveError
+        If the archive or its checkpoint cannot be written.
+    CheckpointError
+        If there are kept runs that this study would not make; it states the changes.
+    """
+    with _map(workers, map) as spread, _progress(progress) as reporter:
+        tree = checkpoints.make_archive(
+            study, path, map=spread, progress=reporter, fresh=fresh, lost_again=lost_again
+        )
+        return Archive.of(tree)
+
+
+def verify(
+    path: str | Path,
+    *,
+    model: Callable[..., Mapping[str, Any]] | Mapping[str, Callable[..., Any]] | None = None,
+    inputs: Mapping[str, object] | None = None,
+    folder: str | Path | None = None,
+    runs: int | None = 100,
+    trust: bool = False,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> list[CheckResult]:
+    """Check an archive against its hashes, its study, its runs and its statistics.
+
+    Parameters
+    ----------
+    path : str or Path
+        The archive.
+    model : callable, or mapping of str to callable, optional
+        The function that the study was made with, where it is an object of a Python program: no
+        archive contains it. For several models, a function by the name of each.
+    inputs : mapping of str to object, optional
+        The distributions of inputs, where they are objects of a Python program.
+    folder : str or Path, optional
+        Folder with the files that the study names; by default, the archived files are used.
+    runs : int or None
+        Number of runs to repeat, drawn at random; None for all.
+    trust : bool
+        True if code that the archive names may be executed.
+    workers : int
+        Number of processes that make runs.
+    progress : Progress, optional
+        Receives reports of progress.
+
+    Returns
+    -------
+    list of CheckResult
+        One for each part, with its outcome and a message.
+
+    Raises
+    ------
+    ArchiveError
+        If it is no archive.
+    """
+    objects: dict[tuple[str | int, ...], object] = {
+        ("inputs", name, OBJECT): distribution for name, distribution in (inputs or {}).items()
+    }
+    if isinstance(model, Mapping):
+        objects |= {("models", name): function for name, function in model.items()}
+    elif model is not None:
+        objects["model",] = model
+    with _map(workers, None) as spread, _progress(progress) as reporter:
+        return list(
+            verify_parts(
+                Path(path),
+                folder=None if folder is None else Path(folder),
+                runs=runs,
+                trust=trust,
+                objects=objects,
+                map=spread,
+                progress=reporter,
+            )
+        )
+
+
+@contextlib.contextmanager
+def _map(workers: int, given: Map | None) -> Iterator[Map]:
+    """Provide the map that makes runs: in this process, or on several."""
+    if given is not None or workers == 1:
+        yield given or map
+        return
+    with processes(workers) as spread:
+        yield spread
+
+
+@contextlib.contextmanager
+def _progress(given: Progress | None) -> Iterator[Progress]:
+    if given is not None:
+        yield given
+        return
+    with notebook_progress() as reporter:
+        yield reporter

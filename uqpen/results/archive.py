@@ -1,0 +1,72 @@
+"""Archive in memory, as a user of the library holds it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import xarray as xr
+
+from uqpen.archive.read import open_archive as open_tree
+from uqpen.results.html import archive_html
+from uqpen.results.long_table import long_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Archive", "open_archive"]
+
+
+class Archive(xr.DataTree):  # type: ignore[no-untyped-call]
+    """Content of an archive: a tree of datasets, one for each group.
+
+    See ``docs/archive.md`` for its groups and variables.
+
+    Examples
+    --------
+    >>> archive = uqpen.open_archive("archives/concrete.nc")  # doctest: +SKIP
+    >>> archive["statistics/monte_carlo/penetration_depth"]["mean"]  # doctest: +SKIP
+    >>> archive.to_frame().query("statistic == 'mean'")  # doctest: +SKIP
+    """
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, tree: xr.DataTree) -> Archive:
+        """Return a tree as an archive, without a copy of its data."""
+        return cls(tree.to_dataset(inherit=False), children=dict(tree.children))
+
+    def to_frame(self, *, functions: bool = False) -> pd.DataFrame:
+        """Return all estimates as one long table, a row for each.
+
+        Parameters
+        ----------
+        functions : bool
+            True to list distribution functions as well, which have a row for each run.
+
+        Returns
+        -------
+        DataFrame
+            Its columns are the model, the source, the output, the statistic and its coordinates,
+            then the estimate, the ends of its interval, and the note on it.
+        """
+        return long_table(self, functions=functions)
+
+    def _repr_html_(self) -> str:
+        return archive_html(self)
+
+
+def open_archive(path: str | Path) -> Archive:
+    """Read an archive into memory.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file that `uqpen study` or `make_archive` has written.
+
+    Raises
+    ------
+    ArchiveError
+        If it cannot be read, is no archive, or was written by a later uqpen.
+    """
+    return Archive.of(open_tree(path))

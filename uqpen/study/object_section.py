@@ -1,0 +1,62 @@
+"""``[model] object``: a function that is an object of the Python program, as a model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from uqpen.core.errors import ModelError
+from uqpen.core.settings import flag, text
+from uqpen.models.function_source import FunctionSource, function_source
+from uqpen.models.python_function import PythonFunction, check_signature
+from uqpen.study.model_section import read_function_limits, unloaded_function
+from uqpen.study.table_reader import TableReader
+from uqpen.study.variables_section import read_variables
+
+__all__ = ["OBJECT", "read_object"]
+
+# The key with the name of an object.
+OBJECT = "object"
+
+
+@dataclass(frozen=True)
+class _ObjectSettings:
+    """Settings of a function that is an object; its source is for display only."""
+
+    object: str = text(expected="the name of a function")
+    source: str = text(expected="the source of a function", default="")
+    vectorized: bool = flag(default=False)
+
+
+def read_object(table: TableReader) -> PythonFunction | None:
+    """Read a function that is an object; None where a mistake was noted.
+
+    The text of the table is never executed. It names the function, and shows its source to a
+    reader. Where the function is not here, the model cannot be run.
+    """
+    noted = len(table.problems)
+    settings = table.settings(_ObjectSettings)
+    objects = table.document.objects
+    if objects is None:
+        named = table.content[OBJECT]
+        expected = f'python = "my_model.py:{named}": a file cannot contain a Python object'
+        table.add_wrong(OBJECT, named, expected)
+    function = (objects or {}).get(table.path)
+    limits = read_function_limits(table, is_vectorized=settings is not None and settings.vectorized)
+    inputs, outputs, units = read_variables(table)
+    if settings is None or len(table.problems) > noted:
+        return None
+    name = settings.object
+    if function is None:
+        function, _ = unloaded_function(name, table.folder)
+        source = FunctionSource.absent(name, settings.source)
+    else:
+        source = function_source(function)
+        try:
+            check_signature(function, [variable.name for variable in inputs])
+        except ModelError as error:
+            expected = "a function that can be called with the model's inputs"
+            table.add_problem((), str(error), expected)
+            return None
+    return PythonFunction(
+        function, name, inputs, outputs, units, settings.vectorized, None, limits, source
+    )

@@ -1,0 +1,180 @@
+"""Python objects as the content of a study file: texts, numbers, lists and tables."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uqpen.core.errors import Problem, QuantityError
+from uqpen.core.lookup import family_name
+from uqpen.core.quantities import parse_any_dimension, parse_spread
+from uqpen.core.settings import written_settings
+from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible
+from uqpen.designs import DESIGNS
+from uqpen.designs.design import Design
+from uqpen.distributions.continuous import DISTRIBUTIONS
+from uqpen.distributions.copulas import COPULAS
+from uqpen.distributions.dependence import Dependence
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.elliptical_copulas import EllipticalCopula
+from uqpen.distributions.frozen import FrozenDistribution, as_frozen, declare
+from uqpen.distributions.truncated import Truncated
+from uqpen.execution.failures import FailurePolicy
+from uqpen.models import MODELS
+from uqpen.models.function_source import function_source
+from uqpen.models.source import BuiltInModel
+from uqpen.study.object_section import OBJECT
+from uqpen.study.python_model import OutputSpec, PythonModel
+from uqpen.surrogates import SURROGATES
+from uqpen.surrogates.surrogate import Surrogate
+
+__all__ = ["StudyContent"]
+
+Path_ = tuple[str | int, ...]
+
+SOURCE = "source"
+
+_VALUES = "a text, a number, true or false, a list, a dict, or an object of uqpen's"
+
+
+class StudyContent:
+    """Content of a study made from Python objects.
+
+    Attributes
+    ----------
+    content : dict
+        What a study file would contain.
+    objects : dict
+        The functions of its models, by the path of the model's table.
+    problems : list of Problem
+        Arguments that no study file can state.
+    """
+
+    def __init__(self, arguments: Mapping[str, Any]) -> None:
+        self.objects: dict[Path_, Callable[..., Any]] = {}
+        self.problems: list[Problem] = []
+        given = {name: value for name, value in arguments.items() if value is not None}
+        model = given.get("model")
+        if callable(model) and not isinstance(model, PythonModel):
+            given["model"] = self._bare_function(model, given)
+        self.content: dict[str, Any] = {
+            name: self._value(value, (name,)) for name, value in given.items()
+        }
+        self._expand_outputs()
+
+    def _value(self, value: Any, path: Path_) -> Any:
+        """Return a value of TOML; note a problem and return an empty text where there is none."""
+        if isinstance(value, np.generic):
+            value = value.item()
+        if isinstance(value, np.ndarray):
+            value = value.tolist()
+        if isinstance(value, str | bool | int | float):
+            return value
+        if isinstance(value, Path):
+            return str(value)
+        if isinstance(value, list | tuple):
+            return [self._value(entry, (*path, position)) for position, entry in enumerate(value)]
+        if isinstance(value, Mapping):
+            return self._table(value, path)
+        if isinstance(value, PythonModel):
+            return self._table(value.table(), path)
+        table = _declaration(value)
+        if table is None:
+            self.problems.append(
+                Problem(path, f"an object of class {type(value).__name__}", _VALUES)
+            )
+            return ""
+        return self._table(table, path)
+
+    def _table(self, table: Mapping[Any, Any], path: Path_) -> dict[str, Any]:
+        table = dict(table)
+        named = table.get(OBJECT)
+        if named is not None and not isinstance(named, str | Mapping):
+            self.objects[path] = named
+            table[OBJECT] = repr(named)
+            if path[0] != "inputs":
+                source = function_source(named)
+                table |= {OBJECT: source.name, SOURCE: source.text or None}
+        return {
+            str(key): self._value(value, (*path, str(key)))
+            for key, value in table.items()
+            if value is not None
+        }
+
+    def _bare_function(self, function: Callable[..., Any], given: Mapping[str, Any]) -> PythonModel:
+        """Return a model with the units in which the study states its inputs and outputs."""
+        inputs = {}
+        for name, value in _items(given.get("inputs")):
+            units = list(dict.fromkeys(_units(_declaration(value) or value)))
+            inputs[str(name)] = units[0] if units else DIMENSIONLESS
+            if len(units) > 1 and all(are_convertible(units[0], unit) for unit in units):
+                expected = "one unit, in which the function takes it; or a uqpen.PythonModel"
+                found = f"values in {' and '.join(units)}"
+                self.problems.append(Problem(("inputs", str(name)), found, expected))
+        outputs = {str(name): _output_unit(value) for name, value in _items(given.get("outputs"))}
+        return PythonModel(function, inputs, outputs)
+
+    def _expand_outputs(self) -> None:
+        """Expand an output that is given by its unit alone to a table."""
+        outputs = self.content.get("outputs")
+        if isinstance(outputs, dict):
+            for name, value in outputs.items():
+                if isinstance(value, str):
+                    outputs[name] = {"unit": value}
+
+
+def _declaration(value: object) -> dict[str, Any] | None:
+    """Return the table that declares an object in a study file; None for an unknown class."""
+    if isinstance(value, Truncated):
+        limits = {key: limit for key, limit in written_settings(value).items() if key != "parent"}
+        return {**(_declaration(value.parent) or {}), **limits}
+    if frozen := value if isinstance(value, FrozenDistribution) else as_frozen(value):
+        library, parameters = declare(frozen.frozen) or (OBJECT, {OBJECT: frozen.frozen})
+        return {library: {**parameters, "unit": frozen.unit}}
+    if isinstance(value, Distribution):
+        name = family_name(DISTRIBUTIONS, value)
+        return {name: written_settings(value)} if name else None
+    if isinstance(value, EllipticalCopula):
+        fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        return {"copula": family_name(COPULAS, value), "of": value.measures[0], **fields}
+    if isinstance(value, OutputSpec | FailurePolicy):
+        return written_settings(value) if isinstance(value, FailurePolicy) else value.table()
+    for kind, family, key in (
+        (Dependence, COPULAS, "copula"),
+        (Design, DESIGNS, "kind"),
+        (Surrogate, SURROGATES, "kind"),
+        (BuiltInModel, MODELS, "use"),
+    ):
+        if isinstance(value, kind) and (name := family_name(family, value)):
+            return {key: name, **written_settings(value)}
+    return None
+
+
+def _items(value: object) -> Iterator[tuple[Any, Any]]:
+    return iter(value.items() if isinstance(value, Mapping) else ())
+
+
+def _units(value: object) -> Iterator[str]:
+    """Yield the units of the quantities in a value; a mistake in one is noted elsewhere."""
+    if isinstance(value, Mapping) and "unit" in value:
+        value = f"1 {value['unit']}"
+    if isinstance(value, Mapping):
+        for entry in value.values():
+            yield from _units(entry)
+    elif isinstance(value, str):
+        try:
+            spread = parse_spread(value, ANY_DIMENSION)
+            yield spread.unit if spread else parse_any_dimension(value).unit
+        except QuantityError:
+            return
+
+
+def _output_unit(value: object) -> str:
+    if isinstance(value, OutputSpec):
+        value = value.unit
+    unit = value.get("unit") if isinstance(value, Mapping) else value
+    return unit if isinstance(unit, str) else DIMENSIONLESS

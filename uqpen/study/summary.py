@@ -1,0 +1,104 @@
+"""Summary of a study: its model, inputs, outputs and designs as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+from uqpen.core.lookup import family_name
+from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.designs import DESIGNS
+from uqpen.distributions.joint_distribution import FixedInput
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.study.study import ValidatedStudy as ValidatedStudy
+
+__all__ = [
+    "design_rows",
+    "input_rows",
+    "models_text",
+    "output_rows",
+    "study_html",
+    "surrogate_rows",
+]
+
+Rows = list[tuple[str, ...]]
+
+
+def models_text(study: ValidatedStudy) -> str:
+    """Return the names of a study's models."""
+    if not study.has_several_models:
+        return f"model {study.model.name}"
+    named = (f"{name} ({variant.model.name})" for name, variant in study.models.items())
+    return f"models {', '.join(named)}"
+
+
+def input_rows(study: ValidatedStudy) -> Rows:
+    """Return the name of each input with its value or its distribution."""
+    rows: Rows = []
+    for entry in study.joint.inputs:
+        unit = "" if entry.display_unit == DIMENSIONLESS else f" {entry.display_unit}"
+        if isinstance(entry, FixedInput):
+            text = f"{scale(entry.display_unit).from_si(entry.value):.10g}{unit}"
+        else:
+            text = entry.description
+        rows.append((entry.variable.name, text))
+    return rows
+
+
+def output_rows(study: ValidatedStudy) -> Rows:
+    """Return the name of each output with the statistics that are estimated of it."""
+    return [
+        (quantity.output.name, "; ".join(_requested(quantity)))
+        for quantity in study.quantities_of_interest
+    ]
+
+
+def design_rows(study: ValidatedStudy) -> Rows:
+    """Return the name of each design with its kind and its number of runs."""
+    rows: Rows = []
+    for name, design in study.designs.items():
+        kind = family_name(DESIGNS, design) or type(design).__name__
+        rows.append((name, kind, str(design.run_count(study.joint))))
+    return rows
+
+
+def surrogate_rows(study: ValidatedStudy) -> Rows:
+    """Return the name of each surrogate with its design and its first validation design."""
+    return [
+        (name, surrogate.design, next(iter(study.validation_designs(surrogate)), "nothing"))
+        for name, surrogate in study.surrogates.items()
+    ]
+
+
+def study_html(study: ValidatedStudy) -> str:
+    """Return a summary of a study as HTML."""
+    parts = [
+        f"<p><b>{escape(study.title)}</b><br>{escape(models_text(study))}, seed {study.seed}</p>"
+    ]
+    for head, rows in (
+        (("input", "value or distribution"), input_rows(study)),
+        (("output", "statistics"), output_rows(study)),
+        (("design", "kind", "runs"), design_rows(study)),
+        (("surrogate", "fitted to", "checked by"), surrogate_rows(study)),
+    ):
+        if rows:
+            parts.append(_html_table(head, rows))
+    return "\n".join(parts)
+
+
+def _requested(quantity: QuantityOfInterest) -> list[str]:
+    if quantity.output.categories:
+        return ["shares of " + ", ".join(category.label for category in quantity.output.categories)]
+    return [
+        "moments, cdf, quantiles " + ", ".join(f"{p:g}" for p in quantity.quantiles),
+        *(f"P(> {threshold.text})" for threshold in quantity.thresholds),
+        *(f"value held with {p:g}" for p in quantity.tolerance_contents),
+    ]
+
+
+def _html_table(head: Sequence[str], rows: Rows) -> str:
+    cells = "".join(f"<th>{escape(text)}</th>" for text in head)
+    body = "\n".join(
+        f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in rows
+    )
+    return f"<table><thead><tr>{cells}</tr></thead>\n<tbody>\n{body}\n</tbody></table>"
