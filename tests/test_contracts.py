@@ -1,0 +1,121 @@
+"""The contract tests that members of a family from outside the package can be held to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import chaospy
+import numpy as np
+import numpy.typing as npt
+import pytest
+import xarray as xr
+from scipy import stats
+
+import uqpen
+from uqpen.core.labels import RUN
+from uqpen.core.lookup import resolve
+from uqpen.core.model import Arrays, Input, Model, Output, Results
+from uqpen.core.sampling import Sampling
+from uqpen.core.settings import count
+from uqpen.core.streams import Stream
+from uqpen.designs import DESIGNS
+from uqpen.designs.design import Design, Rounds
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.frozen import FrozenDistribution
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.testing import check_design, check_distribution, check_model
+
+pytestmark = pytest.mark.processor
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@pytest.mark.parametrize(
+    "distribution",
+    [
+        uqpen.Normal(2.0, 0.5),
+        uqpen.Truncated(uqpen.Normal("2 m", "0.5 m"), "1.2 m", "2.9 m"),
+        uqpen.LogUniform(0.1, 30.0),
+        FrozenDistribution(stats.genextreme(-0.1, loc=10, scale=2), "kN"),
+        FrozenDistribution(chaospy.Normal(2, 1) + 1, "degC"),
+    ],
+    ids=lambda distribution: type(getattr(distribution, "frozen", distribution)).__name__,
+)
+def test_distributions_meet_theirs(distribution: Distribution) -> None:
+    check_distribution(distribution)
+
+
+DESIGN_SETTINGS: dict[str, dict[str, object]] = {
+    "monte-carlo": {"runs": 1024},
+    "latin-hypercube": {"runs": 1000},
+    "sobol-sequence": {"runs": 1024},
+    "halton": {"runs": 1024},
+    "quadrature": {"order": 4},
+    "full-factorial": {"levels": 7},
+    "saltelli": {"base": 64},
+    "morris": {"trajectories": 20},
+    "one-at-a-time": {},
+}
+
+
+@pytest.mark.parametrize("kind", sorted(DESIGNS.keys() - {"table"}))
+def test_designs_meet_theirs(kind: str) -> None:
+    check_design(resolve(DESIGNS[kind])(**DESIGN_SETTINGS[kind]))
+
+
+def test_models_meet_theirs() -> None:
+    inputs = {name: np.linspace(-3, 3, 5) for name in ("x1", "x2", "x3")}
+    check_model(uqpen.Ishigami(), inputs)
+
+
+class TestBrokenRules:
+    """A member that breaks a rule is told which."""
+
+    def test_of_a_distribution(self) -> None:
+        @dataclass(frozen=True)
+        class Shifted(uqpen.Normal):
+            def isf(self, probability: FloatArray) -> FloatArray:
+                return self.ppf(probability)
+
+        with pytest.raises(AssertionError, match=r"isf\(p\) = ppf\(1 - p\)"):
+            check_distribution(Shifted(0.0, 1.0))
+
+    def test_of_a_design(self) -> None:
+        @dataclass(frozen=True)
+        class Halves(Design):
+            runs: int = count()
+            sampling = Sampling.INDEPENDENT
+
+            def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+                u = np.random.default_rng().random((self.runs, len(joint.random))) / 2
+                yield _points(joint, u)
+
+            def run_count(self, joint: JointDistribution) -> int:
+                return self.runs
+
+        with pytest.raises(AssertionError, match="the same stream gives the same points"):
+            check_design(Halves(200))
+
+    def test_of_a_model(self) -> None:
+        class Drifting(Model):
+            name = "drifting"
+            inputs = (Input("x", "m"),)
+            outputs = (Output("y", "m"),)
+
+            def evaluate(self, inputs: Arrays) -> Results:
+                return Results.all_ok({"y": inputs["x"] - inputs["x"].mean()})
+
+        with pytest.raises(AssertionError, match="a run does not depend on its batch: y"):
+            check_model(Drifting(), {"x": np.arange(3.0)})
+
+
+def _points(joint: JointDistribution, u: FloatArray) -> xr.Dataset:
+    columns: Iterator[FloatArray] = iter(u.T)
+    return xr.Dataset(
+        {
+            entry.variable.name: (RUN, entry.distribution.ppf(next(columns)))
+            for entry in joint.random
+        }
+        | {"mass": ((), 5.0)}
+    )
