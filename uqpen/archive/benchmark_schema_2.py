@@ -76,7 +76,7 @@ def _benchmark_groups(
 
 
 def _output_attributes(estimates: xr.Dataset) -> dict[str, str]:
-    """Return what the variables of its mean said of an output."""
+    """Return the attributes of an output, from the variables of its mean."""
     told = estimates["mean"].attrs if "mean" in estimates else {}
     described = {key: str(told[key]) for key in ("units", "display_units") if key in told}
     return {"long_name": str(told.get("long_name", "")).removeprefix("mean of "), **described}

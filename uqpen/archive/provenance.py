@@ -42,7 +42,7 @@ _UNKNOWN = "not recorded"
 
 
 def provenance() -> dict[str, str]:
-    """Return what decides the last bits of statistics and of the built-in models' runs.
+    """Return the provenance that decides last bits of statistics and of built-in models' runs.
 
     These are versions of packages; operating system and processor family (``platform``); the
     processor features beyond NumPy's baseline for which NumPy uses code of its own
@@ -58,7 +58,7 @@ def provenance() -> dict[str, str]:
 
 
 def of_python_functions() -> dict[str, str]:
-    """Return what can decide the last bits of a Python function besides `provenance`.
+    """Return the further provenance that can decide last bits of a Python function.
 
     The statistics and the built-in models do not depend on it: they use one BLAS thread, and the
     compiled integrator gives the same bits for every target. These are the number of BLAS threads,

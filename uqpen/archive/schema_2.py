@@ -137,7 +137,7 @@ def _surrogate_groups(made: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
 
 
 def _source_attributes(model: xr.DataTree, source: str) -> dict[str, Any]:
-    """Return what a source is."""
+    """Return the kind of a source."""
     if runs := read_group(model, RUNS, source):
         return {SOURCE_KIND: "design", RUNS_SPENT: runs.sizes[RUN]}
     if source in group_names(model, SURROGATES):
@@ -211,7 +211,7 @@ def read_statistic(
 
 
 def _read_failures(tree: xr.DataTree, design: str) -> dict[str, xr.DataArray]:
-    """Return what a model's archive says of a design's runs that did not complete."""
+    """Return the statistics of the failed runs of a design."""
     found = {}
     ends = read_group(tree, "statuses", design)
     if ends.data_vars:
@@ -250,7 +250,7 @@ def _is_of_runs(key: str) -> bool:
 def _texts(
     dataset: xr.Dataset, name: str, attributes: dict[str, Any], renamed: tuple[str, ...]
 ) -> Iterator[tuple[str, tuple[Any, Any]]]:
-    """Yield how the intervals were made, taking it out of the attributes where it stands there."""
+    """Yield the methods of the intervals; remove those that stand in attributes."""
     variable = dataset.variables[name]
     if BOUND not in variable.dims:
         return

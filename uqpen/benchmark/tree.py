@@ -134,7 +134,7 @@ def _entry_coordinate(statistic: BenchmarkStatistic) -> tuple[str, Any, dict[str
 
 
 def _methods(record: EstimateRecord) -> xr.Dataset:
-    """Return what every method does with every budget."""
+    """Return the settings of every method at every budget."""
     costs = [[m.cost(budget) for budget in record.settings.budgets] for m in record.methods]
     values = {
         "runs": np.array([[each.runs for each in row] for row in costs]),

@@ -202,7 +202,7 @@ class CheckpointFolder:
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
-        """Say what an error means for the runs."""
+        """Return an error that states its consequences for the runs."""
         try:
             yield
         except OSError as error:

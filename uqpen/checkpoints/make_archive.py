@@ -103,7 +103,7 @@ def _no_checkpoints(design: str, model: str, number: int) -> Checkpoint:
 
 
 def _kept_text(kept: CheckpointFolder) -> str:
-    """Return how many runs are kept; empty for none."""
+    """Return a sentence on the number of kept runs; empty for none."""
     return f"{kept.runs} runs are kept; the same command goes on from there" if kept.runs else ""
 
 

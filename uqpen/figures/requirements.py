@@ -31,7 +31,7 @@ __all__ = ["find_faults", "find_level_faults"]
 
 
 def find_faults(tree: xr.DataTree) -> Iterator[str]:
-    """Yield what is wrong with the groups of a model, a line each."""
+    """Yield the faults in the groups of a model, a line each."""
     designs = {name: read_group(tree, RUNS, name) for name in group_names(tree, RUNS)}
     known = _variable_roles(next(iter(designs.values())))
     statistics = SourceStatistics(tree)

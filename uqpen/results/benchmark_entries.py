@@ -135,7 +135,7 @@ def entries(tree: xr.DataTree) -> Iterator[BenchmarkEntry]:
 
 
 def output_title(tree: xr.DataTree, output: str) -> str:
-    """Return what an output is called in words."""
+    """Return the title of an output."""
     described = read_group(tree, BENCHMARK_GROUP, output).attrs
     return str(described.get("long_name", "")) or output
 
@@ -156,5 +156,5 @@ def lowest_expected_coverage(level: float, repeats: int) -> float:
 
 
 def reference_attributes(tree: xr.DataTree) -> Mapping[Any, Any]:
-    """Return what the reference says of its runs, which all outputs share: their counts."""
+    """Return the counts of the runs of the reference, which all outputs share."""
     return next(entries(tree)).reference.attrs

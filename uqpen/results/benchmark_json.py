@@ -16,7 +16,7 @@ __all__ = ["benchmark_json"]
 
 
 def benchmark_json(tree: xr.DataTree) -> dict[str, Any]:
-    """Return what a comparison says, in nested dicts of plain numbers and texts.
+    """Return a benchmark as nested dicts of plain numbers and texts.
 
     Parameters
     ----------

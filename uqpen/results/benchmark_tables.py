@@ -133,7 +133,7 @@ def _entry_comparison(entry: BenchmarkEntry) -> EntryComparison:
 
 
 def _notes(notes: list[str], budgets: list[int]) -> Iterator[str]:
-    """Yield what the reference's own error means for the verdicts, a sentence a remark."""
+    """Yield the consequences of the reference's own error for the verdicts, a sentence each."""
     for note in dict.fromkeys(filter(None, notes)):
         where = [budget for budget, each in zip(budgets, notes, strict=True) if each == note]
         yield f"at {_list_budgets(where)} runs, {note}"

@@ -79,7 +79,7 @@ def archive_json(tree: xr.DataTree) -> dict[str, Any]:
 
 
 def archive_identity(tree: xr.DataTree) -> dict[str, Any]:
-    """Return what identifies an archive, of whatever kind."""
+    """Return the identity of an archive of any kind."""
     return {
         "title": tree.attrs["title"],
         "study_sha256": tree.attrs["study_sha256"],

@@ -68,7 +68,7 @@ def _outside(arrays: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
 
 
 def _shown(array: xr.DataArray, unit: OutputUnit, *, is_difference: bool) -> tuple[Conversion, str]:
-    """Return how a statistic is converted, and its unit where that is not the output's."""
+    """Return the conversion of a statistic, and its unit where that is not the output's."""
     own, rule = (str(array.attrs.get(name, "")) for name in ("units", "unit_rule"))
     if own == unit.si and rule in ("value", "difference"):
         is_value = rule == "value" and not is_difference

@@ -56,7 +56,7 @@ class SourceStatistics:
 
     @classmethod
     def of_differences(cls, archive: xr.DataTree, model: str) -> SourceStatistics:
-        """Return those of the difference of a model from the first."""
+        """Return the statistics of the difference of a model from the first."""
         tree, own = archive.children[DIFFERENCES].children[model], model_trees(archive)[model]
         return cls(tree, is_difference=True, described_by=own)
 
@@ -110,7 +110,7 @@ class SourceStatistics:
         return self.statistics(source, output).get(statistic)
 
     def statistics(self, source: str, output: str) -> dict[str, xr.DataArray]:
-        """Return all that a source has of an output, those of the catalogue first."""
+        """Return all statistics of an output by a source, those of the catalogue first."""
         if (source, output) not in self._arrays:
             self._arrays[source, output] = unpack_all(self._dataset(source, output))
         return self._arrays[source, output]
@@ -129,7 +129,7 @@ class SourceStatistics:
         return str(attributes.get(LARGEST_CONTRIBUTION, ""))
 
     def citation(self, publication: str) -> str:
-        """Return where the estimates of a publication stand."""
+        """Return the reference of a publication."""
         return str(self._dataset(publication).attrs.get(CITED, ""))
 
     def minus(self, source: str) -> str:
@@ -138,7 +138,7 @@ class SourceStatistics:
         return next((str(each["minus"]) for each in attributes if "minus" in each), "")
 
     def failures(self, design: str) -> dict[str, xr.DataArray]:
-        """Return what the archive says of a design's runs that did not complete.
+        """Return the statistics of a design's failed runs.
 
         Returns
         -------
@@ -200,7 +200,7 @@ class SourceStatistics:
                 yield from self._failure_rows(source, described)
 
     def _failure_rows(self, design: str, described: dict[str, str]) -> Iterator[dict[str, Any]]:
-        """Yield what is said of a design's runs as a whole."""
+        """Yield the rows of a design's failed runs."""
         runs = read_group(self.tree, RUNS, design)
         for name, array in self.failures(design).items():
             for row in estimate_rows(array, **described, output="", statistic=name):

@@ -111,7 +111,7 @@ def add_failed_runs(table: OutputTable, tree: xr.DataTree) -> None:
 
 
 def _qualifications(statistics: SourceStatistics, design: str) -> Iterator[str]:
-    """Yield what failed runs mean for the statistics of a design."""
+    """Yield the consequences of failed runs for the statistics of a design."""
     accounts = statistics.run_accounts(design)
     if CONDITIONAL in accounts:
         yield f"statistics are conditional on {accounts[CONDITIONAL]}"

@@ -118,7 +118,7 @@ def exceedance_label(threshold: str) -> str:
 
 
 def estimate_remark(array: xr.DataArray) -> str:
-    """Return what a reader must know of an estimate; empty for nothing."""
+    """Return the remark on an estimate for a reader; empty for none."""
     note = interval_text(array, NOTE)
     if not note and interval_text(array, INTERVAL_LABEL) == "conservative":
         return "conservative: the interval may be wider than it need be"

@@ -122,7 +122,7 @@ def _run_analyses(
 
 
 def _run_counts(runs: xr.Dataset) -> dict[str, int | str]:
-    """Return what a statistic says of the runs that it is of, as attributes."""
+    """Return the counts of the runs of a statistic, as attributes."""
     counts = status_counts(runs)
     failed = {status: count for status, count in counts.items() if count and status}
     attributes: dict[str, int | str] = {

@@ -75,7 +75,7 @@ class OutsideAnalysis:
         return self.surroundings.files() if self.surroundings else ()
 
     def __call__(self, sample: Sample, quantity: QuantityOfInterest) -> list[Any]:
-        """Return what the function yields, whatever that is.
+        """Return everything that the function yields, unchecked.
 
         Raises
         ------
@@ -151,7 +151,7 @@ def outside_statistics(
 def _statistic_fault(
     statistic: object, known: Mapping[str, xr.DataArray], found: Mapping[str, xr.DataArray]
 ) -> tuple[str, str] | None:
-    """Return what is wrong with what an analysis yields, and what would be right."""
+    """Return the fault in a result of an analysis, and the expected form; empty for none."""
     if not (isinstance(statistic, tuple) and len(statistic) == 2):
         return f"something of type {type(statistic).__name__}", "a name and an estimate array"
     name, array = statistic
@@ -178,7 +178,7 @@ def _read_only(sample: Sample) -> Sample:
 
 
 def _name_fault(name: object, found: Mapping[str, object]) -> str:
-    """Return what a name should be in place of what it is; empty where it is right."""
+    """Return the expected form of an invalid name; empty for a valid one."""
     if not isinstance(name, str) or not NAME.match(name):
         return "a name of letters, digits and _, at most 100"
     if name in CATALOGUE:
@@ -205,7 +205,7 @@ def _array_fault(array: object) -> str:
 
 
 def _attribute_fault(attributes: Mapping[Any, Any]) -> str:
-    """Return what is wrong with the attributes of an array; empty for nothing."""
+    """Return the fault in the attributes of an array; empty for none."""
     for name in ("units", "long_name"):
         if not isinstance(attributes.get(name), str) or not attributes[name]:
             return f"without {name}"
@@ -239,7 +239,7 @@ def _coordinates(arrays: Mapping[str, xr.DataArray]) -> dict[str, xr.Variable]:
 def _coordinate_fault(
     array: xr.DataArray, known: Mapping[str, xr.DataArray]
 ) -> tuple[str, str] | None:
-    """Return what is wrong with an array's coordinates, and what would be right."""
+    """Return the fault in the coordinates of an array, and the expected form."""
     shared = _coordinates(known)
     for dimension in map(str, array.dims[:-1]):
         if not NAME.match(dimension) or dimension in _USED_DIMENSIONS or dimension in CATALOGUE:

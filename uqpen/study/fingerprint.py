@@ -18,7 +18,7 @@ _TABLES = ("seed", "inputs", "dependence", "constraints")
 
 
 def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str, str]:
-    """Return all that determines the runs of a model in a design, each as a text by its key.
+    """Return the properties that determine the runs of a model in a design, as texts by key.
 
     That is the model, the inputs, the constraints, the seed, the design, the files that these name,
     and the software. Modules that a model imports only during its runs are recorded by the runs.

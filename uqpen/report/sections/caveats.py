@@ -31,7 +31,7 @@ _GENERAL = (
 
 
 def caveats(view: ArchiveView, design: str) -> Iterator[str]:
-    """Yield what the answers of a design depend on, one or two sentences each."""
+    """Yield the caveats on the answers of a design, one or two sentences each."""
     accounts = sample_account(view, design)
     runs = read_group(view.tree, RUNS, design)
     if CONDITIONAL in accounts:

@@ -188,7 +188,7 @@ def _missing_interval_reason(one: _InputEstimate) -> str:
 
 
 def _summary(every: Sequence[_PlottedSeries], spec: MeasureChartSpec) -> str:
-    """Return which input has the largest estimate, and whether intervals overlap with it."""
+    """Return a sentence on the largest estimate and on the intervals that overlap with it."""
     each, label = _summary_series(every, spec.summary_order)
     first, *others = sorted(each.estimates, key=lambda one: -float(one.bounds[0]))
     text = f"By {each.of.source}, {first.name} has the largest {label}: {first.text(spec.unit)}"
@@ -213,7 +213,7 @@ def _summary_series(
 
 
 def _order_certainty(first: _InputEstimate, others: Sequence[_InputEstimate]) -> str:
-    """Return what the intervals say of the order of the first and all others."""
+    """Return a sentence on the order of the first input and the others, by their intervals."""
     every = (first, *others)
     if not others:
         return ""

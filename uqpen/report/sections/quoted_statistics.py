@@ -110,7 +110,7 @@ def output_name(view: ArchiveView, output: str) -> str:
 
 
 def share_label(category: str) -> str:
-    """Return what the probability of a kind is called in a chart or table."""
+    """Return the label of the probability of a category in a chart or table."""
     return f"share {category}"
 
 

@@ -78,7 +78,7 @@ def _chosen_inputs(cloud: PlottedRuns, output: str, most: int) -> tuple[list[str
 
 
 def _input_importance(cloud: PlottedRuns, output: str) -> tuple[dict[str, float], str]:
-    """Return how much each input counts, and the words for it; empty without an estimate."""
+    """Return the importance of each input, and its name; empty without an estimate."""
     statistics = cloud.view.statistics
     for statistic, why in _CHOICE_TEXTS:
         array = statistics.get(cloud.design, output, statistic)

@@ -41,7 +41,7 @@ class OutputSentences(NamedTuple):
 
 
 def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSentences | None:
-    """Return what a design, whose runs are a sample, says of an output; None for nothing."""
+    """Return a sentence on an output by a design whose runs are a sample; None without one."""
     if output in view.categorical_outputs:
         return _category_sentences(view, output, design)
     every = requested_statistics(view, output, design)

@@ -1,4 +1,4 @@
-"""Validation of a surrogate's figures by independent runs."""
+"""Validation of a surrogate's estimates by independent runs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _NOT_COUNTED = ("cdf", "effective_runs")
 
 
 class _ValidatedEstimate(NamedTuple):
-    """A figure of a surrogate, and the verdict on it."""
+    """An estimate of a surrogate, and the verdict on it."""
 
     family: str
     name: str
@@ -43,7 +43,7 @@ class _ValidatedEstimate(NamedTuple):
 
 
 def surrogate_validation(view: ArchiveView, name: str) -> Iterator[Block]:
-    """Yield the number of figures that validation runs confirm, and those they contradict."""
+    """Yield the number of estimates that validation runs confirm, and those they contradict."""
     statistics = view.statistics
     found = {output: statistics.statistics(name, output) for output in statistics.outputs}
     every = [
@@ -79,7 +79,7 @@ def _failure_rows(view: ArchiveView, name: str) -> Iterator[_ValidatedEstimate]:
 def _family_verdicts(
     family: str, found: Mapping[str, Mapping[str, xr.DataArray]]
 ) -> Iterator[_ValidatedEstimate]:
-    """Yield the verdicts on the figures of a family, given all arrays by output and name."""
+    """Yield the verdicts on the estimates of a family, given all arrays by output and name."""
     names = [each for each in STATISTIC_FAMILIES[family] if each not in _NOT_COUNTED]
     for output, arrays in found.items():
         for name in names:

@@ -32,7 +32,7 @@ STATISTIC_FAMILIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 def failure_probabilities(view: ArchiveView, design: str) -> xr.DataArray | None:
-    """Return how likely each end of a run is, along ``status`` and ``bound``."""
+    """Return the probability of each status of a run, along ``status`` and ``bound``."""
     return view.statistics.failures(design).get("probability")
 
 
@@ -43,7 +43,7 @@ def sample_account(view: ArchiveView, design: str) -> Mapping[Any, Any]:
 
 
 def status_probability(view: ArchiveView, design: str, status: Status) -> xr.DataArray | None:
-    """Return how likely a run ends with a status, along ``bound``; None without an estimate."""
+    """Return the probability of a status, along ``bound``; None without an estimate."""
     array = failure_probabilities(view, design)
     if array is None:
         return None
