@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -36,6 +36,7 @@ from uqpen.execution.checkpoint import Checkpoint
 from uqpen.statistics.analyze import OutputStatistics, analyze, analyze_failures
 from uqpen.statistics.model_differences import model_differences
 from uqpen.statistics.published import Publication, published_estimates
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ValidatedStudy, Variant
@@ -196,15 +197,18 @@ def _model_groups(study: ValidatedStudy, variant: Variant, runs: Runs) -> Groups
     quantities = study.model_quantities(variant.model)
     sources: dict[str, _Source] = {}
     for design, design_runs in runs.items():
-        yield f"/{RUNS}/{design}", design_runs
-        if failures := analyze_failures(design_runs):
-            yield f"/{FAILURES_GROUP}/{design}", pack(failures)
-        spent = design_runs.sizes[RUN]
-        attributes: dict[str, str | int] = {SOURCE_KIND: "design", RUNS_SPENT: spent}
+        attributes: dict[str, str | int] = {
+            SOURCE_KIND: "design",
+            RUNS_SPENT: design_runs.sizes[RUN],
+        }
         outputs = analyze(design_runs, quantities, outside=study.analyses)
         sources[design] = _Source(attributes, outputs)
+        failures = analyze_failures(design_runs)
+        yield f"/{RUNS}/{design}", design_runs
+        if failures:
+            yield f"/{FAILURES_GROUP}/{design}", pack(failures)
     for name in study.surrogates:
-        fitted, sources[name] = _fit_surrogate(study, variant, name, runs, sources)
+        fitted, sources[name] = _fit_surrogate(study, variant, name, runs, sources, quantities)
         for node in fitted.subtree:
             path = f"/{SURROGATES}/{name}{node.path}".rstrip("/")
             yield path, node.to_dataset(inherit=False)
@@ -230,17 +234,22 @@ def _publication_groups(publication: Publication, path: str) -> Groups:
 
 
 def _fit_surrogate(
-    study: ValidatedStudy, variant: Variant, name: str, runs: Runs, sources: Mapping[str, _Source]
+    study: ValidatedStudy,
+    variant: Variant,
+    name: str,
+    runs: Runs,
+    sources: Mapping[str, _Source],
+    quantities: Sequence[QuantityOfInterest],
 ) -> tuple[xr.DataTree, _Source]:
     """Fit a surrogate to its design, and compare its estimates with those of other designs."""
     surrogate = study.surrogates[name]
+    validation_runs = study.validation_designs(surrogate)
     stream = Stream(study.seed, "surrogates", name)
     training = runs[surrogate.design]
     fitted = surrogate.fit(name, training, variant.model, study.joint, stream)
-    validation_runs = study.validation_designs(surrogate)
     checked = fitted.with_check(runs[validation_runs[0]]) if validation_runs else fitted
     draws = SurrogateDraws(checked, study.joint, study.constraints, variant.given, stream)
-    statistics = surrogate_statistics(draws, study.model_quantities(variant.model))
+    statistics = surrogate_statistics(draws, quantities)
     outputs = validate_surrogate(
         statistics.outputs,
         [ValidationRuns(validation, sources[validation].outputs) for validation in validation_runs],

@@ -82,11 +82,11 @@ def analyze_failures(runs: xr.Dataset) -> OutputStatistics:
         `failure_analysis`, where runs failed.
     """
     found: OutputStatistics = {}
+    counts = _run_counts(runs)
     if Sampling(runs.attrs[SAMPLING]).is_sample:
         drawn = input_sample(runs)
-        probability = status_probabilities(drawn)
-        found["probability"] = probability.assign_attrs(_run_counts(drawn))
-    counts = _run_counts(runs)
+        counts_of_sample = _run_counts(drawn)
+        found["probability"] = status_probabilities(drawn).assign_attrs(counts_of_sample)
     for name, array in failure_analysis(Sample.from_runs(runs, STATUS)):
         found[name] = array.assign_attrs(counts)
     return found

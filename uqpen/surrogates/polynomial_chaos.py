@@ -85,6 +85,7 @@ class PolynomialChaos(Surrogate):
         self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
     ) -> PolynomialChaosModel:
         """Fit every output that has numbers; see `Surrogate.fit`."""
+        inputs = _inputs(model, joint)
         training = TrainingRuns.from_runs(runs, model, joint)
         # A rule's nodes are exact for polynomials of the inputs, not of their logarithms.
         basis = ProductBasis.from_distribution(
@@ -100,7 +101,7 @@ class PolynomialChaos(Surrogate):
                 reasons[output.name] = found
         return PolynomialChaosModel(
             name=name,
-            inputs=_inputs(model, joint),
+            inputs=inputs,
             outputs=tuple(expansion.output for expansion in expansions.values()),
             basis=basis,
             expansions=expansions,
