@@ -45,6 +45,9 @@ RENAMED: dict[str, dict[str, str]] = {}
 ADDED = frozenset({"display_units"})
 GONE: frozenset[str] = frozenset()
 
+# Statistics that a later commit adds on purpose; one that both have is compared.
+ADDED_STATISTICS = ("percentile", "convergence_")
+
 # Attributes that say which code made an archive, or where what stands; they are no result.
 APART = frozenset(
     {"uqpen_schema", "content_sha256", "version_uqpen", "model_version", "model_source_sha256"}
@@ -379,7 +382,7 @@ class Comparison:
         sorts = ("estimates", "bounds", "runs", "statuses")
         first = ", ".join(f"{self.equal[sort]} {sort}" for sort in sorts)
         others = ", ".join(f"{self.equal[sort]} {sort}" for sort in ("arrays", "texts", "facts"))
-        reworded = f"{self.equal['reworded']} reworded as meant"
+        reworded = f"{self.equal['reworded']} reworded and {self.equal['added']} added as meant"
         points = f"{self.equal['points']} estimates are points of distribution functions"
         return f"{first}; {others} ({points}; {reworded})"
 
@@ -393,11 +396,24 @@ def compared(old: Flat, new: Flat) -> Comparison:
         Of the base and of this checkout.
     """
     comparison = Comparison()
-    _compare_estimates(old.estimates, new.estimates, comparison)
-    _compare_columns(_renamed(old.columns), new.columns, new.facts, comparison)
-    _compare_texts(_renamed(old.texts), new.texts, comparison)
-    _compare_facts(_renamed(old.facts), new.facts, comparison)
+    had = {key.name for key in old.estimates}
+    estimates = _without_added(new.estimates, had)
+    comparison.equal["added"] += len(new.estimates) - len(estimates)
+    _compare_estimates(old.estimates, estimates, comparison)
+    columns = _without_added(new.columns, had)
+    _compare_columns(_renamed(old.columns), columns, new.facts, comparison)
+    _compare_texts(_renamed(old.texts), _without_added(new.texts, had), comparison)
+    _compare_facts(_renamed(old.facts), _without_added(new.facts, had), comparison)
     return comparison
+
+
+def _without_added(values: Mapping[Key, Any], had: set[str]) -> dict[Key, Any]:
+    """The values of statistics that the base has, or that are not added on purpose."""
+    return {
+        key: value
+        for key, value in values.items()
+        if key.name in had or not key.name.startswith(ADDED_STATISTICS)
+    }
 
 
 def _renamed(values: Mapping[Key, Any]) -> dict[Key, Any]:
