@@ -39,6 +39,8 @@ INTERVAL_TEXTS = (INTERVAL, INTERVAL_LABEL, NOTE)
 _CODES = f"_{INTERVAL}"
 _FLAG = "flag_"
 
+_BOUND = xr.IndexVariable(BOUND, list(BOUNDS))
+
 
 def estimate_array(
     values: Any,
@@ -48,6 +50,7 @@ def estimate_array(
     units: str,
     long_name: str,
     attributes: Mapping[str, Any] | None = None,
+    coordinates: Mapping[str, Any] | None = None,
 ) -> xr.DataArray:
     """Build an estimate array.
 
@@ -61,20 +64,21 @@ def estimate_array(
         By `INTERVAL_TEXTS`: one text for all entries, or one for each.
     units, long_name : str
         In SI; what it is.
-    attributes : mapping, optional
+    attributes, coordinates : mapping, optional
         Further ones.
     """
     shape = tuple(dims.values())
-    coordinates = {}
+    own = {}
     for name in INTERVAL_TEXTS:
         entries = np.empty(shape, dtype=object)
         entries[...] = np.asarray(texts[name], dtype=object).reshape(
             () if isinstance(texts[name], str) else shape
         )
-        coordinates[name] = (tuple(dims), entries)
+        # Otherwise xarray looks for dates among the texts, which takes longer than all else here.
+        own[name] = xr.Variable(tuple(dims), entries, fastpath=True)
     return xr.DataArray(
         np.asarray(values, dtype=np.float64).reshape(*shape, len(BOUNDS)),
-        {BOUND: list(BOUNDS), **coordinates},
+        {BOUND: _BOUND, **own, **(coordinates or {})},
         (*dims, BOUND),
         attrs={"units": units, "long_name": long_name, **(attributes or {})},
     )
