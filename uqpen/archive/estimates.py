@@ -13,10 +13,11 @@ a kilobyte.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.labels import BOUND, BOUNDS, INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE
@@ -74,14 +75,18 @@ def estimate_array(
         entries[...] = np.asarray(texts[name], dtype=object).reshape(
             () if isinstance(texts[name], str) else shape
         )
-        # Otherwise xarray looks for dates among the texts, which takes longer than all else here.
-        own[name] = xr.Variable(tuple(dims), entries, fastpath=True)
+        own[name] = _texts(tuple(dims), entries)
     return xr.DataArray(
         np.asarray(values, dtype=np.float64).reshape(*shape, len(BOUNDS)),
         {BOUND: _BOUND, **own, **(coordinates or {})},
         (*dims, BOUND),
         attrs={"units": units, "long_name": long_name, **(attributes or {})},
     )
+
+
+def _texts(dims: tuple[Hashable, ...], entries: npt.NDArray[np.object_]) -> xr.Variable:
+    """Return texts as xarray has them, without a search for dates, which takes most of the time."""
+    return xr.Variable(dims, entries, fastpath=True)
 
 
 def interval_text(array: xr.DataArray, name: str) -> str:
@@ -159,10 +164,10 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
         else:
             table = np.array(np.atleast_1d(codes.attrs[f"{_FLAG}{key}"]), dtype=object)
             values = table[codes.values]
-        texts[key] = (dims, values)
-    taken = array.assign_coords(texts)
-    taken.attrs = {key: value for key, value in array.attrs.items() if key not in INTERVAL_TEXTS}
-    return taken
+        texts[key] = _texts(dims, values)
+    coordinates = xr.Coordinates({**array.coords.variables, **texts}, indexes=array.xindexes)
+    attributes = {key: value for key, value in array.attrs.items() if key not in INTERVAL_TEXTS}
+    return xr.DataArray(array.values, coordinates, array.dims, name=name, attrs=attributes)
 
 
 def has_interval_texts(dataset: xr.Dataset, name: str) -> bool:
