@@ -40,7 +40,7 @@ INTERVAL_TEXTS = (INTERVAL, INTERVAL_LABEL, NOTE)
 _CODES = f"_{INTERVAL}"
 _FLAG = "flag_"
 
-_BOUND = xr.IndexVariable(BOUND, list(BOUNDS))
+_BOUND = xr.Variable(BOUND, list(BOUNDS)).to_index_variable()
 
 
 def estimate_array(
@@ -51,7 +51,7 @@ def estimate_array(
     units: str,
     long_name: str,
     attributes: Mapping[str, Any] | None = None,
-    coordinates: Mapping[str, Any] | None = None,
+    coordinates: Mapping[Any, Any] | None = None,
 ) -> xr.DataArray:
     """Build an estimate array.
 

@@ -137,7 +137,9 @@ def _stack_parts(arrays: Sequence[xr.DataArray], sizes: IntArray) -> xr.DataArra
     """Put the estimate arrays of all parts along ``runs_so_far``."""
     last = arrays[-1]
     dims = {str(dim): last.sizes[dim] for dim in last.dims if dim != BOUND}
-    own = {key: each.variable for key, each in last.coords.items() if key not in INTERVAL_TEXTS}
+    own = {
+        str(key): each.variable for key, each in last.coords.items() if key not in INTERVAL_TEXTS
+    }
     described = {"units": "1", "long_name": "runs so far, including failed ones"}
     texts = {
         name: np.stack([each.coords[name].values for each in arrays]) for name in INTERVAL_TEXTS

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -58,9 +59,9 @@ def sample_moments(
     shape = SampleShape(sample)
     # Each is computed when it is asked for: some want the mean alone.
     for statistic, estimated, long_name in (
-        ("mean", lambda: _mean(sample, shape), "mean"),
-        ("std", lambda: _std(sample, shape), "standard deviation"),
-        ("half_spread", lambda: _half_spread(sample), "half the 16 % to 84 % range"),
+        ("mean", partial(_mean, sample, shape), "mean"),
+        ("std", partial(_std, sample, shape), "standard deviation"),
+        ("half_spread", partial(_half_spread, sample), "half the 16 % to 84 % range"),
     ):
         long_name = f"{long_name} of {title}"
         yield statistic, estimated().to_array(units=quantity.output.unit, long_name=long_name)
