@@ -149,6 +149,7 @@ INDICES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", INDICES)
 def test_the_plastic_zone_decides_most_of_the_depths_variance(
     concrete: xr.DataTree, order: str
@@ -162,6 +163,7 @@ def test_the_plastic_zone_decides_most_of_the_depths_variance(
     assert "conditional on admissible inputs" in indices.attrs["estimand"]
 
 
+@pytest.mark.slow
 def test_the_depth_responds_as_the_report_says(concrete: xr.DataTree) -> None:
     steps = concrete["statistics/responses/penetration_depth"]
     response = steps["response"].sel(bound="estimate")
@@ -174,6 +176,7 @@ def test_the_depth_responds_as_the_report_says(concrete: xr.DataTree) -> None:
         assert 100 * float(response.sel(input=name)) == pytest.approx(per_cent, abs=1.0)
 
 
+@pytest.mark.slow
 def test_the_surrogate_of_the_depth_is_trusted_where_it_is_right(concrete: xr.DataTree) -> None:
     moments = concrete["statistics/polynomial_chaos/penetration_depth"]
     assert moments["mean"].attrs["interval_label"] == "checked"
@@ -181,6 +184,7 @@ def test_the_surrogate_of_the_depth_is_trusted_where_it_is_right(concrete: xr.Da
     assert moments["std"].attrs["interval_label"] == "refused"
 
 
+@pytest.mark.slow
 def test_the_course_at_the_nominal_inputs_is_kept(concrete: xr.DataTree) -> None:
     course = concrete["trajectory"]
     assert float(course["penetration_depth"][-1]) == pytest.approx(0.4615719, abs=1e-7)
@@ -188,6 +192,7 @@ def test_the_course_at_the_nominal_inputs_is_kept(concrete: xr.DataTree) -> None
     assert course["nose_velocity"].attrs["units"] == "m s-1"
 
 
+@pytest.mark.slow
 def test_the_study_stands_in_its_tree_verbatim(concrete: xr.DataTree) -> None:
     text = (STUDIES / "concrete.toml").read_text(encoding="utf-8")
     assert concrete.attrs["study_text"] == text

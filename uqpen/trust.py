@@ -213,6 +213,6 @@ def _with_validations(array: xr.DataArray, validations: Sequence[_Validation]) -
     values = array.values.copy()
     values[..., 1:] = np.nan
     own = {key: each.variable for key, each in array.coords.items() if key not in texts}
-    marked = estimate_array(values, dims, texts, units="", long_name="").assign_coords(own)
+    marked = estimate_array(values, dims, texts, units="", long_name="", coordinates=own)
     marked.attrs = dict(array.attrs)
     return marked

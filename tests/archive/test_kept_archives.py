@@ -28,7 +28,8 @@ from uqpen.verification.check_result import CheckOutcome
 from uqpen.verification.diff import diff_archives
 from uqpen.verification.verify import verify
 
-pytestmark = pytest.mark.processor
+# To open an archive of an earlier schema and to make its study again takes a second each.
+pytestmark = [pytest.mark.processor, pytest.mark.slow]
 
 FOLDER = Path(__file__).parents[1] / "data" / "archives"
 NAMES = sorted(path.name.removesuffix(".nc.gz") for path in FOLDER.glob("*.nc.gz"))

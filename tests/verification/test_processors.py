@@ -25,6 +25,15 @@ SWITCHES = {
     },
 }
 
+# Where an archive is made and where it is verified: nothing is made or verified in only one place,
+# and each switch meets this processor both ways.
+PAIRS = [
+    (there, here)
+    for there in SWITCHES
+    for here in SWITCHES
+    if there == here or "as it is" in (there, here)
+]
+
 # The sine is NumPy's own on each processor, and the fit is made by BLAS; a rule's mean is 0 but for
 # rounding.
 STUDY = """\
@@ -74,18 +83,17 @@ def made(tmp_path_factory: pytest.TempPathFactory, fresh_process: Callable[..., 
     # Above what another processor may change; a last bit is told where nothing else differs.
     tree["runs/sample"]["y"].values[17] *= 1 + 1e-7
     uqpen.write(tree, folder / "forged.nc")
-    names = [*SWITCHES, "damaged", "forged"]
-    lines = [["verify", f"{name}.nc", "--all"] for name in names]
     verified = {}
     for here, switch in SWITCHES.items():
+        names = [*(there for there, other in PAIRS if other == here), "damaged", "forged"]
+        lines = [["verify", f"{name}.nc", "--all"] for name in names]
         outcomes = fresh_process(folder, *lines, variables=switch)
         told = [(done.code, done.said) for done in outcomes]
         verified[here] = dict(zip(names, told, strict=True))
     return Made(folder, verified)
 
 
-@pytest.mark.parametrize("here", SWITCHES)
-@pytest.mark.parametrize("there", SWITCHES)
+@pytest.mark.parametrize(("there", "here"), PAIRS)
 def test_an_honest_archive_is_verified_on_another_processor(
     made: Made, there: str, here: str
 ) -> None:

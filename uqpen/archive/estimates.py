@@ -13,10 +13,11 @@ a kilobyte.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.labels import BOUND, BOUNDS, INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE
@@ -39,6 +40,8 @@ INTERVAL_TEXTS = (INTERVAL, INTERVAL_LABEL, NOTE)
 _CODES = f"_{INTERVAL}"
 _FLAG = "flag_"
 
+_BOUND = xr.Variable(BOUND, list(BOUNDS)).to_index_variable()
+
 
 def estimate_array(
     values: Any,
@@ -48,6 +51,7 @@ def estimate_array(
     units: str,
     long_name: str,
     attributes: Mapping[str, Any] | None = None,
+    coordinates: Mapping[Any, Any] | None = None,
 ) -> xr.DataArray:
     """Build an estimate array.
 
@@ -61,23 +65,28 @@ def estimate_array(
         By `INTERVAL_TEXTS`: one text for all entries, or one for each.
     units, long_name : str
         In SI; what it is.
-    attributes : mapping, optional
+    attributes, coordinates : mapping, optional
         Further ones.
     """
     shape = tuple(dims.values())
-    coordinates = {}
+    own = {}
     for name in INTERVAL_TEXTS:
         entries = np.empty(shape, dtype=object)
         entries[...] = np.asarray(texts[name], dtype=object).reshape(
             () if isinstance(texts[name], str) else shape
         )
-        coordinates[name] = (tuple(dims), entries)
+        own[name] = _texts(tuple(dims), entries)
     return xr.DataArray(
         np.asarray(values, dtype=np.float64).reshape(*shape, len(BOUNDS)),
-        {BOUND: list(BOUNDS), **coordinates},
+        {BOUND: _BOUND, **own, **(coordinates or {})},
         (*dims, BOUND),
         attrs={"units": units, "long_name": long_name, **(attributes or {})},
     )
+
+
+def _texts(dims: tuple[Hashable, ...], entries: npt.NDArray[np.object_]) -> xr.Variable:
+    """Return texts as xarray has them, without a search for dates, which takes most of the time."""
+    return xr.Variable(dims, entries, fastpath=True)
 
 
 def interval_text(array: xr.DataArray, name: str) -> str:
@@ -155,10 +164,10 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
         else:
             table = np.array(np.atleast_1d(codes.attrs[f"{_FLAG}{key}"]), dtype=object)
             values = table[codes.values]
-        texts[key] = (dims, values)
-    taken = array.assign_coords(texts)
-    taken.attrs = {key: value for key, value in array.attrs.items() if key not in INTERVAL_TEXTS}
-    return taken
+        texts[key] = _texts(dims, values)
+    coordinates = xr.Coordinates({**array.coords.variables, **texts}, indexes=array.xindexes)
+    attributes = {key: value for key, value in array.attrs.items() if key not in INTERVAL_TEXTS}
+    return xr.DataArray(array.values, coordinates, array.dims, name=name, attrs=attributes)
 
 
 def has_interval_texts(dataset: xr.Dataset, name: str) -> bool:

@@ -221,10 +221,12 @@ def _array(
         values,
         dict(zip(dims[:-1], values.shape[:-1], strict=True)),
         {INTERVAL: _INTERVALS[variable.name], INTERVAL_LABEL: "nominal", NOTE: _INTERVAL_NOTE},
-        **attributes,
+        units=attributes["units"],
+        long_name=attributes["long_name"],
         attributes={INTERVAL_LEVEL: LEVEL},
+        coordinates=along,
     )
-    return array.rename(variable.name).assign_coords(along)
+    return array.rename(variable.name)
 
 
 def _texts(texts: Iterable[str]) -> Values:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -127,21 +127,22 @@ def _sections(tree: xr.DataTree) -> Iterator[_FilledSection]:
     """Yield all sections for an archive of its kind; some may be empty."""
     if tree.attrs.get(KIND) != BENCHMARK:
         check_archive(tree)
+        # Shared by the sections, so that each statistic is taken out of its group once.
+        views = [ArchiveView(tree, model) for model in model_trees(tree)]
         for name, section in SECTIONS.items():
-            yield _FilledSection(name, section, tuple(_model_blocks(tree, section)))
+            yield _FilledSection(name, section, tuple(_model_blocks(views, section)))
         return
     check_benchmark(tree)
     for name, section in BENCHMARK_SECTIONS.items():
         yield _FilledSection(name, section, tuple(resolve(section.function)(tree)))
 
 
-def _model_blocks(tree: xr.DataTree, section: ReportSection) -> Iterator[Block]:
+def _model_blocks(views: Sequence[ArchiveView], section: ReportSection) -> Iterator[Block]:
     make = resolve(section.function)
-    models = list(model_trees(tree))
-    for model in models[:1] if section.is_common else models:
-        blocks = list(make(ArchiveView(tree, model)))
-        if blocks and model and not section.is_common:
-            yield Heading(model)
+    for view in views[:1] if section.is_common else views:
+        blocks = list(make(view))
+        if blocks and view.model and not section.is_common:
+            yield Heading(view.model)
             blocks = [
                 replace(block, level=4) if isinstance(block, Heading) else block for block in blocks
             ]

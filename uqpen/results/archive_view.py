@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -62,9 +63,9 @@ class ArchiveView:
         """The designs of the runs."""
         return group_names(self.tree, RUNS)
 
-    @property
+    @cached_property
     def statistics(self) -> SourceStatistics:
-        """The statistics of the model."""
+        """The statistics of the model, each taken out of its group once."""
         return SourceStatistics(self.tree)
 
     @property

@@ -48,8 +48,7 @@ class SourceStatistics:
     tree: xr.DataTree
     is_difference: bool = False
     described_by: xr.DataTree | None = None
-    # Estimate arrays by source, output and statistic: to take one out of its group takes as long as
-    # to show it.
+    # Estimate arrays by source, output and statistic: to take one out of its group takes its time.
     _arrays: dict[tuple[str, ...], dict[str, xr.DataArray]] = field(
         default_factory=dict, compare=False, repr=False
     )

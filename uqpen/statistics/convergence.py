@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import xarray as xr
@@ -26,14 +27,13 @@ from uqpen.statistics.sample import ErrorModel, Sample, input_sample
 
 __all__ = ["convergence", "reason_without_parts"]
 
-# Who estimates, from every part, the statistics that are followed.
-_ANALYSES = (
-    sample_moments,
-    quantile_estimates,
-    exceedance_probabilities,
-    category_probabilities,
-)
-_FOLLOWED = ("mean", "quantile", "exceedance", "share")
+# The statistics that are followed, and who estimates them from every part, each as its first.
+_ANALYSES = {
+    "mean": sample_moments,
+    "quantile": quantile_estimates,
+    "exceedance": exceedance_probabilities,
+    "share": category_probabilities,
+}
 # Parts at the most, and the fewest runs of one.
 _MOST, _FEWEST = 16, 20
 # Round numbers in each decade; replicates grow by such a factor. Of many runs each part takes long.
@@ -72,12 +72,10 @@ def convergence(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
         return
     parts = list(_growing_parts(sample))
     sizes = np.array([len(part.replicates) for part in parts])
-    for analysis in _ANALYSES:
-        estimates = [dict(analysis(part, quantity)) for part in parts]
-        for name in _FOLLOWED:
-            if name in estimates[-1]:
-                stacked = _stack_parts([of_part[name] for of_part in estimates], sizes)
-                yield f"convergence_{name}", stacked
+    for name, analysis in _ANALYSES.items():
+        estimates = [array for part in parts for _, array in islice(analysis(part, quantity), 1)]
+        if estimates:
+            yield f"convergence_{name}", _stack_parts(estimates, sizes)
 
 
 def _reason(sample: Sample) -> str:
@@ -139,7 +137,9 @@ def _stack_parts(arrays: Sequence[xr.DataArray], sizes: IntArray) -> xr.DataArra
     """Put the estimate arrays of all parts along ``runs_so_far``."""
     last = arrays[-1]
     dims = {str(dim): last.sizes[dim] for dim in last.dims if dim != BOUND}
-    own = {key: each.variable for key, each in last.coords.items() if key not in INTERVAL_TEXTS}
+    own = {
+        str(key): each.variable for key, each in last.coords.items() if key not in INTERVAL_TEXTS
+    }
     described = {"units": "1", "long_name": "runs so far, including failed ones"}
     texts = {
         name: np.stack([each.coords[name].values for each in arrays]) for name in INTERVAL_TEXTS
@@ -151,4 +151,5 @@ def _stack_parts(arrays: Sequence[xr.DataArray], sizes: IntArray) -> xr.DataArra
         units=last.attrs["units"],
         long_name=f"{last.attrs['long_name']}, by the runs so far",
         attributes={INTERVAL_LEVEL: LEVEL},
-    ).assign_coords({**own, RUNS_SO_FAR: (RUNS_SO_FAR, sizes, described)})
+        coordinates={**own, RUNS_SO_FAR: (RUNS_SO_FAR, sizes, described)},
+    )

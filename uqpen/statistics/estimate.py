@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import xarray as xr
 
@@ -62,10 +63,16 @@ class Estimate:
 
     @staticmethod
     def stack(
-        estimates: Sequence[Estimate], dimension: str, *, units: str, long_name: str
+        estimates: Sequence[Estimate],
+        dimension: str,
+        *,
+        units: str,
+        long_name: str,
+        coordinates: Mapping[str, Any] | None = None,
     ) -> xr.DataArray:
         """Return several estimates as an estimate array along a dimension and ``bound``."""
-        return _estimate_array(estimates, {dimension: len(estimates)}, units, long_name)
+        dims = {dimension: len(estimates)}
+        return _estimate_array(estimates, dims, units, long_name, coordinates)
 
     @staticmethod
     def table(
@@ -74,15 +81,20 @@ class Estimate:
         *,
         units: str,
         long_name: str,
+        coordinates: Mapping[str, Any] | None = None,
     ) -> xr.DataArray:
         """Return estimates as an estimate array along two dimensions and ``bound``."""
         shape = dict(zip(dimensions, (len(rows), len(rows[0])), strict=True))
         estimates = [estimate for row in rows for estimate in row]
-        return _estimate_array(estimates, shape, units, long_name)
+        return _estimate_array(estimates, shape, units, long_name, coordinates)
 
 
 def _estimate_array(
-    estimates: Sequence[Estimate], dims: Mapping[str, int], units: str, long_name: str
+    estimates: Sequence[Estimate],
+    dims: Mapping[str, int],
+    units: str,
+    long_name: str,
+    coordinates: Mapping[str, Any] | None = None,
 ) -> xr.DataArray:
     """Return estimates along dimensions, each with its own texts, which no other may change."""
     has_bounds = any(estimate.label != "none" for estimate in estimates)
@@ -97,4 +109,5 @@ def _estimate_array(
         units=units,
         long_name=long_name,
         attributes={INTERVAL_LEVEL: LEVEL} if has_bounds or dims else {},
+        coordinates=coordinates,
     )

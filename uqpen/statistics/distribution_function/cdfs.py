@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -54,18 +54,19 @@ def cdf(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.
         ("cdf_band", "simultaneous", simultaneous),
     ):
         long_name = f"probability that {title} lies below a value, {which}"
-        yield statistic, _band_array(band, RANK, long_name).assign_coords(coordinate)
+        yield statistic, _band_array(band, coordinate, long_name)
 
 
-def _band_array(band: _Band, dimension: str, long_name: str) -> xr.DataArray:
-    """Return a band as an estimate array along a dimension and ``bound``."""
+def _band_array(band: _Band, coordinate: Mapping[str, Any], long_name: str) -> xr.DataArray:
+    """Return a band as an estimate array along ``rank`` and ``bound``."""
     return estimate_array(
         band.values,
-        {dimension: len(band.values)},
+        {RANK: len(band.values)},
         {INTERVAL: band.method, INTERVAL_LABEL: band.label, NOTE: band.note},
         units="1",
         long_name=long_name,
         attributes={} if band.label == "none" else {INTERVAL_LEVEL: LEVEL},
+        coordinates=coordinate,
     )
 
 

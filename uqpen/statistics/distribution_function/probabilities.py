@@ -47,8 +47,11 @@ def exceedance_probabilities(
     events = [sample.values > threshold.value for threshold in quantity.thresholds]
     long_name = f"probability that {quantity.output.title} exceeds a value"
     estimates = [_probability_with_missing(sample, event) for event in events]
-    array = Estimate.stack(estimates, THRESHOLD, units="1", long_name=long_name)
-    yield "exceedance", array.assign_coords(threshold_coordinates(quantity))
+    along = threshold_coordinates(quantity)
+    yield (
+        "exceedance",
+        Estimate.stack(estimates, THRESHOLD, units="1", long_name=long_name, coordinates=along),
+    )
 
 
 def threshold_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
@@ -79,8 +82,11 @@ def category_probabilities(
     events = [sample.values == kind for kind in range(len(quantity.output.categories))]
     estimates = [_probability_with_missing(sample, event) for event in events]
     long_name = f"share of {quantity.output.title}"
-    array = Estimate.stack(estimates, CATEGORY, units="1", long_name=long_name)
-    yield "share", array.assign_coords(category_coordinates(quantity))
+    along = category_coordinates(quantity)
+    yield (
+        "share",
+        Estimate.stack(estimates, CATEGORY, units="1", long_name=long_name, coordinates=along),
+    )
 
 
 def category_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
@@ -99,9 +105,9 @@ def status_probabilities(runs: xr.Dataset) -> xr.DataArray:
     ends = [status for status in Status if status is not Status.OK]
     estimates = [_probability(sample, sample.values == status) for status in ends]
     long_name = "probability that a run ends so"
-    array = Estimate.stack(estimates, STATUS, units="1", long_name=long_name)
     names = np.array([status.meaning for status in ends], dtype=object)
-    return array.assign_coords({STATUS: (STATUS, names, {"long_name": "end of a run"})})
+    along = {STATUS: (STATUS, names, {"long_name": "end of a run"})}
+    return Estimate.stack(estimates, STATUS, units="1", long_name=long_name, coordinates=along)
 
 
 def _probability(sample: Sample, events: BoolArray) -> Estimate:

@@ -52,15 +52,15 @@ def quantile_estimates(
     """
     if quantity.output.categories:
         return
+    described = {"units": "1", "long_name": "probability of lying below the quantile"}
     array = Estimate.stack(
         [_quantile_estimate(sample, p) for p in quantity.quantiles],
         PROBABILITY,
         units=quantity.output.unit,
         long_name=f"quantiles of {quantity.output.title}",
+        coordinates={PROBABILITY: (PROBABILITY, np.array(quantity.quantiles), described)},
     )
-    described = {"units": "1", "long_name": "probability of lying below the quantile"}
-    probabilities = np.array(quantity.quantiles)
-    yield "quantile", array.assign_coords({PROBABILITY: (PROBABILITY, probabilities, described)})
+    yield "quantile", array
 
 
 def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
@@ -75,14 +75,15 @@ def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
     """
     if quantity.output.categories:
         return
+    described = {"units": "%", "long_name": "probability of lying below the percentile"}
     array = Estimate.stack(
         [_quantile_estimate(sample, percent / 100) for percent in _PERCENTS],
         PERCENT,
         units=quantity.output.unit,
         long_name=f"percentiles of {quantity.output.title}",
+        coordinates={PERCENT: (PERCENT, np.array(_PERCENTS), described)},
     )
-    described = {"units": "%", "long_name": "probability of lying below the percentile"}
-    yield "percentile", array.assign_coords({PERCENT: (PERCENT, np.array(_PERCENTS), described)})
+    yield "percentile", array
 
 
 def tolerance_limits(
@@ -101,12 +102,6 @@ def tolerance_limits(
     """
     if quantity.output.categories or not quantity.tolerance_contents:
         return
-    array = Estimate.stack(
-        [_tolerance_limit(sample, p) for p in quantity.tolerance_contents],
-        CONTENT_LEVEL,
-        units=quantity.output.unit,
-        long_name=f"value that {quantity.output.title} does not exceed with a probability",
-    )
     needed = [runs_needed(p, LEVEL) for p in quantity.tolerance_contents]
     described = {"units": "1", "long_name": "probability of not exceeding the value"}
     fewest = {"units": "1", "long_name": texts.RUNS_NEEDED}
@@ -114,7 +109,14 @@ def tolerance_limits(
         CONTENT_LEVEL: (CONTENT_LEVEL, np.array(quantity.tolerance_contents), described),
         f"{CONTENT_LEVEL}_runs_needed": (CONTENT_LEVEL, needed, fewest),
     }
-    yield "tolerance_limit", array.assign_coords(coordinates)
+    array = Estimate.stack(
+        [_tolerance_limit(sample, p) for p in quantity.tolerance_contents],
+        CONTENT_LEVEL,
+        units=quantity.output.unit,
+        long_name=f"value that {quantity.output.title} does not exceed with a probability",
+        coordinates=coordinates,
+    )
+    yield "tolerance_limit", array
 
 
 def sample_quantile(sample: Sample, probability: npt.ArrayLike) -> FloatArray:

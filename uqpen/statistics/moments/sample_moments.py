@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -56,13 +57,14 @@ def sample_moments(
         return
     title = quantity.output.title
     shape = SampleShape(sample)
-    for statistic, estimate, long_name in (
-        ("mean", _mean(sample, shape), "mean"),
-        ("std", _std(sample, shape), "standard deviation"),
-        ("half_spread", _half_spread(sample), "half the 16 % to 84 % range"),
+    # Each is computed when it is asked for: some want the mean alone.
+    for statistic, estimated, long_name in (
+        ("mean", partial(_mean, sample, shape), "mean"),
+        ("std", partial(_std, sample, shape), "standard deviation"),
+        ("half_spread", partial(_half_spread, sample), "half the 16 % to 84 % range"),
     ):
-        array = estimate.to_array(units=quantity.output.unit, long_name=f"{long_name} of {title}")
-        yield statistic, array
+        long_name = f"{long_name} of {title}"
+        yield statistic, estimated().to_array(units=quantity.output.unit, long_name=long_name)
     for statistic, value, reason in (
         ("skewness", shape.skewness, texts.NO_INTERVAL),
         ("kurtosis", shape.kurtosis, texts.DIAGNOSTIC),

@@ -27,8 +27,8 @@ def input_array(
     estimates: Sequence[Estimate], inputs: Sequence[str], long_name: str, *, units: str = "1"
 ) -> xr.DataArray:
     """Return one estimate for each input as an estimate array along ``input`` and ``bound``."""
-    array = Estimate.stack(estimates, INPUT, units=units, long_name=long_name)
-    return array.assign_coords(input_coordinate(inputs))
+    along = input_coordinate(inputs)
+    return Estimate.stack(estimates, INPUT, units=units, long_name=long_name, coordinates=along)
 
 
 def event_array(
@@ -50,8 +50,9 @@ def event_array(
     long_name : str
         Meaning of the estimates.
     """
-    array = Estimate.table(rows, (next(iter(events)), INPUT), units="1", long_name=long_name)
-    return array.assign_coords({**events, **input_coordinate(inputs)})
+    dimensions = (next(iter(events)), INPUT)
+    along = {**events, **input_coordinate(inputs)}
+    return Estimate.table(rows, dimensions, units="1", long_name=long_name, coordinates=along)
 
 
 def input_coordinate(inputs: Sequence[str]) -> dict[str, Any]:
