@@ -213,6 +213,18 @@ def test_a_rule_that_an_input_does_not_have_is_refused(
             points(Quadrature(2, grid, rule), law_of(suited, distribution))
 
 
+@pytest.mark.parametrize("rule", ["clenshaw-curtis", "fejer-1", "fejer-2"])
+def test_an_order_that_rounding_spoils_is_refused(rule: str) -> None:
+    narrow = Beta(200.0, 350.0, 0.0, 1.0)
+    (problem,) = Quadrature(10, "sparse", rule).check_inputs(law_of(UNIFORM, narrow))
+    assert problem.path == ("order",)
+    assert problem.found == f'10, which "{rule}" loses to rounding for x2'
+    assert 'the rule "gauss"' in problem.expected
+    assert list(Quadrature(2, rule=rule).check_inputs(law_of(narrow))) == []
+    for distribution in BOUNDED:
+        assert list(Quadrature(100, rule=rule).check_inputs(law_of(distribution))) == []
+
+
 def test_a_grid_over_many_inputs_is_refused_before_it_is_made() -> None:
     (problem,) = Quadrature(5, "sparse", "clenshaw-curtis").check_inputs(law_of(*[BETA] * 20))
     assert "20 random inputs" in problem.found

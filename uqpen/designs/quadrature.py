@@ -21,6 +21,7 @@ from uqpen.designs.grids import tensor_grid, too_many_nodes
 from uqpen.designs.univariate_rules import (
     NESTED_RULES,
     Rule,
+    is_exact,
     missing_library,
     node_counts,
     rule_recurrence,
@@ -98,6 +99,14 @@ class Quadrature(Design):
                 yield Problem(
                     ("order",), found, "a lower one: the law has too few values or moments"
                 )
+            elif not is_exact(self.rule, entry.distribution, self.order):
+                found = (
+                    f'{self.order}, which "{self.rule}" loses to rounding for {entry.variable.name}'
+                )
+                expected = (
+                    'a lower one, or the rule "gauss": the range is far wider than the spread'
+                )
+                yield Problem(("order",), found, expected)
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         columns, weights = self._nodes(joint)

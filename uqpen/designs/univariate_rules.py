@@ -28,6 +28,7 @@ __all__ = [
     "NESTED_RULES",
     "NestedRule",
     "Rule",
+    "is_exact",
     "missing_library",
     "node_counts",
     "rule_recurrence",
@@ -39,6 +40,9 @@ Rule = tuple[FloatArray, FloatArray]
 
 # Deviation from symmetry about the middle, relative to the spread of the input: rounding.
 _ROUNDING = 1e-10
+
+# Integral of an orthonormal polynomial, which should be 0, that shows a rule to be none.
+_INEXACT = 1e-8
 
 # A higher one takes chaospy more than some seconds.
 _HIGHEST_ORDER_OF_LEJA = 12
@@ -139,6 +143,30 @@ def univariate_rules(rule: str, distribution: Distribution, orders: Sequence[int
         nodes: _nested_rule(NESTED_RULES[rule], distribution, found, nodes) for nodes in set(counts)
     }
     return [rules[nodes] for nodes in counts]
+
+
+def is_exact(rule: str, distribution: Distribution, order: int) -> bool:
+    """Check that rounding leaves one input's rule exact to degree 2 `order` + 1.
+
+    Where a range is far wider than the spread, polynomials are so large at its ends that it does
+    not.
+    """
+    if rule not in NESTED_RULES or not NESTED_RULES[rule].on_range:
+        return True
+    ((values, weights),) = univariate_rules(rule, distribution, [order])
+    found = recurrence(distribution, 2 * order + 1)
+    t = (values - found.location) / found.scale
+    before, now = np.zeros_like(t), np.ones_like(t)
+    with np.errstate(all="ignore"):
+        for alpha, beta, following in zip(
+            found.alpha[:-1], found.beta[:-1], found.beta[1:], strict=True
+        ):
+            if not following > 0:
+                break  # the distribution has no further polynomials
+            before, now = now, ((t - alpha) * now - math.sqrt(beta) * before) / math.sqrt(following)
+            if not abs((now * weights).sum()) < _INEXACT:
+                return False
+    return True
 
 
 def _nested_rule(
