@@ -310,7 +310,7 @@ def test_what_cannot_be_fitted_says_why() -> None:
             "its rule is too coarse for order 4; the highest that it is exact for is 3",
         ),
         (
-            # Eight nodes, some of negative weight.
+            # Up to eight nodes of an input; some weights are negative.
             Quadrature(3, "sparse", "leja"),
             {"order": 4, "method": "projection"},
             "its rule is too coarse for order 4; the highest that it is exact for is 3",
