@@ -35,7 +35,17 @@ MODULES = [
     if module.name != "uqpen.__main__"
 ]
 
-HEAVY = ("numpy", "scipy", "xarray", "netCDF4", "numba", "rich", "cf_units", "matplotlib")
+HEAVY = (
+    "numpy",
+    "scipy",
+    "xarray",
+    "netCDF4",
+    "numba",
+    "rich",
+    "cf_units",
+    "matplotlib",
+    "chaospy",
+)
 
 
 @pytest.mark.parametrize("name", MODULES)

@@ -63,6 +63,7 @@ RANDOM_DESIGNS = [
 OTHER_DESIGNS = [
     Quadrature(4),
     Quadrature(4, "sparse"),
+    Quadrature(4, rule="leja"),
     FullFactorial(7),
     Morris(20),
     OneAtATime(),

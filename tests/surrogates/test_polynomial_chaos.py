@@ -135,6 +135,8 @@ SQUARE = law_of(Uniform(-2.0, 2.0), Uniform(-2.0, 2.0))
         (LatinHypercube(60, 1), {"method": "least-squares"}),
         (Quadrature(4), {"order": 4, "method": "projection"}),
         (Quadrature(4, "sparse"), {"method": "projection"}),
+        (Quadrature(4, rule="leja"), {"order": 4, "method": "projection"}),
+        (Quadrature(4, "sparse", "clenshaw-curtis"), {"order": 4, "method": "projection"}),
         (Quadrature(4), {"order": 4}),
     ],
     ids=str,
@@ -304,6 +306,12 @@ def test_what_cannot_be_fitted_says_why() -> None:
         ),
         (
             Quadrature(3),
+            {"order": 4, "method": "projection"},
+            "its rule is too coarse for order 4; the highest that it is exact for is 3",
+        ),
+        (
+            # Up to eight nodes of an input; some weights are negative.
+            Quadrature(3, "sparse", "leja"),
             {"order": 4, "method": "projection"},
             "its rule is too coarse for order 4; the highest that it is exact for is 3",
         ),

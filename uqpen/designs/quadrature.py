@@ -4,21 +4,30 @@ from __future__ import annotations
 
 import itertools
 import math
+import operator
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
-from uqpen.core.errors import Problem
+from uqpen.core.errors import Problem, SettingsError
 from uqpen.core.labels import QUADRATURE_WEIGHT
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import choice, count
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.grids import tensor_grid, too_many_nodes
+from uqpen.designs.univariate_rules import (
+    NESTED_RULES,
+    Rule,
+    is_exact,
+    missing_library,
+    node_counts,
+    rule_recurrence,
+    univariate_rules,
+)
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
-from uqpen.distributions.orthogonal_polynomials import Recurrence, recurrence
 
 __all__ = ["WEIGHT_ATTRIBUTES", "Quadrature"]
 
@@ -35,7 +44,7 @@ _SAME_NODE = 1e-10
 
 @dataclass(frozen=True)
 class Quadrature(Design):
-    """Gauss quadrature: the rules of the inputs' distributions, combined over independent inputs.
+    """Integration rules of the inputs' distributions, combined over independent inputs.
 
     Parameters
     ----------
@@ -43,14 +52,21 @@ class Quadrature(Design):
         The rule is exact for polynomials up to degree 2 `order` + 1: in each input by itself on a
         tensor grid, in all of them together on a sparse one.
     grid : str
-        ``"tensor"`` takes every combination of `order` + 1 nodes of each input; ``"sparse"`` far
-        fewer of them where there are many inputs (Smolyak's construction); some nodes then have
-        a negative weight.
+        ``"tensor"`` takes every combination of the nodes of each input (`order` + 1 of Gauss's
+        rule); ``"sparse"`` far fewer of them where there are many inputs (Smolyak's
+        construction); some nodes then have a negative weight.
+    rule : str
+        Rule of each input, for its own distribution. ``"gauss"`` has the fewest nodes of its
+        degree. The others, one of `uqpen.designs.univariate_rules.NESTED_RULES`, are nested: the
+        nodes of a lower order are among those of a higher one. Each has the fewest nodes of its
+        sequence that are exact to the same degree (Petras 2003); weights can be negative. Their
+        nodes need chaospy, from the extra ``chaospy``.
 
     References
     ----------
     Golub, G. H. & Welsch, J. H. (1969). Math. Comput. 23, 221-230.
     Smolyak, S. A. (1963). Dokl. Akad. Nauk SSSR 148, 1042-1045.
+    Petras, K. (2003). Numer. Math. 93, 729-753.
     """
 
     sampling = Sampling.QUADRATURE
@@ -59,24 +75,41 @@ class Quadrature(Design):
 
     order: int = count()
     grid: str = choice("tensor", "sparse", default="tensor")
+    rule: str = choice("gauss", *NESTED_RULES, default="gauss")
 
     def check_settings(self) -> Iterator[Problem]:
-        if self.order > _HIGHEST_ORDER:
-            yield Problem(("order",), str(self.order), f"at most {_HIGHEST_ORDER}")
+        highest, expected = _HIGHEST_ORDER, f"at most {_HIGHEST_ORDER}"
+        if self.rule in NESTED_RULES and NESTED_RULES[self.rule].highest_order < highest:
+            highest = NESTED_RULES[self.rule].highest_order
+            expected = f'at most {highest} with the rule "{self.rule}"'
+        if self.order > highest:
+            yield Problem(("order",), str(self.order), expected)
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
-        inputs = len(joint.random)
-        nodes = (self.order + 1) ** inputs if self.grid == "tensor" else self._most_nodes(inputs)
-        yield from too_many_nodes("order", self.order, nodes, inputs)
+        if problems := list(self._rule_problems(joint)):
+            yield from problems
+            return
+        nodes = math.prod(self._node_counts(joint))
+        if self.grid == "sparse":
+            nodes = self._most_nodes(joint)
+        yield from too_many_nodes("order", self.order, nodes, len(joint.random))
         for entry in joint.random:
-            if not recurrence(entry.distribution, self.order).is_finite:
+            if not rule_recurrence(self.rule, entry.distribution, self.order).is_finite:
                 found = f"{self.order}, of which {entry.variable.name} has no polynomials"
                 yield Problem(
                     ("order",), found, "a lower one: the law has too few values or moments"
                 )
+            elif not is_exact(self.rule, entry.distribution, self.order):
+                found = (
+                    f'{self.order}, which "{self.rule}" loses to rounding for {entry.variable.name}'
+                )
+                expected = (
+                    'a lower one, or the rule "gauss": the range is far wider than the spread'
+                )
+                yield Problem(("order",), found, expected)
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        columns, weights = self._rule(joint)
+        columns, weights = self._nodes(joint)
         values = {
             entry.variable.name: column for entry, column in zip(joint.random, columns, strict=True)
         }
@@ -86,32 +119,59 @@ class Quadrature(Design):
 
     def run_count(self, joint: JointDistribution) -> int:
         if self.grid == "tensor":
-            return int((self.order + 1) ** len(joint.random))
-        return len(self._rule(joint)[1])
+            return math.prod(self._node_counts(joint))
+        return len(self._nodes(joint)[1])
 
-    def _most_nodes(self, inputs: int) -> int:
+    def _rule_problems(self, joint: JointDistribution) -> Iterator[Problem]:
+        """Yield the problems between the rule and the inputs."""
+        if self.rule not in NESTED_RULES:
+            return
+        if problem := missing_library(self.rule):
+            yield problem
+        nested = NESTED_RULES[self.rule]
+        for entry in joint.random:
+            if not nested.accepts(entry.distribution):
+                found = f'"{self.rule}" for {entry.variable.name}'
+                yield Problem(("rule",), found, f'{nested.expected}, or the rule "gauss"')
+
+    def _node_counts(self, joint: JointDistribution) -> list[int]:
+        """Return the number of nodes of each input on a tensor grid."""
+        return [
+            node_counts(self.rule, entry.distribution, [self.order])[0] for entry in joint.random
+        ]
+
+    def _most_nodes(self, joint: JointDistribution) -> int:
         """Count the nodes of all the grids that a sparse one combines; some coincide."""
-        # Nodes of the grids of total level k: the coefficient of x^k in (1 - x)^(-2 inputs).
-        levels = range(max(self.order - inputs + 1, 0), self.order + 1)
-        return sum(math.comb(level + 2 * inputs - 1, level) for level in levels)
+        # Nodes of the grids of total level k: the coefficient of x^k in a product over the inputs.
+        coefficients = [1]
+        for entry in joint.random:
+            counts = node_counts(self.rule, entry.distribution, range(self.order + 1))
+            coefficients = [
+                sum(map(operator.mul, coefficients[: level + 1], reversed(counts[: level + 1])))
+                for level in range(self.order + 1)
+            ]
+        return sum(coefficients[max(self.order - len(joint.random) + 1, 0) :])
 
-    def _rule(self, joint: JointDistribution) -> tuple[list[FloatArray], FloatArray]:
+    def _nodes(self, joint: JointDistribution) -> tuple[list[FloatArray], FloatArray]:
         """Return the nodes' values, input by input, and their weights."""
-        recurrences = [recurrence(entry.distribution, self.order) for entry in joint.random]
+        if problems := list(self._rule_problems(joint)):
+            raise SettingsError(problems)
+        orders = range(self.order + 1) if self.grid == "sparse" else [self.order]
+        levels = [univariate_rules(self.rule, entry.distribution, orders) for entry in joint.random]
         if self.grid == "sparse":
-            return _smolyak(recurrences, self.order)
-        rules = [found.gauss(self.order + 1) for found in recurrences]
+            return _smolyak(levels, self.order)
+        rules = [rule for (rule,) in levels]
         weights: FloatArray = np.prod(tensor_grid([weights for _, weights in rules]), axis=0)
         return tensor_grid([values for values, _ in rules]), weights
 
 
-def _smolyak(recurrences: list[Recurrence], order: int) -> tuple[list[FloatArray], FloatArray]:
+def _smolyak(rules: list[list[Rule]], order: int) -> tuple[list[FloatArray], FloatArray]:
     """Combine small tensor grids by Smolyak's construction.
 
     Wasilkowski, G. W. & Woźniakowski, H. (1995). J. Complexity 11, 1-56.
     """
-    inputs = len(recurrences)
-    nodes, labels, weights = zip(*(_levels(found, order) for found in recurrences), strict=True)
+    inputs = len(rules)
+    nodes, labels, weights = zip(*map(_merge_levels, rules), strict=True)
     labelled: list[IntArray] = []
     weighed: list[FloatArray] = []
     for levels in _multi_indices(inputs, order):
@@ -129,15 +189,14 @@ def _smolyak(recurrences: list[Recurrence], order: int) -> tuple[list[FloatArray
     return [node[column] for node, column in zip(nodes, places.T, strict=True)], total
 
 
-def _levels(found: Recurrence, order: int) -> tuple[FloatArray, list[IntArray], list[FloatArray]]:
-    """Compute one input's rules of 1, 2, … nodes: all nodes, those of each rule, and weights."""
-    rules = [found.gauss(level + 1) for level in range(order + 1)]
+def _merge_levels(rules: list[Rule]) -> tuple[FloatArray, list[IntArray], list[FloatArray]]:
+    """Merge one input's rules, level by level: all nodes, those of each rule, and weights."""
     values = np.concatenate([values for values, _ in rules])
     ascending = np.argsort(values, kind="stable")
     is_new = np.diff(values[ascending], prepend=-np.inf) > _SAME_NODE * np.ptp(values)
     label = np.empty(len(values), dtype=np.int64)
     label[ascending] = np.cumsum(is_new) - 1
-    ends = np.cumsum([level + 1 for level in range(order)])
+    ends = np.cumsum([len(values) for values, _ in rules[:-1]])
     return values[ascending][is_new], np.split(label, ends), [weights for _, weights in rules]
 
 

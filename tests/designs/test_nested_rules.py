@@ -1,0 +1,296 @@
+"""Nested rules: as exact as Gauss's of the same order, and each among the next."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import uqpen
+from uqpen.core.arrays import FloatArray
+from uqpen.core.errors import SettingsError, StudyError
+from uqpen.core.model import Input
+from uqpen.core.streams import Stream
+from uqpen.designs.quadrature import Quadrature
+from uqpen.designs.univariate_rules import NESTED_RULES, node_counts, univariate_rules
+from uqpen.distributions.continuous import Beta, Gamma, Lognormal, Normal, Triangular, Uniform
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.truncated import Truncated
+from uqpen.study.load import parse_study
+from uqpen.verification.check_result import CheckOutcome
+
+# Sums of some hundred rounded products.
+ROUNDING = 1e-12
+
+UNIFORM, NORMAL = Uniform(2.0, 5.0), Normal(3.0, 0.5)
+GAMMA, BETA = Gamma(2.0, 0.5), Beta(2.0, 3.5, -1.0, 3.0)
+BOUNDED: list[Distribution] = [
+    UNIFORM,
+    BETA,
+    Beta(2.0, 2.0, -1.0, 3.0),
+    Triangular(-1.0, 0.5, 3.0),
+    Truncated(Normal(0.0, 1.0), -0.5, 2.0),
+]
+ACCEPTED: dict[str, list[Distribution]] = {
+    "clenshaw-curtis": BOUNDED,
+    "fejer-1": BOUNDED,
+    "fejer-2": BOUNDED,
+    "leja": [UNIFORM, NORMAL, GAMMA, BETA],
+    "gauss-patterson": [UNIFORM],
+    **{f"genz-keister-{variant}": [NORMAL] for variant in (16, 18, 22, 24)},
+}
+PAIRS = [(rule, distribution) for rule, accepted in ACCEPTED.items() for distribution in accepted]
+
+
+def law_of(*distributions: Distribution) -> JointDistribution:
+    inputs = tuple(Input(f"x{number}", "m") for number in range(1, 1 + len(distributions)))
+    random = tuple(map(RandomInput, inputs, distributions, ["m"] * len(inputs)))
+    return JointDistribution(random, inputs)
+
+
+def points(design: Quadrature, joint: JointDistribution) -> xr.Dataset:
+    (only,) = design.rounds(joint, Stream(1, "designs", "mine"))
+    return only
+
+
+def moment(distribution: Distribution, degree: int) -> float:
+    """Return the exact moment of (x - 3) / 0.5 of the normal, (x - 3.5) / 1.5 of the uniform."""
+    if degree % 2:
+        return 0.0
+    if isinstance(distribution, Uniform):
+        return 1 / (degree + 1)
+    return float(math.prod(range(1, degree, 2)))
+
+
+def standardised(distribution: Distribution, values: FloatArray) -> FloatArray:
+    return (values - 3.5) / 1.5 if isinstance(distribution, Uniform) else (values - 3) / 0.5
+
+
+def test_every_nested_rule_is_tested() -> None:
+    assert set(ACCEPTED) == set(NESTED_RULES)
+
+
+@pytest.mark.parametrize(
+    ("rule", "distribution"), [pair for pair in PAIRS if pair[1] in (UNIFORM, NORMAL)], ids=str
+)
+@pytest.mark.parametrize("order", [0, 1, 2, 3, 5, 8])
+def test_moments_are_exact_to_the_degree_of_the_order(
+    rule: str, distribution: Distribution, order: int
+) -> None:
+    ((values, weights),) = univariate_rules(rule, distribution, [order])
+    assert [len(values)] == node_counts(rule, distribution, [order])
+    assert weights.sum() == pytest.approx(1.0, abs=ROUNDING)
+    assert (np.diff(values) > 0).all()
+    for degree in range(2 * order + 2):
+        powers = standardised(distribution, values) ** degree
+        # Odd moments are sums that cancel.
+        size = max(1.0, float(np.abs(powers) @ np.abs(weights)))
+        assert abs(powers @ weights - moment(distribution, degree)) < ROUNDING * size
+
+
+@pytest.mark.parametrize(("rule", "distribution"), PAIRS, ids=str)
+@pytest.mark.parametrize("order", [1, 4])
+def test_a_polynomial_has_the_mean_that_gausss_rule_gives(
+    rule: str, distribution: Distribution, order: int
+) -> None:
+    ((values, weights),) = univariate_rules(rule, distribution, [order])
+    ((gauss, shares),) = univariate_rules("gauss", distribution, [order])
+    centre = shares @ gauss
+    for degree in range(2 * order + 2):
+        exact = (gauss - centre) ** degree @ shares
+        powers = (values - centre) ** degree
+        size = float(np.abs(powers) @ np.abs(weights))
+        assert powers @ weights == pytest.approx(exact, abs=ROUNDING * size)
+
+
+@pytest.mark.parametrize("order", [1, 4, 15, 27, 31, 33])
+@pytest.mark.parametrize("variant", [16, 18, 22, 24])
+def test_genz_and_keisters_weights_are_chaospys(variant: int, order: int) -> None:
+    import chaospy
+
+    rule = f"genz-keister-{variant}"
+    if order > NESTED_RULES[rule].highest_order:
+        with pytest.raises(SettingsError, match=f'with the rule "{rule}"'):
+            Quadrature(order, rule=rule)
+        return
+    ((values, weights),) = univariate_rules(rule, NORMAL, [order])
+    theirs = getattr(chaospy.quadrature, f"genz_keister_{variant}")
+    place = list(NESTED_RULES[rule].sizes).index(len(values))
+    nodes, expected = theirs(place)
+    np.testing.assert_allclose(values, 3 + 0.5 * nodes.ravel(), rtol=1e-15)
+    np.testing.assert_allclose(weights, expected, rtol=0, atol=1e-10)
+
+
+@settings(max_examples=50)
+@given(st.sampled_from(PAIRS), st.integers(0, 4), st.integers(0, 4))
+def test_the_points_of_a_lower_order_are_among_those_of_a_higher(
+    pair: tuple[str, Distribution], one: int, other: int
+) -> None:
+    rule, distribution = pair
+    lower, higher = sorted([one, other])
+    (few, _), (many, _) = univariate_rules(rule, distribution, [lower, higher])
+    distances = np.abs(few[:, np.newaxis] - many).min(axis=1)
+    assert (distances < ROUNDING * max(np.ptp(many), 1.0)).all()
+
+
+@pytest.mark.parametrize("rule", ["clenshaw-curtis", "fejer-1", "fejer-2", "leja"])
+def test_sparse_grids_are_nested(rule: str) -> None:
+    joint = law_of(UNIFORM, UNIFORM)
+    nodes = [
+        np.stack([found["x1"].values, found["x2"].values], axis=1)
+        for found in (points(Quadrature(order, "sparse", rule), joint) for order in (1, 2, 3))
+    ]
+    for few, many in itertools.pairwise(nodes):
+        assert len(few) < len(many)
+        assert (np.abs(few[:, np.newaxis] - many).max(axis=2).min(axis=1) < ROUNDING).all()
+
+
+@pytest.mark.parametrize("grid", ["tensor", "sparse"])
+@pytest.mark.parametrize(("rule", "distribution"), PAIRS, ids=str)
+def test_polynomials_of_all_inputs_are_exact(
+    rule: str, distribution: Distribution, grid: str
+) -> None:
+    joint = law_of(distribution, distribution)
+    design = Quadrature(2, grid, rule)
+    drawn, gauss = points(design, joint), points(Quadrature(2), joint)
+    assert design.run_count(joint) == drawn.sizes["run"]
+    assert drawn["quadrature_weight"].values.sum() == pytest.approx(1.0, abs=ROUNDING)
+    for first, second in np.ndindex(6, 6):
+        if first + second <= 5:
+            ours, exact = (
+                (each["x1"] - 2) ** first * (each["x2"] - 2) ** second @ each["quadrature_weight"]
+                for each in (drawn, gauss)
+            )
+            assert float(ours) == pytest.approx(float(exact), rel=1e-11, abs=1e-11)
+
+
+def test_both_ends_of_a_range_are_nodes() -> None:
+    for distribution in BOUNDED:
+        ((values, _),) = univariate_rules("clenshaw-curtis", distribution, [3])
+        assert values[0] == distribution.ppf(np.array(0.0))
+        assert values[-1] == distribution.isf(np.array(0.0))
+
+
+def test_a_range_far_from_zero_costs_no_digits() -> None:
+    ((_, near),) = univariate_rules("clenshaw-curtis", Uniform(-1.0, 1.0), [4])
+    ((_, far),) = univariate_rules("clenshaw-curtis", Uniform(2.0**40 - 1, 2.0**40 + 1), [4])
+    np.testing.assert_allclose(far, near, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("rule", "distribution", "expected"),
+    [
+        ("clenshaw-curtis", NORMAL, "inputs of bounded range"),
+        ("fejer-1", GAMMA, "inputs of bounded range"),
+        ("fejer-2", Lognormal(2.0, 0.5), "inputs of bounded range"),
+        ("leja", Lognormal(2.0, 0.5), "normal and uniform inputs"),
+        ("leja", Beta(0.5, 2.0, 0.0, 1.0), "of bounded density"),
+        ("leja", Gamma(1.0, 2.0), "of bounded density"),
+        ("gauss-patterson", BETA, "uniform inputs"),
+        ("genz-keister-24", UNIFORM, "normal inputs"),
+    ],
+)
+def test_a_rule_that_an_input_does_not_have_is_refused(
+    rule: str, distribution: Distribution, expected: str
+) -> None:
+    suited = {"genz-keister-24": NORMAL}.get(rule, UNIFORM)
+    for grid in ("tensor", "sparse"):
+        (problem,) = Quadrature(2, grid, rule).check_inputs(law_of(suited, distribution))
+        assert problem.path == ("rule",)
+        assert problem.found == f'"{rule}" for x2'
+        assert expected in problem.expected
+        assert problem.expected.endswith('or the rule "gauss"')
+        with pytest.raises(SettingsError, match=f'"{rule}" for x2'):
+            points(Quadrature(2, grid, rule), law_of(suited, distribution))
+
+
+@pytest.mark.parametrize("rule", ["clenshaw-curtis", "fejer-1", "fejer-2"])
+def test_an_order_that_rounding_spoils_is_refused(rule: str) -> None:
+    narrow = Beta(200.0, 350.0, 0.0, 1.0)
+    (problem,) = Quadrature(10, "sparse", rule).check_inputs(law_of(UNIFORM, narrow))
+    assert problem.path == ("order",)
+    assert problem.found == f'10, which "{rule}" loses to rounding for x2'
+    assert 'the rule "gauss"' in problem.expected
+    assert list(Quadrature(2, rule=rule).check_inputs(law_of(narrow))) == []
+    for distribution in BOUNDED:
+        assert list(Quadrature(100, rule=rule).check_inputs(law_of(distribution))) == []
+
+
+def test_a_grid_over_many_inputs_is_refused_before_it_is_made() -> None:
+    (problem,) = Quadrature(5, "sparse", "clenshaw-curtis").check_inputs(law_of(*[BETA] * 20))
+    assert "20 random inputs" in problem.found
+
+
+TEXT = """
+seed = 1
+[model]
+use = "ishigami"
+[inputs]
+x1 = { uniform = { lower = -1, upper = 1 } }
+x2 = { uniform = { lower = -1, upper = 1 } }
+x3 = { normal = { mean = 0, std = 1 } }
+[designs.mine]
+kind = "quadrature"
+"""
+
+
+@pytest.mark.parametrize(
+    ("keys", "complaint"),
+    [
+        ('order = 2\nrule = "fejer-1"', '"fejer-1" for x3'),
+        ('order = 13\nrule = "leja"', 'at most 12 with the rule "leja"'),
+        ('order = 2\nrule = "simpson"', 'one of "gauss", "clenshaw-curtis"'),
+    ],
+)
+def test_a_study_is_refused_before_any_run(keys: str, complaint: str) -> None:
+    with pytest.raises(StudyError) as caught:
+        parse_study(TEXT + keys)
+    assert complaint in str(caught.value)
+
+
+def test_without_chaospy_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "chaospy", None)
+    for grid in ("tensor", "sparse"):
+        with pytest.raises(StudyError, match=r'pip install "uqpen\[chaospy\]"'):
+            parse_study(f'{TEXT}order = 2\nrule = "leja"\ngrid = "{grid}"')
+    with pytest.raises(SettingsError, match=r'pip install "uqpen\[chaospy\]"'):
+        points(Quadrature(2, rule="leja"), law_of(UNIFORM))
+    assert parse_study(f"{TEXT}order = 2").runs == 27
+
+
+def test_gausss_rule_and_a_check_load_no_chaospy() -> None:
+    code = (
+        "import sys, uqpen\n"
+        "from uqpen.study.load import parse_study\n"
+        f"parse_study({TEXT!r} + 'order = 2\\ngrid = \"sparse\"').runs\n"
+        f"parse_study({TEXT!r} + 'order = 2\\nrule = \"leja\"').runs\n"
+        "print('chaospy' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path.cwd()
+    )
+    assert done.stdout.strip() == "False"
+
+
+@pytest.mark.slow
+def test_archives_are_the_same_with_any_workers(tmp_path: Path) -> None:
+    study = uqpen.Study(
+        model=uqpen.Ishigami(),
+        inputs={name: uqpen.Uniform(-math.pi, math.pi) for name in ("x1", "x2", "x3")},
+        designs={"nested": uqpen.Quadrature(order=4, rule="leja", grid="sparse")},
+        seed=1,
+    )
+    one, two = tmp_path / "one.nc", tmp_path / "two.nc"
+    uqpen.make_archive(study, one)
+    uqpen.make_archive(study, two, workers=2)
+    assert one.read_bytes() == two.read_bytes()
+    assert {check.verdict for check in uqpen.verify(one)} == {CheckOutcome.EQUAL}
