@@ -32,6 +32,7 @@ from uqpen.study.document import Objects
 from uqpen.study.study import ValidatedStudy
 from uqpen.verification.archived_study import (
     archived_runs,
+    external_members,
     external_models,
     external_names,
     find_incompatibility,
@@ -42,8 +43,9 @@ from uqpen.verification.differences import TOLERANCE
 from uqpen.verification.outside_statistics import (
     outside_statistic_names,
     without_outside_statistics,
+    without_surrogates,
 )
-from uqpen.verification.repetition import repeated_runs, repeated_statistics
+from uqpen.verification.repetition import Runs, repeated_points, repeated_runs, repeated_statistics
 from uqpen.verification.restored_study import restored_study
 
 __all__ = ["environment_differences", "verify"]
@@ -246,6 +248,12 @@ def _repeat_checks(
         progress.start_analysis()
         besides = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES]
         besides += _LOADED_MODEL_ATTRIBUTES if external else []
+        yield from _check_points(study, runs, allowed.tolerance)
+        if unloaded := study.joint.unloaded:
+            study, tree = replace(study, surrogates={}), without_surrogates(tree)
+            named = ", ".join(dict.fromkeys(unloaded.values()))
+            message = f"not checked: they follow from a distribution that is not loaded ({named})"
+            yield CheckResult("surrogates", CheckOutcome.UNCHECKED, message)
         if not trust and (analyses := outside_analyses(study.text)):
             statistics = ", ".join(outside_statistic_names(tree)) or "none"
             named = f"they follow from code that the archive names ({', '.join(analyses)})"
@@ -259,6 +267,23 @@ def _repeat_checks(
         except StudyError as error:  # an analysis of the user's own fails here
             message = "an analysis that its study names fails"
             yield CheckResult("statistics", CheckOutcome.IMPOSSIBLE, message, (str(error),))
+
+
+def _check_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Iterator[CheckResult]:
+    """Draw the points again that code of the archive has drawn, if it is loaded."""
+    external = external_members(study.text)
+    unloaded = study.unloaded_members
+    named = [name for name in unloaded if name in external]
+    objects = [name for name in unloaded if name not in external]
+    if named:
+        message = f"they are drawn by code that the archive names ({', '.join(named)})"
+        yield CheckResult("points", CheckOutcome.UNCHECKED, f"not checked: {message}", (_ADVICE,))
+    elif objects:
+        message = f"{', '.join(objects)} is an object of the Python program that made the archive"
+        advice = "run that program again"
+        yield CheckResult("points", CheckOutcome.UNCHECKED, f"not checked: {message}", (advice,))
+    elif external:
+        yield repeated_points(study, runs, tolerance)
 
 
 def _reason_without_repetition(study: ValidatedStudy, external: list[str]) -> CheckResult | None:
