@@ -251,10 +251,7 @@ class TestPython:
         uqpen.make_archive(study, folder / "a.nc", progress=Warned())
         assert len(warnings) == 2
         assert "is a Python object, so another version" in warnings[0]
-        assert _kinds(folder / "a.nc", trust=True) == {
-            ("points", "UNCHECKED"),
-            ("surrogates", "UNCHECKED"),
-        }
+        assert _kinds(folder / "a.nc", trust=True) == {("points", "UNCHECKED")}
         assert "an object of the Python program" in _checks(folder / "a.nc")["points"].text
         (refused,) = fresh_process(folder, ["rerun", "a.nc", "--trust"])
         assert refused.code == 2
@@ -262,6 +259,46 @@ class TestPython:
         (folder / "study.toml").write_text(study.to_toml())
         with pytest.raises(StudyError, match="a file cannot contain a Python object"):
             uqpen.load_study(folder / "study.toml")
+
+
+FAILING = """
+from dataclasses import dataclass
+import numpy as np
+from uqpen.core.sampling import Sampling
+from uqpen.core.settings import count
+from uqpen.designs.design import Design
+
+@dataclass(frozen=True)
+class Kronecker(Design):
+    sampling = Sampling.INDEPENDENT
+    runs: int = count()
+    def run_count(self, joint): return self.runs
+    def rounds(self, joint, stream):
+        BODY
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        ("yield 1 / 0", "ZeroDivisionError: division by zero"),
+        ("yield 1", "it yields an object of class int, not a dataset"),
+        ("yield joint.points(np.ones((2, 2)), {}).drop_vars('x2')", "its points lack x2"),
+        ("return []", "AttributeError"),
+        ("if 0: yield", "it yields no points"),
+    ],
+)
+def test_what_a_design_does_wrong_is_told(folder: Path, body: str, reason: str) -> None:
+    (folder / "my_designs.py").write_text(FAILING.replace("BODY", body))
+    with pytest.raises(StudyError, match=f"the design Kronecker fails: {re.escape(reason)}"):
+        uqpen.run(uqpen.parse_study(STUDY, folder=folder))
+
+
+def test_a_distribution_that_raises_is_told(folder: Path) -> None:
+    wrong = DISTRIBUTIONS.replace("return -np.expm1(self._log_sf(value))", "return 1 / 0")
+    (folder / "my_distributions.py").write_text(wrong)
+    with pytest.raises(StudyError, match="ZeroDivisionError"):
+        uqpen.parse_study(STUDY, folder=folder)
 
 
 WRONG = """

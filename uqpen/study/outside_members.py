@@ -11,6 +11,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from uqpen.core.errors import ModelError, toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.lookup import installed_members
@@ -110,7 +112,7 @@ def read_member(
         cls, files = load_class(name, table.folder, kind)
         made: Any = table.whole_settings(cls, like)
         if isinstance(made, Distribution):
-            _ = made.is_finite
+            _try_distribution(made)
     except ModelError as error:
         table.add_problem(key, str(error), kind.expected)
     except Exception as error:  # a foreign class can raise anything
@@ -144,6 +146,15 @@ def _member_class(module: ModuleType, attribute: str, reference: str, kind: Kind
     if fault := _class_fault(cls, kind.base):
         raise ModelError(f'"{reference}", which {fault}')
     return cls
+
+
+def _try_distribution(distribution: Distribution) -> None:
+    """Call the functions of a distribution: whatever is wrong with them is raised here."""
+    probability = np.array([0.25, 0.5])
+    values = distribution.ppf(probability)
+    for function in (distribution.isf, distribution.cdf, distribution.sf):
+        if np.shape(function(probability if function == distribution.isf else values)) != (2,):
+            raise ValueError("its functions do not keep the shape of an array")
 
 
 def class_reference(member: object, folder: Path, kind: Kind) -> str:

@@ -43,7 +43,7 @@ def without_surrogates(tree: xr.DataTree) -> xr.DataTree:
         dropped += [each for each in sources if each.attrs.get(SOURCE_KIND) == "surrogate"]
     without = {node.path for top in dropped for node in top.subtree}
     groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}
-    return xr.DataTree.from_dict({path: groups[path] for path in groups.keys() - without})
+    return xr.DataTree.from_dict({path: groups[path] for path in groups if path not in without})
 
 
 def _output_nodes(tree: xr.DataTree) -> list[xr.DataTree]:

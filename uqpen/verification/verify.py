@@ -249,11 +249,9 @@ def _repeat_checks(
         besides = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES]
         besides += _LOADED_MODEL_ATTRIBUTES if external else []
         yield from _check_points(study, runs, allowed.tolerance)
-        if unloaded := study.joint.unloaded:
-            study, tree = replace(study, surrogates={}), without_surrogates(tree)
-            named = ", ".join(dict.fromkeys(unloaded.values()))
-            message = f"not checked: they follow from a distribution that is not loaded ({named})"
-            yield CheckResult("surrogates", CheckOutcome.UNCHECKED, message)
+        if study.joint.unloaded:
+            study, tree, unchecked = _without_surrogates(study, tree)
+            yield from unchecked
         if not trust and (analyses := outside_analyses(study.text)):
             statistics = ", ".join(outside_statistic_names(tree)) or "none"
             named = f"they follow from code that the archive names ({', '.join(analyses)})"
@@ -267,6 +265,18 @@ def _repeat_checks(
         except StudyError as error:  # an analysis of the user's own fails here
             message = "an analysis that its study names fails"
             yield CheckResult("statistics", CheckOutcome.IMPOSSIBLE, message, (str(error),))
+
+
+def _without_surrogates(
+    study: ValidatedStudy, tree: xr.DataTree
+) -> tuple[ValidatedStudy, xr.DataTree, list[CheckResult]]:
+    """Leave out what follows from distributions that are not loaded, with a result for it."""
+    kept = without_surrogates(tree)
+    named = ", ".join(dict.fromkeys(study.joint.unloaded.values()))
+    message = f"not checked: they follow from distributions that are not loaded ({named})"
+    unchecked = CheckResult("surrogates", CheckOutcome.UNCHECKED, message)
+    is_changed = kept.groups != tree.groups
+    return replace(study, surrogates={}), kept, [unchecked] if is_changed else []
 
 
 def _check_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Iterator[CheckResult]:
@@ -283,7 +293,11 @@ def _check_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Iterat
         advice = "run that program again"
         yield CheckResult("points", CheckOutcome.UNCHECKED, f"not checked: {message}", (advice,))
     elif external:
-        yield repeated_points(study, runs, tolerance)
+        try:
+            yield repeated_points(study, runs, tolerance)
+        except StudyError as error:  # a design of the user's own fails here
+            message = "a design that its study names fails"
+            yield CheckResult("points", CheckOutcome.IMPOSSIBLE, message, (str(error),))
 
 
 def _reason_without_repetition(study: ValidatedStudy, external: list[str]) -> CheckResult | None:
