@@ -14,7 +14,7 @@ __all__ = ["UnloadedDistribution"]
 
 @dataclass(frozen=True)
 class UnloadedDistribution(Distribution):
-    """Distribution of which only the name is known, a reference or an object of a program."""
+    """Distribution known by its name only: a reference, or an object of a program."""
 
     name: str
 
