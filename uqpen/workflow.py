@@ -31,6 +31,7 @@ from uqpen.core.labels import (
 from uqpen.core.model import Model
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
+from uqpen.designs.rounds import draw_rounds
 from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds, worst_status_runs
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.statistics.analyze import OutputStatistics, analyze, analyze_failures
@@ -161,7 +162,7 @@ def run_design(
             raise TooManyFailedError(f"by {name}, {error}" if name else str(error)) from None
 
     rounds: list[Runs] = []
-    generator = design.rounds(study.joint, stream)
+    generator = draw_rounds(design, study.joint, stream)
     points = next(generator)
     while True:
         number = len(rounds)

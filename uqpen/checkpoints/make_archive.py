@@ -14,6 +14,7 @@ from uqpen.core.errors import ArchiveError, ClusterError, TooManyFailedError
 from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.study.fingerprint import run_fingerprint
+from uqpen.study.outside_members import own_objects
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow import Checkpoints, run
 
@@ -89,13 +90,15 @@ def make_archive(
 
 def _warn_if_unknown(study: ValidatedStudy, journal: Journal) -> bool:
     """Warn of a model whose versions `Model.identity` cannot distinguish; its runs are not kept."""
-    unknown = [variant.model.unknown_dependency for variant in study.models.values()]
-    for reason in filter(None, unknown):
-        journal.warn(
-            f"an interrupted start is not resumed: {reason}, so another version of the model "
-            "cannot be distinguished from this one"
-        )
-    return any(unknown)
+    unknown = [(variant.model.unknown_dependency, "the model") for variant in study.models.values()]
+    unknown += [(f"{name} is a Python object", "it") for name in own_objects(study.text)]
+    for reason, what in unknown:
+        if reason:
+            journal.warn(
+                f"an interrupted start is not resumed: {reason}, so another version of {what} "
+                "cannot be distinguished from this one"
+            )
+    return any(reason for reason, _ in unknown)
 
 
 def _no_checkpoints(design: str, model: str, number: int) -> Checkpoint:

@@ -13,7 +13,14 @@ from typing import Any
 
 from uqpen.core.errors import UnknownNameError
 
-__all__ = ["choices", "family_name", "nearest", "resolve", "resolve_name"]
+__all__ = [
+    "choices",
+    "family_name",
+    "installed_members",
+    "nearest",
+    "resolve",
+    "resolve_name",
+]
 
 
 def resolve(reference: str) -> Any:
@@ -40,6 +47,16 @@ def family_name(family: Mapping[str, str], member: object) -> str:
     """Return the name in a family of an object's class; empty for a class of another kind."""
     reference = f"{type(member).__module__}:{type(member).__qualname__}"
     return next((name for name, known in family.items() if known == reference), "")
+
+
+def installed_members(group: str) -> dict[str, str]:
+    """Return the names that installed packages add to a family, with their references.
+
+    They are the entry points of the group. To look them up takes longer than to import a member.
+    """
+    import importlib.metadata
+
+    return {point.name: point.value for point in importlib.metadata.entry_points(group=group)}
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

@@ -15,6 +15,7 @@ from uqpen.core.labels import DEPENDENCE, ROLE, RUN
 from uqpen.core.model import Input
 from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
+from uqpen.distributions.unloaded import UnloadedDistribution
 
 __all__ = ["FixedInput", "JointDistribution", "RandomInput", "points_dataset"]
 
@@ -99,8 +100,24 @@ class JointDistribution:
         return self.dependence is None
 
     def nominal(self) -> dict[str, float]:
-        """Return one value for each input: the fixed one, or the median."""
-        return {entry.variable.name: entry.nominal for entry in self.inputs}
+        """Return one value for each input: the fixed one, or the median.
+
+        An input whose distribution is not loaded has none.
+        """
+        return {
+            entry.variable.name: entry.nominal
+            for entry in self.inputs
+            if entry.variable.name not in self.unloaded
+        }
+
+    @property
+    def unloaded(self) -> dict[str, str]:
+        """Names of the distributions that are not loaded, by input."""
+        return {
+            entry.variable.name: entry.distribution.name
+            for entry in self.random
+            if isinstance(entry.distribution, UnloadedDistribution)
+        }
 
     def points(self, unit: FloatArray, coordinates: Arrays) -> xr.Dataset:
         """Map points of the unit cube to the input space.

@@ -13,6 +13,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from uqpen.models.function_source import FunctionSource
 from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import ModelFolder
 
-__all__ = ["PythonFunction", "check_signature", "load_function"]
+__all__ = ["PythonFunction", "check_signature", "error_text", "load_function", "load_module"]
 
 
 class _UnusableError(Exception):
@@ -156,7 +157,7 @@ class PythonFunction(Model):
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # any other exception of a black box is data
-            return _error_text(error)
+            return error_text(error)
         try:
             return _check_outputs(returned, [output.name for output in self.outputs], runs)
         except _UnusableError as refused:
@@ -202,21 +203,41 @@ def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], Mod
     ModelError
         If there is no such function, or importing it fails.
     """
+    module, name, surroundings = load_module(reference, folder)
+    function = getattr(module, name, None)
+    if not callable(function):
+        known = [key for key, value in vars(module).items() if inspect.isfunction(value)]
+        listing = f"; it defines {', '.join(known)}" if known else ""
+        where = reference.rpartition(":")[0]
+        raise ModelError(f'"{where}" has no function "{name}"{listing}')
+    return function, surroundings
+
+
+def load_module(
+    reference: str, folder: Path, form: str = "my_model.py:function"
+) -> tuple[ModuleType, str, ModelFolder]:
+    """Load the module of a reference such as those of `load_function`.
+
+    Returns
+    -------
+    module, name, surroundings
+        The module, the name after the colon, and the folder that the module belongs to.
+
+    Raises
+    ------
+    ModelError
+        If the reference is not of the form, there is no such module, or importing it fails.
+    """
     where, _, name = reference.rpartition(":")
     if not where or not name:
-        raise ModelError(f'"{reference}" is not of the form "my_model.py:function"')
+        raise ModelError(f'"{reference}" is not of the form "{form}"')
     surroundings = ModelFolder(folder)
     with surroundings.on_import_path():
         module = _import_module(where, folder)
     if where.endswith(".py"):
         # It may lie outside the folder.
         surroundings.read(str(folder / where))
-    function = getattr(module, name, None)
-    if not callable(function):
-        known = [key for key, value in vars(module).items() if inspect.isfunction(value)]
-        listing = f"; it defines {', '.join(known)}" if known else ""
-        raise ModelError(f'"{where}" has no function "{name}"{listing}')
-    return function, surroundings
+    return module, name, surroundings
 
 
 def _pickle_by_value(function: Callable[..., Any]) -> bytes:
@@ -235,7 +256,7 @@ def _pickle_by_value(function: Callable[..., Any]) -> bytes:
         return bytes(cloudpickle.dumps(function))
     except Exception as error:  # a foreign object can raise anything while it is pickled
         raise ModelError(
-            f"the model cannot be sent to another process: {_error_text(error)}"
+            f"the model cannot be sent to another process: {error_text(error)}"
         ) from None
 
 
@@ -285,7 +306,7 @@ def _import_module(where: str, folder: Path) -> Any:
     except (Exception, SystemExit) as error:  # a user's module can raise anything when imported
         place = traceback.extract_tb(error.__traceback__)[-1]
         line = getattr(error, "lineno", None) or place.lineno
-        text = f'importing "{where}" failed at line {line}: {_error_text(error)}'
+        text = f'importing "{where}" failed at line {line}: {error_text(error)}'
         raise ModelError(one_line(text)) from None
 
 
@@ -302,7 +323,7 @@ def _load_file(path: Path) -> Any:
     return module
 
 
-def _error_text(error: BaseException) -> str:
+def error_text(error: BaseException) -> str:
     """Format an exception in one line, even if its own text raises an error."""
     try:
         return one_line(f"{type(error).__name__}: {error}").removesuffix(":")

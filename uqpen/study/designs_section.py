@@ -6,7 +6,10 @@ from uqpen.core.errors import TableError, toml_text
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.designs.table import TableDesign
+from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.study.object_section import OBJECT
+from uqpen.study.outside_members import DESIGN, Files, installed_names, is_reference, read_member
 from uqpen.study.table_reader import TableReader, family_member, named_tables
 
 __all__ = ["check_designs", "check_tables", "read_designs"]
@@ -19,17 +22,50 @@ _VALID = (
 )
 
 
-def read_designs(table: TableReader) -> dict[str, Design]:
-    """Read the designs of a study; invalid ones are noted and left out."""
-    found: dict[str, Design] = {}
+def read_designs(table: TableReader) -> tuple[dict[str, Design], dict[str, Files]]:
+    """Read the designs of a study; invalid ones are noted and left out.
+
+    Returns
+    -------
+    designs, files
+        By name; the files are those that a design from outside was loaded from.
+    """
+    designs: dict[str, Design] = {}
+    files: dict[str, Files] = {}
     for name, section in named_tables(table):
-        kind = family_member(section, "kind", DESIGNS, "a kind of design")
-        design = kind and section.whole_settings(kind)
+        design, loaded = _read_design(section)
         if design is not None:
-            found[name] = design
+            designs[name], files[name] = design, loaded
     if table.is_given and not table.content:
         table.add_problem((), "no design", f"a [designs.<name>] of kind {', '.join(DESIGNS)}")
-    return found
+    return designs, files
+
+
+def _read_design(table: TableReader) -> tuple[Design | None, Files]:
+    if OBJECT in table and "kind" not in table:
+        return _read_object(table), ()
+    kind = str(table.content.get("kind"))
+    if is_reference(kind) and not table.trust:
+        return UnloadedDesign(kind), ()
+    if is_reference(kind) or kind in installed_names(DESIGN, kind):
+        table.take("kind")
+        return read_member(table, "kind", kind, DESIGN)
+    built_in = family_member(table, "kind", DESIGNS, "a kind of design")
+    return built_in and table.whole_settings(built_in), ()
+
+
+def _read_object(table: TableReader) -> Design | None:
+    """Read a design that is an object of the Python program; without it, it draws no points."""
+    name = table.text(OBJECT, "the text of a design")
+    table.check_unknown_keys()
+    objects = table.document.objects
+    if objects is None:
+        expected = f'kind = "{DESIGN.form}": a file cannot contain a Python object'
+        table.add_wrong(OBJECT, name, expected)
+    if objects is None or name is None:
+        return None
+    given = objects.get(table.path)
+    return given if isinstance(given, Design) else UnloadedDesign(name)
 
 
 def check_tables(

@@ -9,6 +9,7 @@ from typing import Any
 
 from uqpen.archive.provenance import of_python_functions, provenance
 from uqpen.models.python_function import PythonFunction
+from uqpen.study.outside_members import outside_members
 from uqpen.study.study import ValidatedStudy
 
 __all__ = ["run_fingerprint"]
@@ -31,13 +32,14 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
     else:
         tables["model"] = content["model"]
     adapter = study.models[model].model
-    files = [*adapter.files(), *study.joint.files, *study.designs[design].files()]
+    files = [*adapter.files(), *study.joint.files, *study.design_files(design)]
+    is_external = isinstance(adapter, PythonFunction) or bool(outside_members(tables))
     return {
         **dict(_flatten(tables)),
         **{f"model {name}": value for name, value in adapter.identity().items()},
         **{f"file {file.path.name}": file.sha256 for file in files},
         **provenance(),
-        **(of_python_functions() if isinstance(adapter, PythonFunction) else {}),
+        **(of_python_functions() if is_external else {}),
     }
 
 

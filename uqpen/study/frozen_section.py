@@ -8,6 +8,7 @@ from uqpen.core.errors import QuantityError
 from uqpen.core.lookup import nearest
 from uqpen.core.model import Input
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe
+from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.frozen import (
     LIBRARIES,
     FrozenDistribution,
@@ -15,13 +16,17 @@ from uqpen.distributions.frozen import (
     frozen_names,
 )
 from uqpen.distributions.joint_distribution import RandomInput
+from uqpen.distributions.unloaded import UnloadedDistribution
 from uqpen.study.object_section import OBJECT
 from uqpen.study.table_reader import TableReader
 
-__all__ = ["FROZEN", "read_frozen"]
+__all__ = ["FROZEN", "SETTINGS", "read_frozen"]
 
 # The keys that stand where the name of a distribution would.
 FROZEN = (*LIBRARIES, OBJECT)
+
+# The key with the settings of an object of a user's class, for reading only.
+SETTINGS = "settings"
 
 
 def read_frozen(table: TableReader, variable: Input, library: str) -> RandomInput | None:
@@ -30,6 +35,8 @@ def read_frozen(table: TableReader, variable: Input, library: str) -> RandomInpu
     The table has the name of the distribution, its parameters as numbers, and the unit of its
     values. In place of them, the text of a study in Python may name an object.
     """
+    if library == OBJECT and SETTINGS in table:
+        return _read_own_object(table, variable)
     unit = _unit(table, variable)
     if library == OBJECT:
         return _read_object(table, variable, unit)
@@ -67,6 +74,23 @@ def _read_object(table: TableReader, variable: Input, unit: str) -> RandomInput 
         return None
     distribution = FrozenDistribution(objects[table.path], unit)
     return None if name is None else RandomInput(variable, distribution, unit, name)
+
+
+def _read_own_object(table: TableReader, variable: Input) -> RandomInput | None:
+    """Read an input whose distribution is an object of a user's class; it may be absent."""
+    name = table.text(OBJECT, "the text of a distribution")
+    table.take(SETTINGS)
+    table.check_unknown_keys()
+    objects = table.document.objects
+    if objects is None:
+        expected = "a distribution that a file can state: a Python object is in none"
+        table.add_wrong(OBJECT, name, expected)
+    if objects is None or name is None:
+        return None
+    given = objects.get(table.path)
+    here = given if isinstance(given, Distribution) else None
+    distribution = here or UnloadedDistribution(name)
+    return RandomInput(variable, distribution, variable.preferred_unit, name)
 
 
 def _parameters(table: TableReader) -> Iterator[tuple[str, float]]:

@@ -21,9 +21,11 @@ from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.frozen import LIBRARIES
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.truncated import Truncated
+from uqpen.distributions.unloaded import UnloadedDistribution
 from uqpen.study.frozen_section import FROZEN, read_frozen
 from uqpen.study.measurements_section import MEASURED, read_measured
 from uqpen.study.object_section import OBJECT
+from uqpen.study.outside_members import DISTRIBUTION, installed_names, is_reference, read_member
 from uqpen.study.table_reader import TableReader, check_names
 
 __all__ = ["Inputs", "read_constraints", "read_inputs"]
@@ -122,29 +124,22 @@ def _fixed_input(table: TableReader, variable: Input, quantity: Quantity) -> Ent
 
 def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> Entry | None:
     """Read a random input from ``{ family = { … }, lower = …, upper = … }``."""
-    families = [key for key in table if key not in _LIMITS]
-    if len(families) != 1:
-        found = " and ".join(families) or "no distribution"
-        table.add_problem((), found, f"one distribution of {', '.join(_FAMILIES)}")
-        return None
-    (family,) = families
-    if family not in (*_FAMILIES, OBJECT):
-        expected = choices(family, _FAMILIES)
-        table.add_problem(family, "an unknown distribution", expected)
-        return None
-    section = table.table(family)
-    if not section.is_given:
+    family = _family(table)
+    section = table.table(family) if family else None
+    if family is None or section is None or not section.is_given:
         return None
     if family == MEASURED:
         made = read_measured(section, variable, stream)
     elif family in FROZEN:
         made = read_frozen(section, variable, family)
-    else:
+    elif family in DISTRIBUTIONS:
         made = _read_distribution(section, variable, family)
+    else:
+        made = _read_outside(section, variable, family)
     limits = {key: table.quantity(key, variable.unit) for key in _LIMITS if key in table}
     if made is None or None in limits.values() or (limits and variable.unit is ANY_DIMENSION):
         return None
-    if limits:
+    if limits and not isinstance(made.distribution, UnloadedDistribution):
         try:
             distribution = Truncated(made.distribution, **limits)  # type: ignore[arg-type]
         except SettingsError as error:
@@ -153,7 +148,26 @@ def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> E
         written = [f"{_LIMITS[key]} {table.content[key]}" for key in table if key != family]
         description = "; ".join([made.description, *written])
         made = replace(made, distribution=distribution, description=description)
+    if isinstance(made.distribution, UnloadedDistribution):
+        return made
     return made if _is_usable(table, family, made.distribution) else None
+
+
+def _family(table: TableReader) -> str | None:
+    """Return the distribution of a random input: a name or a reference."""
+    families = [key for key in table if key not in _LIMITS]
+    if len(families) != 1:
+        found = " and ".join(families) or "no distribution"
+        table.add_problem((), found, f"one distribution of {', '.join(_FAMILIES)}")
+        return None
+    (family,) = families
+    if family in (*_FAMILIES, OBJECT) or is_reference(family):
+        return family
+    known = dict.fromkeys((*_FAMILIES, *installed_names(DISTRIBUTION, family)))
+    if family in known:
+        return family
+    table.add_problem(family, "an unknown distribution", choices(family, known))
+    return None
 
 
 def _read_distribution(table: TableReader, variable: Input, family: str) -> RandomInput | None:
@@ -162,6 +176,22 @@ def _read_distribution(table: TableReader, variable: Input, family: str) -> Rand
     distribution = table.whole_settings(cls, like=variable.unit)
     if distribution is None:
         return None
+    return _random_input(table, variable, family, distribution)
+
+
+def _read_outside(table: TableReader, variable: Input, family: str) -> RandomInput | None:
+    """Read a random input whose distribution is a class from outside; without trust, its name."""
+    if is_reference(family) and not table.trust:
+        return _random_input(table, variable, family, UnloadedDistribution(family))
+    distribution, files = read_member(table, (), family, DISTRIBUTION, variable.unit)
+    if distribution is None:
+        return None
+    return replace(_random_input(table, variable, family, distribution), files=files)
+
+
+def _random_input(
+    table: TableReader, variable: Input, family: str, distribution: Distribution
+) -> RandomInput:
     parameters = ", ".join(f"{name} {value}" for name, value in table.content.items())
     unit = _first_unit(table.content, variable)
     return RandomInput(variable, distribution, unit, f"{family}: {parameters}")

@@ -109,7 +109,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     tables = {key: root.table(key, _REQUIRED.get(key, "")) for key in (*_REQUIRED, *_OPTIONAL)}
     root.check_unknown_keys()
     failures = tables["failures"].whole_settings(FailurePolicy) or FailurePolicy()
-    designs = read_designs(tables["designs"])
+    designs, design_modules = read_designs(tables["designs"])
     surrogates = read_surrogates(tables["surrogates"], list(tables["designs"]))
     inputs = read_inputs(tables["inputs"], model, Stream(heading.seed, "inputs"))
     is_clear = not inputs.unclear
@@ -150,6 +150,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         folder=folder,
         failures=failures,
         analyses=analyses,
+        design_modules=design_modules,
     )
 
 

@@ -27,7 +27,9 @@ from uqpen.execution.failures import FailurePolicy
 from uqpen.models import MODELS
 from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
+from uqpen.study.frozen_section import SETTINGS
 from uqpen.study.object_section import OBJECT
+from uqpen.study.outside_members import DESIGN, DISTRIBUTION, class_reference
 from uqpen.study.python_model import OutputSpec, PythonModel
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
@@ -49,12 +51,13 @@ class StudyContent:
     content : dict
         What a study file would contain.
     objects : dict
-        The functions of its models, by the path of the model's table.
+        Functions, designs and distributions that it only names, by the path of their table.
     problems : list of Problem
         Arguments that no study file can state.
     """
 
-    def __init__(self, arguments: Mapping[str, Any]) -> None:
+    def __init__(self, arguments: Mapping[str, Any], folder: Path) -> None:
+        self.folder = folder
         self.objects: dict[Path_, Callable[..., Any]] = {}
         self.problems: list[Problem] = []
         given = {name: value for name, value in arguments.items() if value is not None}
@@ -82,7 +85,7 @@ class StudyContent:
             return self._table(value, path)
         if isinstance(value, PythonModel):
             return self._table(value.table(), path)
-        table = _declaration(value)
+        table = _declaration(value, self.folder)
         if table is None:
             self.problems.append(
                 Problem(path, f"an object of class {type(value).__name__}", _VALUES)
@@ -96,7 +99,7 @@ class StudyContent:
         if named is not None and not isinstance(named, str | Mapping):
             self.objects[path] = named
             table[OBJECT] = repr(named)
-            if path[0] != "inputs":
+            if path[0] in ("model", "models"):
                 source = function_source(named)
                 table |= {OBJECT: source.name, SOURCE: source.text or None}
         return {
@@ -109,7 +112,7 @@ class StudyContent:
         """Return a model with the units in which the study states its inputs and outputs."""
         inputs = {}
         for name, value in _items(given.get("inputs")):
-            units = list(dict.fromkeys(_units(_declaration(value) or value)))
+            units = list(dict.fromkeys(_units(_declaration(value, self.folder) or value)))
             inputs[str(name)] = units[0] if units else DIMENSIONLESS
             if len(units) > 1 and all(are_convertible(units[0], unit) for unit in units):
                 expected = "one unit, in which the function takes it; or a uqpen.PythonModel"
@@ -127,17 +130,19 @@ class StudyContent:
                     outputs[name] = {"unit": value}
 
 
-def _declaration(value: object) -> dict[str, Any] | None:
+def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
     """Return the table that declares an object in a study file; None for an unknown class."""
     if isinstance(value, Truncated):
         limits = {key: limit for key, limit in written_settings(value).items() if key != "parent"}
-        return {**(_declaration(value.parent) or {}), **limits}
+        return {**(_declaration(value.parent, folder) or {}), **limits}
     if frozen := value if isinstance(value, FrozenDistribution) else as_frozen(value):
         library, parameters = declare(frozen.frozen) or (OBJECT, {OBJECT: frozen.frozen})
         return {library: {**parameters, "unit": frozen.unit}}
     if isinstance(value, Distribution):
         name = family_name(DISTRIBUTIONS, value)
-        return {name: written_settings(value)} if name else None
+        if name := name or class_reference(value, folder, DISTRIBUTION):
+            return {name: written_settings(value)}
+        return {OBJECT: {OBJECT: value, SETTINGS: written_settings(value)}}
     if isinstance(value, EllipticalCopula):
         fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
         return {"copula": family_name(COPULAS, value), "of": value.measures[0], **fields}
@@ -151,6 +156,9 @@ def _declaration(value: object) -> dict[str, Any] | None:
     ):
         if isinstance(value, kind) and (name := family_name(family, value)):
             return {key: name, **written_settings(value)}
+    if isinstance(value, Design):
+        reference = class_reference(value, folder, DESIGN)
+        return {"kind": reference, **written_settings(value)} if reference else {OBJECT: value}
     return None
 
 

@@ -117,7 +117,8 @@ class Study(ValidatedStudy):
                 "dependence": dependence,
                 "constraints": {"keep": list(constraints)} if constraints else None,
                 "analyses": list(analyses) or None,
-            }
+            },
+            Path(folder).absolute(),
         )
         ordered = {key: made.content[key] for key in _ORDER if key in made.content}
         text = tomli_w.dumps(ordered, multiline_strings=True)

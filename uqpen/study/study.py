@@ -10,6 +10,7 @@ from pathlib import Path
 from uqpen.core.files import FileSnapshot
 from uqpen.core.model import Model
 from uqpen.designs.design import Design
+from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
@@ -73,6 +74,8 @@ class ValidatedStudy:
         Policy for failed runs.
     analyses : tuple of OutsideAnalysis
         User-supplied functions that yield statistics of each sample.
+    design_modules : mapping of str to tuple of FileSnapshot
+        The files that a design from outside the package was loaded from, by its name.
     """
 
     name: str
@@ -89,6 +92,7 @@ class ValidatedStudy:
     folder: Path = Path()
     failures: FailurePolicy = FailurePolicy()
     analyses: tuple[OutsideAnalysis, ...] = ()
+    design_modules: Mapping[str, tuple[FileSnapshot, ...]] = field(default_factory=dict)
 
     @property
     def model(self) -> Model:
@@ -128,10 +132,20 @@ class ValidatedStudy:
         for variant in self.models.values():
             yield from variant.model.files()
         yield from self.joint.files
-        for design in self.designs.values():
-            yield from design.files()
+        for design in self.designs:
+            yield from self.design_files(design)
         for analysis in self.analyses:
             yield from analysis.files()
+
+    def design_files(self, name: str) -> tuple[FileSnapshot, ...]:
+        """Return the files of a design: those with its points, and those with its code."""
+        return (*self.designs[name].files(), *self.design_modules.get(name, ()))
+
+    @property
+    def unloaded_members(self) -> list[str]:
+        """Names of its designs and distributions from outside that are not loaded, each once."""
+        designs = [each.name for each in self.designs.values() if isinstance(each, UnloadedDesign)]
+        return list(dict.fromkeys([*designs, *self.joint.unloaded.values()]))
 
     @property
     def sha256(self) -> str:

@@ -8,6 +8,7 @@ from uqpen.core.lookup import choices
 from uqpen.core.model import Model
 from uqpen.core.sampling import Sampling
 from uqpen.designs.design import Design
+from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.study.table_reader import TableReader, family_member, named_tables
 from uqpen.surrogates import SURROGATES
@@ -74,7 +75,7 @@ def _check_designs(
 ) -> None:
     """Note designs whose points are of no use, as far as they were understood."""
     for key, label in (("design", surrogate.design), ("check", surrogate.check or "")):
-        if label not in designs:
+        if label not in designs or isinstance(designs[label], UnloadedDesign):
             continue
         sampling = designs[label].sampling
         is_rule = sampling is Sampling.QUADRATURE

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +14,20 @@ import xarray as xr
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.errors import ArchiveError, ModelError, StudyError
 from uqpen.core.labels import KIND, RUN, RUNS, SAMPLING
+from uqpen.core.sampling import Sampling
+from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.study.analyses_section import ANALYSES_KEY
 from uqpen.study.document import Objects
 from uqpen.study.load import parse_study
 from uqpen.study.model_section import EXTERNAL_MODELS
 from uqpen.study.object_section import OBJECT
+from uqpen.study.outside_members import object_members, outside_members
 from uqpen.study.study import ValidatedStudy, Variant
 
 __all__ = [
     "archived_runs",
     "archived_study",
+    "external_members",
     "external_models",
     "external_names",
     "find_incompatibility",
@@ -58,10 +64,23 @@ def archived_study(
     name = str(tree.attrs.get("study_name", "study"))
     text = str(tree.attrs["study_text"])
     try:
-        return parse_study(text, name=name, folder=folder, trust=trust, objects=objects or {})
+        study = parse_study(text, name=name, folder=folder, trust=trust, objects=objects or {})
     except StudyError as error:
         where = f"the files that it names are looked for in {folder.absolute()} (--folder)"
         raise StudyError(f"{error}\n\n{where}", error.problems) from None
+    runs = next(iter(archived_runs(tree).values()), {})
+    designs = {
+        design: _with_archived_sampling(unloaded, runs[design])
+        for design, unloaded in study.designs.items()
+        if isinstance(unloaded, UnloadedDesign) and design in runs
+    }
+    return replace(study, designs={**study.designs, **designs})
+
+
+def _with_archived_sampling(design: UnloadedDesign, runs: xr.Dataset) -> UnloadedDesign:
+    with contextlib.suppress(ValueError):  # the record of a damaged archive
+        design = replace(design, sampling=Sampling(str(runs.attrs.get(SAMPLING))))
+    return replace(design, runs=runs.sizes.get(RUN, 0))
 
 
 def external_models(text: str) -> list[str]:
@@ -81,9 +100,16 @@ def external_models(text: str) -> list[str]:
     ]
 
 
-def object_models(text: str) -> list[str]:
-    """Return the names of the models of a study that are objects of a Python program."""
-    return [str(table[OBJECT]) for table in _model_tables(text) if OBJECT in table]
+def _named_objects(text: str) -> dict[str, list[str]]:
+    """Return the names of the Python objects of a study, by their kind."""
+    models = [str(table[OBJECT]) for table in _model_tables(text) if OBJECT in table]
+    members = object_members(_content(text))
+    return {"model": models, "design or distribution": members}
+
+
+def external_members(text: str) -> list[str]:
+    """Return the designs and distributions that a study names code for."""
+    return outside_members(_content(text))
 
 
 def outside_analyses(text: str) -> list[str]:
@@ -107,8 +133,11 @@ def _content(text: str) -> dict[str, Any]:
 
 
 def external_names(text: str) -> list[str]:
-    """Return the external code that the text of a study names: models, then analyses."""
-    return [*external_models(text), *outside_analyses(text)]
+    """Return the external code that the text of a study names.
+
+    First models, then designs and distributions, then analyses.
+    """
+    return [*external_models(text), *external_members(text), *outside_analyses(text)]
 
 
 def refuse_external_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None:
@@ -124,11 +153,12 @@ def refuse_external_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None
     if KIND in tree.attrs:
         raise ArchiveError(f"{path}: holds methods head to head; `uqpen compare` repeats those")
     text = str(tree.attrs["study_text"])
-    if objects := object_models(text):
-        raise ModelError(
-            f"{path}: its model is an object of a Python program ({', '.join(objects)}), which no "
-            "archive contains; run that program again"
-        )
+    for kind, objects in _named_objects(text).items():
+        if objects:
+            raise ModelError(
+                f"{path}: its {kind} is an object of a Python program ({', '.join(objects)}), "
+                "which no archive contains; run that program again"
+            )
     named = external_names(text)
     if named and not trust:
         raise ModelError(

@@ -7,9 +7,9 @@ import xarray as xr
 from uqpen.archive.estimates import interval_codes_name, statistic_names
 from uqpen.archive.tree import model_trees
 from uqpen.core.catalogue import CATALOGUE, DIMENSIONS
-from uqpen.core.labels import BOUND, SOURCE_KIND, STATISTICS_GROUP
+from uqpen.core.labels import BOUND, SOURCE_KIND, STATISTICS_GROUP, SURROGATES, TRAJECTORY
 
-__all__ = ["outside_statistic_names", "without_outside_statistics"]
+__all__ = ["outside_statistic_names", "without_outside_statistics", "without_surrogates"]
 
 _BUILT_IN_COORDINATES = {
     BOUND,
@@ -29,6 +29,21 @@ def without_outside_statistics(tree: xr.DataTree) -> xr.DataTree:
     for node in _output_nodes(tree):
         groups[node.path] = _built_in(groups[node.path])
     return xr.DataTree.from_dict(groups)
+
+
+def without_surrogates(tree: xr.DataTree) -> xr.DataTree:
+    """Return a copy of a study's archive without the results that need the distributions.
+
+    They are surrogates, their statistics, and the trajectory at the nominal inputs.
+    """
+    dropped = []
+    for model in model_trees(tree).values():
+        dropped += [model.children[name] for name in (SURROGATES, TRAJECTORY) if name in model]
+        sources = model.children.get(STATISTICS_GROUP, xr.DataTree()).children.values()
+        dropped += [each for each in sources if each.attrs.get(SOURCE_KIND) == "surrogate"]
+    without = {node.path for top in dropped for node in top.subtree}
+    groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}
+    return xr.DataTree.from_dict({path: groups[path] for path in groups if path not in without})
 
 
 def _output_nodes(tree: xr.DataTree) -> list[xr.DataTree]:

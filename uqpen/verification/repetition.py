@@ -14,6 +14,7 @@ from uqpen.core.arrays import IntArray
 from uqpen.core.labels import CONTENT, MODELS, RUN, RUNS, STATUS
 from uqpen.core.model import Output
 from uqpen.core.streams import Stream
+from uqpen.designs.rounds import draw_rounds
 from uqpen.execution import Evaluator, FailurePolicy, Map, Progress, evaluate
 from uqpen.study.study import ValidatedStudy
 from uqpen.verification.archived_study import run_inputs
@@ -30,7 +31,7 @@ from uqpen.verification.differences import (
 )
 from uqpen.workflow import analyse_runs
 
-__all__ = ["Runs", "draw_runs", "repeated_runs", "repeated_statistics"]
+__all__ = ["Runs", "draw_runs", "repeated_points", "repeated_runs", "repeated_statistics"]
 
 Positions = IntArray
 Runs = Mapping[str, Mapping[str, xr.Dataset]]
@@ -85,6 +86,29 @@ def repeated_runs(
         archived_runs.sizes[RUN] for designs in runs.values() for archived_runs in designs.values()
     )
     return _check_result("runs", f"{repeated} of {total} repeated", found, tolerance)
+
+
+def repeated_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> CheckResult:
+    """Draw the first round of every design again and compare it with the archived runs.
+
+    Later rounds of an adaptive design follow from the runs before.
+    """
+    found: list[Difference] = []
+    for name, design in study.designs.items():
+        stream = Stream(study.seed, "designs", name)
+        drawn = next(draw_rounds(design, study.joint, stream)).drop_attrs()
+        for model, variant in study.models.items():
+            again = drawn.drop_vars([RUN, *variant.given], errors="ignore")
+            archived = runs[model][name].isel({RUN: slice(drawn.sizes[RUN])}).drop_attrs()
+            archived = xr.Dataset(
+                {key: archived.variables[key] for key in again.variables if key in archived}
+            )
+            found += [
+                each._replace(what=f"{_runs_name(model, name)}: {each.what}")
+                for each in find_differences(archived, again.reset_coords())
+            ]
+    what = f"the first round of {', '.join(study.designs)} drawn again"
+    return _check_result("points", what, found, tolerance)
 
 
 def repeated_statistics(

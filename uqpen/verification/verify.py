@@ -32,6 +32,7 @@ from uqpen.study.document import Objects
 from uqpen.study.study import ValidatedStudy
 from uqpen.verification.archived_study import (
     archived_runs,
+    external_members,
     external_models,
     external_names,
     find_incompatibility,
@@ -42,8 +43,9 @@ from uqpen.verification.differences import TOLERANCE
 from uqpen.verification.outside_statistics import (
     outside_statistic_names,
     without_outside_statistics,
+    without_surrogates,
 )
-from uqpen.verification.repetition import repeated_runs, repeated_statistics
+from uqpen.verification.repetition import Runs, repeated_points, repeated_runs, repeated_statistics
 from uqpen.verification.restored_study import restored_study
 
 __all__ = ["environment_differences", "verify"]
@@ -246,6 +248,10 @@ def _repeat_checks(
         progress.start_analysis()
         besides = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES]
         besides += _LOADED_MODEL_ATTRIBUTES if external else []
+        yield from _check_points(study, runs, allowed.tolerance)
+        if study.joint.unloaded:
+            study, tree, unchecked = _without_surrogates(study, tree)
+            yield from unchecked
         if not trust and (analyses := outside_analyses(study.text)):
             statistics = ", ".join(outside_statistic_names(tree)) or "none"
             named = f"they follow from code that the archive names ({', '.join(analyses)})"
@@ -259,6 +265,39 @@ def _repeat_checks(
         except StudyError as error:  # an analysis of the user's own fails here
             message = "an analysis that its study names fails"
             yield CheckResult("statistics", CheckOutcome.IMPOSSIBLE, message, (str(error),))
+
+
+def _without_surrogates(
+    study: ValidatedStudy, tree: xr.DataTree
+) -> tuple[ValidatedStudy, xr.DataTree, list[CheckResult]]:
+    """Leave out what follows from distributions that are not loaded, with a result for it."""
+    kept = without_surrogates(tree)
+    named = ", ".join(dict.fromkeys(study.joint.unloaded.values()))
+    message = f"not checked: they follow from distributions that are not loaded ({named})"
+    unchecked = CheckResult("surrogates", CheckOutcome.UNCHECKED, message)
+    is_changed = kept.groups != tree.groups
+    return replace(study, surrogates={}), kept, [unchecked] if is_changed else []
+
+
+def _check_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Iterator[CheckResult]:
+    """Draw the points again that code of the archive has drawn, if it is loaded."""
+    external = external_members(study.text)
+    unloaded = study.unloaded_members
+    named = [name for name in unloaded if name in external]
+    objects = [name for name in unloaded if name not in external]
+    if named:
+        message = f"they are drawn by code that the archive names ({', '.join(named)})"
+        yield CheckResult("points", CheckOutcome.UNCHECKED, f"not checked: {message}", (_ADVICE,))
+    elif objects:
+        message = f"{', '.join(objects)} is an object of the Python program that made the archive"
+        advice = "run that program again"
+        yield CheckResult("points", CheckOutcome.UNCHECKED, f"not checked: {message}", (advice,))
+    elif external:
+        try:
+            yield repeated_points(study, runs, tolerance)
+        except StudyError as error:  # a design of the user's own fails here
+            message = "a design that its study names fails"
+            yield CheckResult("points", CheckOutcome.IMPOSSIBLE, message, (str(error),))
 
 
 def _reason_without_repetition(study: ValidatedStudy, external: list[str]) -> CheckResult | None:

@@ -1,0 +1,382 @@
+"""A design and a distribution from files of the user's own: in a study, its archive and checks."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import uqpen
+from uqpen.checkpoints.make_archive import make_archive
+from uqpen.core.errors import CheckpointError, ModelError, StudyError
+from uqpen.designs.unloaded import UnloadedDesign
+from uqpen.execution import Progress
+from uqpen.study.fingerprint import run_fingerprint
+from uqpen.testing import check_design, check_distribution
+from uqpen.verification.archived_study import archived_study
+from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.verify import verify
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+DESIGNS, DISTRIBUTIONS = (
+    re.findall(rf"```python\n(# {name}.*?)```", PAGE, re.DOTALL)[0]
+    for name in ("my_designs.py", "my_distributions.py")
+)
+STUDY = """\
+seed = 1
+[model]
+use = "ishigami"
+[inputs]
+x1 = { "my_distributions.py:Kumaraswamy" = { a = 2, b = 3, largest = 3 }, upper = 2.9 }
+x2 = { uniform = { lower = -3, upper = 3 } }
+x3 = 0
+[designs.mine]
+kind = "my_designs.py:Kronecker"
+runs = 160
+[designs.mc]
+kind = "monte-carlo"
+runs = 50
+[surrogates.chaos]
+kind = "polynomial-chaos"
+design = "mine"
+order = 3
+"""
+MEMBERS = "my_designs.py:Kronecker, my_distributions.py:Kumaraswamy"
+
+FreshProcess = Callable[..., Any]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with the files."""
+    (tmp_path / "my_designs.py").write_text(DESIGNS)
+    (tmp_path / "my_distributions.py").write_text(DISTRIBUTIONS)
+    return tmp_path
+
+
+@pytest.fixture
+def modules(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[ModuleType, ...]]:
+    """The modules, imported as a program or a test does."""
+    monkeypatch.syspath_prepend(folder)
+    names = ("my_designs", "my_distributions")
+    yield tuple(importlib.import_module(name) for name in names)
+    for name in names:
+        sys.modules.pop(name, None)
+
+
+@pytest.fixture
+def archive(folder: Path) -> Path:
+    """The archive of the study, beside whose folder the files are not."""
+    uqpen.write(uqpen.run(uqpen.parse_study(STUDY, folder=folder)), folder / "a.nc")
+    for name in ("my_designs.py", "my_distributions.py"):
+        (folder / name).unlink()
+    return folder / "a.nc"
+
+
+def _checks(path: Path, **options: Any) -> dict[str, CheckResult]:
+    return {check.name: check for check in verify(path, **options)}
+
+
+def _kinds(path: Path, **options: Any) -> set[tuple[str, str]]:
+    checks = _checks(path, **options).items()
+    return {(name, check.verdict.name) for name, check in checks if check.verdict.name != "EQUAL"}
+
+
+def test_they_keep_their_contracts(modules: tuple[Any, ...]) -> None:
+    check_design(modules[0].Kronecker(runs=1_600))
+    check_distribution(modules[1].Kumaraswamy(a=2, b=3, largest=3))
+
+
+def test_a_study_names_them(folder: Path) -> None:
+    study = uqpen.parse_study(STUDY, folder=folder)
+    assert study.designs["mine"].run_count(study.joint) == 160
+    assert [file.path.name for file in study.files()] == ["my_distributions.py", "my_designs.py"]
+    tree = uqpen.run(study)
+    assert 0 < float(tree["runs/mine"]["x1"].min()) < float(tree["runs/mine"]["x1"].max()) < 2.9
+    assert np.isfinite(tree["statistics/mine/y"]["mean"]).all()
+    assert study.joint.random[0].description == (
+        "my_distributions.py:Kumaraswamy: a 2, b 3, largest 3; at most 2.9"
+    )
+
+
+def test_their_files_decide_the_runs(folder: Path) -> None:
+    def fingerprints() -> list[dict[str, str]]:
+        study = uqpen.parse_study(STUDY, folder=folder)
+        return [run_fingerprint(study, "", design) for design in ("mine", "mc")]
+
+    before = fingerprints()
+    assert before == fingerprints()
+    with (folder / "my_designs.py").open("a") as file:
+        file.write("# changed\n")
+    of_mine, of_mc = fingerprints()
+    changed = {key for key in of_mine if of_mine[key] != before[0][key]}
+    assert changed == {"file my_designs.py"}
+    assert of_mc == before[1]
+    assert "file my_distributions.py" in of_mc
+
+
+def test_runs_before_a_change_are_not_used(folder: Path) -> None:
+    class Interrupted(Progress):
+        def advance(self, runs: int, failed: int, in_progress: int) -> None:
+            raise KeyboardInterrupt
+
+    def make(**options: Any) -> None:
+        make_archive(uqpen.parse_study(STUDY, folder=folder), folder / "a.nc", **options)
+
+    with pytest.raises(KeyboardInterrupt):
+        make(progress=Interrupted())
+    with (folder / "my_designs.py").open("a") as file:
+        file.write("# changed\n")
+    with pytest.raises(CheckpointError, match=r"file my_designs\.py has changed"):
+        make()
+
+
+class TestArchive:
+    def test_without_trust_it_names_the_code(self, archive: Path) -> None:
+        checks = _checks(archive, runs=None)
+        assert _kinds(archive) == {("points", "UNCHECKED"), ("surrogates", "UNCHECKED")}
+        assert checks["points"].text == (
+            f"not checked: they are drawn by code that the archive names ({MEMBERS})"
+        )
+        assert "210 of 210 repeated" in checks["runs"].text
+
+    def test_with_trust_all_is_repeated(self, archive: Path) -> None:
+        checks = _checks(archive, trust=True)
+        assert {check.verdict for check in checks.values()} == {CheckOutcome.EQUAL}
+        assert checks["points"].text == "the first round of mine, mc drawn again: bit-equal"
+
+    def test_other_points_are_found(self, archive: Path) -> None:
+        groups = uqpen.open_archive(archive).to_dict()
+        changed = groups["/runs/mine"].copy(deep=True)
+        changed["x1"].values[3] += 0.01
+        groups["/runs/mine"] = changed
+        uqpen.write(type(uqpen.open_archive(archive)).from_dict(groups), archive)
+        points = _checks(archive, trust=True)["points"]
+        assert points.verdict is CheckOutcome.DIFFERENT
+        assert "mine" in points.details[0]
+        assert "x1" in points.details[0]
+
+    def test_only_a_design_leaves_all_statistics_checked(self, folder: Path) -> None:
+        text = STUDY.replace('"my_distributions.py:Kumaraswamy"', "kumar").replace(
+            "kumar = { a = 2, b = 3, largest = 3 }", "uniform = { lower = 0, upper = 3 }"
+        )
+        uqpen.write(uqpen.run(uqpen.parse_study(text, folder=folder)), folder / "b.nc")
+        (folder / "my_designs.py").unlink()
+        assert _kinds(folder / "b.nc") == {("points", "UNCHECKED")}
+
+    def test_a_design_that_is_not_loaded_has_the_archived_sampling(self, archive: Path) -> None:
+        study = archived_study(uqpen.open_archive(archive), archive.parent, trust=False)
+        design = study.designs["mine"]
+        assert isinstance(design, UnloadedDesign)
+        assert (design.sampling, design.runs) == ("stratified", 160)
+        with pytest.raises(ModelError, match=r"my_designs.py:Kronecker is not loaded"):
+            uqpen.run(study)
+
+    def test_code_is_executed_only_with_trust(
+        self, folder: Path, fresh_process: FreshProcess
+    ) -> None:
+        trace = folder / "executed"
+        for name in ("my_designs.py", "my_distributions.py"):
+            touch = f"import pathlib\npathlib.Path({str(trace)!r}).touch()\n"
+            (folder / name).write_text(touch + (folder / name).read_text())
+        uqpen.write(uqpen.run(uqpen.parse_study(STUDY, folder=folder)), folder / "a.nc")
+        trace.unlink()
+        commands = (["show", "a.nc"], ["verify", "a.nc"], ["report", "a.nc"], ["rerun", "a.nc"])
+        outcomes = fresh_process(folder, *commands)
+        assert [done.code for done in outcomes] == [0, 0, 0, 2], outcomes
+        assert MEMBERS in outcomes[-1].err
+        assert not trace.exists()
+        (again,) = fresh_process(folder, ["rerun", "a.nc", "--trust"])
+        assert again.code == 0, again.err
+        assert trace.exists()
+        (compared,) = fresh_process(folder, ["diff", "a.nc", "a_rerun.nc"])
+        assert compared.code == 0, compared.out
+
+    def test_workers_decide_nothing(self, folder: Path) -> None:
+        study = uqpen.parse_study(STUDY, folder=folder)
+        for workers in (1, 2):
+            uqpen.make_archive(study, folder / f"{workers}.nc", workers=workers)
+        assert (folder / "1.nc").read_bytes() == (folder / "2.nc").read_bytes()
+
+
+class TestPython:
+    def _study(self, folder: Path, design: object, distribution: object) -> uqpen.Study:
+        return uqpen.Study(
+            "ishigami",
+            inputs={"x1": distribution, "x2": 1.0, "x3": uqpen.Uniform(-3, 3)},
+            designs={"mine": design},
+            seed=1,
+            folder=folder,
+        )
+
+    def test_classes_of_the_folder_are_named(self, folder: Path, modules: tuple[Any, ...]) -> None:
+        design = modules[0].Kronecker(runs=160)
+        study = self._study(folder, design, modules[1].Kumaraswamy(2, 3, "3"))
+        assert 'kind = "my_designs:Kronecker"' in study.to_toml()
+        assert '"my_distributions:Kumaraswamy"' in study.to_toml()
+        assert 'largest = "3"' in study.to_toml()
+        assert len(list(study.files())) == 2
+        tree = uqpen.run(study)
+        again = uqpen.run(uqpen.parse_study(study.to_toml(), folder=folder))
+        assert tree["runs/mine"].to_dataset().identical(again["runs/mine"].to_dataset())
+        uqpen.write(tree, folder / "a.nc")
+        assert _kinds(folder / "a.nc", trust=True) == set()
+
+    def test_classes_of_no_file_are_objects(
+        self, folder: Path, modules: tuple[Any, ...], fresh_process: FreshProcess
+    ) -> None:
+        class Own(modules[0].Kronecker):  # type: ignore[name-defined,misc]
+            pass
+
+        class OwnLaw(modules[1].Kumaraswamy):  # type: ignore[name-defined,misc]
+            pass
+
+        study = self._study(folder, Own(160), OwnLaw(2, 3, "3"))
+        assert "object = " in study.to_toml()
+        warnings: list[str] = []
+
+        class Warned(Progress):
+            def warn(self, text: str) -> None:
+                warnings.append(text)
+
+        uqpen.make_archive(study, folder / "a.nc", progress=Warned())
+        assert len(warnings) == 2
+        assert "is a Python object, so another version" in warnings[0]
+        assert _kinds(folder / "a.nc", trust=True) == {("points", "UNCHECKED")}
+        assert "an object of the Python program" in _checks(folder / "a.nc")["points"].text
+        (refused,) = fresh_process(folder, ["rerun", "a.nc", "--trust"])
+        assert refused.code == 2
+        assert "its design or distribution is an object of a Python program" in refused.err
+        (folder / "study.toml").write_text(study.to_toml())
+        with pytest.raises(StudyError, match="a file cannot contain a Python object"):
+            uqpen.load_study(folder / "study.toml")
+
+
+FAILING = """
+from dataclasses import dataclass
+import numpy as np
+from uqpen.core.sampling import Sampling
+from uqpen.core.settings import count
+from uqpen.designs.design import Design
+
+@dataclass(frozen=True)
+class Kronecker(Design):
+    sampling = Sampling.INDEPENDENT
+    runs: int = count()
+    def run_count(self, joint): return self.runs
+    def rounds(self, joint, stream):
+        BODY
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        ("yield 1 / 0", "ZeroDivisionError: division by zero"),
+        ("yield 1", "it yields an object of class int, not a dataset"),
+        ("yield joint.points(np.ones((2, 2)), {}).drop_vars('x2')", "its points lack x2"),
+        ("return []", "AttributeError"),
+        ("if 0: yield", "it yields no points"),
+    ],
+)
+def test_what_a_design_does_wrong_is_told(folder: Path, body: str, reason: str) -> None:
+    (folder / "my_designs.py").write_text(FAILING.replace("BODY", body))
+    with pytest.raises(StudyError, match=f"the design Kronecker fails: {re.escape(reason)}"):
+        uqpen.run(uqpen.parse_study(STUDY, folder=folder))
+
+
+def test_a_distribution_that_raises_is_told(folder: Path) -> None:
+    wrong = DISTRIBUTIONS.replace("return -np.expm1(self._log_sf(value))", "return 1 / 0")
+    (folder / "my_distributions.py").write_text(wrong)
+    with pytest.raises(StudyError, match="ZeroDivisionError"):
+        uqpen.parse_study(STUDY, folder=folder)
+
+
+WRONG = """
+from dataclasses import dataclass
+from uqpen.core.settings import count
+from uqpen.designs.design import Design
+
+class Thing: pass
+
+class Loose(Design): pass
+
+@dataclass(frozen=True)
+class Partial(Design):
+    runs: int = count()
+
+@dataclass(frozen=True)
+class Undeclared(Design):
+    number: int
+    sampling = rounds = run_count = None
+
+@dataclass(frozen=True)
+class Raising(Design):
+    sampling = rounds = run_count = None
+    runs: int = count()
+    def check_settings(self): raise RuntimeError("no such day")
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "key", "found"),
+    [
+        ("my_designs.py", "no.py", "designs.mine.kind", 'there is no file "no.py"'),
+        ("Kronecker", "Kron", "kind", 'has no class "Kron"; it defines Kronecker'),
+        ("my_designs.py:Kronecker", "my_designs.py:", "kind", "is not of the form"),
+        ("my_designs.py:Kronecker", "wrong.py:Thing", "kind", "does not derive from Design"),
+        ("my_designs.py:Kronecker", "wrong.py:Loose", "kind", "is no frozen dataclass"),
+        ("my_designs.py:Kronecker", "wrong.py:Partial", "kind", "lacks rounds, run_count"),
+        ("my_designs.py:Kronecker", "wrong.py:Undeclared", "kind", "no settings: number"),
+        ("my_designs.py:Kronecker", "wrong.py:Raising", "kind", "RuntimeError: no such day"),
+        ("my_designs.py:Kronecker", "cronecker", "kind", '"cronecker"'),
+        ("runs = 160", "runs = 161", "designs.mine.runs", "161"),
+        ("runs = 160", "runs = 160\nruns_ = 1", "designs.mine.runs_", "an unknown key"),
+        ("my_distributions.py:", "no.py:", "inputs.x1", 'there is no file "no.py"'),
+        ("my_distributions.py:Kumaraswamy", "my_designs.py:Kronecker", "x1", "from Distribution"),
+        ("a = 2", "a = -2", "Kumaraswamy", "-2"),
+        ("a = 2", "c = 2", "Kumaraswamy", "nothing"),
+        ('"my_distributions.py:Kumaraswamy"', "kumaraswamy", "x1", "an unknown distribution"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_told_before_any_run(
+    folder: Path, before: str, after: str, key: str, found: str
+) -> None:
+    (folder / "wrong.py").write_text(WRONG)
+    with pytest.raises(StudyError) as caught:
+        uqpen.parse_study(STUDY.replace(before, after), folder=folder)
+    (message, *_) = [each for each in caught.value.problems if found in each.found]
+    assert key in message.key
+    assert re.search(r"study\.toml:\d+ ", str(caught.value))
+
+
+def test_an_installed_package_adds_names(
+    folder: Path, modules: tuple[Any, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = {
+        "uqpen.designs": ("kronecker", "my_designs:Kronecker"),
+        "uqpen.distributions": ("kumaraswamy", "my_distributions:Kumaraswamy"),
+    }
+    monkeypatch.setattr(
+        importlib.metadata,
+        "entry_points",
+        lambda group: [importlib.metadata.EntryPoint(*points[group], group)],
+    )
+    text = STUDY.replace("my_designs.py:Kronecker", "kronecker").replace(
+        '"my_distributions.py:Kumaraswamy"', "kumaraswamy"
+    )
+    for trust in (True, False):
+        tree = uqpen.run(uqpen.parse_study(text, folder=folder / "none", trust=trust))
+        again = uqpen.run(uqpen.parse_study(STUDY, folder=folder))
+        for name in ("x1", "y"):
+            runs = [each["runs/mine"][name].values for each in (tree, again)]
+            assert np.array_equal(*runs)

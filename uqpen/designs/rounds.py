@@ -1,0 +1,54 @@
+"""Points of a design, round by round, with a clear error where a user's own design fails."""
+
+from __future__ import annotations
+
+import xarray as xr
+
+from uqpen.core.errors import StudyError, UqpenError
+from uqpen.core.labels import RUN
+from uqpen.core.streams import Stream
+from uqpen.designs.design import Design, Rounds
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.models.python_function import error_text
+
+__all__ = ["draw_rounds"]
+
+
+def draw_rounds(design: Design, joint: JointDistribution, stream: Stream) -> Rounds:
+    """Yield the rounds of a design as `Design.rounds` does.
+
+    Raises
+    ------
+    StudyError
+        If a design from outside the package raises an error, or yields anything but points.
+    """
+    rounds = design.rounds(joint, stream)
+    runs = None
+    while True:
+        try:
+            points = rounds.send(runs)  # type: ignore[arg-type]
+        except StopIteration:
+            if runs is None:
+                raise _error(design, "it yields no points") from None
+            return
+        except Exception as error:
+            if isinstance(error, UqpenError) or type(design).__module__.startswith("uqpen."):
+                raise
+            raise _error(design, error_text(error)) from error
+        if fault := _fault(points, joint):
+            raise _error(design, fault)
+        runs = yield points
+
+
+def _fault(points: object, joint: JointDistribution) -> str:
+    """Return why what a design yields is no points; empty where it is."""
+    if not isinstance(points, xr.Dataset):
+        return f"it yields an object of class {type(points).__name__}, not a dataset"
+    absent = [name for name in (each.variable.name for each in joint.random) if name not in points]
+    if RUN not in points.dims or absent:
+        return f"its points lack {', '.join(absent) or 'the dimension run'}"
+    return ""
+
+
+def _error(design: Design, reason: str) -> StudyError:
+    return StudyError(f"the design {type(design).__name__} fails: {reason}")

@@ -1,0 +1,226 @@
+"""Designs and distributions from outside the package: classes in files, modules and packages."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import sys
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from uqpen.core.errors import ModelError, toml_text
+from uqpen.core.files import FileSnapshot
+from uqpen.core.lookup import installed_members
+from uqpen.core.settings import declared_settings
+from uqpen.designs import DESIGNS
+from uqpen.designs.design import Design
+from uqpen.distributions.continuous import DISTRIBUTIONS
+from uqpen.distributions.distribution import Distribution
+from uqpen.models.python_function import error_text, load_module
+from uqpen.study.frozen_section import SETTINGS
+from uqpen.study.object_section import OBJECT
+from uqpen.study.table_reader import TableReader
+
+__all__ = [
+    "DESIGN",
+    "DISTRIBUTION",
+    "Files",
+    "class_reference",
+    "installed_names",
+    "is_reference",
+    "object_members",
+    "outside_members",
+    "own_objects",
+    "read_member",
+]
+
+Files = tuple[FileSnapshot, ...]
+
+
+class Kind(NamedTuple):
+    """Family that a class from outside can belong to.
+
+    Attributes
+    ----------
+    base : type
+        The class that it derives from.
+    family : mapping of str to str
+        The built-in members.
+    group : str
+        The entry points with which installed packages add members.
+    form : str
+        A reference, for a message.
+    """
+
+    base: type
+    family: Mapping[str, str]
+    group: str
+    form: str
+
+    @property
+    def expected(self) -> str:
+        """The accepted classes, for a message."""
+        return f"a frozen dataclass derived from {self.base.__module__}.{self.base.__name__}"
+
+
+DESIGN = Kind(Design, DESIGNS, "uqpen.designs", "my_designs.py:Design")
+DISTRIBUTION = Kind(
+    Distribution, DISTRIBUTIONS, "uqpen.distributions", "my_distributions.py:Distribution"
+)
+
+
+def is_reference(name: object) -> bool:
+    """Check for the reference of a class; the name of a member has no colon."""
+    return isinstance(name, str) and ":" in name
+
+
+def installed_names(kind: Kind, name: str) -> list[str]:
+    """Return the names that packages add to a family; none, without a search, for a built-in."""
+    return [] if name in kind.family else list(installed_members(kind.group))
+
+
+def read_member(
+    table: TableReader, key: str | tuple[str, ...], name: str, kind: Kind, like: str = ""
+) -> tuple[Any, Files]:
+    """Read the settings of a class from outside, named by a reference or an entry point.
+
+    Parameters
+    ----------
+    table : TableReader
+        The table of the settings; it has no other keys.
+    key : str or tuple of str
+        The key that names the class; empty where it is the table's own.
+    name : str
+        The reference, or the name of an entry point.
+    kind : Kind
+        The family.
+    like : str
+        Unit like that of its quantities.
+
+    Returns
+    -------
+    member, files
+        An instance, or None where a mistake was noted; the files that it was loaded from.
+    """
+    noted = len(table.problems)
+    try:
+        cls, files = load_class(name, table.folder, kind)
+        made: Any = table.whole_settings(cls, like)
+        if isinstance(made, Distribution):
+            _try_distribution(made)
+    except ModelError as error:
+        table.add_problem(key, str(error), kind.expected)
+    except Exception as error:  # a foreign class can raise anything
+        found = f"{toml_text(name)}: {error_text(error)}"
+        table.add_problem(key, found, "settings that it accepts")
+    else:
+        return (made, files) if len(table.problems) == noted else (None, ())
+    return None, ()
+
+
+def load_class(name: str, folder: Path, kind: Kind) -> tuple[type, Files]:
+    """Load a class from outside, and the files that it needs.
+
+    Raises
+    ------
+    ModelError
+        If there is none of this name, or it cannot be a member of the family.
+    """
+    reference = name if is_reference(name) else installed_members(kind.group)[name]
+    module, attribute, surroundings = load_module(reference, folder, kind.form)
+    return _member_class(module, attribute, reference, kind), surroundings.files()
+
+
+def _member_class(module: ModuleType, attribute: str, reference: str, kind: Kind) -> type:
+    cls = getattr(module, attribute, None)
+    if not isinstance(cls, type):
+        known = [key for key, value in vars(module).items() if _is_own_class(value, module)]
+        listing = f"; it defines {', '.join(known)}" if known else ""
+        where = reference.rpartition(":")[0]
+        raise ModelError(f'"{where}" has no class "{attribute}"{listing}')
+    if fault := _class_fault(cls, kind.base):
+        raise ModelError(f'"{reference}", which {fault}')
+    return cls
+
+
+def _try_distribution(distribution: Distribution) -> None:
+    """Call the functions of a distribution: whatever is wrong with them is raised here."""
+    probability = np.array([0.25, 0.5])
+    values = distribution.ppf(probability)
+    for function in (distribution.isf, distribution.cdf, distribution.sf):
+        if np.shape(function(probability if function == distribution.isf else values)) != (2,):
+            raise ValueError("its functions do not keep the shape of an array")
+
+
+def class_reference(member: object, folder: Path, kind: Kind) -> str:
+    """Return the name by which a study in a folder can name an object's class; empty for none."""
+    cls = type(member)
+    reference = f"{cls.__module__}:{cls.__qualname__}"
+    if cls.__module__ == "__main__" or "." in cls.__qualname__:
+        return ""
+    try:
+        module, attribute, _ = load_module(reference, folder)
+        _member_class(module, attribute, reference, kind)
+    except ModelError:
+        return ""
+    loaded = sys.modules.get(cls.__module__)
+    if loaded is None or getattr(loaded, "__file__", "") != getattr(module, "__file__", None):
+        return ""
+    installed = installed_members(kind.group)
+    return next((name for name, known in installed.items() if known == reference), reference)
+
+
+def outside_members(content: Mapping[str, Any]) -> list[str]:
+    """Return the references of designs, then of distributions, in the content of a study."""
+    kinds = [table.get("kind") for table in _tables(content, "designs")]
+    families = [family for table in _tables(content, "inputs") for family in table]
+    return list(dict.fromkeys(str(name) for name in [*kinds, *families] if is_reference(name)))
+
+
+def object_members(content: Mapping[str, Any]) -> list[str]:
+    """Return the designs and distributions in the content of a study that are Python objects."""
+    named = [table.get(OBJECT) for table in _tables(content, "designs")]
+    for table in _tables(content, "inputs"):
+        inner = table.get(OBJECT)
+        named.append(inner.get(OBJECT) if isinstance(inner, dict) else None)
+    return [str(name) for name in named if name is not None]
+
+
+def own_objects(text: str) -> list[str]:
+    """Return the objects of user's classes: those of other libraries are known by their text."""
+    content = tomllib.loads(text)
+    inputs = {
+        name: table
+        for name, table in content.get("inputs", {}).items()
+        if isinstance(table, dict) and SETTINGS in table.get(OBJECT, {})
+    }
+    return object_members({**content, "inputs": inputs})
+
+
+def _tables(content: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
+    tables = content.get(key)
+    values = tables.values() if isinstance(tables, dict) else ()
+    return [table for table in values if isinstance(table, dict)]
+
+
+def _class_fault(cls: type, base: type) -> str:
+    """Return why a class cannot be a member of a family; empty where it can."""
+    if not issubclass(cls, base):
+        return f"does not derive from {base.__name__}"
+    if not (dataclasses.is_dataclass(cls) and cls.__dataclass_params__.frozen):  # type: ignore[attr-defined]
+        return "is no frozen dataclass"
+    if inspect.isabstract(cls):
+        return f"lacks {', '.join(sorted(cls.__abstractmethods__))}"
+    declared = {field.name for field, _ in declared_settings(cls)}
+    others = [field.name for field in dataclasses.fields(cls) if field.init]
+    undeclared = [name for name in others if name not in declared]
+    return f"has fields that are no settings: {', '.join(undeclared)}" if undeclared else ""
+
+
+def _is_own_class(value: object, module: ModuleType) -> bool:
+    return isinstance(value, type) and value.__module__ == module.__name__
