@@ -45,8 +45,8 @@ RENAMED: dict[str, dict[str, str]] = {}
 ADDED = frozenset({"display_units"})
 GONE: frozenset[str] = frozenset()
 
-# Beginnings of the names of statistics and their coordinates that a later commit adds on purpose; one
-# that the base has is compared.
+# Beginnings of the names of statistics, and of their coordinates, that a later commit adds on
+# purpose; one that the base has is compared.
 ADDED_STATISTICS = ("percentile", "convergence_", "percent", "runs_so_far")
 
 # Attributes that say which code made an archive, or where what stands; they are no result.
