@@ -65,6 +65,7 @@ def make_archive(
         lock_archive(path),
         Journal(_sibling_path(path, "log"), title, progress or Progress()) as journal,
     ):
+        is_unknown = _warn_if_unknown(study, journal)
         fingerprints = {
             (model, design): run_fingerprint(study, model, design)
             for model in study.models
@@ -77,7 +78,7 @@ def make_archive(
         kept.check_compatibility()
         if lost_again:
             kept.discard_failed()
-        checkpoints = _no_checkpoints if _warn_if_unknown(study, journal) else kept.checkpoint
+        checkpoints = _no_checkpoints if is_unknown else kept.checkpoint
         try:
             tree = _run_study(study, map, journal, kept, checkpoints)
             _write(tree, path, kept)

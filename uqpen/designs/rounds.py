@@ -8,7 +8,7 @@ from uqpen.core.errors import StudyError, UqpenError
 from uqpen.core.labels import RUN
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
-from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.models.python_function import error_text
 
 __all__ = ["draw_rounds"]
@@ -44,7 +44,8 @@ def _fault(points: object, joint: JointDistribution) -> str:
     """Return why what a design yields is no points; empty where it is."""
     if not isinstance(points, xr.Dataset):
         return f"it yields an object of class {type(points).__name__}, not a dataset"
-    absent = [name for name in (each.variable.name for each in joint.random) if name not in points]
+    names = [each.variable.name for each in joint.inputs if isinstance(each, RandomInput)]
+    absent = [name for name in names if name not in points]
     if RUN not in points.dims or absent:
         return f"its points lack {', '.join(absent) or 'the dimension run'}"
     return ""
