@@ -14,7 +14,7 @@ from uqpen.execution.processes import processes
 from uqpen.notebook import notebook_progress
 from uqpen.results.archive import Archive
 from uqpen.study.object_section import OBJECT
-from uqpen.study.study import ValidatedStudy as ValidatedStudy
+from uqpen.study.study import ValidatedStudy
 from uqpen.verification.check_result import CheckResult
 from uqpen.verification.verify import verify as verify_parts
 
@@ -32,7 +32,7 @@ def run(
 
     Parameters
     ----------
-    study : ValidatedStudy
+    study : Study
         Made in Python, or read by `load_study`.
     workers : int
         Number of processes that make runs. No result depends on it. A script that uses more than

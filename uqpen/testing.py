@@ -13,9 +13,9 @@ import pickle
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.model import Input, Model, Results
 from uqpen.core.sampling import Sampling
@@ -30,7 +30,6 @@ from uqpen.execution import Evaluator
 
 __all__ = ["check_design", "check_distribution", "check_model", "example_joint_distribution"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _PROBABILITIES = np.array([1e-9, 1e-3, 0.1, 0.5, 0.77, 0.999, 1 - 1e-9])
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import SettingsError
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.distributions.distribution import Distribution
@@ -25,7 +25,6 @@ __all__ = [
     "frozen_names",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 
 # The key of a library in a study file, and its module with the distributions.
 LIBRARIES = {"scipy": "scipy.stats", "chaospy": "chaospy"}

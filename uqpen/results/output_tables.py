@@ -21,7 +21,13 @@ from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs
 from uqpen.results.table import NOTHING, OutputTable, first_runs, label_with_unit, output_names
 from uqpen.surrogates.storage import unfitted_outputs
 
-__all__ = ["difference_tables", "fit_table", "output_tables", "statistics_table"]
+__all__ = [
+    "difference_tables",
+    "fit_table",
+    "output_tables",
+    "statistics_table",
+    "statistics_tables",
+]
 
 
 def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[OutputTable]:
@@ -39,6 +45,15 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
         for table in _model_tables(model, everything=everything):
             yield replace(table, title=head + table.title)
     yield from difference_tables(tree)
+
+
+def statistics_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
+    """Yield the statistics of each output of each model of an archive."""
+    for name, model in model_trees(tree).items():
+        head = f"{name}: " if name else ""
+        for output, attributes in _outputs(model).items():
+            if table := statistics_table(model, output, attributes):
+                yield replace(table, title=head + table.title)
 
 
 def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTable]:

@@ -36,10 +36,6 @@ from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["StudyContent"]
 
-Path_ = tuple[str | int, ...]
-
-SOURCE = "source"
-
 _VALUES = "a text, a number, true or false, a list, a dict, or an object of uqpen's"
 
 
@@ -58,7 +54,7 @@ class StudyContent:
 
     def __init__(self, arguments: Mapping[str, Any], folder: Path) -> None:
         self.folder = folder
-        self.objects: dict[Path_, Callable[..., Any]] = {}
+        self.objects: dict[tuple[str | int, ...], Any] = {}
         self.problems: list[Problem] = []
         given = {name: value for name, value in arguments.items() if value is not None}
         model = given.get("model")
@@ -69,7 +65,7 @@ class StudyContent:
         }
         self._expand_outputs()
 
-    def _value(self, value: Any, path: Path_) -> Any:
+    def _value(self, value: Any, path: tuple[str | int, ...]) -> Any:
         """Return a value of TOML; note a problem and return an empty text where there is none."""
         if isinstance(value, np.generic):
             value = value.item()
@@ -93,7 +89,7 @@ class StudyContent:
             return ""
         return self._table(table, path)
 
-    def _table(self, table: Mapping[Any, Any], path: Path_) -> dict[str, Any]:
+    def _table(self, table: Mapping[Any, Any], path: tuple[str | int, ...]) -> dict[str, Any]:
         table = dict(table)
         named = table.get(OBJECT)
         if named is not None and not isinstance(named, str | Mapping):
@@ -101,7 +97,7 @@ class StudyContent:
             table[OBJECT] = repr(named)
             if path[0] in ("model", "models"):
                 source = function_source(named)
-                table |= {OBJECT: source.name, SOURCE: source.text or None}
+                table |= {OBJECT: source.name, "source": source.text or None}
         return {
             str(key): self._value(value, (*path, str(key)))
             for key, value in table.items()
@@ -132,22 +128,15 @@ class StudyContent:
 
 def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
     """Return the table that declares an object in a study file; None for an unknown class."""
-    if isinstance(value, Truncated):
-        limits = {key: limit for key, limit in written_settings(value).items() if key != "parent"}
-        return {**(_declaration(value.parent, folder) or {}), **limits}
-    if frozen := value if isinstance(value, FrozenDistribution) else as_frozen(value):
-        library, parameters = declare(frozen.frozen) or (OBJECT, {OBJECT: frozen.frozen})
-        return {library: {**parameters, "unit": frozen.unit}}
-    if isinstance(value, Distribution):
-        name = family_name(DISTRIBUTIONS, value)
-        if name := name or class_reference(value, folder, DISTRIBUTION):
-            return {name: written_settings(value)}
-        return {OBJECT: {OBJECT: value, SETTINGS: written_settings(value)}}
+    if distribution := value if isinstance(value, Distribution) else as_frozen(value):
+        return _distribution_table(distribution, folder)
     if isinstance(value, EllipticalCopula):
         fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
         return {"copula": family_name(COPULAS, value), "of": value.measures[0], **fields}
-    if isinstance(value, OutputSpec | FailurePolicy):
-        return written_settings(value) if isinstance(value, FailurePolicy) else value.table()
+    if isinstance(value, OutputSpec):
+        return value.table()
+    if isinstance(value, FailurePolicy):
+        return written_settings(value)
     for kind, family, key in (
         (Dependence, COPULAS, "copula"),
         (Design, DESIGNS, "kind"),
@@ -160,6 +149,24 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
         reference = class_reference(value, folder, DESIGN)
         return {"kind": reference, **written_settings(value)} if reference else {OBJECT: value}
     return None
+
+
+def _distribution_table(distribution: Distribution, folder: Path) -> dict[str, Any]:
+    """Return the table of an input with a distribution."""
+    if isinstance(distribution, Truncated):
+        return {
+            **_distribution_table(distribution.parent, folder),
+            **written_settings(distribution),
+        }
+    if isinstance(distribution, FrozenDistribution):
+        frozen = distribution.frozen
+        library, parameters = declare(frozen) or (OBJECT, {OBJECT: frozen})
+        return {library: {**parameters, "unit": distribution.unit}}
+    name = family_name(DISTRIBUTIONS, distribution)
+    settings = written_settings(distribution)
+    if name := name or class_reference(distribution, folder, DISTRIBUTION):
+        return {name: settings}
+    return {OBJECT: {OBJECT: distribution, SETTINGS: settings}}
 
 
 def _items(value: object) -> Iterator[tuple[Any, Any]]:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from html import escape
 
+from uqpen.core.html import html_table
 from uqpen.core.lookup import family_name
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs import DESIGNS
 from uqpen.distributions.joint_distribution import FixedInput
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.study.study import ValidatedStudy as ValidatedStudy
+from uqpen.study.study import ValidatedStudy
 
 __all__ = [
     "design_rows",
@@ -82,7 +82,7 @@ def study_html(study: ValidatedStudy) -> str:
         (("surrogate", "fitted to", "checked by"), surrogate_rows(study)),
     ):
         if rows:
-            parts.append(_html_table(head, rows))
+            parts.append(html_table(head, rows))
     return "\n".join(parts)
 
 
@@ -94,11 +94,3 @@ def _requested(quantity: QuantityOfInterest) -> list[str]:
         *(f"P(> {threshold.text})" for threshold in quantity.thresholds),
         *(f"value held with {p:g}" for p in quantity.tolerance_contents),
     ]
-
-
-def _html_table(head: Sequence[str], rows: Rows) -> str:
-    cells = "".join(f"<th>{escape(text)}</th>" for text in head)
-    body = "\n".join(
-        f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in rows
-    )
-    return f"<table><thead><tr>{cells}</tr></thead>\n<tbody>\n{body}\n</tbody></table>"

@@ -253,10 +253,7 @@ def _repeat_checks(
             study, tree, unchecked = _without_surrogates(study, tree)
             yield from unchecked
         if not trust and (analyses := outside_analyses(study.text)):
-            statistics = ", ".join(outside_statistic_names(tree)) or "none"
-            named = f"they follow from code that the archive names ({', '.join(analyses)})"
-            message = f"not checked: {statistics}; {named}"
-            yield CheckResult("analyses", CheckOutcome.UNCHECKED, message, (_ADVICE,))
+            yield _unchecked_analyses(analyses, tree)
             study, tree = replace(study, analyses=()), without_outside_statistics(tree)
         try:
             yield repeated_statistics(
@@ -265,6 +262,14 @@ def _repeat_checks(
         except StudyError as error:  # an analysis of the user's own fails here
             message = "an analysis that its study names fails"
             yield CheckResult("statistics", CheckOutcome.IMPOSSIBLE, message, (str(error),))
+
+
+def _unchecked_analyses(analyses: list[str], tree: xr.DataTree) -> CheckResult:
+    """Return the result for statistics of the user's own analyses, which are not executed."""
+    statistics = ", ".join(outside_statistic_names(tree)) or "none"
+    named = f"they follow from code that the archive names ({', '.join(analyses)})"
+    message = f"not checked: {statistics}; {named}"
+    return CheckResult("analyses", CheckOutcome.UNCHECKED, message, (_ADVICE,))
 
 
 def _without_surrogates(
