@@ -120,21 +120,7 @@ class Study(ValidatedStudy):
             },
             Path(folder).absolute(),
         )
-        ordered = {key: made.content[key] for key in _ORDER if key in made.content}
-        text = tomli_w.dumps(ordered, multiline_strings=True)
-        if tomllib.loads(text) != ordered:  # a multi-line text loses carriage returns
-            text = tomli_w.dumps(ordered)
-        document = parse_document(text, "uqpen.Study", made.objects, ArgumentsDocument)
-        try:
-            study = read_study(document, name, Path(folder).absolute(), trust=True)
-        except StudyError as error:
-            further = [
-                problem for problem in error.problems if not _is_within(problem, made.problems)
-            ]
-            raise document.error([*made.problems, *further]) from None
-        if made.problems:
-            raise document.error(made.problems)
-        self._copy(study)
+        self._copy(_read(made, name))
 
     @classmethod
     def of(cls, validated: ValidatedStudy) -> Study:
@@ -156,6 +142,27 @@ class Study(ValidatedStudy):
     def _copy(self, study: ValidatedStudy) -> None:
         for field in dataclasses.fields(ValidatedStudy):
             object.__setattr__(self, field.name, getattr(study, field.name))
+
+
+def _read(made: StudyContent, name: str) -> ValidatedStudy:
+    """Read the content of a study as its text is read."""
+    document = parse_document(_text(made.content), "uqpen.Study", made.objects, ArgumentsDocument)
+    try:
+        study = read_study(document, name, made.folder, trust=True)
+    except StudyError as error:
+        further = [each for each in error.problems if not _is_within(each, made.problems)]
+        raise document.error([*made.problems, *further]) from None
+    if made.problems:
+        raise document.error(made.problems)
+    return study
+
+
+def _text(content: Mapping[str, Any]) -> str:
+    """Return the text of a study, its tables in a fixed order."""
+    ordered = {key: content[key] for key in _ORDER if key in content}
+    text = tomli_w.dumps(ordered, multiline_strings=True)
+    # A multi-line text loses carriage returns.
+    return text if tomllib.loads(text) == ordered else tomli_w.dumps(ordered)
 
 
 def load_study(path: str | Path) -> Study:
