@@ -183,6 +183,7 @@ def test_a_product_and_a_sum() -> None:
     assert indices.second[0, 1] == pytest.approx(1 / 19, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_ishigami_from_two_hundred_runs(seed: int) -> None:
     side = Uniform(-math.pi, math.pi)
@@ -367,6 +368,7 @@ def test_fit_noise_shrinks_with_runs_and_is_keyed() -> None:
     assert math.isnan(rule.mean)
 
 
+@pytest.mark.slow
 def test_it_comes_back_from_an_archive(tmp_path: Path) -> None:
     joint = law_of(Lognormal(2.0, 0.5), Uniform(0.0, 1.0), c=3.0)
     formulas: dict[str, Callable[[Arrays], Any]] = {
