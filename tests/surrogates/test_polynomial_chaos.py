@@ -279,12 +279,17 @@ def test_what_cannot_be_fitted_says_why() -> None:
         "constant": lambda x: 4.0,
         "negative": lambda x: x["x1"] - 0.5,
         "kind": lambda x: x["x1"] > 0.5,
+        "huge": lambda x: 1e155 * (1 + x["x1"]),
+        "tiny": lambda x: 1e-200 * (1 + x["x1"]),
+        "large": lambda x: 1e130 * (1 + x["x1"]),
     }
     model = Formula(formulas, joint.variables, kinds=("kind",))
     surrogate = PolynomialChaos(design="t", transform={"negative": "log"})
     runs = runs_of(model, joint, LatinHypercube(20, 1))
     found = surrogate.fit("pce", runs, model, joint, Stream(1, "s"))
-    assert [output.name for output in found.outputs] == ["good"]
+    assert [output.name for output in found.outputs] == ["good", "large"]
+    for name in ("huge", "tiny"):
+        assert "its squares are too large or too small" in found.reasons[name]
     assert found.reasons["constant"] == "it does not vary: it is 4 in every run"
     assert found.reasons["negative"].startswith("it has no logarithm where it is not positive")
     assert found.reasons["kind"] == "it has kinds, not numbers"
@@ -292,7 +297,7 @@ def test_what_cannot_be_fitted_says_why() -> None:
     broken = runs.assign(good=runs["good"].where(runs["run"] > 1))
     again = surrogate.fit("pce", broken, model, joint, Stream(1, "s"))
     assert again.reasons["good"] == "it is not finite in 2 runs that came back"
-    assert again.outputs == ()
+    assert [output.name for output in again.outputs] == ["large"]
     assert again.to_tree()["good"].attrs["not_fitted"] == again.reasons["good"]
 
 

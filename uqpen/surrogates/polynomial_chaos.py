@@ -36,6 +36,9 @@ __all__ = ["PolynomialChaos"]
 # Polynomials of higher orders than this are noise between any two runs.
 _HIGHEST_ORDER_GIVEN = 50
 
+# Sums of squares of up to 1e8 values, and of their coefficients, are finite and not 0.
+_LARGEST = 1e140
+
 _FAILED_NODES = "least-squares, as nodes of its rule were lost"
 
 
@@ -182,6 +185,10 @@ def _fit_problem(values: FloatArray, is_logarithm: bool) -> str:
         return f"it is not finite in {int((~np.isfinite(values)).sum())} runs that came back"
     if (values == values[0]).all():
         return f"it does not vary: it is {values[0]:g} in every run"
+    size, width = float(np.abs(values).max()), float(np.ptp(values))
+    if size > _LARGEST or width < 1 / _LARGEST:
+        what = f"its largest size is {size:g}, its range {width:g}"
+        return f"its squares are too large or too small for floating-point numbers: {what}"
     if is_logarithm and not (values > 0).all():
         return f"it has no logarithm where it is not positive: its least value is {values.min():g}"
     return ""
