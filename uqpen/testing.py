@@ -10,23 +10,27 @@ Each function raises an `AssertionError` that names the broken rule. A test of y
 from __future__ import annotations
 
 import pickle
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN, STATUS
-from uqpen.core.model import Input, Model, Results
+from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.units import si_unit
 from uqpen.designs.design import Design
+from uqpen.designs.rounds import run_rounds
 from uqpen.distributions.continuous import Normal, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.execution import Evaluator
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.running_estimates import RunningEstimates
 
 __all__ = ["check_design", "check_distribution", "check_model", "example_joint_distribution"]
 
@@ -102,7 +106,8 @@ def check_design(design: Design, joint: JointDistribution | None = None) -> None
 
     The same stream gives the same points; it makes no more runs than it states; a point has all
     inputs, along ``run`` or as scalars; points that are a sample follow the joint distribution. An
-    adaptive design is sent runs without failures.
+    adaptive design is sent runs without failures of one model, ``""``. It may ask for estimates of
+    any output: each is the sum of the random inputs.
 
     Parameters
     ----------
@@ -137,16 +142,35 @@ def check_design(design: Design, joint: JointDistribution | None = None) -> None
 
 def _points(design: Design, joint: JointDistribution, stream: Stream) -> list[xr.Dataset]:
     """Return the points of all rounds; every run succeeds."""
-    found = []
-    rounds = design.rounds(joint, stream)
-    points = next(rounds)
-    while True:
-        found.append(points)
+
+    def runs(points: xr.Dataset, number: int) -> dict[str, xr.Dataset]:
         status = np.full(points.sizes[RUN], Status.OK, dtype=np.int8)
-        try:
-            points = rounds.send(points.assign({STATUS: (RUN, status)}))
-        except StopIteration:
-            return found
+        return {"": points.assign({STATUS: (RUN, status)})}
+
+    rounds = run_rounds(
+        design, joint, stream, runs, lambda made: _SumEstimates(joint, made, design.sampling)
+    )
+    return [each[""].drop_vars(STATUS) for each in rounds]
+
+
+@dataclass(frozen=True)
+class _SumEstimates:
+    """Estimates of an output that is the sum of the random inputs, whatever its name."""
+
+    joint: JointDistribution
+    rounds: tuple[Mapping[str, xr.Dataset], ...]
+    sampling: Sampling
+
+    def __call__(
+        self, model: str, output: str, *, only: Collection[str] | None = None
+    ) -> Mapping[str, xr.DataArray]:
+        names = [entry.variable.name for entry in self.joint.random]
+        rounds = tuple(
+            {model: each[model].assign({output: sum(each[model][name] for name in names)})}
+            for each in self.rounds
+        )
+        asked = {model: [QuantityOfInterest(Output(output, "1"), "1")]}
+        return RunningEstimates(rounds, self.sampling, asked)(model, output, only=only)
 
 
 def _check_sample(rounds: list[xr.Dataset], joint: JointDistribution) -> None:

@@ -13,11 +13,13 @@ from uqpen.core.files import FileSnapshot
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import validate
 from uqpen.core.streams import Stream
+from uqpen.designs.feedback import Feedback
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Design", "Rounds"]
 
-Rounds = Generator[xr.Dataset, xr.Dataset, None]
+# It yields the points of a round, and is sent what became of them.
+Rounds = Generator[xr.Dataset, Feedback, None]
 
 
 class Design(ABC):
@@ -47,7 +49,8 @@ class Design(ABC):
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         """Generate the points to run, round by round.
 
-        A plain design yields once. An adaptive one receives each round's runs and yields the next.
+        A plain design yields once. An adaptive one is sent the `Feedback` of each round, its runs
+        and the estimates from all rounds so far, and yields the next.
 
         Parameters
         ----------
