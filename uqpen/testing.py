@@ -1,4 +1,4 @@
-"""Contract tests for distributions, designs and models from outside the package.
+"""Contract tests for distributions, designs, stopping rules and models from outside the package.
 
 Each function raises an `AssertionError` that names the broken rule. A test of your own calls it:
 
@@ -10,8 +10,7 @@ Each function raises an `AssertionError` that names the broken rule. A test of y
 from __future__ import annotations
 
 import pickle
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -24,7 +23,10 @@ from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.units import si_unit
 from uqpen.designs.design import Design
+from uqpen.designs.feedback import Feedback
+from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.rounds import run_rounds
+from uqpen.designs.stopping.stopping_rule import StoppingRule
 from uqpen.distributions.continuous import Normal, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
@@ -32,10 +34,19 @@ from uqpen.execution import Evaluator
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.running_estimates import RunningEstimates
 
-__all__ = ["check_design", "check_distribution", "check_model", "example_joint_distribution"]
+__all__ = [
+    "check_design",
+    "check_distribution",
+    "check_model",
+    "check_stopping_rule",
+    "example_joint_distribution",
+]
 
 
 _PROBABILITIES = np.array([1e-9, 1e-3, 0.1, 0.5, 0.77, 0.999, 1 - 1e-9])
+
+# The output that an adaptive design is sent.
+_SUM = QuantityOfInterest(Output("y", "1"), "1")
 
 # A quantile rounded to double precision moves the probability by the density times an ulp.
 _ROUNDING = 1e-9
@@ -106,8 +117,8 @@ def check_design(design: Design, joint: JointDistribution | None = None) -> None
 
     The same stream gives the same points; it makes no more runs than it states; a point has all
     inputs, along ``run`` or as scalars; points that are a sample follow the joint distribution. An
-    adaptive design is sent runs without failures of one model, ``""``. It may ask for estimates of
-    any output: each is the sum of the random inputs.
+    adaptive design is sent runs without failures of one model, ``""``, with one output ``y``: the
+    sum of the random inputs.
 
     Parameters
     ----------
@@ -142,35 +153,21 @@ def check_design(design: Design, joint: JointDistribution | None = None) -> None
 
 def _points(design: Design, joint: JointDistribution, stream: Stream) -> list[xr.Dataset]:
     """Return the points of all rounds; every run succeeds."""
-
-    def runs(points: xr.Dataset, number: int) -> dict[str, xr.Dataset]:
-        status = np.full(points.sizes[RUN], Status.OK, dtype=np.int8)
-        return {"": points.assign({STATUS: (RUN, status)})}
-
     rounds = run_rounds(
-        design, joint, stream, runs, lambda made: _SumEstimates(joint, made, design.sampling)
+        design,
+        joint,
+        stream,
+        lambda points, _: {"": _sum_runs(points, joint, _SUM.output.name)},
+        lambda made: RunningEstimates(made, design.sampling, {"": [_SUM]}),
     )
-    return [each[""].drop_vars(STATUS) for each in rounds]
+    return [each[""].drop_vars([STATUS, _SUM.output.name]) for each in rounds]
 
 
-@dataclass(frozen=True)
-class _SumEstimates:
-    """Estimates of an output that is the sum of the random inputs, whatever its name."""
-
-    joint: JointDistribution
-    rounds: tuple[Mapping[str, xr.Dataset], ...]
-    sampling: Sampling
-
-    def __call__(
-        self, model: str, output: str, *, only: Collection[str] | None = None
-    ) -> Mapping[str, xr.DataArray]:
-        names = [entry.variable.name for entry in self.joint.random]
-        rounds = tuple(
-            {model: each[model].assign({output: sum(each[model][name] for name in names)})}
-            for each in self.rounds
-        )
-        asked = {model: [QuantityOfInterest(Output(output, "1"), "1")]}
-        return RunningEstimates(rounds, self.sampling, asked)(model, output, only=only)
+def _sum_runs(points: xr.Dataset, joint: JointDistribution, output: str) -> xr.Dataset:
+    """Return runs of a model whose output is the sum of the random inputs."""
+    total = sum(points[entry.variable.name] for entry in joint.random)
+    status = np.full(points.sizes[RUN], Status.OK, dtype=np.int8)
+    return points.assign({output: total, STATUS: (RUN, status)})
 
 
 def _check_sample(rounds: list[xr.Dataset], joint: JointDistribution) -> None:
@@ -181,6 +178,45 @@ def _check_sample(rounds: list[xr.Dataset], joint: JointDistribution) -> None:
         error = 0.5 / np.sqrt(len(values))
         found = f"{share:.3f} of the points of {entry.variable.name} lie below its median"
         assert abs(share - 0.5) <= _ERRORS * error, found
+
+
+def check_stopping_rule(rule: StoppingRule, requested: QuantityOfInterest | None = None) -> None:
+    """Check the contract of a stopping rule.
+
+    It describes itself in one line, takes the output, decides the same at the same estimates, as a
+    pickled copy does, and is never satisfied where there is no interval.
+
+    Parameters
+    ----------
+    rule : StoppingRule
+        With any settings.
+    requested : QuantityOfInterest, optional
+        The output that it looks at, here the sum of the inputs of `example_joint_distribution`; by
+        default ``y``, a plain number.
+
+    Raises
+    ------
+    AssertionError
+        If one of these is broken.
+    """
+    requested = requested or _SUM
+    assert len(str(rule).splitlines()) == 1, "str of a rule is one line"
+    assert not list(rule.check_outputs([requested])), "the rule takes this output"
+    again = pickle.loads(pickle.dumps(rule))
+    for runs in (1, 512, 2048):
+        feedback = _sum_feedback(runs, requested)
+        decisions = [each.is_satisfied(feedback) for each in (rule, rule, again)]
+        assert all(type(each) is bool for each in decisions), "a decision is True or False"
+        assert len(set(decisions)) == 1, "the same estimates give the same decision"
+        assert runs > 1 or not decisions[0], "an estimate without an interval is not precise"
+
+
+def _sum_feedback(runs: int, requested: QuantityOfInterest) -> Feedback:
+    """Return the feedback of a round of independent draws."""
+    joint = example_joint_distribution()
+    (points,) = MonteCarlo(runs).rounds(joint, Stream(1, "designs", "one"))
+    made = {"": _sum_runs(points, joint, requested.output.name)}
+    return Feedback(made, RunningEstimates((made,), Sampling.INDEPENDENT, {"": [requested]}))
 
 
 def check_model(model: Model, inputs: Mapping[str, FloatArray]) -> None:

@@ -139,7 +139,7 @@ def test_a_run_that_one_of_several_models_refuses_is_refused() -> None:
 
 def test_a_name_that_is_unknown_is_told_with_the_nearest() -> None:
     _, heard = listen()
-    with pytest.raises(UnknownNameError, match="no output 'z'; .*y"):
+    with pytest.raises(UnknownNameError, match=r"no output 'z'; .*y"):
         heard[0].estimates("", "z")
     with pytest.raises(UnknownNameError, match="no model 'other'"):
         heard[0].estimates("other", "y")

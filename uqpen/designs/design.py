@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from typing import ClassVar
 
 import xarray as xr
@@ -14,6 +14,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.settings import validate
 from uqpen.core.streams import Stream
 from uqpen.designs.feedback import Feedback
+from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Design", "Rounds"]
@@ -68,6 +69,16 @@ class Design(ABC):
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
         """Yield the problems between its settings and the inputs of a study."""
+        yield from ()
+
+    def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
+        """Yield the problems between its settings and the outputs of a study.
+
+        Parameters
+        ----------
+        requested : sequence of RequestedOutput
+            One for each output of the study's first model.
+        """
         yield from ()
 
     def samples_inputs(self, joint: JointDistribution) -> bool:

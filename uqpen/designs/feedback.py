@@ -46,7 +46,7 @@ class Feedback:
     Parameters
     ----------
     runs : mapping of str to Dataset
-        The runs of the round by model, at common points. A study with a single model names it ``""``.
+        The runs of the round by model, at common points. The only model of a study is ``""``.
     estimates : Estimates
         Estimates from the runs of all rounds so far. Without a call they cost nothing.
 
