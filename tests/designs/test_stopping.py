@@ -26,6 +26,7 @@ from uqpen.designs.stopping.precision import Precision
 from uqpen.execution import Progress
 from uqpen.execution.processes import processes
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
+from uqpen.study.summary import design_rows, runs_text
 from uqpen.testing import check_design, check_stopping_rule, example_joint_distribution
 from uqpen.verification.verify import verify
 
@@ -87,7 +88,7 @@ class TestWhenItStops:
         assert attributes["stopping_rule"] == (
             "until the mean of y within 4 % of it, P(> 5) of y within 4 %; at most 20000 runs"
         )
-        assert "need no correction" in attributes["stopping_note"]
+        assert "as they do after a number that was fixed" in attributes["stopping_note"]
 
     def test_in_the_end_at_the_largest_number(self) -> None:
         tree = uqpen.run(study("until = { y = { mean = 1e-6 } }\nat_most = 1_500"))
@@ -282,3 +283,9 @@ def test_it_is_scaled_as_a_plain_design_is() -> None:
     assert design.run_count(joint) == 5_000
     assert design.scaled(joint, 300, replicated=False) == MonteCarlo(300)
     assert replace(design, at_most=2_000).run_count(joint) == 2_000
+
+
+def test_the_summary_of_a_study_says_that_it_may_end_earlier() -> None:
+    assert design_rows(study()) == [("one", "monte-carlo", "at most 20000")]
+    assert runs_text(study()) == "at most 20000 runs"
+    assert runs_text(study("runs = 300")) == "300 runs"

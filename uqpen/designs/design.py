@@ -90,6 +90,11 @@ class Design(ABC):
         """Number of independent replicates."""
         return 1
 
+    @property
+    def ends_early(self) -> bool:
+        """True if its runs decide their own number, `run_count` at most."""
+        return False
+
     @abstractmethod
     def run_count(self, joint: JointDistribution) -> int:
         """Return the number of its runs, or the largest possible number."""

@@ -70,6 +70,10 @@ class MonteCarlo(Design):
         else:
             yield from doubling_rounds(self.until, self._most, draw)
 
+    @property
+    def ends_early(self) -> bool:
+        return self.until is not None
+
     def run_count(self, joint: JointDistribution) -> int:
         return self._most
 
