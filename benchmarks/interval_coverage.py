@@ -42,6 +42,7 @@ from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quasi_monte_carlo import SobolSequence
+from uqpen.designs.rounds import run_rounds
 from uqpen.designs.saltelli import Saltelli
 from uqpen.distributions.constraints import parse_constraint
 from uqpen.distributions.continuous import Distribution, Normal, Uniform
@@ -257,14 +258,14 @@ def cells(
 
 def _runs(problem: Problem, design: Design, seed: int) -> xr.Dataset:
     """All runs of a design, round by round."""
-    rounds = design.rounds(problem.law, Stream(seed, "designs", "coverage"))
-    points, collected = next(rounds), []
-    while True:
-        collected.append(evaluate(problem.evaluator, points, {}))
-        try:
-            points = rounds.send(collected[-1])
-        except StopIteration:
-            return join_rounds(collected).assign_attrs({SAMPLING: str(design.sampling)})
+    rounds = run_rounds(
+        design,
+        problem.law,
+        Stream(seed, "designs", "coverage"),
+        lambda points, _: {"": evaluate(problem.evaluator, points, {})},
+    )
+    runs = join_rounds([each[""] for each in rounds])
+    return runs.assign_attrs({SAMPLING: str(design.sampling)})
 
 
 def _moments(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:

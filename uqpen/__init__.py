@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from uqpen.designs.quadrature import Quadrature
     from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
     from uqpen.designs.saltelli import Saltelli
+    from uqpen.designs.stopping.precision import Precision
     from uqpen.designs.table import TableDesign
     from uqpen.distributions.continuous import (
         Beta,
@@ -75,6 +76,7 @@ __all__ = [
     "OneAtATime",
     "OutputSpec",
     "PolynomialChaos",
+    "Precision",
     "PythonModel",
     "Quadrature",
     "RigidPenetration",
@@ -117,6 +119,7 @@ _HOMES = {
     "uqpen.designs.quadrature": ("Quadrature",),
     "uqpen.designs.quasi_monte_carlo": ("Halton", "SobolSequence"),
     "uqpen.designs.saltelli": ("Saltelli",),
+    "uqpen.designs.stopping.precision": ("Precision",),
     "uqpen.designs.table": ("TableDesign",),
     "uqpen.distributions.continuous": (
         "Beta",

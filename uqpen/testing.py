@@ -1,4 +1,4 @@
-"""Contract tests for distributions, designs and models from outside the package.
+"""Contract tests for distributions, designs, stopping rules and models from outside the package.
 
 Each function raises an `AssertionError` that names the broken rule. A test of your own calls it:
 
@@ -17,21 +17,36 @@ import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN, STATUS
-from uqpen.core.model import Input, Model, Results
+from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.units import si_unit
 from uqpen.designs.design import Design
+from uqpen.designs.feedback import Feedback
+from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.rounds import run_rounds
+from uqpen.designs.stopping.stopping_rule import StoppingRule
 from uqpen.distributions.continuous import Normal, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.execution import Evaluator
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.running_estimates import RunningEstimates
 
-__all__ = ["check_design", "check_distribution", "check_model", "example_joint_distribution"]
+__all__ = [
+    "check_design",
+    "check_distribution",
+    "check_model",
+    "check_stopping_rule",
+    "example_joint_distribution",
+]
 
 
 _PROBABILITIES = np.array([1e-9, 1e-3, 0.1, 0.5, 0.77, 0.999, 1 - 1e-9])
+
+# The output that an adaptive design is sent.
+_SUM = QuantityOfInterest(Output("y", "1"), "1")
 
 # A quantile rounded to double precision moves the probability by the density times an ulp.
 _ROUNDING = 1e-9
@@ -102,7 +117,8 @@ def check_design(design: Design, joint: JointDistribution | None = None) -> None
 
     The same stream gives the same points; it makes no more runs than it states; a point has all
     inputs, along ``run`` or as scalars; points that are a sample follow the joint distribution. An
-    adaptive design is sent runs without failures.
+    adaptive design is sent runs without failures of one model, ``""``, with one output ``y``: the
+    sum of the random inputs.
 
     Parameters
     ----------
@@ -137,16 +153,21 @@ def check_design(design: Design, joint: JointDistribution | None = None) -> None
 
 def _points(design: Design, joint: JointDistribution, stream: Stream) -> list[xr.Dataset]:
     """Return the points of all rounds; every run succeeds."""
-    found = []
-    rounds = design.rounds(joint, stream)
-    points = next(rounds)
-    while True:
-        found.append(points)
-        status = np.full(points.sizes[RUN], Status.OK, dtype=np.int8)
-        try:
-            points = rounds.send(points.assign({STATUS: (RUN, status)}))
-        except StopIteration:
-            return found
+    rounds = run_rounds(
+        design,
+        joint,
+        stream,
+        lambda points, _: {"": _sum_runs(points, joint, _SUM.output.name)},
+        lambda made: RunningEstimates(made, design.sampling, {"": [_SUM]}),
+    )
+    return [each[""].drop_vars([STATUS, _SUM.output.name]) for each in rounds]
+
+
+def _sum_runs(points: xr.Dataset, joint: JointDistribution, output: str) -> xr.Dataset:
+    """Return runs of a model whose output is the sum of the random inputs."""
+    total = sum(points[entry.variable.name] for entry in joint.random)
+    status = np.full(points.sizes[RUN], Status.OK, dtype=np.int8)
+    return points.assign({output: total, STATUS: (RUN, status)})
 
 
 def _check_sample(rounds: list[xr.Dataset], joint: JointDistribution) -> None:
@@ -157,6 +178,45 @@ def _check_sample(rounds: list[xr.Dataset], joint: JointDistribution) -> None:
         error = 0.5 / np.sqrt(len(values))
         found = f"{share:.3f} of the points of {entry.variable.name} lie below its median"
         assert abs(share - 0.5) <= _ERRORS * error, found
+
+
+def check_stopping_rule(rule: StoppingRule, requested: QuantityOfInterest | None = None) -> None:
+    """Check the contract of a stopping rule.
+
+    It describes itself in one line, takes the output, decides the same at the same estimates, as a
+    pickled copy does, and is never satisfied where there is no interval.
+
+    Parameters
+    ----------
+    rule : StoppingRule
+        With any settings.
+    requested : QuantityOfInterest, optional
+        The output that it looks at, here the sum of the inputs of `example_joint_distribution`; by
+        default ``y``, a plain number.
+
+    Raises
+    ------
+    AssertionError
+        If one of these is broken.
+    """
+    requested = requested or _SUM
+    assert len(str(rule).splitlines()) == 1, "str of a rule is one line"
+    assert not list(rule.check_outputs([requested])), "the rule takes this output"
+    again = pickle.loads(pickle.dumps(rule))
+    for runs in (1, 512, 2048):
+        feedback = _sum_feedback(runs, requested)
+        decisions = [each.is_satisfied(feedback) for each in (rule, rule, again)]
+        assert all(type(each) is bool for each in decisions), "a decision is True or False"
+        assert len(set(decisions)) == 1, "the same estimates give the same decision"
+        assert runs > 1 or not decisions[0], "an estimate without an interval is not precise"
+
+
+def _sum_feedback(runs: int, requested: QuantityOfInterest) -> Feedback:
+    """Return the feedback of a round of independent draws."""
+    joint = example_joint_distribution()
+    (points,) = MonteCarlo(runs).rounds(joint, Stream(1, "designs", "one"))
+    made = {"": _sum_runs(points, joint, requested.output.name)}
+    return Feedback(made, RunningEstimates((made,), Sampling.INDEPENDENT, {"": [requested]}))
 
 
 def check_model(model: Model, inputs: Mapping[str, FloatArray]) -> None:

@@ -31,13 +31,14 @@ from uqpen.core.labels import (
 from uqpen.core.model import Model
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
-from uqpen.designs.rounds import draw_rounds
-from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds, worst_status_runs
+from uqpen.designs.rounds import run_rounds
+from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.statistics.analyze import OutputStatistics, analyze, analyze_failures
 from uqpen.statistics.model_differences import model_differences
 from uqpen.statistics.published import Publication, published_estimates
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ValidatedStudy, Variant
@@ -161,17 +162,16 @@ def run_design(
         except TooManyFailedError as error:
             raise TooManyFailedError(f"by {name}, {error}" if name else str(error)) from None
 
-    rounds: list[Runs] = []
-    generator = draw_rounds(design, study.joint, stream)
-    points = next(generator)
-    while True:
-        number = len(rounds)
-        rounds.append({name: model_runs(name, points, number) for name in study.models})
-        try:
-            # The next round may depend on the runs of this one.
-            points = generator.send(worst_status_runs(list(rounds[-1].values())))
-        except StopIteration:
-            break
+    quantities = {
+        name: study.model_quantities(variant.model) for name, variant in study.models.items()
+    }
+    rounds = run_rounds(
+        design,
+        study.joint,
+        stream,
+        lambda points, number: {name: model_runs(name, points, number) for name in study.models},
+        lambda made: RunningEstimates(made, design.sampling, quantities, study.analyses),
+    )
     sampling = {SAMPLING: str(design.sampling)}
     return {
         model: join_rounds([runs[model] for runs in rounds]).assign_attrs(sampling)

@@ -17,6 +17,7 @@ from uqpen.core.model import Input
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.pick_freeze import BlockLayout
+from uqpen.designs.rounds import run_rounds
 from uqpen.designs.saltelli import MOST_ROUNDS, Saltelli
 from uqpen.distributions.continuous import Normal, Uniform
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
@@ -48,16 +49,13 @@ def everything_is_fine(length: FloatArray, share: FloatArray, width: FloatArray)
 
 def made(design: Saltelli, fate: Fate = everything_is_fine, seed: int = 1) -> xr.Dataset:
     """All runs of a design whose model does nothing."""
-    rounds = design.rounds(LAW, Stream(seed, "designs", "mine"))
-    points = next(rounds)
-    collected = []
-    while True:
+
+    def runs(points: xr.Dataset, number: int) -> dict[str, xr.Dataset]:
         status = fate(*(points[name].values for name in NAMES)).astype(np.int8)
-        collected.append(points.assign(status=("run", status)))
-        try:
-            points = rounds.send(collected[-1])
-        except StopIteration:
-            return join_rounds(collected)
+        return {"": points.assign(status=("run", status))}
+
+    rounds = run_rounds(design, LAW, Stream(seed, "designs", "mine"), runs)
+    return join_rounds([each[""] for each in rounds])
 
 
 def values(runs: xr.Dataset, rows: Any) -> FloatArray:

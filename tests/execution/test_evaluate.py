@@ -260,6 +260,31 @@ def test_batches_may_be_computed_in_any_order() -> None:
     assert evaluate(Evaluator(model(good)), points, {}, map=backwards).identical(plain)
 
 
+def test_batches_of_a_function_do_not_depend_on_the_number_of_runs() -> None:
+    def numbered(x: Any, y: Any) -> dict[str, Any]:
+        return {"z": np.arange(len(x)), "w": np.full(len(x), len(x))}
+
+    some = runs_of(numbered, np.linspace(1, 2, 3_000), vectorized=True)
+    more = runs_of(numbered, np.linspace(1, 2, 40_000), vectorized=True)
+    assert np.array_equal(some["z"].values, more["z"].values[:3_000])
+    assert set(more["w"].values[:39_936]) == {1024}
+    # Only the last batch can be smaller.
+    assert np.array_equal(some["w"].values[:2_048], more["w"].values[:2_048])
+
+
+def test_batches_of_a_model_that_is_the_same_in_any_grow_with_the_runs() -> None:
+    sizes: list[int] = []
+
+    class Sized(_Kinds):
+        def evaluate(self, inputs: Arrays) -> Results:
+            sizes.append(len(inputs["x"]))
+            return super().evaluate(inputs)
+
+    points = xr.Dataset({"x": ("run", np.linspace(1, 2, 40_000))})
+    evaluate(Evaluator(Sized()), points.assign_coords(run=np.arange(40_000)), {})
+    assert set(sizes) == {2_500}
+
+
 def test_progress_counts_every_run_once() -> None:
     points = xr.Dataset({"x": ("run", np.ones(1000)), "y": ((), 1.0)}, {"run": np.arange(1000)})
     told = Told()

@@ -20,6 +20,7 @@ from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.model import Input, Output
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
+from uqpen.designs.rounds import run_rounds
 from uqpen.designs.saltelli import Saltelli
 from uqpen.distributions.constraints import parse_constraint
 from uqpen.distributions.continuous import Uniform
@@ -64,14 +65,14 @@ def runs_of(
     constraints = (parse_constraint(keep, dict.fromkeys(names, "1")),) if keep else ()
     entries = zip(inputs, distributions, strict=True)
     joint = JointDistribution(tuple(RandomInput(each, of, "1") for each, of in entries), inputs)
-    rounds = design.rounds(joint, Stream(seed, "designs", "mine"))
-    points, collected = next(rounds), []
-    while True:
-        collected.append(evaluate(Evaluator(model, constraints), points, {}))
-        try:
-            points = rounds.send(collected[-1])
-        except StopIteration:
-            return join_rounds(collected).assign_attrs(sampling=str(design.sampling))
+    rounds = run_rounds(
+        design,
+        joint,
+        Stream(seed, "designs", "mine"),
+        lambda points, _: {"": evaluate(Evaluator(model, constraints), points, {})},
+    )
+    runs = join_rounds([each[""] for each in rounds])
+    return runs.assign_attrs(sampling=str(design.sampling))
 
 
 def indices(runs: xr.Dataset, *exceeds: float) -> OutputStatistics:

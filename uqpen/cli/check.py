@@ -28,6 +28,7 @@ def check(file: Path) -> None:
         input_rows,
         models_text,
         output_rows,
+        runs_text,
         surrogate_rows,
     )
 
@@ -47,7 +48,7 @@ def check(file: Path) -> None:
     if study.surrogates:
         console.print()
         console.print(plain_table(["surrogate", "fitted to", "checked by"], surrogate_rows(study)))
-    console.print(f"\n{study.runs} runs in all; the study is right", markup=False)
+    console.print(f"\n{runs_text(study)} in all; the study is right", markup=False)
 
 
 def _input_remarks(study: ValidatedStudy) -> Iterator[str]:

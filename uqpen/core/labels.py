@@ -69,6 +69,9 @@ LARGEST_CONTRIBUTION = "largest_contribution"
 # Of an output that a surrogate could not be fitted to: the reason.
 NOT_FITTED = "not_fitted"
 DEPENDENCE = "dependence"
+# The rule by which a design decided how many runs it makes, and what that means for intervals.
+STOPPING_RULE = "stopping_rule"
+STOPPING_NOTE = "stopping_note"
 # The criterion by which points were moved apart.
 OPTIMIZED_BY = "points_optimized_by"
 # Moved inputs whose nominal value is 0, so that no step is relative to it.

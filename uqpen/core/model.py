@@ -108,6 +108,15 @@ class Model(ABC):
         return False
 
     @property
+    def is_batch_independent(self) -> bool:
+        """True if a run has the same bits in any batch.
+
+        `uqpen.testing.check_model` demands it of a model. A user's function may differ in last
+        bits: libraries of array operations add and round by the place in an array.
+        """
+        return not self.is_untrusted
+
+    @property
     def unknown_dependency(self) -> str:
         """Part of it whose versions `identity` cannot distinguish; empty where it can."""
         return ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from typing import ClassVar
 
 import xarray as xr
@@ -13,11 +13,14 @@ from uqpen.core.files import FileSnapshot
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import validate
 from uqpen.core.streams import Stream
+from uqpen.designs.feedback import Feedback
+from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Design", "Rounds"]
 
-Rounds = Generator[xr.Dataset, xr.Dataset, None]
+# It yields the points of a round, and is sent what became of them.
+Rounds = Generator[xr.Dataset, Feedback, None]
 
 
 class Design(ABC):
@@ -47,7 +50,8 @@ class Design(ABC):
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         """Generate the points to run, round by round.
 
-        A plain design yields once. An adaptive one receives each round's runs and yields the next.
+        A plain design yields once. An adaptive one is sent the `Feedback` of each round, its runs
+        and the estimates from all rounds so far, and yields the next.
 
         Parameters
         ----------
@@ -67,6 +71,16 @@ class Design(ABC):
         """Yield the problems between its settings and the inputs of a study."""
         yield from ()
 
+    def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
+        """Yield the problems between its settings and the outputs of a study.
+
+        Parameters
+        ----------
+        requested : sequence of RequestedOutput
+            One for each output of the study's first model.
+        """
+        yield from ()
+
     def samples_inputs(self, joint: JointDistribution) -> bool:
         """Check that its points, or some of them, are a sample of a joint distribution."""
         return self.sampling.is_sample
@@ -75,6 +89,11 @@ class Design(ABC):
     def replicate_count(self) -> int:
         """Number of independent replicates."""
         return 1
+
+    @property
+    def ends_early(self) -> bool:
+        """True if its runs decide their own number, `run_count` at most."""
+        return False
 
     @abstractmethod
     def run_count(self, joint: JointDistribution) -> int:

@@ -1,6 +1,8 @@
-"""Points of a design, round by round, with a clear error where a user's own design fails."""
+"""Rounds of a design: its points, their runs, and a clear error where a user's own design fails."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
 
 import xarray as xr
 
@@ -8,10 +10,60 @@ from uqpen.core.errors import StudyError, UqpenError
 from uqpen.core.labels import RUN
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
+from uqpen.designs.feedback import Estimates, Feedback
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.models.foreign_code import error_text
 
-__all__ = ["draw_rounds"]
+__all__ = ["draw_rounds", "no_estimates", "run_rounds"]
+
+# Runs of a round by the name of a model.
+RoundRuns = Mapping[str, xr.Dataset]
+
+
+def no_estimates(
+    model: str, output: str, *, only: Collection[str] | None = None
+) -> Mapping[str, xr.DataArray]:
+    """Return no estimates, for designs that do not ask for any."""
+    return {}
+
+
+def run_rounds(
+    design: Design,
+    joint: JointDistribution,
+    stream: Stream,
+    make_runs: Callable[[xr.Dataset, int], RoundRuns],
+    make_estimates: Callable[[tuple[RoundRuns, ...]], Estimates] = lambda rounds: no_estimates,
+) -> list[RoundRuns]:
+    """Make the runs of all rounds of a design.
+
+    Parameters
+    ----------
+    design : Design
+        The design.
+    joint : JointDistribution
+        The inputs.
+    stream : Stream
+        Source of the design's random numbers.
+    make_runs : callable
+        Returns the runs of each model at the points of a round, given the number of the round.
+    make_estimates : callable
+        Returns the estimates of the rounds so far. It is called after each round, so it should
+        compute nothing before it is asked.
+
+    Raises
+    ------
+    StudyError
+        As `draw_rounds` does.
+    """
+    generator = draw_rounds(design, joint, stream)
+    rounds = [make_runs(next(generator), 0)]
+    while True:
+        feedback = Feedback(rounds[-1], make_estimates(tuple(rounds)))
+        try:
+            points = generator.send(feedback)
+        except StopIteration:
+            return rounds
+        rounds.append(make_runs(points, len(rounds)))
 
 
 def draw_rounds(design: Design, joint: JointDistribution, stream: Stream) -> Rounds:
@@ -23,12 +75,12 @@ def draw_rounds(design: Design, joint: JointDistribution, stream: Stream) -> Rou
         If a design from outside the package raises an error, or yields anything but points.
     """
     rounds = design.rounds(joint, stream)
-    runs = None
+    feedback = None
     while True:
         try:
-            points = rounds.send(runs)  # type: ignore[arg-type]
+            points = rounds.send(feedback)  # type: ignore[arg-type]
         except StopIteration:
-            if runs is None:
+            if feedback is None:
                 raise _error(design, "it yields no points") from None
             return
         except Exception as error:
@@ -37,7 +89,7 @@ def draw_rounds(design: Design, joint: JointDistribution, stream: Stream) -> Rou
             raise _error(design, error_text(error)) from error
         if fault := _fault(points, joint):
             raise _error(design, fault)
-        runs = yield points
+        feedback = yield points
 
 
 def _fault(points: object, joint: JointDistribution) -> str:

@@ -12,7 +12,7 @@ import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.errors import Problem
-from uqpen.core.labels import BLOCK_NUMBER, MATRIX, REPLICATE, STATUS
+from uqpen.core.labels import BLOCK_NUMBER, MATRIX, REPLICATE
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count, flag
 from uqpen.core.status import Status
@@ -71,8 +71,8 @@ class Saltelli(Design):
         A, B = self._base_matrices(joint, stream)
         blocks, matrices = np.indices((self.base, layout.rows_per_block))
         points = layout.matrices(A, B).reshape(-1, layout.dimension)
-        runs = yield self._points(joint, points, blocks.ravel(), matrices.ravel())
-        redraws = _Redraws(layout, A, B, runs[STATUS].values.reshape(blocks.shape))
+        feedback = yield self._points(joint, points, blocks.ravel(), matrices.ravel())
+        redraws = _Redraws(layout, A, B, feedback.status.reshape(blocks.shape))
         for number in range(1, MOST_ROUNDS + 1):
             proposed = redraws.proposals(joint, stream.child("redraws", number))
             if not proposed:
@@ -80,8 +80,8 @@ class Saltelli(Design):
             points, block, matrix = (
                 np.concatenate(column) for column in zip(*proposed, strict=True)
             )
-            runs = yield self._points(joint, points, block, matrix)
-            redraws.record(points, block, matrix, runs[STATUS].values)
+            feedback = yield self._points(joint, points, block, matrix)
+            redraws.record(points, block, matrix, feedback.status)
 
     @property
     def replicate_count(self) -> int:

@@ -15,7 +15,11 @@ from uqpen.execution.batch import Batch
 __all__ = ["WORTH_SENDING", "Pace", "scalar_batches", "vectorized_batches"]
 
 
-# Number of batches of a vectorised model, and their smallest size.
+# Size of the batches of a vectorised function. It never changes with the number of runs.
+_FIXED_SIZE = 1024
+
+# Number of batches of a model whose runs are the same in any batch, and their smallest size. Larger
+# batches take a third less time: a million runs of compiled rods 3.1 s in place of 4.7 s.
 _BATCHES, _SMALLEST = 16, 1024
 
 # Intended duration of the runs of one batch, in seconds: a crash must not
@@ -27,11 +31,14 @@ _MOST_AT_ONCE = 1024
 _WINDOW = 32
 
 
-def vectorized_batches(columns: Arrays, done: BoolArray) -> Iterator[Batch]:
+def vectorized_batches(
+    columns: Arrays, done: BoolArray, *, is_batch_independent: bool
+) -> Iterator[Batch]:
     """Yield batches for a model that takes many runs at a time, except those that are wholly done.
 
-    They depend on the number of runs alone: a user's function may give other last bits in another
-    batch. So a batch that is done in part is made again as a whole.
+    A user's function may give other last bits in another batch. Its batches all have one size, so
+    the first runs of a design keep every bit where the design gets more. A batch that is done in
+    part is made again as a whole.
 
     Parameters
     ----------
@@ -39,9 +46,11 @@ def vectorized_batches(columns: Arrays, done: BoolArray) -> Iterator[Batch]:
         The inputs.
     done : ndarray of bool, shape (run,)
         Mask of the runs made before.
+    is_batch_independent : bool
+        Whether a run is the same in any batch; batches are then as large as workers can share.
     """
     runs = len(done)
-    size = min(max(-(-runs // _BATCHES), _SMALLEST), BLOCK)
+    size = min(max(-(-runs // _BATCHES), _SMALLEST), BLOCK) if is_batch_independent else _FIXED_SIZE
     for start in range(0, runs, size):
         if not done[start : start + size].all():
             yield _batch(columns, start, start + size)
@@ -50,7 +59,7 @@ def vectorized_batches(columns: Arrays, done: BoolArray) -> Iterator[Batch]:
 def scalar_batches(columns: Arrays, done: BoolArray, pace: Pace) -> Iterator[Batch]:
     """Yield batches for a model that takes a run at a time; their size depends on its pace.
 
-    The other arguments are those of `vectorized_batches`.
+    `columns` and `done` are those of `vectorized_batches`.
     """
     # Start and end of each stretch of runs to make.
     edges = np.flatnonzero(np.diff(~done, prepend=False, append=False))

@@ -78,7 +78,7 @@ def evaluate(
     pace = Pace(worth_sending, is_alone=bool(model.enforced_limits))
     done = record.done.copy()
     batches = (
-        vectorized_batches(columns, done)
+        vectorized_batches(columns, done, is_batch_independent=model.is_batch_independent)
         if model.vectorized
         else scalar_batches(columns, done, pace)
     )

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from uqpen.core.errors import TableError, toml_text
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.designs.table import TableDesign
 from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.object_section import OBJECT
 from uqpen.study.outside_members import DESIGN, Files, installed_names, is_reference, read_member
 from uqpen.study.table_reader import TableReader, family_member, named_tables
 
-__all__ = ["check_designs", "check_tables", "read_designs"]
+__all__ = ["check_designs", "check_outputs", "check_tables", "read_designs"]
 
 # What has a meaning where the inputs depend on each other.
 _VALID = (
@@ -89,6 +92,14 @@ def check_tables(
     if set() in given:
         return set()
     return set.intersection(*given) if 0 < len(given) == len(table.content) else None
+
+
+def check_outputs(
+    table: TableReader, designs: dict[str, Design], quantities: Sequence[QuantityOfInterest]
+) -> None:
+    """Note designs that do not fit the outputs of the first model."""
+    for name, design in designs.items():
+        table.add_problems(design.check_outputs(quantities), name)
 
 
 def check_designs(table: TableReader, designs: dict[str, Design], joint: JointDistribution) -> None:

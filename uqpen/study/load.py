@@ -17,7 +17,12 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
 from uqpen.study.analyses_section import read_analyses
 from uqpen.study.dependence_section import read_dependence
-from uqpen.study.designs_section import check_designs, check_tables, read_designs
+from uqpen.study.designs_section import (
+    check_designs,
+    check_outputs,
+    check_tables,
+    read_designs,
+)
 from uqpen.study.document import Document, Objects, parse_document, read_document
 from uqpen.study.inputs_section import Inputs, read_constraints, read_inputs
 from uqpen.study.models_section import check_variants, read_models
@@ -130,6 +135,8 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     check_surrogates(tables["surrogates"], surrogates, designs, model, joint if is_clear else None)
     if is_clear:
         check_designs(tables["designs"], designs, joint)
+    if are_models_whole:
+        check_outputs(tables["designs"], designs, quantities)
     if are_models_whole and not inputs.unclear and tables["inputs"].is_given:
         for variant in models.values():
             _check_nominal(tables["inputs"], variant, joint)

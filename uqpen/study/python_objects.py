@@ -16,6 +16,7 @@ from uqpen.core.settings import written_settings
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
+from uqpen.designs.stopping.precision import Precision
 from uqpen.distributions.continuous import DISTRIBUTIONS
 from uqpen.distributions.copulas import COPULAS
 from uqpen.distributions.dependence import Dependence
@@ -135,6 +136,8 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
         return {"copula": family_name(COPULAS, value), "of": value.measures[0], **fields}
     if isinstance(value, OutputSpec):
         return value.table()
+    if isinstance(value, Precision):
+        return dict(value.targets)
     if isinstance(value, FailurePolicy):
         return written_settings(value)
     for kind, family, key in (

@@ -17,6 +17,7 @@ __all__ = [
     "input_rows",
     "models_text",
     "output_rows",
+    "runs_text",
     "study_html",
     "surrogate_rows",
 ]
@@ -58,8 +59,15 @@ def design_rows(study: ValidatedStudy) -> Rows:
     rows: Rows = []
     for name, design in study.designs.items():
         kind = family_name(DESIGNS, design) or type(design).__name__
-        rows.append((name, kind, str(design.run_count(study.joint))))
+        runs = f"{_at_most(design.ends_early)}{design.run_count(study.joint)}"
+        rows.append((name, kind, runs))
     return rows
+
+
+def runs_text(study: ValidatedStudy) -> str:
+    """Return the number of all runs of a study."""
+    ends_early = any(design.ends_early for design in study.designs.values())
+    return f"{_at_most(ends_early)}{study.runs} runs"
 
 
 def surrogate_rows(study: ValidatedStudy) -> Rows:
@@ -84,6 +92,10 @@ def study_html(study: ValidatedStudy) -> str:
         if rows:
             parts.append(html_table(head, rows))
     return "\n".join(parts)
+
+
+def _at_most(ends_early: bool) -> str:
+    return "at most " if ends_early else ""
 
 
 def _requested(quantity: QuantityOfInterest) -> list[str]:

@@ -1,0 +1,150 @@
+"""An adaptive design is sent the runs of each round, and estimates where it asks for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.core.errors import UnknownNameError
+from uqpen.core.sampling import Sampling
+from uqpen.core.settings import count
+from uqpen.core.streams import Stream
+from uqpen.designs.design import Design, Rounds
+from uqpen.designs.feedback import Feedback
+from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.rounds import no_estimates
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.statistics import running_estimates
+
+pytestmark = pytest.mark.processor
+
+MODELS = """
+[models.plain]
+use = "ishigami"
+[models.other]
+use = "ishigami"
+a = 5.0
+with = { x3 = 1.5 }
+"""
+STUDY = """
+seed = 3
+{model}
+[inputs]
+x1 = {{ uniform = {{ lower = -3, upper = 3 }} }}
+x2 = {{ uniform = {{ lower = -3, upper = 3 }} }}
+x3 = 1
+[constraints]
+keep = ["x1 < 2.9"]
+[outputs.y]
+exceeds = [5]
+[designs.one]
+kind = "monte-carlo"
+runs = 10
+"""
+
+
+@dataclass(frozen=True)
+class Listening(Design):
+    """Monte Carlo draws in rounds; it keeps what it is sent."""
+
+    sampling = Sampling.INDEPENDENT
+    heard: ClassVar[list[Feedback]] = []
+
+    number: int = count(default=3)
+
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        self.heard.clear()
+        for part in range(self.number):
+            unit = stream.generator("points", part).random((50, len(joint.random)))
+            self.heard.append((yield joint.points(unit, {})))
+
+    def run_count(self, joint: JointDistribution) -> int:
+        return 50 * self.number
+
+
+def listen(model: str = '[model]\nuse = "ishigami"') -> tuple[Any, list[Feedback]]:
+    study = uqpen.parse_study(STUDY.format(model=model))
+    tree = uqpen.run(replace(study, designs={"one": Listening()}))
+    return tree, list(Listening.heard)
+
+
+def test_it_is_sent_the_runs_of_the_last_round() -> None:
+    tree, heard = listen()
+    runs = tree["runs/one"]
+    assert [each.runs[""].sizes["run"] for each in heard] == [50, 50, 50]
+    for name in ("x1", "y", "status"):
+        sent = np.concatenate([each.runs[""][name].values for each in heard])
+        assert np.array_equal(sent, runs[name].values, equal_nan=True)
+
+
+def test_the_estimates_of_all_rounds_are_those_of_the_archive() -> None:
+    tree, heard = listen()
+    found = heard[-1].estimates("", "y")
+    archived = tree["statistics/one/y"]
+    assert {"mean", "quantile", "exceedance", "first_order", "cdf"} <= set(found)
+    for name, array in found.items():
+        assert np.array_equal(array.values, archived[name].values, equal_nan=True)
+        assert array.attrs["units"] == archived[name].attrs["units"]
+        assert array.attrs["runs"] == archived[name].attrs["runs"] == 150
+
+
+def test_the_estimates_of_an_earlier_round_stay_those_of_that_round() -> None:
+    _, heard = listen()
+    means = [each.estimates("", "y", only=["moments"])["mean"] for each in heard]
+    assert [mean.attrs["runs"] for mean in means] == [50, 100, 150]
+    values = np.concatenate([each.runs[""]["y"].values for each in heard[:2]])
+    assert float(means[1][0]) == pytest.approx(np.nanmean(values), rel=1e-12)
+
+
+def test_only_the_analyses_that_it_asks_for_are_made() -> None:
+    _, heard = listen()
+    assert set(heard[0].estimates("", "y", only=["exceedance"])) == {"exceedance"}
+
+
+def test_a_design_that_asks_for_no_estimates_costs_no_analysis(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("nobody asked")
+
+    monkeypatch.setattr(running_estimates, "analyze", refuse)
+    monkeypatch.setattr(running_estimates, "join_rounds", refuse)
+    _, heard = listen()
+    assert len(heard) == 3
+
+
+def test_of_several_models_it_is_sent_all() -> None:
+    tree, heard = listen(MODELS)
+    for name in ("plain", "other"):
+        sent = np.concatenate([each.runs[name]["y"].values for each in heard])
+        assert np.array_equal(sent, tree[f"models/{name}/runs/one"]["y"].values, equal_nan=True)
+        mean = heard[-1].estimates(name, "y", only=["moments"])["mean"]
+        archived = tree[f"models/{name}/statistics/one/y"]["mean"]
+        assert np.array_equal(mean.values, archived.values)
+
+
+def test_a_run_that_one_of_several_models_refuses_is_refused() -> None:
+    statuses = {"plain": [0, 2, 0, 2], "picky": [1, 0, 0, 1]}
+    runs = {
+        name: xr.Dataset({"status": ("run", np.array(status, dtype=np.int8))})
+        for name, status in statuses.items()
+    }
+    assert Feedback(runs, no_estimates).status.tolist() == [1, 2, 0, 1]
+
+
+def test_a_name_that_is_unknown_is_told_with_the_nearest() -> None:
+    _, heard = listen()
+    with pytest.raises(UnknownNameError, match=r"no output 'z'; .*y"):
+        heard[0].estimates("", "z")
+    with pytest.raises(UnknownNameError, match="no model 'other'"):
+        heard[0].estimates("other", "y")
+
+
+def test_a_plain_design_is_asked_once() -> None:
+    joint = uqpen.parse_study(STUDY.format(model='[model]\nuse = "ishigami"')).joint
+    assert len(list(MonteCarlo(7).rounds(joint, Stream(1)))) == 1

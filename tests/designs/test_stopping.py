@@ -1,0 +1,291 @@
+"""A design that stops at a wanted precision: when, with which runs, and what is refused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.checkpoints.make_archive import make_archive
+from uqpen.core.errors import SettingsError, StudyError
+from uqpen.core.lookup import resolve
+from uqpen.core.model import Output
+from uqpen.core.streams import BLOCK, Stream
+from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.rounds import no_estimates, run_rounds
+from uqpen.designs.stopping import STOPPING_RULES
+from uqpen.designs.stopping.doubling import doubling_looks
+from uqpen.designs.stopping.precision import Precision
+from uqpen.execution import Progress
+from uqpen.execution.processes import processes
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
+from uqpen.study.summary import design_rows, runs_text
+from uqpen.testing import check_design, check_stopping_rule, example_joint_distribution
+from uqpen.verification.verify import verify
+
+pytestmark = pytest.mark.processor
+
+STUDY = """\
+seed = 3
+[model]
+use = "ishigami"
+[inputs]
+x1 = { uniform = { lower = -3, upper = 3 } }
+x2 = { uniform = { lower = -3, upper = 3 } }
+x3 = 1
+[constraints]
+keep = ["x1 < 2.9"]
+[outputs.y]
+exceeds = [5]
+[designs.one]
+kind = "monte-carlo"
+"""
+UNTIL = 'until = { y = { mean = "4 %", exceeds = { 5 = "4 %" } } }\nat_most = 20_000\n'
+
+
+def study(settings: str = UNTIL) -> Any:
+    return uqpen.parse_study(STUDY + settings)
+
+
+def half_width(array: xr.DataArray) -> float:
+    _, lower, upper = array.values.ravel()
+    return float(upper - lower) / 2
+
+
+class TestWhenItStops:
+    def test_looks_double(self) -> None:
+        assert list(doubling_looks(5_000)) == [512, 1024, 2048, 4096, 5_000]
+        assert list(doubling_looks(2_048)) == [512, 1024, 2048]
+
+    def test_at_the_first_look_that_is_precise_enough(self) -> None:
+        tree = uqpen.run(study())
+        runs = tree["runs/one"].sizes["run"]
+        assert runs in (1024, 2048, 4096)
+        for number, is_enough in ((runs // 2, False), (runs, True)):
+            found = uqpen.run(study(f"runs = {number}"))["statistics/one/y"]
+            within = half_width(found["mean"]) <= 0.04 * float(found["mean"][0])
+            assert (within and half_width(found["exceedance"]) <= 0.04) == is_enough
+
+    def test_the_runs_are_those_of_a_design_of_that_size(self) -> None:
+        tree = uqpen.run(study())
+        plain = uqpen.run(study(f"runs = {tree['runs/one'].sizes['run']}"))
+        runs = tree["runs/one"].to_dataset().drop_vars("round")
+        for name in ("stopping_rule", "stopping_note"):
+            assert runs.attrs.pop(name)
+        assert runs.identical(plain["runs/one"].to_dataset())
+        for path in ("statistics/one", "statistics/one/y", "failures/one"):
+            assert tree[path].to_dataset().identical(plain[path].to_dataset())
+
+    def test_the_archive_says_by_which_rule_and_what_its_intervals_mean(self) -> None:
+        attributes = uqpen.run(study())["runs/one"].attrs
+        assert attributes["stopping_rule"] == (
+            "until the mean of y within 4 % of it, P(> 5) of y within 4 %; at most 20000 runs"
+        )
+        assert "as they do after a number that was fixed" in attributes["stopping_note"]
+
+    def test_in_the_end_at_the_largest_number(self) -> None:
+        tree = uqpen.run(study("until = { y = { mean = 1e-6 } }\nat_most = 1_500"))
+        rounds = tree["runs/one"]["round"].values
+        assert np.bincount(rounds).tolist() == [512, 512, 476]
+
+    def test_an_output_that_does_not_vary_is_known_at_once(self) -> None:
+        constant = STUDY.replace("x1 = {", "x1 = 0 #").replace("x2 = {", "x2 = 1 #")
+        # Where x1 is 0, the last input has no effect.
+        constant = constant.replace("x3 = 1", "x3 = { uniform = { lower = -1, upper = 1 } }")
+        constant += 'until = { y = { mean = "1 %" } }\nat_most = 20_000\n'
+        assert uqpen.run(uqpen.parse_study(constant))["runs/one"].sizes["run"] == 512
+
+    def test_without_an_interval_it_goes_on(self) -> None:
+        none = study().text.replace("x1 < 2.9", "x1 > 4").replace("20_000", "1_024")
+        assert uqpen.run(uqpen.parse_study(none))["runs/one"].sizes["run"] == 1_024
+
+    def test_of_several_models_when_each_is_precise_enough(self) -> None:
+        # The second varies three times as much as the first.
+        two = '[models.calm]\nuse = "ishigami"\n[models.wild]\nuse = "ishigami"\na = 21.0\n'
+        text = STUDY.replace('[model]\nuse = "ishigami"\n', two)
+        text += "until = { y = { mean = 0.2 } }\nat_most = 20_000\n"
+        runs = uqpen.run(uqpen.parse_study(text))["models/wild/runs/one"].sizes["run"]
+        alone = uqpen.run(study("until = { y = { mean = 0.2 } }\nat_most = 20_000"))
+        assert runs > alone["runs/one"].sizes["run"]
+
+    def test_rounds_join_across_the_blocks_of_the_random_stream(self) -> None:
+        joint, stream = example_joint_distribution(), Stream(1, "designs", "one")
+        most = BLOCK + 40_000
+
+        class Never(Precision):
+            def is_satisfied(self, feedback: object) -> bool:
+                return False
+
+        rounds = run_rounds(
+            MonteCarlo(until=Never({"y": {"mean": 1}}), at_most=most),
+            joint,
+            stream,
+            lambda points, _: {"": points},
+            lambda _: no_estimates,
+        )
+        (whole,) = MonteCarlo(most).rounds(joint, stream)
+        for name in ("length", "share"):
+            joined = np.concatenate([each[""][name].values for each in rounds])
+            assert np.array_equal(joined, whole[name].values)
+
+
+class Interrupted(Progress):
+    """Stops, as Ctrl-C would, at a number of batches."""
+
+    def __init__(self, batches: int) -> None:
+        self.left = batches
+        self.restored = 0
+
+    def count_restored(self, runs: int) -> None:
+        self.restored += runs
+
+    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+        self.left -= 1
+        if not self.left:
+            raise KeyboardInterrupt
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The archive of the study, made without an interruption by one worker."""
+    path = tmp_path_factory.mktemp("whole") / "study.nc"
+    make_archive(study(), path)
+    return path.read_bytes()
+
+
+class TestSameBytes:
+    def test_for_two_workers(self, tmp_path: Path, whole: bytes) -> None:
+        with processes(2) as workers:
+            make_archive(study(), tmp_path / "study.nc", map=workers)
+        assert (tmp_path / "study.nc").read_bytes() == whole
+
+    @pytest.mark.parametrize("rounds", [1, 2, 3])
+    def test_after_an_interruption_in_any_round(
+        self, tmp_path: Path, whole: bytes, rounds: int
+    ) -> None:
+        with pytest.raises(KeyboardInterrupt):
+            make_archive(study(), tmp_path / "study.nc", progress=Interrupted(rounds))
+        again = Interrupted(0)
+        make_archive(study(), tmp_path / "study.nc", progress=again)
+        assert again.restored == 512 * 2 ** (rounds - 1)
+        assert (tmp_path / "study.nc").read_bytes() == whole
+
+    def test_it_is_verified_as_any_other(self, tmp_path: Path, whole: bytes) -> None:
+        (tmp_path / "study.nc").write_bytes(whole)
+        checks = verify(tmp_path / "study.nc", runs=None)
+        assert {check.verdict.name for check in checks} == {"EQUAL"}
+
+    def test_a_study_in_python_is_the_same(self, tmp_path: Path) -> None:
+        rule = Precision({"y": {"mean": "4 %", "exceeds": {"5": "4 %"}}})
+        written = uqpen.Study(
+            seed=3,
+            model=uqpen.Ishigami(),
+            inputs={"x1": uqpen.Uniform(-3, 3), "x2": uqpen.Uniform(-3, 3), "x3": 1},
+            constraints=["x1 < 2.9"],
+            outputs={"y": {"exceeds": [5]}},
+            designs={"one": uqpen.MonteCarlo(until=rule, at_most=20_000)},
+        )
+        tree, other = uqpen.run(written), uqpen.run(study())
+        assert tree["runs/one"].to_dataset().identical(other["runs/one"].to_dataset())
+        assert 'mean = "4 %"' in written.to_toml()
+
+
+@pytest.mark.parametrize(
+    ("settings", "key", "found", "expected"),
+    [
+        ("until = { z = { mean = 1 } }", "until.z", "an unknown output", "known: y"),
+        ('until = { y = { mean = "2 mm" } }', "until.y.mean", '"2 mm"', "a plain number"),
+        ('until = { y = { mean = "0 %" } }', "until.y.mean", '"0 %"', "a half-width above 0"),
+        ("until = { y = { median = 1 } }", "until.y.median", "an unknown key", '"mean"'),
+        ("until = { y = { exceeds = 3 } }", "until.y.exceeds", "3", "a table of thresholds"),
+        ("until = { y = { exceeds = {} } }", "until.y.exceeds", "a table", "a table of thresholds"),
+        ("until = { y = { exceeds = { 6 = 0.1 } } }", "until.y.exceeds.6", '"6"', "known: 5"),
+        ("until = { y = { exceeds = { 5 = 2 } } }", "until.y.exceeds.5", "2", "and below 1"),
+        ("until = { y = 3 }", "until.y", "3", 'such as { mean = "1 %" }'),
+        ("until = {}", "until", "no output", "a table of outputs"),
+        ("until = 3", "until", "3", "a table of outputs"),
+    ],
+)
+def test_a_target_that_makes_no_sense_is_told_before_any_run(
+    settings: str, key: str, found: str, expected: str
+) -> None:
+    with pytest.raises(StudyError) as caught:
+        study(f"{settings}\nat_most = 2_000")
+    (problem,) = caught.value.problems
+    assert problem.key == f"designs.one.{key}"
+    assert problem.found == found
+    assert expected in problem.expected
+    assert re.search(r"study\.toml:14 ", str(caught.value))
+
+
+@pytest.mark.parametrize(
+    ("make", "key", "expected"),
+    [
+        (lambda: MonteCarlo(), "runs", "at least 1 and at most 100_000_000; or until with at_most"),
+        (lambda: MonteCarlo(at_most=5_000), "at_most", "until beside it"),
+        (lambda: MonteCarlo(10, at_most=5_000), "at_most", "until beside it"),
+        (lambda: MonteCarlo(10, Precision({"y": {"mean": 1}})), "runs", "at_most, beside until"),
+        (lambda: MonteCarlo(until=Precision({"y": {"mean": 1}})), "at_most", "the largest number"),
+        (lambda: MonteCarlo(until="1 %", at_most=5_000), "until", "a table of outputs"),  # type: ignore[arg-type]
+    ],
+)
+def test_the_number_of_runs_is_given_in_one_way(
+    make: Callable[[], object], key: str, expected: str
+) -> None:
+    with pytest.raises(SettingsError) as caught:
+        make()
+    (problem,) = caught.value.problems
+    assert problem.key == key
+    assert expected in problem.expected
+
+
+SETTINGS = {"until": {"y": {"mean": "10 cm", "exceeds": {"2 m": "3 %"}}}}
+
+
+class TestContracts:
+    def test_rules_meet_theirs(self) -> None:
+        assert SETTINGS.keys() == STOPPING_RULES.keys()
+        thresholds = (Threshold("2 m", 2.0),)
+        requested = QuantityOfInterest(Output("y", "m"), "m", thresholds=thresholds)
+        for name, reference in STOPPING_RULES.items():
+            check_stopping_rule(resolve(reference)(SETTINGS[name]), requested)
+
+    def test_a_design_with_a_rule_meets_its_own(self) -> None:
+        check_design(MonteCarlo(until=Precision({"y": {"mean": 0.05}}), at_most=10_000))
+
+    def test_a_rule_that_never_asks_for_an_interval_is_told(self) -> None:
+        with pytest.raises(AssertionError, match="without an interval"):
+            check_stopping_rule(_Content({"y": {"mean": 1}}))
+
+
+class _Content(Precision):
+    """Satisfied with anything."""
+
+    def is_satisfied(self, feedback: object) -> bool:
+        return True
+
+
+def test_other_designs_take_no_rule() -> None:
+    with pytest.raises(StudyError, match="an unknown key"):
+        uqpen.parse_study(STUDY.replace("monte-carlo", "latin-hypercube") + "runs = 100\n" + UNTIL)
+
+
+def test_it_is_scaled_as_a_plain_design_is() -> None:
+    design = MonteCarlo(until=Precision({"y": {"mean": 1}}), at_most=5_000)
+    joint = example_joint_distribution()
+    assert design.run_count(joint) == 5_000
+    assert design.scaled(joint, 300, replicated=False) == MonteCarlo(300)
+    assert replace(design, at_most=2_000).run_count(joint) == 2_000
+
+
+def test_the_summary_of_a_study_says_that_it_may_end_earlier() -> None:
+    assert design_rows(study()) == [("one", "monte-carlo", "at most 20000")]
+    assert runs_text(study()) == "at most 20000 runs"
+    assert runs_text(study("runs = 300")) == "300 runs"

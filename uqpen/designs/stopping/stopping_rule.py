@@ -1,0 +1,83 @@
+"""Interface of a stopping rule, and the setting with which a design takes one."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Protocol
+
+from uqpen.core.errors import Problem
+from uqpen.core.lookup import resolve
+from uqpen.core.settings import Context, setting
+from uqpen.core.variables import Output
+from uqpen.designs.feedback import Feedback
+from uqpen.designs.stopping import STOPPING_RULES
+
+__all__ = ["RequestedOutput", "RequestedThreshold", "StoppingRule", "stopping_rule"]
+
+
+class RequestedThreshold(Protocol):
+    """Value whose probability of exceedance a study requests."""
+
+    @property
+    def text(self) -> str:
+        """The value as its author wrote it, which names the probability."""
+
+
+class RequestedOutput(Protocol):
+    """Output and what a study requests of it; a `QuantityOfInterest` is one."""
+
+    @property
+    def output(self) -> Output:
+        """The output."""
+
+    @property
+    def thresholds(self) -> Sequence[RequestedThreshold]:
+        """Values whose probability of exceedance is requested."""
+
+
+class StoppingRule(ABC):
+    """Stopping rule: frozen settings that decide after a round whether a design has enough runs.
+
+    Its decision follows from the estimates alone. So it is the same for any number of workers, and
+    after an interruption. `str` of a rule is one line for a reader.
+    """
+
+    @abstractmethod
+    def is_satisfied(self, feedback: Feedback) -> bool:
+        """Check whether the runs so far are enough.
+
+        An estimate without an interval is never precise enough.
+
+        Parameters
+        ----------
+        feedback : Feedback
+            Of the last round.
+        """
+
+    def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
+        """Yield the problems between its settings and the outputs of a study.
+
+        Parameters
+        ----------
+        requested : sequence of RequestedOutput
+            One for each output of the study's first model.
+        """
+        yield from ()
+
+
+def stopping_rule(key: str) -> Any:
+    """Declare a setting that is a stopping rule, None by default.
+
+    Parameters
+    ----------
+    key : str
+        Key in `STOPPING_RULES`. A study file gives the rule as a table of its settings.
+    """
+
+    def read(written: Any, _: Context) -> Any:
+        return resolve(STOPPING_RULES[key])(written) if isinstance(written, Mapping) else written
+
+    expected = 'a table of outputs, such as { depth = { mean = "1 %" } }'
+    accepts = lambda value: isinstance(value, StoppingRule)  # noqa: E731
+    return setting("stopping rule", expected, accepts, read, default=None)
