@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 import xarray as xr
@@ -66,8 +65,6 @@ class PolynomialChaos(Surrogate):
     Blatman, G. & Sudret, B. (2011). J. Comput. Phys. 230, 2345-2367.
     """
 
-    fitted_class: ClassVar = PolynomialChaosModel
-
     design: str = name()
     order: int | None = count(maximum=_HIGHEST_ORDER_GIVEN, default=None)
     truncation: float = number(above=0, at_most=1, default=1.0)
@@ -114,17 +111,22 @@ class PolynomialChaos(Surrogate):
             original=model,
         )
 
+    @classmethod
+    def restore(cls, tree: xr.DataTree, name: str, original: Model | None) -> PolynomialChaosModel:
+        """Restore a polynomial chaos; see `Surrogate.restore`."""
+        return PolynomialChaosModel.from_tree(tree, name, original)
+
     def _expansion(
         self, output: Output, training: TrainingRuns, basis: ProductBasis, stream: Stream
     ) -> Expansion | str:
         """Return the expansion of one output, or the reason why there is none."""
         is_logarithm = self.transform.get(output.name) == "log"
-        if output.categories:
-            return "it has kinds, not numbers"
-        problem = training.problem or _fit_problem(training.outputs[output.name], is_logarithm)
-        if problem:
+        if problem := training.output_problem(output):
             return problem
         values = training.outputs[output.name]
+        if is_logarithm and not (values > 0).all():
+            least = f"its least value is {values.min():g}"
+            return f"it has no logarithm where it is not positive: {least}"
         fitted = np.log(values) if is_logarithm else values
         points = FitPoints(basis, training.inputs, self.truncation)
         # Scaled to size one, so that neither units nor a large mean cost any digits.
@@ -174,14 +176,3 @@ def _inputs(model: Model, joint: JointDistribution) -> tuple[Input, ...]:
     taken = {variable.name for variable in model.inputs}
     others = (entry.variable for entry in joint.random if entry.variable.name not in taken)
     return (*model.inputs, *others)
-
-
-def _fit_problem(values: FloatArray, is_logarithm: bool) -> str:
-    """Return the reason why no terms can be fitted to an output; empty if they can."""
-    if not np.isfinite(values).all():
-        return f"it is not finite in {int((~np.isfinite(values)).sum())} runs that came back"
-    if (values == values[0]).all():
-        return f"it does not vary: it is {values[0]:g} in every run"
-    if is_logarithm and not (values > 0).all():
-        return f"it has no logarithm where it is not positive: its least value is {values.min():g}"
-    return ""

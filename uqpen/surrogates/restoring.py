@@ -7,7 +7,8 @@ import xarray as xr
 from uqpen.core.lookup import resolve_name
 from uqpen.core.model import Model
 from uqpen.surrogates import SURROGATES
-from uqpen.surrogates.surrogate import FittedSurrogate, Surrogate
+from uqpen.surrogates.fitted_surrogate import FittedSurrogate
+from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["restore_surrogate"]
 
@@ -32,4 +33,4 @@ def restore_surrogate(
         If there is no such kind.
     """
     kind: type[Surrogate] = resolve_name(SURROGATES, str(tree.attrs["kind"]), "kind of surrogate")
-    return kind.fitted_class.from_tree(tree, name, original)
+    return kind.restore(tree, name, original)

@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import QUADRATURE_WEIGHT, ROLE, RUN, STATUS
-from uqpen.core.model import Model
+from uqpen.core.model import Model, Output
 from uqpen.core.status import Status
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import status_counts
@@ -79,3 +79,16 @@ class TrainingRuns:
             counts=status_counts(runs),
             problem=problem if came_back.any() else "none of its runs came back",
         )
+
+    def output_problem(self, output: Output) -> str:
+        """Return the reason why nothing can be fitted to an output; empty if something can."""
+        if output.categories:
+            return "it has kinds, not numbers"
+        if self.problem:
+            return self.problem
+        values = self.outputs[output.name]
+        if not np.isfinite(values).all():
+            return f"it is not finite in {int((~np.isfinite(values)).sum())} runs that came back"
+        if (values == values[0]).all():
+            return f"it does not vary: it is {values[0]:g} in every run"
+        return ""
