@@ -9,9 +9,8 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.model import Input, Model, Output
+from uqpen.core.model import Model, Output
 from uqpen.core.settings import choice, choices, count, name, number
-from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -27,7 +26,7 @@ from uqpen.surrogates.term_selection import (
     projection_terms,
     regression_terms,
 )
-from uqpen.surrogates.training import TrainingRuns
+from uqpen.surrogates.training import TrainingRuns, known_inputs
 
 __all__ = ["PolynomialChaos"]
 
@@ -82,7 +81,7 @@ class PolynomialChaos(Surrogate):
         self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
     ) -> PolynomialChaosModel:
         """Fit every output that has numbers; see `Surrogate.fit`."""
-        inputs = _inputs(model, joint)
+        inputs = known_inputs(model, joint)
         training = TrainingRuns.from_runs(runs, model, joint)
         # A rule's nodes are exact for polynomials of the inputs, not of their logarithms.
         basis = ProductBasis.from_distribution(
@@ -106,7 +105,7 @@ class PolynomialChaos(Surrogate):
             fixed=training.fixed,
             truncation=self.truncation,
             design=self.design,
-            counts={status: training.counts[status] for status in Status},
+            counts=training.all_counts,
             is_independent=joint.is_independent,
             original=model,
         )
@@ -169,10 +168,3 @@ class PolynomialChaos(Surrogate):
             terms = regression_terms(points, values, "least-squares", self.order, rng)
             return _FAILED_NODES if training.is_quadrature else "least-squares", terms
         return self.method, projection_terms(points, training.weights, values, self.order)
-
-
-def _inputs(model: Model, joint: JointDistribution) -> tuple[Input, ...]:
-    """Return the model's inputs, and random ones that only other models of the study take."""
-    taken = {variable.name for variable in model.inputs}
-    others = (entry.variable for entry in joint.random if entry.variable.name not in taken)
-    return (*model.inputs, *others)

@@ -10,12 +10,12 @@ import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import QUADRATURE_WEIGHT, ROLE, RUN, STATUS
-from uqpen.core.model import Model, Output
+from uqpen.core.model import Input, Model, Output
 from uqpen.core.status import Status
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import status_counts
 
-__all__ = ["TrainingRuns"]
+__all__ = ["TrainingRuns", "known_inputs"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +80,11 @@ class TrainingRuns:
             problem=problem if came_back.any() else "none of its runs came back",
         )
 
+    @property
+    def all_counts(self) -> dict[Status, int]:
+        """Number of the design's runs with each status, 0 included."""
+        return {status: self.counts[status] for status in Status}
+
     def output_problem(self, output: Output) -> str:
         """Return the reason why nothing can be fitted to an output; empty if something can."""
         if output.categories:
@@ -92,3 +97,10 @@ class TrainingRuns:
         if (values == values[0]).all():
             return f"it does not vary: it is {values[0]:g} in every run"
         return ""
+
+
+def known_inputs(model: Model, joint: JointDistribution) -> tuple[Input, ...]:
+    """Return the model's inputs, and random ones that only other models of the study take."""
+    taken = {variable.name for variable in model.inputs}
+    others = (entry.variable for entry in joint.random if entry.variable.name not in taken)
+    return (*model.inputs, *others)
