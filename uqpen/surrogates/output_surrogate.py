@@ -103,7 +103,8 @@ class OutputSurrogate(Surrogate):
             if isinstance(fit, str):
                 return fit
             if not isinstance(fit, self.output_fit):
-                return f"its fit is an object of class {type(fit).__name__}"
+                wrong, expected = type(fit).__name__, self.output_fit.__name__
+                raise TypeError(f"fit_output returns an object of class {wrong}, not {expected}")
             found = FittedOutput(output, fit, float(values.min()), float(values.max()))
             found.to_groups()
             predicted = predict_output(fit, points).mean

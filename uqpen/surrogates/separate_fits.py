@@ -237,7 +237,7 @@ def _valid_prediction(found: object, points: FloatArray) -> Prediction:
 _CHECK_TITLES = {
     "check_runs": "check runs",
     "check_q2_of_output": "Q², check runs",
-    "check_within_2_std": "check runs within 2 predictive standard deviations",
+    "check_within_2_std": "check runs within 2 std",
 }
 
 

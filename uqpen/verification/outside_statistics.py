@@ -54,12 +54,15 @@ def without_distributions(tree: xr.DataTree) -> xr.DataTree:
 def without_surrogates(tree: xr.DataTree, names: Collection[str]) -> xr.DataTree:
     """Return a copy of a study's archive without some surrogates and their statistics."""
     groups = [
-        model.children[group].children
+        model.children[group]
         for model in model_trees(tree).values()
         for group in (SURROGATES, STATISTICS_GROUP)
         if group in model.children
     ]
-    return _without(tree, [group[name] for group in groups for name in names if name in group])
+    dropped = [group.children[name] for group in groups for name in names if name in group.children]
+    # A group of which nothing is left is not made again.
+    dropped += [group for group in groups if set(names).issuperset(group.children)]
+    return _without(tree, dropped)
 
 
 def _without(tree: xr.DataTree, dropped: list[xr.DataTree]) -> xr.DataTree:
