@@ -74,6 +74,9 @@ def check_surrogates(
             table.add_problem(name, "a surrogate over inputs that are all fixed", "a random input")
         elif joint is not None:
             table.add_problems(surrogate.check_inputs(joint), name)
+        # What an archive names may be missing here; its study can be read all the same.
+        if table.trust and surrogate.absence and not isinstance(surrogate, UnloadedSurrogate):
+            table.add_problem(name, surrogate.absence, "a surrogate that can be fitted here")
 
 
 def _read_surrogate(table: TableReader) -> tuple[Surrogate | None, SurrogateOrigin | None]:

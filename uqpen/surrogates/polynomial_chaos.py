@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.errors import Problem
 from uqpen.core.model import Model, Output
 from uqpen.core.settings import choice, choices, count, name, number
 from uqpen.core.streams import Stream
@@ -16,6 +17,7 @@ from uqpen.core.threads import one_blas_thread
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.chaos_model import PolynomialChaosModel
+from uqpen.surrogates.chaospy_engine import ChaospyExpansion, chaospy_absence, input_problems
 from uqpen.surrogates.expansion import Expansion
 from uqpen.surrogates.fit_noise import FitNoise, estimate_fit_noise
 from uqpen.surrogates.surrogate import Surrogate
@@ -33,6 +35,8 @@ __all__ = ["PolynomialChaos"]
 
 # Polynomials of higher orders than this are noise between any two runs.
 _HIGHEST_ORDER_GIVEN = 50
+
+_UQPEN, _CHAOSPY = "uqpen", "chaospy"
 
 _FAILED_NODES = "least-squares, as nodes of its rule were lost"
 
@@ -57,6 +61,9 @@ class PolynomialChaos(Surrogate):
         Outputs that are fitted as their logarithm (``"log"``).
     check : str, optional
         A design whose runs show how good it is.
+    engine : str
+        ``"uqpen"``, or ``"chaospy"`` for polynomials and coefficients by chaospy. The terms are
+        chosen alike, and the fitted surrogate needs no chaospy.
 
     References
     ----------
@@ -70,6 +77,23 @@ class PolynomialChaos(Surrogate):
     method: str = choice("sparse", "least-squares", "projection", default="sparse")
     transform: Mapping[str, str] = choices("log")
     check: str | None = name(default=None)
+    engine: str = choice(_UQPEN, _CHAOSPY, default=_UQPEN)
+
+    def check_settings(self) -> Iterator[Problem]:
+        """Yield a problem of settings that are valid by themselves."""
+        if self.engine == _CHAOSPY and self.method == "sparse":
+            expected = 'method = "least-squares" or "projection", which chaospy has'
+            yield Problem(("method",), '"sparse"', expected)
+
+    def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
+        """Yield the inputs that the engine does not know."""
+        if self.engine == _CHAOSPY:
+            yield from input_problems(joint, logarithms=not self.needs_quadrature)
+
+    @property
+    def absence(self) -> str:
+        """Reason why it cannot be fitted here; empty if it can."""
+        return chaospy_absence() if self.engine == _CHAOSPY else ""
 
     @property
     def needs_quadrature(self) -> bool:
@@ -84,13 +108,17 @@ class PolynomialChaos(Surrogate):
         inputs = known_inputs(model, joint)
         training = TrainingRuns.from_runs(runs, model, joint)
         # A rule's nodes are exact for polynomials of the inputs, not of their logarithms.
-        basis = ProductBasis.from_distribution(
-            joint, self.order or HIGHEST_ORDER, logarithms=not self.needs_quadrature
-        )
+        logarithms, degree = not self.needs_quadrature, self.order or HIGHEST_ORDER
+        if self.engine == _CHAOSPY:
+            engine = ChaospyExpansion.from_distribution(joint, logarithms=logarithms)
+            basis = engine.basis(degree)
+        else:
+            engine = None
+            basis = ProductBasis.from_distribution(joint, degree, logarithms=logarithms)
         expansions: dict[str, Expansion] = {}
         reasons: dict[str, str] = {}
         for output in model.outputs:
-            found = self._expansion(output, training, basis, stream)
+            found = self._expansion(output, training, basis, stream, engine)
             if isinstance(found, Expansion):
                 expansions[output.name] = found
             else:
@@ -116,7 +144,12 @@ class PolynomialChaos(Surrogate):
         return PolynomialChaosModel.from_tree(tree, name, original)
 
     def _expansion(
-        self, output: Output, training: TrainingRuns, basis: ProductBasis, stream: Stream
+        self,
+        output: Output,
+        training: TrainingRuns,
+        basis: ProductBasis,
+        stream: Stream,
+        engine: ChaospyExpansion | None,
     ) -> Expansion | str:
         """Return the expansion of one output, or the reason why there is none."""
         is_logarithm = self.transform.get(output.name) == "log"
@@ -131,9 +164,14 @@ class PolynomialChaos(Surrogate):
         # Scaled to size one, so that neither units nor a large mean cost any digits.
         centre, spread = float(fitted.mean()), float(fitted.std())
         rng = stream.generator("folds", output.name)
-        method, terms = self._terms(points, (fitted - centre) / spread, training, rng)
+        standard = (fitted - centre) / spread
+        method, terms = self._terms(points, standard, training, rng)
         if isinstance(terms, str):
             return terms
+        if engine is not None:
+            weights = training.weights if method == "projection" else None
+            found = engine.coefficients(points, standard, terms, weights)
+            method, terms = f"{method}, by chaospy", replace(terms, coefficients=found)
         is_constant = ~terms.indices.any(axis=1)
         noise = FitNoise.without_refits(len(basis.univariate_bases))
         if not training.is_quadrature:
