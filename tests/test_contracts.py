@@ -17,14 +17,18 @@ from uqpen.core.labels import RUN
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Arrays, Input, Model, Output, Results
 from uqpen.core.sampling import Sampling
-from uqpen.core.settings import count
+from uqpen.core.settings import count, text
 from uqpen.core.streams import Stream
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design, Rounds
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.frozen import FrozenDistribution
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.testing import check_design, check_distribution, check_model
+from uqpen.surrogates import SURROGATES
+from uqpen.surrogates.fitted_surrogate import Prediction
+from uqpen.surrogates.output_fit import OutputFit
+from uqpen.surrogates.output_surrogate import OutputSurrogate
+from uqpen.testing import check_design, check_distribution, check_model, check_surrogate
 
 pytestmark = pytest.mark.processor
 
@@ -64,9 +68,75 @@ def test_designs_meet_theirs(kind: str) -> None:
     check_design(resolve(DESIGNS[kind])(**DESIGN_SETTINGS[kind]))
 
 
+SURROGATE_SETTINGS: dict[str, list[dict[str, object]]] = {
+    "polynomial-chaos": [
+        {},
+        {"order": 4, "method": "least-squares"},
+        {"method": "projection"},
+        {"transform": {"smooth": "log"}},
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "settings"), [(kind, each) for kind in SURROGATES for each in SURROGATE_SETTINGS[kind]]
+)
+def test_surrogates_meet_theirs(kind: str, settings: dict[str, object]) -> None:
+    check_surrogate(resolve(SURROGATES[kind])(design="training", **settings))
+
+
 def test_models_meet_theirs() -> None:
     inputs = {name: np.linspace(-3, 3, 5) for name in ("x1", "x2", "x3")}
     check_model(uqpen.Ishigami(), inputs)
+
+
+@dataclass(frozen=True, eq=False)
+class MeanFit(OutputFit):
+    """A plane through the mean, with a fault."""
+
+    fault: str
+    mean: float
+
+    def predict(self, points: FloatArray) -> Prediction:
+        is_backwards = bool(points[0, 0] > points[-1, 0])
+        shift = {"batch": len(points), "order": 100 * is_backwards}.get(self.fault, 0)
+        slope = 0 if self.fault == "mean" else 4
+        return Prediction(self.mean + slope * (points[:, 0] - 2) + 0.001 * shift)
+
+
+@dataclass(frozen=True)
+class Mean(OutputSurrogate):
+    fault: str = text(expected="a fault")
+
+    output_fit = MeanFit
+
+    def fit_output(
+        self, points: FloatArray, values: FloatArray, rng: np.random.Generator
+    ) -> OutputFit | str:
+        if self.fault == "output":
+            return "none is fitted"
+        shift = np.random.default_rng().random() if self.fault == "random" else 0
+        far = 10.0 if self.fault == "mean" else 0.0
+        return MeanFit(self.fault, float(values.mean()) + far + 0.01 * shift)
+
+
+@dataclass(frozen=True, eq=False)
+class RoundedFit(MeanFit):
+    """A fit that an archive keeps with fewer digits."""
+
+    @classmethod
+    def from_dataset(cls, dataset: xr.Dataset) -> RoundedFit:
+        return cls("", round(float(dataset.attrs["field_mean"]), 3))
+
+
+@dataclass(frozen=True)
+class Forgetting(OutputSurrogate):
+    output_fit = RoundedFit
+
+    def fit_output(
+        self, points: FloatArray, values: FloatArray, rng: np.random.Generator
+    ) -> OutputFit:
+        return RoundedFit("", float(values.mean()))
 
 
 class TestBrokenRules:
@@ -96,6 +166,24 @@ class TestBrokenRules:
 
         with pytest.raises(AssertionError, match="the same stream gives the same points"):
             check_design(Halves(200))
+
+    @pytest.mark.parametrize(
+        ("fault", "rule"),
+        [
+            ("batch", "a prediction does not depend on the batch"),
+            ("order", "a prediction does not depend on the order of points"),
+            ("mean", "it predicts other runs"),
+            ("random", "the same stream fits alike"),
+            ("output", "it fits what can be fitted"),
+        ],
+    )
+    def test_of_a_surrogate(self, fault: str, rule: str) -> None:
+        with pytest.raises(AssertionError, match=rule):
+            check_surrogate(Mean(design="training", fault=fault))
+
+    def test_of_a_surrogate_that_comes_back_another(self) -> None:
+        with pytest.raises(AssertionError, match="a restored surrogate is the same"):
+            check_surrogate(Forgetting(design="training"))
 
     def test_of_a_model(self) -> None:
         class Drifting(Model):

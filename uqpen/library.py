@@ -103,6 +103,7 @@ def verify(
     *,
     model: Callable[..., Mapping[str, Any]] | Mapping[str, Callable[..., Any]] | None = None,
     inputs: Mapping[str, object] | None = None,
+    surrogates: Mapping[str, object] | None = None,
     folder: str | Path | None = None,
     runs: int | None = 100,
     trust: bool = False,
@@ -120,6 +121,8 @@ def verify(
         archive contains it. For several models, a function by the name of each.
     inputs : mapping of str to object, optional
         The distributions of inputs, where they are objects of a Python program.
+    surrogates : mapping of str to object, optional
+        The surrogates, where their classes are those of a Python program.
     folder : str or Path, optional
         Folder with the files that the study names; by default, the archived files are used.
     runs : int or None
@@ -144,6 +147,7 @@ def verify(
     objects: dict[tuple[str | int, ...], object] = {
         ("inputs", name, OBJECT): distribution for name, distribution in (inputs or {}).items()
     }
+    objects |= {("surrogates", name): surrogate for name, surrogate in (surrogates or {}).items()}
     if isinstance(model, Mapping):
         objects |= {("models", name): function for name, function in model.items()}
     elif model is not None:

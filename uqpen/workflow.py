@@ -34,14 +34,20 @@ from uqpen.designs.design import Design
 from uqpen.designs.rounds import run_rounds
 from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds
 from uqpen.execution.checkpoint import Checkpoint
+from uqpen.models.foreign_code import error_text
 from uqpen.statistics.analyze import OutputStatistics, analyze, analyze_failures
 from uqpen.statistics.model_differences import model_differences
 from uqpen.statistics.published import Publication, published_estimates
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
-from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
+from uqpen.statistics.surrogate.surrogate_statistics import (
+    SurrogateStatistics,
+    surrogate_statistics,
+)
 from uqpen.study.study import ValidatedStudy, Variant
+from uqpen.surrogates.fitting import fit_surrogate, is_built_in
+from uqpen.surrogates.output_surrogate import unfitted
 from uqpen.trust import ValidationRuns, validate_surrogate
 
 __all__ = ["Checkpoints", "Progress", "analyse_runs", "root_attributes", "run", "run_design"]
@@ -246,11 +252,20 @@ def _fit_surrogate(
     surrogate = study.surrogates[name]
     validation_runs = study.validation_designs(surrogate)
     stream = Stream(study.seed, "surrogates", name)
-    training = runs[surrogate.design]
-    fitted = surrogate.fit(name, training, variant.model, study.joint, stream)
-    checked = fitted.with_check(runs[validation_runs[0]]) if validation_runs else fitted
-    draws = SurrogateDraws(checked, study.joint, study.constraints, variant.given, stream)
-    statistics = surrogate_statistics(draws, quantities)
+    training, check = runs[surrogate.design], [runs[each] for each in validation_runs[:1]]
+    fit = (surrogate, name, training, variant.model, study.joint)
+    try:
+        fitted = fit_surrogate(*fit, stream)
+        checked = fitted.with_check(check[0]) if check else fitted
+        draws = SurrogateDraws(checked, study.joint, study.constraints, variant.given, stream)
+        statistics = surrogate_statistics(draws, quantities)
+        tree = checked.to_tree()
+    except Exception as error:
+        if is_built_in(surrogate):
+            raise
+        # Runs of the model are not lost by a mistake in a surrogate of the user's own.
+        statistics = SurrogateStatistics({}, {})
+        tree = unfitted(*fit, f"its predictions fail: {error_text(error)}").to_tree()
     outputs = validate_surrogate(
         statistics.outputs,
         [ValidationRuns(validation, sources[validation].outputs) for validation in validation_runs],
@@ -262,7 +277,8 @@ def _fit_surrogate(
         "check": validation_runs[0] if validation_runs else "none",
     }
     source = _Source({SOURCE_KIND: "surrogate", **attributes}, outputs)
-    tree = checked.to_tree()
+    if name in study.surrogate_origins:
+        tree.attrs["kind"] = study.surrogate_origins[name].kind
     tree.attrs |= attributes
     return tree, source
 

@@ -128,9 +128,20 @@ def _surrogate_faults(made: xr.DataTree) -> Iterator[str]:
         if name not in made.attrs:
             yield f"no {name}"
     for output in str(made.attrs.get("outputs", "")).split():
-        attributes = made.children[output].attrs if output in made.children else {}
-        if not all(each in attributes for each in ("order", "terms", "q2", "check_q2_of_output")):
+        if output not in made.children or not _has_diagnostics(made.children[output]):
             yield f"does not say how well it fits {output}"
+
+
+def _has_diagnostics(fit: xr.DataTree) -> bool:
+    """Return True if a group has diagnostics of a fit, as attributes or as titled numbers."""
+    if "diagnostics" not in fit.children:
+        return all(each in fit.attrs for each in ("order", "terms", "q2", "check_q2_of_output"))
+    return all(
+        not variable.dims
+        and has_kind(variable, "number")
+        and all(isinstance(variable.attrs.get(key), str) for key in ("units", "long_name"))
+        for variable in fit.children["diagnostics"].data_vars.values()
+    )
 
 
 def _estimate_faults(tree: xr.DataTree) -> Iterator[str]:

@@ -14,6 +14,7 @@ from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.study.study import ValidatedStudy
+from uqpen.surrogates.fitting import fit_surrogate
 from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["BenchmarkMethod", "DesignMethod", "MethodCost", "SurrogateMethod", "study_methods"]
@@ -134,7 +135,9 @@ class SurrogateMethod(BenchmarkMethod):
         scaled = self._scaled(budget)
         assert scaled is not None
         runs = runner.run_design(scaled, stream.child("training"))
-        fitted = self.surrogate.fit(self.source, runs, runner.study.model, self.joint, stream)
+        fitted = fit_surrogate(
+            self.surrogate, self.source, runs, runner.study.model, self.joint, stream
+        )
         return runner.surrogate_estimates(fitted, stream)
 
     def _training_budget(self, budget: int) -> int:

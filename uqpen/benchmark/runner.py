@@ -17,7 +17,7 @@ from uqpen.statistics.analyze import analyze
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy
-from uqpen.surrogates.surrogate import FittedSurrogate
+from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 from uqpen.workflow import run_design
 
 __all__ = ["BenchmarkRunner"]

@@ -96,5 +96,7 @@ def folder_option(study: str = "its study") -> Callable[..., Any]:
 
 
 trust_option = click.option(
-    "--trust", is_flag=True, help="Execute code that ARCHIVE names: models, analyses."
+    "--trust",
+    is_flag=True,
+    help="Execute code that ARCHIVE names: models, designs, surrogates, analyses.",
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from uqpen.cli.options import folder_option
+from uqpen.cli.options import folder_option, trust_option
 
 if TYPE_CHECKING:
     from uqpen.core.model import Model, Output
@@ -34,7 +34,10 @@ __all__ = ["make_offers", "serve"]
     help="Where to listen; beyond this machine only if you say so.",
 )
 @folder_option("an archive's study")
-def serve(model: str, named: str | None, port: int, host: str, folder: Path | None) -> None:
+@trust_option
+def serve(
+    model: str, named: str | None, port: int, host: str, folder: Path | None, trust: bool
+) -> None:
     """Offer MODEL to any UM-Bridge client until Ctrl-C.
 
     MODEL is a built-in model, a study file (its models), or an archive (its surrogates; of
@@ -45,7 +48,7 @@ def serve(model: str, named: str | None, port: int, host: str, folder: Path | No
     from uqpen.server import ModelServer
 
     order = tuple(name.strip() for name in named.split(",")) if named else ()
-    offered = make_offers(model, order, folder)
+    offered = make_offers(model, order, folder, trust=trust)
     for offer in offered:
         offer.model.prepare()
     try:
@@ -62,13 +65,13 @@ def serve(model: str, named: str | None, port: int, host: str, folder: Path | No
 
 
 def make_offers(
-    model: str, named: tuple[str, ...] = (), folder: Path | None = None
+    model: str, named: tuple[str, ...] = (), folder: Path | None = None, *, trust: bool = False
 ) -> list[ServedModel]:
     """Make the models of a server, from its argument on the command line.
 
     `named` are the inputs that make up the vector, if others than by default. `folder` has the
-    files that an archive's study names, by default those that it keeps. A UqpenError is raised if
-    there is no such model, or it lacks an input.
+    files that an archive's study names, by default those that it keeps; code among them is executed
+    only with `trust`. A UqpenError is raised if there is no such model, or it lacks an input.
     """
     from uqpen.core.lookup import resolve_name
     from uqpen.models import MODELS
@@ -76,7 +79,7 @@ def make_offers(
     path, _, label = model.rpartition(".nc:")
     if path or model.endswith(".nc"):
         archive, label = (Path(f"{path}.nc"), label) if path else (Path(model), "")
-        return list(_archive_offers(archive, label, named, folder))
+        return list(_archive_offers(archive, label, named, folder, trust=trust))
     if model.endswith(".toml"):
         return list(_study_offers(Path(model), named))
     built_in: Model = resolve_name(MODELS, model, "model")()
@@ -101,7 +104,7 @@ def _study_offers(path: Path, named: tuple[str, ...]) -> Iterator[ServedModel]:
 
 
 def _archive_offers(
-    path: Path, label: str, named: tuple[str, ...], folder: Path | None
+    path: Path, label: str, named: tuple[str, ...], folder: Path | None, *, trust: bool
 ) -> Iterator[ServedModel]:
     """Offer the surrogates of an archive, or the one with a label.
 
@@ -125,14 +128,17 @@ def _archive_offers(
         raise UnknownNameError(f"{path}: holds no surrogate, and nothing else of it can be served")
     if not found or (label and label not in found):
         raise UnknownNameError(f'{path}: no surrogate "{label}"; {choices(label, found)}')
-    # Nothing that the archive names is executed: only what is admissible is asked of its models.
-    with restored_study(tree, folder, trust=False) as restored:
+    # Without trust nothing that the archive names is executed: only what is admissible is asked of
+    # its models.
+    with restored_study(tree, folder, trust=trust) as restored:
         study = restored.study
         for offered in [label] if label else found:
             model, name = found[offered]
             variant = study.models[model]
             group = trees[model].children[SURROGATES].children[name]
-            surrogate = restore_surrogate(group, offered, variant.model)
+            settings = study.surrogates[name]
+            loaded = None if settings.absence else type(settings)
+            surrogate = restore_surrogate(group, offered, variant.model, loaded=loaded)
             fixed = {**study.joint.nominal(), **variant.given, **surrogate.fixed}
             varied = named or surrogate.random_inputs
             yield _offer(offered, surrogate, varied, fixed, study.constraints)

@@ -19,7 +19,7 @@ from uqpen.results.digits import grouped_number
 from uqpen.results.source_style import GREY
 from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs
 from uqpen.results.texts import title_with_unit
-from uqpen.surrogates.restoring import restore_surrogate
+from uqpen.surrogates.restoring import is_restorable, restore_surrogate
 
 __all__ = ["fit_quality", "predict", "surrogate_panels", "test_design"]
 
@@ -29,13 +29,14 @@ _MOST_RUNS = 1000
 def surrogate_panels(view: ArchiveView) -> Iterator[Panel]:
     """A surrogate's predictions, compared with runs of the model.
 
-    The runs are its check runs or, without any, those that it was fitted to. Only polynomials of
-    the archive are evaluated, no model.
+    The runs are its check runs or, without any, those that it was fitted to. Surrogates of the
+    package and of installed ones are evaluated; no code of the archive is.
     """
     for name in group_names(view.tree, SURROGATES):
         made = view.tree.children[SURROGATES].children[name]
         design = test_design(view, made)
-        if view.source not in (None, name) or not view.has_completed_runs(design):
+        is_hidden = view.source not in (None, name) or not is_restorable(made)
+        if is_hidden or not view.has_completed_runs(design):
             continue
         for output in fitted_outputs(made):
             if output in view.numeric_outputs:
@@ -84,6 +85,6 @@ def fit_quality(made: xr.DataTree, output: str) -> str:
     """Return the quality of the fit, as the surrogate's table has it."""
     attributes = fit_diagnostics(made, output)
     for of, key in (("check runs", "check_q2_of_output"), ("runs left out", "q2")):
-        if np.isfinite(attributes[key]):
+        if np.isfinite(attributes.get(key, np.nan)):
             return f"Q² {float(attributes[key]):.5g} ({of})"
     return "Q² unknown"

@@ -27,7 +27,12 @@ from uqpen.results.failure_tables import ASSOCIATIONS, ENDS
 from uqpen.results.outside_rows import outside_json
 from uqpen.results.sensitivity_json import sensitivity_json
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.surrogate_fits import fit_diagnostics, fit_settings, fitted_outputs
+from uqpen.results.surrogate_fits import (
+    diagnostic_titles,
+    fit_diagnostics,
+    fit_settings,
+    fitted_outputs,
+)
 from uqpen.results.table import first_runs, output_names
 
 __all__ = ["archive_identity", "archive_json", "estimate_json"]
@@ -134,11 +139,19 @@ def _surrogate_json(statistics: SourceStatistics, name: str) -> dict[str, Any]:
         "runs": int(group.attrs[RUNS_SPENT]),
         "made_of": _attributes_json(fit_settings(group)),
         "outputs": {
-            output: {**estimates, "fit": _attributes_json(fit_diagnostics(group, output))}
+            output: {**estimates, **_fit_json(group, output)}
             for output, estimates in outputs.items()
             if output in fitted
         },
     }
+
+
+def _fit_json(group: xr.DataTree, output: str) -> dict[str, Any]:
+    """Return the diagnostics of a fit, and titles and units of those that have them."""
+    found: dict[str, Any] = {"fit": _attributes_json(fit_diagnostics(group, output))}
+    if titles := diagnostic_titles(group, output):
+        found["fit_titles"] = titles
+    return found
 
 
 def _attributes_json(attributes: Mapping[Any, Any]) -> dict[str, Any]:

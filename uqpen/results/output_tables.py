@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -17,8 +16,9 @@ from uqpen.results.outside_rows import OutputUnit, add_outside_rows
 from uqpen.results.sensitivity_tables import named_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.statistics_rows import StatisticsRows, add_failed_runs, add_runs, add_shares
-from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs
+from uqpen.results.surrogate_fits import fitted_outputs
 from uqpen.results.table import NOTHING, OutputTable, first_runs, label_with_unit, output_names
+from uqpen.surrogates.diagnostics import shown_diagnostics, shown_titles
 from uqpen.surrogates.storage import unfitted_outputs
 
 __all__ = [
@@ -123,25 +123,16 @@ def _shown_unit(described: Mapping[Any, Any]) -> str:
     return str(described.get("display_units", DIMENSIONLESS))
 
 
-# Diagnostics of a surrogate's fit to an output, by the labels of their columns.
-_FIT_COLUMNS = {
-    "order": "order",
-    "terms": "terms",
-    "Q², runs left out": "q2",
-    "Q², check runs": "check_q2_of_output",
-}
-
-
 def fit_table(name: str, made: xr.DataTree) -> OutputTable:
     """Return the fit of a surrogate to each output, or why it could not be fitted."""
     title = f"{name}: fit to {made.attrs['runs_used']} runs, check by {made.attrs['check']}"
-    table = OutputTable(title, list(_FIT_COLUMNS))
-    for output in fitted_outputs(made):
-        diagnostics = fit_diagnostics(made, output)
-        values = (diagnostics[key] for key in _FIT_COLUMNS.values())
-        cells = [NOTHING if math.isnan(value) else f"{value:.5g}" for value in values]
-        table.rows.append((output, cells))
+    fits = {output: shown_diagnostics(made.children[output]) for output in fitted_outputs(made)}
+    columns = shown_titles(made.children[output] for output in fits)
+    table = OutputTable(title, columns)
+    for output, diagnostics in fits.items():
+        texts = {each.title: each.text for each in diagnostics}
+        table.rows.append((output, [texts.get(column) or NOTHING for column in columns]))
     for output, reason in unfitted_outputs(made).items():
-        cells = [f"not fitted{table.note_mark(reason)}", *[NOTHING] * (len(_FIT_COLUMNS) - 1)]
+        cells = [f"not fitted{table.note_mark(reason)}", *[NOTHING] * (len(columns) - 1)]
         table.rows.append((output, cells))
     return table

@@ -116,7 +116,6 @@ INADMISSIBLE_BLOCKS = "blocks without an admissible draw are left out"
 FIRST_ORDER_INCLUDES = "first-order indices include correlation"
 
 # Estimators of a surrogate.
-FROM_COEFFICIENTS = "from the coefficients"
 FROM_DRAWS = "by sampling the surrogate at {draws} admissible draws"
 FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set of inputs"
 

@@ -115,7 +115,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     root.check_unknown_keys()
     failures = tables["failures"].whole_settings(FailurePolicy) or FailurePolicy()
     designs, design_modules = read_designs(tables["designs"])
-    surrogates = read_surrogates(tables["surrogates"], list(tables["designs"]))
+    surrogates, origins = read_surrogates(tables["surrogates"], list(tables["designs"]))
     inputs = read_inputs(tables["inputs"], model, Stream(heading.seed, "inputs"))
     is_clear = not inputs.unclear
     given_by_tables = None
@@ -158,6 +158,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         failures=failures,
         analyses=analyses,
         design_modules=design_modules,
+        surrogate_origins=origins,
     )
 
 

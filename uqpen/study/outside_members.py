@@ -1,4 +1,4 @@
-"""Designs and distributions from outside the package: classes in files, modules and packages."""
+"""Members of families from outside the package: classes in files, modules and packages."""
 
 from __future__ import annotations
 
@@ -26,16 +26,21 @@ from uqpen.models.python_function import load_module
 from uqpen.study.frozen_section import SETTINGS
 from uqpen.study.object_section import OBJECT
 from uqpen.study.table_reader import TableReader
+from uqpen.surrogates import ENTRY_POINTS, SURROGATES
+from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = [
     "DESIGN",
     "DISTRIBUTION",
+    "SURROGATE",
     "Files",
     "class_reference",
     "installed_names",
     "is_reference",
     "object_members",
+    "object_surrogates",
     "outside_members",
+    "outside_surrogates",
     "own_objects",
     "read_member",
 ]
@@ -73,6 +78,7 @@ DESIGN = Kind(Design, DESIGNS, "uqpen.designs", "my_designs.py:Design")
 DISTRIBUTION = Kind(
     Distribution, DISTRIBUTIONS, "uqpen.distributions", "my_distributions.py:Distribution"
 )
+SURROGATE = Kind(Surrogate, SURROGATES, ENTRY_POINTS, "my_surrogates.py:Surrogate")
 
 
 def is_reference(name: object) -> bool:
@@ -181,6 +187,18 @@ def outside_members(content: Mapping[str, Any]) -> list[str]:
     kinds = [table.get("kind") for table in _tables(content, "designs")]
     families = [family for table in _tables(content, "inputs") for family in table]
     return list(dict.fromkeys(str(name) for name in [*kinds, *families] if is_reference(name)))
+
+
+def outside_surrogates(content: Mapping[str, Any]) -> list[str]:
+    """Return the references of surrogates in the content of a study; they decide no runs."""
+    kinds = [table.get("kind") for table in _tables(content, "surrogates")]
+    return list(dict.fromkeys(str(kind) for kind in kinds if is_reference(kind)))
+
+
+def object_surrogates(content: Mapping[str, Any]) -> list[str]:
+    """Return the surrogates in the content of a study that are Python objects."""
+    named = [table.get(OBJECT) for table in _tables(content, "surrogates")]
+    return [str(name) for name in named if name is not None]
 
 
 def object_members(content: Mapping[str, Any]) -> list[str]:

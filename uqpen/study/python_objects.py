@@ -30,7 +30,7 @@ from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
 from uqpen.study.frozen_section import SETTINGS
 from uqpen.study.object_section import OBJECT
-from uqpen.study.outside_members import DESIGN, DISTRIBUTION, class_reference
+from uqpen.study.outside_members import DESIGN, DISTRIBUTION, SURROGATE, class_reference
 from uqpen.study.python_model import OutputSpec, PythonModel
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
@@ -148,9 +148,10 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
     ):
         if isinstance(value, kind) and (name := family_name(family, value)):
             return {key: name, **written_settings(value)}
-    if isinstance(value, Design):
-        reference = class_reference(value, folder, DESIGN)
-        return {"kind": reference, **written_settings(value)} if reference else {OBJECT: value}
+    for outside in (DESIGN, SURROGATE):
+        if isinstance(value, outside.base):
+            reference = class_reference(value, folder, outside)
+            return {"kind": reference, **written_settings(value)} if reference else {OBJECT: value}
     return None
 
 

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from uqpen.core.files import FileSnapshot
 from uqpen.core.model import Model
@@ -19,7 +20,7 @@ from uqpen.statistics.published import Publication
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["ONLY_MODEL", "ValidatedStudy", "Variant"]
+__all__ = ["ONLY_MODEL", "SurrogateOrigin", "ValidatedStudy", "Variant"]
 
 # Name of the model of a study with a single ``[model]``.
 ONLY_MODEL = ""
@@ -39,6 +40,21 @@ class Variant:
 
     model: Model
     given: Mapping[str, float]
+
+
+class SurrogateOrigin(NamedTuple):
+    """Where a surrogate from outside the package comes from.
+
+    Attributes
+    ----------
+    kind : str
+        The reference, the entry point or the object that the study names.
+    files : tuple of FileSnapshot
+        The files that it was loaded from.
+    """
+
+    kind: str
+    files: tuple[FileSnapshot, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -76,6 +92,8 @@ class ValidatedStudy:
         User-supplied functions that yield statistics of each sample.
     design_modules : mapping of str to tuple of FileSnapshot
         The files that a design from outside the package was loaded from, by its name.
+    surrogate_origins : mapping of str to SurrogateOrigin
+        The origins of surrogates from outside the package, by their names.
     """
 
     name: str
@@ -93,6 +111,7 @@ class ValidatedStudy:
     failures: FailurePolicy = FailurePolicy()
     analyses: tuple[OutsideAnalysis, ...] = ()
     design_modules: Mapping[str, tuple[FileSnapshot, ...]] = field(default_factory=dict)
+    surrogate_origins: Mapping[str, SurrogateOrigin] = field(default_factory=dict)
 
     @property
     def model(self) -> Model:
@@ -134,6 +153,8 @@ class ValidatedStudy:
         yield from self.joint.files
         for design in self.designs:
             yield from self.design_files(design)
+        for origin in self.surrogate_origins.values():
+            yield from origin.files
         for analysis in self.analyses:
             yield from analysis.files()
 

@@ -10,9 +10,13 @@ from uqpen.core.sampling import Sampling
 from uqpen.designs.design import Design
 from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.study.object_section import OBJECT
+from uqpen.study.outside_members import SURROGATE, installed_names, is_reference, read_member
+from uqpen.study.study import SurrogateOrigin
 from uqpen.study.table_reader import TableReader, family_member, named_tables
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
+from uqpen.surrogates.unloaded_surrogate import UnloadedSurrogate
 
 __all__ = ["check_surrogates", "read_surrogates"]
 
@@ -23,18 +27,32 @@ _POINTS = {
 }
 
 
-def read_surrogates(table: TableReader, designs: Collection[str]) -> dict[str, Surrogate]:
+def read_surrogates(
+    table: TableReader, designs: Collection[str]
+) -> tuple[dict[str, Surrogate], dict[str, SurrogateOrigin]]:
     """Read the surrogates of a study; invalid ones are noted and left out.
 
     `designs` are the names of all designs in the file, which no surrogate has; empty if unknown.
+
+    Returns
+    -------
+    surrogates, origins
+        By name; those of surrogates from outside the package.
     """
     found: dict[str, Surrogate] = {}
+    origins: dict[str, SurrogateOrigin] = {}
     for name, section in named_tables(table):
         if name in designs:
             section.add_problem((), f'"{name}", which is a design', "a name that no design has")
-        elif (surrogate := _surrogate(section, designs)) is not None:
-            found[name] = surrogate
-    return found
+            continue
+        surrogate, origin = _read_surrogate(section)
+        if surrogate is None:
+            continue
+        found[name] = surrogate
+        if origin is not None:
+            origins[name] = origin
+        _check_names(section, surrogate, designs)
+    return found, origins
 
 
 def check_surrogates(
@@ -54,20 +72,63 @@ def check_surrogates(
                 table.add_problem((name, "transform", output), "no such output", expected)
         if joint is not None and not joint.random:
             table.add_problem(name, "a surrogate over inputs that are all fixed", "a random input")
+        elif joint is not None:
+            table.add_problems(surrogate.check_inputs(joint), name)
+        # What an archive names may be missing here; its study can be read all the same.
+        if table.trust and surrogate.absence and not isinstance(surrogate, UnloadedSurrogate):
+            table.add_problem(name, surrogate.absence, "a surrogate that can be fitted here")
 
 
-def _surrogate(section: TableReader, designs: Collection[str]) -> Surrogate | None:
-    kind = family_member(section, "kind", SURROGATES, "a kind of surrogate")
-    surrogate: Surrogate | None = kind and section.whole_settings(kind)
-    if surrogate is None:
-        return None
+def _read_surrogate(table: TableReader) -> tuple[Surrogate | None, SurrogateOrigin | None]:
+    """Return a surrogate and, of one from outside the package, its origin."""
+    if OBJECT in table and "kind" not in table:
+        return _read_object(table)
+    kind = str(table.content.get("kind"))
+    if is_reference(kind) and not table.trust:
+        return _unloaded(table, kind), SurrogateOrigin(kind)
+    if is_reference(kind) or kind in installed_names(SURROGATE, kind):
+        table.take("kind")
+        surrogate, files = read_member(table, "kind", kind, SURROGATE)
+        return surrogate, SurrogateOrigin(kind, files)
+    built_in = family_member(table, "kind", SURROGATES, "a kind of surrogate")
+    return built_in and table.whole_settings(built_in), None
+
+
+def _unloaded(table: TableReader, kind: str) -> UnloadedSurrogate:
+    """Return a stand-in with the designs that the table names, whatever else it has."""
+    design, check = table.content.get("design"), table.content.get("check")
+    return UnloadedSurrogate(
+        kind,
+        design if isinstance(design, str) else "",
+        check if isinstance(check, str) else None,
+    )
+
+
+def _read_object(table: TableReader) -> tuple[Surrogate | None, SurrogateOrigin | None]:
+    """Read a surrogate that is an object of the Python program; without it, it is not fitted."""
+    name = table.text(OBJECT, "the text of a surrogate")
+    table.check_unknown_keys()
+    objects = table.document.objects
+    if objects is None:
+        expected = f'kind = "{SURROGATE.form}": a file cannot contain a Python object'
+        table.add_wrong(OBJECT, name, expected)
+    if objects is None or name is None:
+        return None, None
+    given = objects.get(table.path)
+    surrogate = given if isinstance(given, Surrogate) else UnloadedSurrogate(name, is_object=True)
+    return surrogate, SurrogateOrigin(name)
+
+
+def _check_names(section: TableReader, surrogate: Surrogate, designs: Collection[str]) -> None:
+    """Note names of designs that there are not."""
+    if isinstance(surrogate, UnloadedSurrogate):
+        return
     for key in ("design", "check"):
         name = getattr(surrogate, key)
         if name is not None and designs and name not in designs:
             section.add_wrong(key, name, f"the name of a design; {choices(name, designs)}")
     if surrogate.check == surrogate.design:
         section.add_problem("check", "the design that it is fitted to", "a design of other runs")
-    return surrogate
 
 
 def _check_designs(

@@ -5,8 +5,11 @@ A surrogate depends on the runs and the distributions of the inputs only.
 
 from __future__ import annotations
 
-__all__ = ["SURROGATES"]
+__all__ = ["ENTRY_POINTS", "SURROGATES"]
 
 SURROGATES = {
     "polynomial-chaos": "uqpen.surrogates.polynomial_chaos:PolynomialChaos",
 }
+
+# The group of entry points with which installed packages add kinds.
+ENTRY_POINTS = "uqpen.surrogates"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -11,14 +11,25 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.tree import read_group
-from uqpen.core.arrays import Arrays, BoolArray, FloatArray
-from uqpen.core.labels import INPUT, NOT_FITTED, ROLE, RUN, STATUS
-from uqpen.core.model import Input, Model, Output, Results
+from uqpen.core.arrays import Arrays, FloatArray, IntArray
+from uqpen.core.labels import INPUT, NOT_FITTED, ROLE
+from uqpen.core.model import Input, Model, Output
 from uqpen.core.status import Status
 from uqpen.surrogates.basis import ProductBasis
+from uqpen.surrogates.closed_forms import (
+    mean,
+    shapley_effects,
+    sobol_indices,
+    standard_deviation,
+)
 from uqpen.surrogates.expansion import Expansion
+from uqpen.surrogates.fitted_surrogate import (
+    ClosedForms,
+    FittedSurrogate,
+    InputShares,
+    Prediction,
+)
 from uqpen.surrogates.storage import describe, description, unfitted_outputs
-from uqpen.surrogates.surrogate import FittedSurrogate
 from uqpen.surrogates.univariate_basis import UnivariateBasis
 
 __all__ = ["PolynomialChaosModel"]
@@ -28,7 +39,7 @@ _RECURRENCE, _FIXED = "_recurrence", "fixed_"
 
 
 @dataclass(frozen=True, eq=False)
-class PolynomialChaosModel(FittedSurrogate):
+class PolynomialChaosModel(FittedSurrogate, ClosedForms):
     """A model's outputs, expanded in polynomials of its random inputs.
 
     Parameters
@@ -77,51 +88,57 @@ class PolynomialChaosModel(FittedSurrogate):
         """Names of the inputs that varied in the training runs."""
         return self.basis.names
 
-    def evaluate(self, inputs: Arrays) -> Results:
-        """Evaluate the expansions; see `Model.evaluate`."""
-        values = {
-            name: self.expansions[name].output_values(fitted)
+    @property
+    def logarithms(self) -> frozenset[str]:
+        """Outputs whose logarithm was expanded."""
+        return frozenset(name for name, each in self.expansions.items() if each.is_logarithm)
+
+    def predict(self, inputs: Arrays) -> dict[str, Prediction]:
+        """Evaluate the expansions; they have no predictive standard deviation."""
+        return {
+            name: Prediction(self.expansions[name].output_values(fitted))
             for name, fitted in self._fitted_values(inputs).items()
         }
-        status = np.full(len(inputs[self.basis.names[0]]), Status.OK, dtype=np.int8)
-        return Results(values, status)
 
-    def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
-        """Yield the conditions of the original model, and that fixed inputs have their values."""
-        for name, value in self.fixed.items():
-            if name in inputs:
-                yield inputs[name] == value, f"{name} = {value:g}, as in the runs it was fitted to"
-        if self.original is not None:
-            yield from self.original.conditions(inputs)
-
-    def missing_inputs(self, given: Collection[str]) -> Iterator[str]:
-        """Yield its random inputs that are not given; the other inputs have known values."""
-        yield from (name for name in self.basis.names if name not in given)
+    def training_range(self, output: str) -> tuple[float, float]:
+        """Return the smallest and the largest value of an output in the training runs."""
+        return self.expansions[output].smallest, self.expansions[output].largest
 
     def identity(self) -> dict[str, str]:
         """Return the identity of the original model, and a hash of its coefficients."""
         digest = hashlib.sha256()
         for expansion in self.expansions.values():
             digest.update(expansion.indices.tobytes() + expansion.coefficients.tobytes())
-        whose = self.original.identity() if self.original else {}
-        of = {f"of_{key}": value for key, value in whose.items()}
-        return {"name": self.name, "coefficients_sha256": digest.hexdigest(), **of}
+        coefficients = {"coefficients_sha256": digest.hexdigest()}
+        return {"name": self.name, **coefficients, **super().identity()}
 
     def with_check(self, runs: xr.Dataset) -> PolynomialChaosModel:
         """Return a copy with its prediction errors at the completed runs of another design."""
-        used = np.flatnonzero(runs[STATUS].values == Status.OK)
-        inputs = {
-            name: np.broadcast_to(runs[name].values, runs.sizes[RUN])[used]
-            for name in self.basis.names
-        }
+        inputs, completed = self.completed_runs(runs)
         fitted = self._fitted_values(inputs)
         expansions = {}
         for name, expansion in self.expansions.items():
-            truth = runs[name].values[used].astype(np.float64)
+            truth = completed[name].values.astype(np.float64)
             expansions[name] = replace(
                 expansion, check=expansion.prediction_check(fitted[name], truth)
             )
         return replace(self, expansions=expansions)
+
+    @property
+    def estimator(self) -> str:
+        """How moments and indices are computed without draws."""
+        return "from the coefficients"
+
+    def closed_form_moments(self, output: str) -> tuple[float, float]:
+        """Return mean and standard deviation of an expansion."""
+        terms = self._terms(output)
+        return mean(*terms), standard_deviation(*terms)
+
+    def closed_form_indices(self, output: str) -> InputShares:
+        """Return Sobol' indices and Shapley effects of an expansion."""
+        terms = self._terms(output)
+        indices = sobol_indices(*terms)
+        return InputShares(indices.first, indices.total, shapley_effects(*terms))
 
     def closed_form_problem(self, output: str) -> str:
         """Return the reason why the coefficients do not give the output's moments and indices.
@@ -204,6 +221,10 @@ class PolynomialChaosModel(FittedSurrogate):
             is_independent=told["inputs"] == "independent",
             original=original,
         )
+
+    def _terms(self, output: str) -> tuple[IntArray, FloatArray]:
+        expansion = self.expansions[output]
+        return expansion.indices, expansion.coefficients
 
     def _fitted_values(self, inputs: Arrays) -> dict[str, FloatArray]:
         """Return the variables that were fitted, at some points."""

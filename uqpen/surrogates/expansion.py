@@ -14,6 +14,7 @@ from uqpen.core.labels import INPUT
 from uqpen.core.model import Output
 from uqpen.surrogates.basis import NestedSums, nested_sums
 from uqpen.surrogates.fit_noise import FitNoise
+from uqpen.surrogates.prediction_error import predictive_q2
 from uqpen.surrogates.storage import describe, description
 
 __all__ = ["Expansion", "PredictionCheck"]
@@ -110,11 +111,11 @@ class Expansion:
         truth : ndarray, shape (run,)
             The output, by the model.
         """
-        of_output = _q2(self.output_values(fitted), truth)
+        of_output = predictive_q2(self.output_values(fitted), truth)
         if not self.is_logarithm:
             return PredictionCheck(len(truth), of_output, of_output)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return PredictionCheck(len(truth), _q2(fitted, np.log(truth)), of_output)
+            return PredictionCheck(len(truth), predictive_q2(fitted, np.log(truth)), of_output)
 
     def to_dataset(self) -> xr.Dataset:
         """Return the terms for an archive, with the diagnostics of the fit as attributes."""
@@ -180,12 +181,3 @@ class Expansion:
                 float(told["check_q2_of_output"]),
             ),
         )
-
-
-def _q2(found: FloatArray, truth: FloatArray) -> float:
-    """Return one minus the mean square error over the variance; NaN if a value is not finite."""
-    if len(truth) < 2:
-        return math.nan
-    with np.errstate(all="ignore"):
-        q2 = 1 - float(np.mean((found - truth) ** 2) / np.var(truth, ddof=1))
-    return q2 if math.isfinite(q2) else math.nan

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import ClassVar
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.model import Input, Model, Output
+from uqpen.core.errors import Problem
+from uqpen.core.model import Model, Output
 from uqpen.core.settings import choice, choices, count, name, number
-from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.basis import ProductBasis
 from uqpen.surrogates.chaos_model import PolynomialChaosModel
+from uqpen.surrogates.chaospy_engine import ChaospyExpansion, chaospy_absence, input_problems
 from uqpen.surrogates.expansion import Expansion
 from uqpen.surrogates.fit_noise import FitNoise, estimate_fit_noise
 from uqpen.surrogates.surrogate import Surrogate
@@ -28,7 +28,7 @@ from uqpen.surrogates.term_selection import (
     projection_terms,
     regression_terms,
 )
-from uqpen.surrogates.training import TrainingRuns
+from uqpen.surrogates.training import TrainingRuns, known_inputs
 
 __all__ = ["PolynomialChaos"]
 
@@ -36,8 +36,7 @@ __all__ = ["PolynomialChaos"]
 # Polynomials of higher orders than this are noise between any two runs.
 _HIGHEST_ORDER_GIVEN = 50
 
-# Sums of squares of up to 1e8 values, and of their coefficients, are finite and not 0.
-_LARGEST = 1e140
+_UQPEN, _CHAOSPY = "uqpen", "chaospy"
 
 _FAILED_NODES = "least-squares, as nodes of its rule were lost"
 
@@ -62,6 +61,9 @@ class PolynomialChaos(Surrogate):
         Outputs that are fitted as their logarithm (``"log"``).
     check : str, optional
         A design whose runs show how good it is.
+    engine : str
+        ``"uqpen"``, or ``"chaospy"`` for polynomials and coefficients by chaospy. The terms are
+        chosen alike, and the fitted surrogate needs no chaospy.
 
     References
     ----------
@@ -69,14 +71,29 @@ class PolynomialChaos(Surrogate):
     Blatman, G. & Sudret, B. (2011). J. Comput. Phys. 230, 2345-2367.
     """
 
-    fitted_class: ClassVar = PolynomialChaosModel
-
     design: str = name()
     order: int | None = count(maximum=_HIGHEST_ORDER_GIVEN, default=None)
     truncation: float = number(above=0, at_most=1, default=1.0)
     method: str = choice("sparse", "least-squares", "projection", default="sparse")
     transform: Mapping[str, str] = choices("log")
     check: str | None = name(default=None)
+    engine: str = choice(_UQPEN, _CHAOSPY, default=_UQPEN)
+
+    def check_settings(self) -> Iterator[Problem]:
+        """Yield a problem of settings that are valid by themselves."""
+        if self.engine == _CHAOSPY and self.method == "sparse":
+            expected = 'method = "least-squares" or "projection", which chaospy has'
+            yield Problem(("method",), '"sparse"', expected)
+
+    def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
+        """Yield the inputs that the engine does not know."""
+        if self.engine == _CHAOSPY:
+            yield from input_problems(joint, logarithms=not self.needs_quadrature)
+
+    @property
+    def absence(self) -> str:
+        """Reason why it cannot be fitted here; empty if it can."""
+        return chaospy_absence() if self.engine == _CHAOSPY else ""
 
     @property
     def needs_quadrature(self) -> bool:
@@ -88,16 +105,20 @@ class PolynomialChaos(Surrogate):
         self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
     ) -> PolynomialChaosModel:
         """Fit every output that has numbers; see `Surrogate.fit`."""
-        inputs = _inputs(model, joint)
+        inputs = known_inputs(model, joint)
         training = TrainingRuns.from_runs(runs, model, joint)
         # A rule's nodes are exact for polynomials of the inputs, not of their logarithms.
-        basis = ProductBasis.from_distribution(
-            joint, self.order or HIGHEST_ORDER, logarithms=not self.needs_quadrature
-        )
+        logarithms, degree = not self.needs_quadrature, self.order or HIGHEST_ORDER
+        if self.engine == _CHAOSPY:
+            engine = ChaospyExpansion.from_distribution(joint, logarithms=logarithms)
+            basis = engine.basis(degree)
+        else:
+            engine = None
+            basis = ProductBasis.from_distribution(joint, degree, logarithms=logarithms)
         expansions: dict[str, Expansion] = {}
         reasons: dict[str, str] = {}
         for output in model.outputs:
-            found = self._expansion(output, training, basis, stream)
+            found = self._expansion(output, training, basis, stream, engine)
             if isinstance(found, Expansion):
                 expansions[output.name] = found
             else:
@@ -112,30 +133,45 @@ class PolynomialChaos(Surrogate):
             fixed=training.fixed,
             truncation=self.truncation,
             design=self.design,
-            counts={status: training.counts[status] for status in Status},
+            counts=training.all_counts,
             is_independent=joint.is_independent,
             original=model,
         )
 
+    @classmethod
+    def restore(cls, tree: xr.DataTree, name: str, original: Model | None) -> PolynomialChaosModel:
+        """Restore a polynomial chaos; see `Surrogate.restore`."""
+        return PolynomialChaosModel.from_tree(tree, name, original)
+
     def _expansion(
-        self, output: Output, training: TrainingRuns, basis: ProductBasis, stream: Stream
+        self,
+        output: Output,
+        training: TrainingRuns,
+        basis: ProductBasis,
+        stream: Stream,
+        engine: ChaospyExpansion | None,
     ) -> Expansion | str:
         """Return the expansion of one output, or the reason why there is none."""
         is_logarithm = self.transform.get(output.name) == "log"
-        if output.categories:
-            return "it has kinds, not numbers"
-        problem = training.problem or _fit_problem(training.outputs[output.name], is_logarithm)
-        if problem:
+        if problem := training.output_problem(output):
             return problem
         values = training.outputs[output.name]
+        if is_logarithm and not (values > 0).all():
+            least = f"its least value is {values.min():g}"
+            return f"it has no logarithm where it is not positive: {least}"
         fitted = np.log(values) if is_logarithm else values
         points = FitPoints(basis, training.inputs, self.truncation)
         # Scaled to size one, so that neither units nor a large mean cost any digits.
         centre, spread = float(fitted.mean()), float(fitted.std())
         rng = stream.generator("folds", output.name)
-        method, terms = self._terms(points, (fitted - centre) / spread, training, rng)
+        standard = (fitted - centre) / spread
+        method, terms = self._terms(points, standard, training, rng)
         if isinstance(terms, str):
             return terms
+        if engine is not None:
+            weights = training.weights if method == "projection" else None
+            found = engine.coefficients(points, standard, terms, weights)
+            method, terms = f"{method}, by chaospy", replace(terms, coefficients=found)
         is_constant = ~terms.indices.any(axis=1)
         noise = FitNoise.without_refits(len(basis.univariate_bases))
         if not training.is_quadrature:
@@ -170,25 +206,3 @@ class PolynomialChaos(Surrogate):
             terms = regression_terms(points, values, "least-squares", self.order, rng)
             return _FAILED_NODES if training.is_quadrature else "least-squares", terms
         return self.method, projection_terms(points, training.weights, values, self.order)
-
-
-def _inputs(model: Model, joint: JointDistribution) -> tuple[Input, ...]:
-    """Return the model's inputs, and random ones that only other models of the study take."""
-    taken = {variable.name for variable in model.inputs}
-    others = (entry.variable for entry in joint.random if entry.variable.name not in taken)
-    return (*model.inputs, *others)
-
-
-def _fit_problem(values: FloatArray, is_logarithm: bool) -> str:
-    """Return the reason why no terms can be fitted to an output; empty if they can."""
-    if not np.isfinite(values).all():
-        return f"it is not finite in {int((~np.isfinite(values)).sum())} runs that came back"
-    if (values == values[0]).all():
-        return f"it does not vary: it is {values[0]:g} in every run"
-    size, width = float(np.abs(values).max()), float(np.ptp(values))
-    if size > _LARGEST or width < 1 / _LARGEST:
-        what = f"its largest size is {size:g}, its range {width:g}"
-        return f"its squares are too large or too small for floating-point numbers: {what}"
-    if is_logarithm and not (values > 0).all():
-        return f"it has no logarithm where it is not positive: its least value is {values.min():g}"
-    return ""

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import xarray as xr
 
-from uqpen.core.lookup import resolve_name
+from uqpen.core.errors import ModelError
+from uqpen.core.lookup import installed_members, resolve, resolve_name
 from uqpen.core.model import Model
-from uqpen.surrogates import SURROGATES
-from uqpen.surrogates.surrogate import FittedSurrogate, Surrogate
+from uqpen.surrogates import ENTRY_POINTS, SURROGATES
+from uqpen.surrogates.fitted_surrogate import FittedSurrogate
+from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["restore_surrogate"]
+__all__ = ["is_restorable", "restore_surrogate"]
 
 
 def restore_surrogate(
-    tree: xr.DataTree, name: str, original: Model | None = None
+    tree: xr.DataTree,
+    name: str,
+    original: Model | None = None,
+    *,
+    loaded: type[Surrogate] | None = None,
 ) -> FittedSurrogate:
     """Restore a fitted surrogate of the kind that its group names.
 
@@ -25,11 +31,34 @@ def restore_surrogate(
         Its name in the study.
     original : Model, optional
         The original model; without it, every finite input counts as admissible.
+    loaded : type, optional
+        The class of a surrogate from outside the package, if the archive's code may be executed.
 
     Raises
     ------
     UnknownNameError
         If there is no such kind.
+    ModelError
+        If it is a class that only the archive's code defines, and that is not loaded.
     """
-    kind: type[Surrogate] = resolve_name(SURROGATES, str(tree.attrs["kind"]), "kind of surrogate")
-    return kind.fitted_class.from_tree(tree, name, original)
+    return (loaded or _known_class(str(tree.attrs["kind"]), name)).restore(tree, name, original)
+
+
+def is_restorable(tree: xr.DataTree) -> bool:
+    """Check that the kind of a surrogate is built in or installed, so it can be evaluated."""
+    kind = str(tree.attrs["kind"])
+    return kind in SURROGATES or kind in installed_members(ENTRY_POINTS)
+
+
+def _known_class(kind: str, name: str) -> type[Surrogate]:
+    installed = {} if kind in SURROGATES else installed_members(ENTRY_POINTS)
+    if kind in installed:
+        found: type[Surrogate] = resolve(installed[kind])
+        return found
+    if ":" in kind:
+        raise ModelError(
+            f"the surrogate {name} follows from code that the archive names ({kind})\n"
+            "  if you trust whoever made it, say --trust"
+        )
+    built_in: type[Surrogate] = resolve_name(SURROGATES, kind, "kind of surrogate")
+    return built_in

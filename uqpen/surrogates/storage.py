@@ -10,7 +10,10 @@ import xarray as xr
 from uqpen.core.labels import NOT_FITTED
 from uqpen.core.variables import Variable
 
-__all__ = ["describe", "description", "unfitted_outputs"]
+__all__ = ["FIELD", "describe", "description", "unfitted_outputs"]
+
+# What distinguishes an attribute that is a part of a fit from others of its group.
+FIELD = "field_"
 
 
 def describe(variable: Variable, prefix: str = "") -> dict[str, str]:

@@ -10,12 +10,15 @@ import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import QUADRATURE_WEIGHT, ROLE, RUN, STATUS
-from uqpen.core.model import Model
+from uqpen.core.model import Input, Model, Output
 from uqpen.core.status import Status
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import status_counts
 
-__all__ = ["TrainingRuns"]
+__all__ = ["TrainingRuns", "known_inputs"]
+
+# Sums of squares of up to 1e8 values, and of their coefficients, are finite and not 0.
+_LARGEST = 1e140
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,3 +82,32 @@ class TrainingRuns:
             counts=status_counts(runs),
             problem=problem if came_back.any() else "none of its runs came back",
         )
+
+    @property
+    def all_counts(self) -> dict[Status, int]:
+        """Number of the design's runs with each status, 0 included."""
+        return {status: self.counts[status] for status in Status}
+
+    def output_problem(self, output: Output) -> str:
+        """Return the reason why nothing can be fitted to an output; empty if something can."""
+        if output.categories:
+            return "it has kinds, not numbers"
+        if self.problem:
+            return self.problem
+        values = self.outputs[output.name]
+        if not np.isfinite(values).all():
+            return f"it is not finite in {int((~np.isfinite(values)).sum())} runs that came back"
+        if (values == values[0]).all():
+            return f"it does not vary: it is {values[0]:g} in every run"
+        size, width = float(np.abs(values).max()), float(np.ptp(values))
+        if size > _LARGEST or width < 1 / _LARGEST:
+            what = f"its largest size is {size:g}, its range {width:g}"
+            return f"its squares are too large or too small for floating-point numbers: {what}"
+        return ""
+
+
+def known_inputs(model: Model, joint: JointDistribution) -> tuple[Input, ...]:
+    """Return the model's inputs, and random ones that only other models of the study take."""
+    taken = {variable.name for variable in model.inputs}
+    others = (entry.variable for entry in joint.random if entry.variable.name not in taken)
+    return (*model.inputs, *others)

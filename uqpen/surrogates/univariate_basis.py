@@ -23,7 +23,7 @@ from uqpen.distributions.orthogonal_polynomials import recurrence
 from uqpen.distributions.truncated import Truncated
 from uqpen.surrogates.storage import describe
 
-__all__ = ["UnivariateBasis", "univariate_basis"]
+__all__ = ["UnivariateBasis", "logarithm_distribution", "univariate_basis"]
 
 
 _LINEAR, _LOGARITHM = "linear", "logarithm"
@@ -122,7 +122,7 @@ def univariate_basis(
     logarithms : bool
         Whether an input is replaced by its logarithm where that has a simpler distribution.
     """
-    of_logarithm = _logarithm_distribution(distribution) if logarithms else None
+    of_logarithm = logarithm_distribution(distribution) if logarithms else None
     found = recurrence(of_logarithm or distribution, degree)
     is_usable = np.isfinite(found.alpha) & np.isfinite(found.beta) & (found.beta > 0)
     usable = len(is_usable) if is_usable.all() else int(is_usable.argmin())
@@ -136,7 +136,7 @@ def univariate_basis(
     )
 
 
-def _logarithm_distribution(distribution: Distribution) -> Distribution | None:
+def logarithm_distribution(distribution: Distribution) -> Distribution | None:
     """Return the distribution of the logarithm if it is simpler, with the same truncation."""
     if isinstance(distribution, LogUniform):
         return Uniform(math.log(distribution.lower), math.log(distribution.upper))
@@ -144,7 +144,7 @@ def _logarithm_distribution(distribution: Distribution) -> Distribution | None:
         variance = math.log1p((distribution.std / distribution.mean) ** 2)
         return Normal(math.log(distribution.mean) - variance / 2, math.sqrt(variance))
     if isinstance(distribution, Truncated):
-        parent = _logarithm_distribution(distribution.parent)
+        parent = logarithm_distribution(distribution.parent)
         lower = math.log(distribution.lower) if distribution.lower > 0 else -math.inf
         return parent and Truncated(parent, lower, math.log(distribution.upper))
     return None

@@ -21,7 +21,12 @@ from uqpen.study.document import Objects
 from uqpen.study.load import parse_study
 from uqpen.study.model_section import EXTERNAL_MODELS
 from uqpen.study.object_section import OBJECT
-from uqpen.study.outside_members import object_members, outside_members
+from uqpen.study.outside_members import (
+    object_members,
+    object_surrogates,
+    outside_members,
+    outside_surrogates,
+)
 from uqpen.study.study import ValidatedStudy, Variant
 
 __all__ = [
@@ -103,8 +108,9 @@ def external_models(text: str) -> list[str]:
 def _named_objects(text: str) -> dict[str, list[str]]:
     """Return the names of the Python objects of a study, by their kind."""
     models = [str(table[OBJECT]) for table in _model_tables(text) if OBJECT in table]
-    members = object_members(_content(text))
-    return {"model": models, "design or distribution": members}
+    content = _content(text)
+    members, surrogates = object_members(content), object_surrogates(content)
+    return {"model": models, "design or distribution": members, "surrogate": surrogates}
 
 
 def external_members(text: str) -> list[str]:
@@ -135,9 +141,10 @@ def _content(text: str) -> dict[str, Any]:
 def external_names(text: str) -> list[str]:
     """Return the external code that the text of a study names.
 
-    First models, then designs and distributions, then analyses.
+    First models, then designs and distributions, then surrogates, then analyses.
     """
-    return [*external_models(text), *external_members(text), *outside_analyses(text)]
+    members = [*external_members(text), *outside_surrogates(_content(text))]
+    return [*external_models(text), *members, *outside_analyses(text)]
 
 
 def refuse_external_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import xarray as xr
 
 from uqpen.archive.estimates import interval_codes_name, statistic_names
@@ -9,7 +11,12 @@ from uqpen.archive.tree import model_trees
 from uqpen.core.catalogue import CATALOGUE, DIMENSIONS
 from uqpen.core.labels import BOUND, SOURCE_KIND, STATISTICS_GROUP, SURROGATES, TRAJECTORY
 
-__all__ = ["outside_statistic_names", "without_outside_statistics", "without_surrogates"]
+__all__ = [
+    "outside_statistic_names",
+    "without_distributions",
+    "without_outside_statistics",
+    "without_surrogates",
+]
 
 _BUILT_IN_COORDINATES = {
     BOUND,
@@ -31,7 +38,7 @@ def without_outside_statistics(tree: xr.DataTree) -> xr.DataTree:
     return xr.DataTree.from_dict(groups)
 
 
-def without_surrogates(tree: xr.DataTree) -> xr.DataTree:
+def without_distributions(tree: xr.DataTree) -> xr.DataTree:
     """Return a copy of a study's archive without the results that need the distributions.
 
     They are surrogates, their statistics, and the trajectory at the nominal inputs.
@@ -41,6 +48,25 @@ def without_surrogates(tree: xr.DataTree) -> xr.DataTree:
         dropped += [model.children[name] for name in (SURROGATES, TRAJECTORY) if name in model]
         sources = model.children.get(STATISTICS_GROUP, xr.DataTree()).children.values()
         dropped += [each for each in sources if each.attrs.get(SOURCE_KIND) == "surrogate"]
+    return _without(tree, dropped)
+
+
+def without_surrogates(tree: xr.DataTree, names: Collection[str]) -> xr.DataTree:
+    """Return a copy of a study's archive without some surrogates and their statistics."""
+    groups = [
+        model.children[group]
+        for model in model_trees(tree).values()
+        for group in (SURROGATES, STATISTICS_GROUP)
+        if group in model.children
+    ]
+    dropped = [group.children[name] for group in groups for name in names if name in group.children]
+    # A group of which nothing is left is not made again.
+    dropped += [group for group in groups if set(names).issuperset(group.children)]
+    return _without(tree, dropped)
+
+
+def _without(tree: xr.DataTree, dropped: list[xr.DataTree]) -> xr.DataTree:
+    """Return a copy of an archive without some groups and what is in them."""
     without = {node.path for top in dropped for node in top.subtree}
     groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}
     return xr.DataTree.from_dict({path: groups[path] for path in groups if path not in without})

@@ -30,6 +30,7 @@ from uqpen.models import MODELS
 from uqpen.models.source import source_sha256
 from uqpen.study.document import Objects
 from uqpen.study.study import ValidatedStudy
+from uqpen.surrogates.unloaded_surrogate import UnloadedSurrogate
 from uqpen.verification.archived_study import (
     archived_runs,
     external_members,
@@ -42,6 +43,7 @@ from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.differences import TOLERANCE
 from uqpen.verification.outside_statistics import (
     outside_statistic_names,
+    without_distributions,
     without_outside_statistics,
     without_surrogates,
 )
@@ -249,9 +251,8 @@ def _repeat_checks(
         besides = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES]
         besides += _LOADED_MODEL_ATTRIBUTES if external else []
         yield from _check_points(study, runs, allowed.tolerance)
-        if study.joint.unloaded:
-            study, tree, unchecked = _without_surrogates(study, tree)
-            yield from unchecked
+        study, tree, unchecked = _without_absent(study, tree)
+        yield from unchecked
         if not trust and (analyses := outside_analyses(study.text)):
             yield _unchecked_analyses(analyses, tree)
             study, tree = replace(study, analyses=()), without_outside_statistics(tree)
@@ -272,11 +273,34 @@ def _unchecked_analyses(analyses: list[str], tree: xr.DataTree) -> CheckResult:
     return CheckResult("analyses", CheckOutcome.UNCHECKED, message, (_ADVICE,))
 
 
-def _without_surrogates(
+def _without_absent(
+    study: ValidatedStudy, tree: xr.DataTree
+) -> tuple[ValidatedStudy, xr.DataTree, list[CheckResult]]:
+    """Leave out what follows from distributions or surrogates that are not here, with results."""
+    if study.joint.unloaded:
+        return _without_distributions(study, tree)
+    absent = [name for name, surrogate in study.surrogates.items() if surrogate.absence]
+    if not absent:
+        return study, tree, []
+    others = {name: each for name, each in study.surrogates.items() if name not in absent}
+    kept = without_surrogates(tree, absent)
+    return replace(study, surrogates=others), kept, [_unchecked_surrogates(study, absent)]
+
+
+def _unchecked_surrogates(study: ValidatedStudy, absent: list[str]) -> CheckResult:
+    """Return the result for surrogates that cannot be fitted here."""
+    surrogates = [study.surrogates[name] for name in absent]
+    reasons = "; ".join(dict.fromkeys(surrogate.absence for surrogate in surrogates))
+    is_code = any(isinstance(each, UnloadedSurrogate) and not each.is_object for each in surrogates)
+    message = f"not checked: {', '.join(absent)}; {reasons}"
+    return CheckResult("surrogates", CheckOutcome.UNCHECKED, message, (_ADVICE,) * is_code)
+
+
+def _without_distributions(
     study: ValidatedStudy, tree: xr.DataTree
 ) -> tuple[ValidatedStudy, xr.DataTree, list[CheckResult]]:
     """Leave out what follows from distributions that are not loaded, with a result for it."""
-    kept = without_surrogates(tree)
+    kept = without_distributions(tree)
     named = ", ".join(dict.fromkeys(study.joint.unloaded.values()))
     message = f"not checked: they follow from distributions that are not loaded ({named})"
     unchecked = CheckResult("surrogates", CheckOutcome.UNCHECKED, message)

@@ -15,7 +15,7 @@ from uqpen.core.status import Status
 from uqpen.figures.scatter import thin_runs
 from uqpen.figures.surrogate import fit_quality, predict, test_design
 from uqpen.report.axes import padded_limits
-from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Table
+from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Table, Text
 from uqpen.report.marks import Trace, escape_text, line_trace, point_trace
 from uqpen.report.sections.surrogate_validation import surrogate_validation
 from uqpen.results.archive_view import ArchiveView
@@ -24,6 +24,7 @@ from uqpen.results.output_tables import fit_table
 from uqpen.results.surrogate_fits import fitted_outputs
 from uqpen.results.table import OutputTable
 from uqpen.results.texts import title_with_unit, unit_suffix
+from uqpen.surrogates.restoring import is_restorable
 
 __all__ = ["surrogates"]
 
@@ -42,7 +43,9 @@ def surrogates(view: ArchiveView) -> Iterator[Block]:
         yield Table(fit_table(name, made))
         design = test_design(view, made)
         outputs = [each for each in fitted_outputs(made) if each in view.numeric_outputs]
-        if outputs and view.has_completed_runs(design):
+        if not is_restorable(made):
+            yield Text(f"{made.attrs['kind']} is not executed here, so no predictions are shown.")
+        elif outputs and view.has_completed_runs(design):
             yield _comparison(view, name, design, outputs)
         yield from surrogate_validation(view, name)
 

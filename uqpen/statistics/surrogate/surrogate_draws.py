@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import cast
 
 import xarray as xr
 
@@ -17,7 +18,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import Evaluator, evaluate
 from uqpen.statistics import texts
 from uqpen.statistics.surrogate.pick_freeze_pairs import PickFreezePairs, draw_pick_freeze_pairs
-from uqpen.surrogates.surrogate import FittedSurrogate
+from uqpen.surrogates.fitted_surrogate import ClosedForms, FittedSurrogate
 
 __all__ = ["SurrogateDraws"]
 
@@ -64,9 +65,20 @@ class SurrogateDraws:
         """True if no draw of the sample is inadmissible."""
         return not bool((self.runs[STATUS].values == Status.INADMISSIBLE).any())
 
-    def has_closed_form(self, output: str) -> bool:
-        """Return True if moments and indices of an output follow from the coefficients."""
-        return self.all_are_admissible and self.model.has_closed_form(output)
+    @cached_property
+    def closed_forms(self) -> ClosedForms | None:
+        """The surrogate's closed forms, if it has any; None if a draw is inadmissible."""
+        is_whole = isinstance(self.model, ClosedForms) and self.all_are_admissible
+        return cast(ClosedForms, self.model) if is_whole else None
+
+    def closed_forms_of_output(self, output: str) -> ClosedForms | None:
+        """Return the closed forms if they are those of an output; None for draws in their place."""
+        forms = self.closed_forms
+        return forms if forms is not None and forms.has_closed_form(output) else None
+
+    def closed_forms_of_logarithm(self) -> ClosedForms | None:
+        """Return the closed forms if they are those of a logarithm that was fitted."""
+        return self.closed_forms if self.joint.is_independent else None
 
     @property
     def sampling_estimator(self) -> str:

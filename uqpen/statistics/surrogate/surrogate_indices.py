@@ -18,7 +18,7 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sensitivity.input_measures import event_array, input_array
 from uqpen.statistics.surrogate.pick_freeze_pairs import MOST_INPUTS_FOR_ALL_SETS
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
-from uqpen.surrogates.closed_forms import shapley_effects, sobol_indices
+from uqpen.surrogates.fitted_surrogate import ClosedForms
 
 __all__ = ["surrogate_indices"]
 
@@ -52,12 +52,11 @@ def surrogate_indices(
     """
     indices = _SurrogateIndices(draws, quantity)
     name, title = quantity.output.name, quantity.output.title
-    is_closed = draws.has_closed_form(name)
-    yield from indices.of_variable("", title, lambda values: values, is_closed=is_closed)
-    if draws.model.expansions[name].is_logarithm:
-        is_closed = draws.all_are_admissible and draws.joint.is_independent
-        what = f"the logarithm of {title}"
-        yield from indices.of_variable("log_", what, np.log, is_closed=is_closed)
+    forms = draws.closed_forms_of_output(name)
+    yield from indices.of_variable("", title, lambda values: values, forms)
+    if name in draws.model.logarithms:
+        forms = draws.closed_forms_of_logarithm()
+        yield from indices.of_variable("log_", f"the logarithm of {title}", np.log, forms)
     if quantity.thresholds:
         yield from indices.of_exceedance(title)
 
@@ -83,11 +82,9 @@ class _SurrogateIndices:
             estimator = {ESTIMATOR: self.draws.pairs_estimator}
             yield f"exceedance_{ending}", array.assign_attrs(estimator)
 
-    def _closed_form_indices(self) -> Indices:
-        expansion = self.draws.model.expansions[self.quantity.output.name]
-        terms = expansion.indices, expansion.coefficients
-        indices = sobol_indices(*terms)
-        exact = indices.first, indices.total, shapley_effects(*terms)
+    def _closed_form_indices(self, forms: ClosedForms) -> Indices:
+        shares = forms.closed_form_indices(self.quantity.output.name)
+        exact = shares.first, shares.total, shares.shapley
         return [[(float(value), math.nan) for value in values] for values in exact]
 
     def _sampled_indices(self, function: Function) -> Indices:
@@ -105,11 +102,11 @@ class _SurrogateIndices:
         return found
 
     def of_variable(
-        self, prefix: str, title: str, function: Function, *, is_closed: bool
+        self, prefix: str, title: str, function: Function, forms: ClosedForms | None
     ) -> Iterator[tuple[str, xr.DataArray]]:
-        """Yield the indices of a function of the output, from the coefficients or from pairs."""
-        indices = self._closed_form_indices() if is_closed else self._sampled_indices(function)
-        estimator = texts.FROM_COEFFICIENTS if is_closed else self.draws.pairs_estimator
+        """Yield the indices of a function of the output, in closed form or from pairs."""
+        indices = self._closed_form_indices(forms) if forms else self._sampled_indices(function)
+        estimator = forms.estimator if forms else self.draws.pairs_estimator
         for (ending, adjective), values in zip(_ORDERS.items(), indices, strict=True):
             estimates = self._estimates(values, ending)
             array = input_array(estimates, self._inputs, f"{adjective} of {title}")

@@ -1,6 +1,6 @@
 """Statistics of a model, estimated from its surrogate.
 
-They follow from the coefficients of the surrogate where these suffice, else from a sample of
+They follow from the closed forms of the surrogate where it has them, else from a sample of
 admissible draws.
 """
 
@@ -14,12 +14,10 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import CDFS, ESTIMATOR, EXCEEDANCE, MOMENTS, QUANTILES, SENSITIVITY
-from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, analyze, in_catalogue_order
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_indices import surrogate_indices
-from uqpen.surrogates.closed_forms import mean, standard_deviation
 
 __all__ = ["SurrogateStatistics", "TrainingRange", "surrogate_statistics"]
 
@@ -66,14 +64,15 @@ def surrogate_statistics(
     ----------
     draws : SurrogateDraws
     quantities : sequence of QuantityOfInterest
-        Those of outputs without an expansion are left out.
+        Those of outputs that could not be fitted are left out.
     only : collection of str, optional
         The requested groups; all by default.
     """
+    fitted = {output.name for output in draws.model.outputs}
     requested = [
         replace(quantity, tolerance_contents=())
         for quantity in quantities
-        if quantity.output.name in draws.model.expansions
+        if quantity.output.name in fitted
     ]
     if not requested:
         return SurrogateStatistics({}, {})
@@ -103,22 +102,22 @@ def _by_output(
 def _closed_forms(
     draws: SurrogateDraws, output: str, statistics: OutputStatistics
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """Yield the exact mean and standard deviation of an expansion where they are the output's."""
-    if not draws.has_closed_form(output) or "mean" not in statistics:
+    """Yield the exact mean and standard deviation of a surrogate where they are the output's."""
+    forms = draws.closed_forms_of_output(output)
+    if forms is None or "mean" not in statistics:
         return
-    expansion = draws.model.expansions[output]
-    terms = expansion.indices, expansion.coefficients
-    for name, value in (("mean", mean(*terms)), ("std", standard_deviation(*terms))):
+    moments = forms.closed_form_moments(output)
+    for name, value in zip(("mean", "std"), moments, strict=True):
         exact = statistics[name].copy(data=[value, math.nan, math.nan])
-        yield name, exact.assign_attrs({ESTIMATOR: texts.FROM_COEFFICIENTS})
+        yield name, exact.assign_attrs({ESTIMATOR: forms.estimator})
 
 
 def _training_range(draws: SurrogateDraws, output: str) -> TrainingRange:
-    expansion = draws.model.expansions[output]
+    lowest, highest = draws.model.training_range(output)
     values = draws.runs[output].values
     values = values[np.isfinite(values)]
     squares = (values - values.mean()) ** 2 if values.size else values
-    outside = (values < expansion.smallest) | (values > expansion.largest)
+    outside = (values < lowest) | (values > highest)
     whole = float(squares.sum())
     beyond = float(squares[outside].sum()) / whole if whole > 0 else 0.0
-    return TrainingRange(expansion.smallest, expansion.largest, beyond)
+    return TrainingRange(lowest, highest, beyond)

@@ -1,4 +1,4 @@
-"""Contract tests for distributions, designs, stopping rules and models from outside the package.
+"""Contract tests of the families, for members from outside the package.
 
 Each function raises an `AssertionError` that names the broken rule. A test of your own calls it:
 
@@ -17,7 +17,7 @@ import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN, STATUS
-from uqpen.core.model import Input, Model, Output, Results
+from uqpen.core.model import Model, Output, Results
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
@@ -27,18 +27,20 @@ from uqpen.designs.feedback import Feedback
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.rounds import run_rounds
 from uqpen.designs.stopping.stopping_rule import StoppingRule
-from uqpen.distributions.continuous import Normal, Uniform
 from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import Evaluator
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.running_estimates import RunningEstimates
+from uqpen.testing.example import example_joint_distribution
+from uqpen.testing.surrogate_contract import check_surrogate
 
 __all__ = [
     "check_design",
     "check_distribution",
     "check_model",
     "check_stopping_rule",
+    "check_surrogate",
     "example_joint_distribution",
 ]
 
@@ -99,17 +101,6 @@ def check_distribution(distribution: Distribution) -> None:
     )
     again = pickle.loads(pickle.dumps(distribution))
     assert np.array_equal(again.ppf(p), values), "a pickled copy is the same distribution"
-
-
-def example_joint_distribution() -> JointDistribution:
-    """Return a joint distribution of two independent random inputs and a fixed one."""
-    length, mass, share = Input("length", "m"), Input("mass", "kg"), Input("share", "1")
-    entries = (
-        RandomInput(length, Uniform(1.0, 3.0), "m"),
-        FixedInput(mass, 5.0, "kg"),
-        RandomInput(share, Normal(0.0, 1.0), "1"),
-    )
-    return JointDistribution(entries, (length, mass, share))
 
 
 def check_design(design: Design, joint: JointDistribution | None = None) -> None:

@@ -1,0 +1,97 @@
+"""Diagnostics of a fit: numbers that say how good it is, each with its title and its unit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import xarray as xr
+
+from uqpen.core.labels import NAME
+from uqpen.core.units import DIMENSIONLESS, scale
+
+__all__ = ["DIAGNOSTICS", "Diagnostic", "diagnostics_dataset", "shown_diagnostics", "shown_titles"]
+
+# The group with the diagnostics of the fit to an output, in the group of that output.
+DIAGNOSTICS = "diagnostics"
+
+# Groups without that group state them as attributes; these are shown.
+_TITLES_OF_ATTRIBUTES = {
+    "order": "order",
+    "terms": "terms",
+    "q2": "Q², runs left out",
+    "check_q2_of_output": "Q², check runs",
+}
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """Number that says something about a fit.
+
+    Parameters
+    ----------
+    name : str
+        A name of letters, digits and ``_``.
+    value : float
+        NaN where it is unknown.
+    title : str
+        What a reader sees.
+    units : str
+        Its SI unit.
+    """
+
+    name: str
+    value: float
+    title: str
+    units: str = DIMENSIONLESS
+
+    def __post_init__(self) -> None:
+        if not NAME.match(self.name) or not self.title:
+            raise ValueError(f"a diagnostic has a name and a title, not {self.name!r}")
+        if math.isinf(self.value):
+            raise ValueError(f"the diagnostic {self.name} is infinite")
+        scale(self.units)
+
+    @property
+    def text(self) -> str:
+        """Its value with its unit; empty if it is unknown."""
+        unit = "" if self.units == DIMENSIONLESS else f" {self.units}"
+        return "" if math.isnan(self.value) else f"{self.value:.5g}{unit}"
+
+
+def diagnostics_dataset(diagnostics: Iterable[Diagnostic]) -> xr.Dataset:
+    """Return diagnostics as the group of an archive: variables without dimensions."""
+    return xr.Dataset(
+        {
+            each.name: ((), float(each.value), {"units": each.units, "long_name": each.title})
+            for each in diagnostics
+        }
+    )
+
+
+def shown_diagnostics(fit: xr.DataTree) -> tuple[Diagnostic, ...]:
+    """Return the diagnostics of the fit to an output, from its group of an archive."""
+    if DIAGNOSTICS not in fit.children:
+        return tuple(
+            Diagnostic(name, float(fit.attrs[name]), title)
+            for name, title in _TITLES_OF_ATTRIBUTES.items()
+        )
+    return tuple(
+        Diagnostic(
+            str(name),
+            float(variable.values),
+            str(variable.attrs["long_name"]),
+            str(variable.attrs["units"]),
+        )
+        for name, variable in fit.children[DIAGNOSTICS].data_vars.items()
+    )
+
+
+def shown_titles(fits: Iterable[xr.DataTree]) -> list[str]:
+    """Return the titles of the diagnostics of several fits, each once.
+
+    Without any fit they are those that fits state as attributes.
+    """
+    titles = [each.title for fit in fits for each in shown_diagnostics(fit)]
+    return list(dict.fromkeys(titles)) or list(_TITLES_OF_ATTRIBUTES.values())

@@ -1,0 +1,154 @@
+"""Settings of a surrogate that fits each output by itself: the usual base of one's own."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.arrays import FloatArray
+from uqpen.core.model import Model, Output
+from uqpen.core.settings import name
+from uqpen.core.streams import Stream
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.models.foreign_code import error_text
+from uqpen.surrogates.output_fit import OutputFit
+from uqpen.surrogates.separate_fits import FittedOutput, SeparateFits, predict_output
+from uqpen.surrogates.surrogate import Surrogate
+from uqpen.surrogates.training import TrainingRuns, known_inputs
+from uqpen.surrogates.training_record import TrainingRecord
+
+__all__ = ["OutputSurrogate", "unfitted"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputSurrogate(Surrogate):
+    """Frozen settings of a surrogate that fits each output by itself.
+
+    A subclass declares further settings and the class of its fits, and implements `fit_output`.
+
+    Parameters
+    ----------
+    design : str
+        The design whose runs it is fitted to.
+    check : str, optional
+        A design whose runs show how good it is.
+
+    Attributes
+    ----------
+    output_fit : type
+        The class of what `fit_output` returns.
+    """
+
+    output_fit: ClassVar[type[OutputFit]]
+
+    design: str = name()
+    check: str | None = name(default=None)
+
+    @abstractmethod
+    def fit_output(
+        self, points: FloatArray, values: FloatArray, rng: np.random.Generator
+    ) -> OutputFit | str:
+        """Fit an output; return the reason where that is not possible.
+
+        Parameters
+        ----------
+        points : ndarray, shape (run, input)
+            The random inputs of the completed runs, in SI units.
+        values : ndarray, shape (run,)
+            The output, in its SI unit: finite and not constant.
+        rng : Generator
+            The only source of random numbers.
+        """
+
+    def fit(
+        self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream
+    ) -> SeparateFits:
+        """Fit every output that has numbers; see `Surrogate.fit`."""
+        training = TrainingRuns.from_runs(runs, model, joint)
+        record = _record(self, training, joint)
+        fitted: dict[str, FittedOutput] = {}
+        reasons: dict[str, str] = {}
+        for output in model.outputs:
+            rng = stream.generator("fit", output.name)
+            found: FittedOutput | str = training.output_problem(output)
+            if not found:
+                points = np.column_stack([training.inputs[each] for each in record.random_inputs])
+                found = self._fitted_output(output, points, training.outputs[output.name], rng)
+            if isinstance(found, FittedOutput):
+                fitted[output.name] = found
+            else:
+                reasons[output.name] = found
+        return SeparateFits(
+            name=name,
+            inputs=known_inputs(model, joint),
+            outputs=tuple(each.output for each in fitted.values()),
+            fitted=fitted,
+            reasons=reasons,
+            fixed=training.fixed,
+            training=record,
+            kind=_reference(self),
+            original=model,
+        )
+
+    def _fitted_output(
+        self, output: Output, points: FloatArray, values: FloatArray, rng: np.random.Generator
+    ) -> FittedOutput | str:
+        """Return the fit to an output, or the reason why there is none."""
+        try:
+            fit = self.fit_output(points.copy(), values.copy(), rng)
+            if isinstance(fit, str):
+                return fit
+            if not isinstance(fit, self.output_fit):
+                wrong, expected = type(fit).__name__, self.output_fit.__name__
+                raise TypeError(f"fit_output returns an object of class {wrong}, not {expected}")
+            found = FittedOutput(output, fit, float(values.min()), float(values.max()))
+            found.to_groups()
+            predicted = predict_output(fit, points).mean
+        except Exception as error:  # a foreign class can raise anything
+            return f"its fit fails: {error_text(error)}"
+        if not np.isfinite(predicted).all():
+            return "its fit fails: a prediction at the training runs is not finite"
+        return found
+
+    @classmethod
+    def restore(cls, tree: xr.DataTree, name: str, original: Model | None) -> SeparateFits:
+        """Restore a surrogate of this class; see `Surrogate.restore`."""
+        return SeparateFits.from_tree(tree, name, original, cls.output_fit)
+
+
+def unfitted(
+    surrogate: Surrogate,
+    name: str,
+    runs: xr.Dataset,
+    model: Model,
+    joint: JointDistribution,
+    reason: str,
+) -> SeparateFits:
+    """Return a fitted surrogate without outputs, for the reason why the fit has failed."""
+    training = TrainingRuns.from_runs(runs, model, joint)
+    return SeparateFits(
+        name=name,
+        inputs=known_inputs(model, joint),
+        outputs=(),
+        fitted={},
+        reasons={output.name: reason for output in model.outputs},
+        fixed=training.fixed,
+        training=_record(surrogate, training, joint),
+        kind=_reference(surrogate),
+        original=model,
+    )
+
+
+def _record(
+    surrogate: Surrogate, training: TrainingRuns, joint: JointDistribution
+) -> TrainingRecord:
+    names = tuple(entry.variable.name for entry in joint.random)
+    return TrainingRecord(surrogate.design, names, training.all_counts, joint.is_independent)
+
+
+def _reference(surrogate: Surrogate) -> str:
+    return f"{type(surrogate).__module__}:{type(surrogate).__qualname__}"
