@@ -121,6 +121,8 @@ class PolynomialChaos(Surrogate):
         is_logarithm = self.transform.get(output.name) == "log"
         if output.categories:
             return "it has kinds, not numbers"
+        if output.dims:
+            return "it has dimensions, and surrogates take only scalar outputs"
         problem = training.problem or _fit_problem(training.outputs[output.name], is_logarithm)
         if problem:
             return problem

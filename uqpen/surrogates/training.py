@@ -71,7 +71,7 @@ class TrainingRuns:
             outputs={
                 output.name: runs[output.name].values[came_back].astype(np.float64)
                 for output in model.outputs
-                if not output.categories
+                if output.is_number
             },
             fixed=fixed,
             weights=runs[QUADRATURE_WEIGHT].values if is_rule and came_back.all() else None,
