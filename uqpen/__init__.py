@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from uqpen.models.ishigami import Ishigami
     from uqpen.models.rigid_penetration import RigidPenetration
     from uqpen.models.walker_anderson import WalkerAnderson
+    from uqpen.models.walker_anderson_trajectory import WalkerAndersonTrajectory
     from uqpen.report.page import write_report
     from uqpen.results.archive import Archive, open_archive
     from uqpen.study.load import parse_study
@@ -91,6 +92,7 @@ __all__ = [
     "Uniform",
     "UqpenError",
     "WalkerAnderson",
+    "WalkerAndersonTrajectory",
     "Weibull",
     "compare",
     "figure",
@@ -142,6 +144,7 @@ _HOMES = {
     "uqpen.models.ishigami": ("Ishigami",),
     "uqpen.models.rigid_penetration": ("RigidPenetration",),
     "uqpen.models.walker_anderson": ("WalkerAnderson",),
+    "uqpen.models.walker_anderson_trajectory": ("WalkerAndersonTrajectory",),
     "uqpen.report.page": ("write_report",),
     "uqpen.results.archive": ("Archive", "open_archive"),
     "uqpen.study.load": ("parse_study",),

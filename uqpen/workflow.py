@@ -19,6 +19,7 @@ from uqpen.core.labels import (
     FAILURES_GROUP,
     LARGEST_CONTRIBUTION,
     MODELS,
+    NOT_ESTIMATED,
     RUN,
     RUNS,
     RUNS_SPENT,
@@ -35,6 +36,7 @@ from uqpen.designs.rounds import run_rounds
 from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.models.foreign_code import error_text
+from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, analyze, analyze_failures
 from uqpen.statistics.model_differences import model_differences
 from uqpen.statistics.published import Publication, published_estimates
@@ -190,6 +192,8 @@ class _Source(NamedTuple):
 
     attributes: dict[str, str | int]
     outputs: Mapping[str, OutputStatistics]
+    # Fields, of which there are no statistics.
+    fields: Sequence[str] = ()
 
     def groups(self, path: str) -> Groups:
         """Yield its groups of an archive, below a path."""
@@ -197,11 +201,14 @@ class _Source(NamedTuple):
         for output, statistics in self.outputs.items():
             if statistics:
                 yield f"{path}/{output}", pack(statistics)
+            elif output in self.fields:
+                yield f"{path}/{output}", xr.Dataset(attrs={NOT_ESTIMATED: texts.SCALARS_ONLY})
 
 
 def _model_groups(study: ValidatedStudy, variant: Variant, runs: Runs) -> Groups:
     """Yield the groups of one model: runs, failures, surrogates, statistics, its trajectory."""
     quantities = study.model_quantities(variant.model)
+    fields = [quantity.output.name for quantity in quantities if quantity.output.dims]
     sources: dict[str, _Source] = {}
     for design, design_runs in runs.items():
         attributes: dict[str, str | int] = {
@@ -209,7 +216,7 @@ def _model_groups(study: ValidatedStudy, variant: Variant, runs: Runs) -> Groups
             RUNS_SPENT: design_runs.sizes[RUN],
         }
         outputs = analyze(design_runs, quantities, outside=study.analyses)
-        sources[design] = _Source(attributes, outputs)
+        sources[design] = _Source(attributes, outputs, fields)
         failures = analyze_failures(design_runs)
         yield f"/{RUNS}/{design}", design_runs
         if failures:

@@ -29,6 +29,7 @@ from uqpen.core.labels import (
     INTERVAL_LABEL,
     LARGEST_CONTRIBUTION,
     MISSING,
+    NOT_ESTIMATED,
     NOT_FITTED,
     NOTE,
     ROLE,
@@ -55,7 +56,7 @@ _ATTRIBUTES = {
         "text",
     ),
     **dict.fromkeys(("source", "minus", "outputs", "check", "flag_meanings"), "text"),
-    **dict.fromkeys((SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED), "text"),
+    **dict.fromkeys((SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED, NOT_ESTIMATED), "text"),
     **dict.fromkeys((RUNS_SPENT, "runs", "runs_used", "repeats", "reference_runs"), "count"),
     **dict.fromkeys(("order", "terms", "q2", "check_q2_of_output"), "number"),
 }

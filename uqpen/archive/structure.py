@@ -10,6 +10,7 @@ import xarray as xr
 
 from uqpen.archive.benchmark_structure import find_benchmark_faults
 from uqpen.archive.estimates import has_interval_texts
+from uqpen.archive.fields import find_field_faults
 from uqpen.archive.files import find_file_faults
 from uqpen.archive.layout import (
     find_attribute_faults,
@@ -154,6 +155,7 @@ def _estimate_faults(tree: xr.DataTree) -> Iterator[str]:
 
 
 def _run_faults(runs: xr.Dataset) -> Iterator[str]:
+    yield from find_field_faults(runs)
     if STATUS not in runs or runs[STATUS].dims != (RUN,):
         yield f"no {STATUS} along {RUN}"
     elif not np.isin(runs[STATUS].values, list(Status)).all():

@@ -102,7 +102,7 @@ class BenchmarkStatistic:
 def benchmark_statistics(quantities: Sequence[QuantityOfInterest]) -> Iterator[BenchmarkStatistic]:
     """Yield the statistics of every output that is a number, output by output."""
     for quantity in quantities:
-        if quantity.output.categories:
+        if not quantity.output.is_number:
             continue
         entries: Mapping[str, tuple[float | str, ...]] = {
             PROBABILITY: tuple(quantity.quantiles),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from uqpen.core.model import Model, Variable
+    from uqpen.core.model import Model, Output, Variable
 
 __all__ = ["models"]
 
@@ -47,10 +47,7 @@ def _show_model(model: Model) -> None:
     for variable in model.inputs:
         default = "" if variable.default is None else f"; default {variable.default:g}"
         inputs.append(_row(variable, f"{variable.bounds}{default}"))
-    outputs = [
-        _row(output, ", ".join(category.label for category in output.categories) or "a number")
-        for output in model.outputs
-    ]
+    outputs = [_row(output, _describe_values(output)) for output in model.outputs]
     settings = [
         (field.name, str(field.default), setting.expected, "")
         for field, setting in declared_settings(model)
@@ -63,6 +60,13 @@ def _show_model(model: Model) -> None:
     )
     for group in model.alternatives:
         console.print(f"\none is enough: {' or '.join(group)}", markup=False)
+
+
+def _describe_values(output: Output) -> str:
+    """Return what one run gives of an output."""
+    if output.dims:
+        return f"numbers along {', '.join(each.name for each in output.dims)}"
+    return ", ".join(category.label for category in output.categories) or "a number"
 
 
 def _row(variable: Variable, values: str) -> tuple[str, ...]:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from uqpen.core.model import Model
+    from uqpen.core.arrays import FloatArray
+    from uqpen.core.model import Model, Output
     from uqpen.distributions.constraints import Constraint
 
     Inputs = Mapping[str, float]
@@ -83,12 +84,31 @@ def _output_rows(
     if status is not Status.OK:
         raise ModelError(f"the run is {STATUS_TEXT[status]}: {results.reasons[0]}")
     for output in model.outputs:
-        value, unit = float(results.outputs[output.name][0]), output.preferred_unit
+        unit = output.preferred_unit
+        if output.dims:
+            shown = _field_text(output, results.outputs[output.name][0])
+            yield output.name, shown, "" if unit == DIMENSIONLESS else unit
+            continue
+        value = float(results.outputs[output.name][0])
         if output.categories:
             yield output.name, output.categories[round(value)].label, ""
         else:
             shown = f"{scale(unit).from_si(value):.10g}"
             yield output.name, shown, "" if unit == DIMENSIONLESS else unit
+
+
+def _field_text(output: Output, values: FloatArray) -> str:
+    """Return the range of a field and its dimensions."""
+    import numpy as np
+
+    from uqpen.core.units import scale
+
+    lowest, highest = scale(output.preferred_unit).from_si(
+        np.array([np.nanmin(values), np.nanmax(values)])
+    )
+    ends = f"{lowest:.10g} to {highest:.10g}"
+    along = ", ".join(f"{each.name} ({len(each.values)})" for each in output.dims)
+    return f"{ends} along {along}"
 
 
 def _parse_inputs(model: Model, pairs: Iterable[str]) -> dict[str, float]:

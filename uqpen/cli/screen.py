@@ -18,6 +18,7 @@ from uqpen.cli.printable import printable
 from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
 from uqpen.results.failed_runs import failed_runs
+from uqpen.results.field_texts import field_lines
 from uqpen.results.output_tables import output_tables
 from uqpen.results.table import OutputTable
 
@@ -60,6 +61,7 @@ def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
     console.print(Text(printable(str(tree.attrs["title"])), style="bold"))
     for table in output_tables(tree, everything=everything):
         show_table(console, table)
+    _show_fields(console, tree)
     _show_failures(console, tree)
     console.print()
 
@@ -74,6 +76,15 @@ def show_table(console: Console, table: OutputTable) -> None:
         hanging = Table.grid(padding=(0, 1, 0, 0))
         hanging.add_row(Text(f" {number}", style="dim"), Text(printable(note), style="dim"))
         console.print(hanging)
+
+
+def _show_fields(console: Console, tree: xr.DataTree) -> None:
+    """Show a line for each output with dimensions."""
+    lines = list(field_lines(tree))
+    if lines:
+        console.print()
+    for line in lines:
+        console.print(Text(printable(line)))
 
 
 def _show_failures(console: Console, tree: xr.DataTree) -> None:

@@ -152,9 +152,13 @@ def _offer(
     constraints: Sequence[Constraint] = (),
 ) -> ServedModel:
     """Offer a model with some inputs in its vector, and the values of the others."""
+    from uqpen.core.errors import ModelError
     from uqpen.execution import Evaluator
     from uqpen.server import ServedModel
 
+    if fields := [output.name for output in model.outputs if output.dims]:
+        found = f"{name} gives {', '.join(fields)} along dimensions"
+        raise ModelError(f"{found}; only models with scalar outputs can be served")
     fixed = {name: value for name, value in values.items() if name not in varied}
     return ServedModel(name, Evaluator(model, constraints), tuple(varied), fixed)
 

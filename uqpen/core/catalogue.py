@@ -12,7 +12,17 @@ from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
 
-from uqpen.core.labels import INPUT, PAIR, RANK, STATUS
+from uqpen.core.labels import (
+    BOUNDS,
+    INPUT,
+    INTERVAL,
+    INTERVAL_LABEL,
+    NOTE,
+    PAIR,
+    RANK,
+    RESERVED,
+    STATUS,
+)
 
 __all__ = [
     "CATALOGUE",
@@ -20,12 +30,14 @@ __all__ = [
     "CONTENT_LEVEL",
     "DIMENSIONS",
     "FAILURE_STATISTICS",
+    "NAMES_IN_USE",
     "PERCENT",
     "PROBABILITY",
     "RUNS_SO_FAR",
+    "TABLE_COLUMNS",
     "THRESHOLD",
     "UNLISTED_DIMENSIONS",
-    "Dimension",
+    "DimensionLabels",
     "Statistic",
     "UnitRule",
 ]
@@ -53,8 +65,8 @@ class UnitRule(Enum):
 
 
 @dataclass(frozen=True)
-class Dimension:
-    """Dimension of a statistic: the kind of its labels, ``"number"`` or ``"text"``.
+class DimensionLabels:
+    """Labels along a dimension of statistics: their kind, ``"number"`` or ``"text"``.
 
     Its companions are further coordinates along it, each of kind ``"number"``, ``"count"`` or
     ``"text"``.
@@ -64,19 +76,32 @@ class Dimension:
     companions: Mapping[str, str] = field(default_factory=dict)
 
 
-DIMENSIONS: Mapping[str, Dimension] = MappingProxyType(
+DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
     {
-        PROBABILITY: Dimension("number"),
-        CONTENT_LEVEL: Dimension("number", {"content_runs_needed": "count"}),
-        THRESHOLD: Dimension("text", {"threshold_value": "number"}),
-        CATEGORY: Dimension("text", {"category_label": "text"}),
-        RANK: Dimension("number"),
-        PERCENT: Dimension("number"),
-        RUNS_SO_FAR: Dimension("count"),
-        INPUT: Dimension("text"),
-        PAIR: Dimension("text", {"pair_first": "text", "pair_second": "text"}),
-        STATUS: Dimension("text"),
+        PROBABILITY: DimensionLabels("number"),
+        CONTENT_LEVEL: DimensionLabels("number", {"content_runs_needed": "count"}),
+        THRESHOLD: DimensionLabels("text", {"threshold_value": "number"}),
+        CATEGORY: DimensionLabels("text", {"category_label": "text"}),
+        RANK: DimensionLabels("number"),
+        PERCENT: DimensionLabels("number"),
+        RUNS_SO_FAR: DimensionLabels("count"),
+        INPUT: DimensionLabels("text"),
+        PAIR: DimensionLabels("text", {"pair_first": "text", "pair_second": "text"}),
+        STATUS: DimensionLabels("text"),
     }
+)
+
+# Columns of the long table of estimates; each dimension is a further one.
+TABLE_COLUMNS = (
+    "model", "source", "kind", "output", "statistic", "coordinates", "unit", *BOUNDS,
+)  # fmt: skip
+
+# Names that the datasets of an archive and its long table use themselves.
+NAMES_IN_USE = RESERVED.union(
+    TABLE_COLUMNS,
+    (INTERVAL, INTERVAL_LABEL, NOTE),
+    DIMENSIONS,
+    *(labels.companions for labels in DIMENSIONS.values()),
 )
 
 

@@ -18,7 +18,7 @@ from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
 from uqpen.core.lookup import choices
 from uqpen.core.status import Status
-from uqpen.core.variables import POSITIVE, Bounds, Category, Input, Output, Variable
+from uqpen.core.variables import POSITIVE, Bounds, Category, Dimension, Input, Output, Variable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,12 +29,14 @@ __all__ = [
     "BoolArray",
     "Bounds",
     "Category",
+    "Dimension",
     "FloatArray",
     "Input",
     "Model",
     "Output",
     "Results",
     "Variable",
+    "empty_outputs",
 ]
 
 
@@ -44,8 +46,9 @@ class Results:
 
     Parameters
     ----------
-    outputs : mapping of str to ndarray, shape (run,)
-        SI values; NaN where a run failed (any value for a categorical output).
+    outputs : mapping of str to ndarray, shape (run, *dims)
+        SI values, of shape (run,) for an output without dimensions; NaN where a run failed (any
+        value for a categorical output).
     status : ndarray of int8, shape (run,)
         See `uqpen.core.labels.Status`.
     reasons : mapping of int to str
@@ -65,6 +68,11 @@ class Results:
         """Return the results of a batch in which no run failed."""
         runs = len(next(iter(outputs.values())))
         return cls(outputs, np.full(runs, Status.OK, dtype=np.int8))
+
+
+def empty_outputs(outputs: Sequence[Output], runs: int) -> dict[str, FloatArray]:
+    """Return an array of NaN for each output, of shape (run, *dims)."""
+    return {output.name: np.full((runs, *output.shape), np.nan) for output in outputs}
 
 
 class Model(ABC):

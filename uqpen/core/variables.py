@@ -1,15 +1,32 @@
-"""Inputs and outputs of a model: names, units, possible values."""
+"""Inputs and outputs of a model: names, units, possible values, dimensions."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.catalogue import CATALOGUE, NAMES_IN_USE
+from uqpen.core.errors import Problem, SettingsError, toml_text
+from uqpen.core.labels import NAME
 
-__all__ = ["POSITIVE", "Bounds", "Category", "Input", "Output", "Variable"]
+__all__ = [
+    "MOST_DIMENSIONS",
+    "POSITIVE",
+    "Bounds",
+    "Category",
+    "Dimension",
+    "Input",
+    "Output",
+    "Variable",
+    "dimension_name_problem",
+]
+
+# Dimensions of an output at most, beside that of the runs.
+MOST_DIMENSIONS = 3
 
 
 @dataclass(frozen=True)
@@ -104,8 +121,108 @@ class Category:
     label: str
 
 
+def dimension_name_problem(name: str) -> str:
+    """Return the expected form of an invalid name of a dimension; empty for a valid one."""
+    if not NAME.match(name):
+        return "a name of letters, digits and _, at most 100"
+    if name in NAMES_IN_USE or name in CATALOGUE:
+        return "a name that archives do not use themselves"
+    return ""
+
+
+@dataclass(frozen=True)
+class Dimension(Variable):
+    """Dimension of outputs, such as time or depth, with the coordinates of their values.
+
+    Parameters
+    ----------
+    values : tuple of float
+        Coordinates in the SI unit, finite and in ascending order.
+
+    Raises
+    ------
+    SettingsError
+        If the name is invalid or used by archives themselves, or the coordinates are.
+    """
+
+    values: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", tuple(float(value) for value in self.values))
+        if problems := list(self._problems()):
+            raise SettingsError(problems)
+
+    def _problems(self) -> Iterator[Problem]:
+        if expected := dimension_name_problem(self.name):
+            yield Problem(("name",), toml_text(self.name), expected)
+        if not self.values:
+            yield Problem(("values",), "nothing", "at least one coordinate")
+        for position, value in enumerate(self.values):
+            before = self.values[position - 1] if position else -math.inf
+            if not before < value < math.inf:
+                expected = "finite numbers in ascending order"
+                yield Problem(("values", position), toml_text(value), expected)
+                return
+
+
 @dataclass(frozen=True)
 class Output(Variable):
-    """Output variable of a model; values of a categorical one are positions in its categories."""
+    """Output variable of a model: a number, a category, or a field of numbers.
+
+    Parameters
+    ----------
+    categories : tuple of Category
+        Of a categorical output, whose values are positions in them.
+    dims : tuple of Dimension
+        Of a field, such as a curve in time; `MOST_DIMENSIONS` at most.
+    may_end : bool
+        Whether a curve may end before its dimension does: its values after the end are NaN.
+
+    Raises
+    ------
+    SettingsError
+        If these do not go together.
+    """
 
     categories: tuple[Category, ...] = ()
+    dims: tuple[Dimension, ...] = ()
+    may_end: bool = False
+
+    def __post_init__(self) -> None:
+        names = [dimension.name for dimension in self.dims]
+        if len(names) > MOST_DIMENSIONS or len({*names, self.name}) <= len(names):
+            expected = f"at most {MOST_DIMENSIONS} dimensions, of names that differ"
+            raise SettingsError([Problem(("dims",), ", ".join(names), expected)])
+        if self.dims and self.categories:
+            found = "categories and dimensions"
+            raise SettingsError([Problem(("dims",), found, "one of them")])
+        if self.may_end and len(self.dims) != 1:
+            found = f"an output along {len(self.dims)} dimensions"
+            raise SettingsError([Problem(("may_end",), found, "a curve, along one dimension")])
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of its values in one run; empty for a single one."""
+        return tuple(len(dimension.values) for dimension in self.dims)
+
+    @property
+    def is_number(self) -> bool:
+        """True if each run has one number of it, neither a category nor a field."""
+        return not self.categories and not self.dims
+
+    def invalid(self, values: FloatArray) -> BoolArray:
+        """Return a mask of the values that are no results.
+
+        Parameters
+        ----------
+        values : ndarray, shape (run, *dims)
+            Values of several runs. Each must be finite. Of a curve that may end, all after the
+            end are NaN; its first value must be there.
+        """
+        if not self.may_end:
+            return ~np.isfinite(values)
+        backwards = np.isnan(values)[:, ::-1]
+        is_after_end = np.logical_and.accumulate(backwards, axis=1)[:, ::-1]
+        is_after_end[:, 0] = False
+        mask: BoolArray = ~np.isfinite(values) & ~is_after_end
+        return mask

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, REPLICATE, ROLE, RUN, STATUS
-from uqpen.core.model import Category, Model, Output
+from uqpen.core.model import Category, Dimension, Model, Output, empty_outputs
 from uqpen.core.status import Status
 from uqpen.execution.batch import Batch, BatchResult, Map, PacedMap
 from uqpen.execution.batching import WORTH_SENDING, Pace, scalar_batches, vectorized_batches
@@ -20,6 +20,9 @@ from uqpen.execution.failures import FailureCount, FailurePolicy
 from uqpen.execution.progress import Progress
 
 __all__ = ["evaluate"]
+
+# Attribute of a curve that may end before its dimension does.
+_END = {"comment": "NaN after the end of the curve"}
 
 
 def evaluate(
@@ -54,8 +57,8 @@ def evaluate(
     Returns
     -------
     Dataset
-        The points, a variable for each output along ``run``, ``status(run)``, and the reasons of
-        failed runs along their own dimension.
+        The points, a variable for each output along ``run`` and its own dimensions,
+        ``status(run)``, and the reasons of failed runs along their own dimension.
 
     Raises
     ------
@@ -93,9 +96,26 @@ def evaluate(
         for warning in batch_result.warnings:
             progress.warn(warning)
         progress.advance(len(batch_result), failure_count.add(batch_result), record.under_way)
-    runs = points.assign(record.variables(model.outputs))
+    runs = points.assign(record.variables(model.outputs)).assign_coords(_coordinates(model))
     _add_attributes(runs, model, display_units)
     return runs
+
+
+def _coordinates(model: Model) -> dict[str, Any]:
+    """Return the coordinates of the model's fields, by dimension."""
+    dimensions = {each.name: each for output in model.outputs for each in output.dims}
+    return {
+        name: (name, np.array(each.values), _measure(each)) for name, each in dimensions.items()
+    }
+
+
+def _measure(dimension: Dimension) -> dict[str, str]:
+    """Return the attributes of a coordinate."""
+    return {
+        "units": dimension.unit,
+        "display_units": dimension.preferred_unit,
+        "long_name": dimension.title,
+    }
 
 
 class _RunRecord:
@@ -104,7 +124,7 @@ class _RunRecord:
     def __init__(self, outputs: Sequence[Output], runs: int) -> None:
         self.done = np.zeros(runs, dtype=np.bool_)
         self.under_way = 0
-        self._outputs = {output.name: np.full(runs, np.nan) for output in outputs}
+        self._outputs = empty_outputs(outputs, runs)
         self._status = np.zeros(runs, dtype=np.int8)
         self._reasons: dict[int, str] = {}
 
@@ -136,7 +156,7 @@ class _RunRecord:
             if output.categories:
                 # A failed run has no category, which integers express as a category of its own.
                 values = np.where(np.isnan(values), -1, values).astype(np.int8)
-            variables[output.name] = (RUN, values)
+            variables[output.name] = ((RUN, *(dim.name for dim in output.dims)), values)
         variables[STATUS] = (RUN, self._status)
         failed = sorted(self._reasons)
         if not failed:
@@ -158,6 +178,7 @@ def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, 
                     "long_name": variable.title,
                     ROLE: role,
                     **(_category_attributes(categories) if categories else measure),
+                    **(_END if isinstance(variable, Output) and variable.may_end else {}),
                 }
     runs[STATUS].attrs = {"long_name": "what became of the run"}
     runs[STATUS].attrs |= _flag_attributes(list(Status), [status.meaning for status in Status])

@@ -12,11 +12,12 @@ import numpy as np
 
 from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.limits import Limits
-from uqpen.core.model import Model, Results, violated_conditions
+from uqpen.core.model import Model, Results, empty_outputs, violated_conditions
 from uqpen.core.status import Status
 from uqpen.distributions.constraints import Constraint
 from uqpen.execution.batch import Batch, BatchResult
 from uqpen.execution.child_process import run_in_child
+from uqpen.execution.invalid_values import invalid_runs
 from uqpen.execution.process_role import is_child_process
 
 __all__ = ["Evaluator", "EvaluatorWork"]
@@ -52,7 +53,7 @@ class Evaluator:
             for run in np.flatnonzero(violated & (status == Status.OK)).tolist():
                 reasons[run] = reason
             status[violated] = Status.INADMISSIBLE
-        outputs = {output.name: np.full(runs, np.nan) for output in self.model.outputs}
+        outputs = empty_outputs(self.model.outputs, runs)
         admissible = np.flatnonzero(status == Status.OK)
         if not admissible.size:
             return Results(outputs, status, reasons)
@@ -63,10 +64,10 @@ class Evaluator:
         reasons |= {int(admissible[run]): reason for run, reason in results.reasons.items()}
         for name, values in results.outputs.items():
             outputs[name][admissible] = values
-            broken = admissible[~np.isfinite(values) & (status[admissible] == Status.OK)]
-            status[broken] = Status.NOT_FINITE
-            for run in broken.tolist():
-                reasons[run] = f"{name} is {outputs[name][run]}"
+            for position, reason in invalid_runs(self.model.output(name), values):
+                run = int(admissible[position])
+                if status[run] == Status.OK:
+                    status[run], reasons[run] = Status.NOT_FINITE, reason
         for values in outputs.values():
             values[status != Status.OK] = np.nan
         return Results(outputs, status, reasons, results.files)
@@ -111,7 +112,7 @@ class EvaluatorWork:
     def failed_result(self, batch: Batch, status: Status, reason: str) -> BatchResult:
         """Return the result of a batch whose runs all failed for one reason."""
         runs = len(batch)
-        outputs = {output.name: np.full(runs, np.nan) for output in self.evaluator.model.outputs}
+        outputs = empty_outputs(self.evaluator.model.outputs, runs)
         statuses = np.full(runs, status, dtype=np.int8)
         reasons = dict.fromkeys(range(runs), reason)
         return BatchResult(batch.start, Results(outputs, statuses, reasons))

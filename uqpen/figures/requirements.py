@@ -55,7 +55,8 @@ def _variable_roles(runs: xr.Dataset) -> dict[str, bool]:
 def _run_faults(runs: xr.Dataset) -> Iterator[str]:
     for name, is_output in _variable_roles(runs).items():
         variable = runs[name]
-        lies_right = variable.dims == (RUN,) or (not variable.dims and not is_output)
+        # The fields of runs have been checked when the archive was opened.
+        lies_right = variable.dims[:1] == (RUN,) if is_output else variable.dims in ((), (RUN,))
         if not (lies_right and has_kind(variable, "number")):
             yield f"{name} is not of numbers along {RUN}"
         elif "flag_meanings" in variable.attrs and not _has_flags(variable):

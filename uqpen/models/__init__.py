@@ -6,6 +6,9 @@ __all__ = ["MODELS"]
 
 MODELS = {
     "walker-anderson": "uqpen.models.walker_anderson:WalkerAnderson",
+    "walker-anderson-trajectory": (
+        "uqpen.models.walker_anderson_trajectory:WalkerAndersonTrajectory"
+    ),
     "rigid-penetration": "uqpen.models.rigid_penetration:RigidPenetration",
     "ishigami": "uqpen.models.ishigami:Ishigami",
 }

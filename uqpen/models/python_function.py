@@ -19,24 +19,21 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.core.arrays import Arrays, FloatArray, floats
+from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.interrupts import is_user_interrupt
 from uqpen.core.limits import Limits
-from uqpen.core.model import Input, Model, Output, Results
+from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.models.foreign_code import end_forked_child, error_text, restore_streams
+from uqpen.models.function_outputs import UnusableOutputError, extract_outputs
 from uqpen.models.function_source import FunctionSource
 from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import ModelFolder
 
 __all__ = ["PythonFunction", "check_signature", "load_function", "load_module"]
-
-
-class _UnusableError(Exception):
-    """Returned value that differs from the declared outputs; the message is a run's reason."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +44,13 @@ class PythonFunction(Model):
     ----------
     function : callable
         Takes a keyword argument for each input, returns a mapping with each output; values are in
-        the units of `units`.
+        the units of `units`. An output with dimensions is an array along them.
     name : str
         Name for display; with surroundings, the reference for `load_function`.
     units : mapping of str to str
         The unit that the function takes each input and gives each output in.
     vectorized : bool
-        Whether it takes and returns arrays of shape (run,); else one float for each.
+        Whether it takes and returns arrays along the runs; else those of one run.
     surroundings : ModelFolder, optional
         The folder that the function must be called in; a hash of its source identifies the version
         of the model.
@@ -91,7 +88,7 @@ class PythonFunction(Model):
             name: scale(self.units[name]).from_si(values) for name, values in inputs.items()
         }
         runs = len(next(iter(inputs.values())))
-        outputs = {output.name: np.full(runs, np.nan) for output in self.outputs}
+        outputs = empty_outputs(self.outputs, runs)
         status = np.full(runs, Status.OK, dtype=np.int8)
         reasons: dict[int, str] = {}
         folder = self.surroundings.on_import_path() if self.surroundings else nullcontext()
@@ -160,8 +157,8 @@ class PythonFunction(Model):
         answer: dict[str, FloatArray] | str
         try:
             returned = self.function(**arguments)
-            answer = _check_outputs(returned, [output.name for output in self.outputs], runs)
-        except _UnusableError as refused:
+            answer = extract_outputs(returned, self.outputs, runs)
+        except UnusableOutputError as refused:
             answer = one_line(str(refused))
         except BaseException as error:  # any exception of a black box is data
             end_forked_child(process, error)
@@ -170,25 +167,6 @@ class PythonFunction(Model):
             answer = error_text(error)
         end_forked_child(process)
         return answer
-
-
-def _check_outputs(returned: object, names: list[str], runs: int | None) -> dict[str, FloatArray]:
-    """Extract the outputs from the value that a function returned, which can be anything."""
-    if not isinstance(returned, Mapping):
-        raise _UnusableError(f"returned {type(returned).__name__}, not a mapping of outputs")
-    shape = () if runs is None else (runs,)
-    outputs = {}
-    for name in names:
-        if name not in returned:
-            raise _UnusableError(f'returned no "{name}"')
-        try:
-            values = floats(returned[name])
-        except ValueError as error:
-            raise _UnusableError(f'returned a "{name}" of {error}') from None
-        if values.shape != shape:
-            raise _UnusableError(f'returned a "{name}" of shape {values.shape}, not {shape}')
-        outputs[name] = values
-    return outputs
 
 
 def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], ModelFolder]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import UnknownNameError
@@ -103,12 +104,19 @@ class ArchiveView:
     @property
     def numeric_outputs(self) -> list[str]:
         """The outputs that are numbers, the one asked for alone if any."""
-        return [name for name in self._selected if "flag_meanings" not in self.attributes(name)]
+        return [
+            name
+            for name in self._selected
+            if "flag_meanings" not in self.attributes(name) and not self._is_field(name)
+        ]
 
     @property
     def categorical_outputs(self) -> list[str]:
         """The outputs that have kinds, likewise."""
         return [name for name in self._selected if "flag_meanings" in self.attributes(name)]
+
+    def _is_field(self, name: str) -> bool:
+        return bool(field_dimensions(first_runs(self.tree)[name]))
 
     @property
     def _selected(self) -> list[str]:

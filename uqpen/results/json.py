@@ -24,6 +24,7 @@ from uqpen.execution import status_counts
 from uqpen.results.estimate_json import entries_json, estimate_json, json_value
 from uqpen.results.failed_runs import failed_runs
 from uqpen.results.failure_tables import ASSOCIATIONS, ENDS
+from uqpen.results.field_texts import dimensions_json
 from uqpen.results.outside_rows import outside_json
 from uqpen.results.sensitivity_json import sensitivity_json
 from uqpen.results.source_statistics import SourceStatistics
@@ -109,7 +110,16 @@ def _model_json(tree: xr.DataTree) -> dict[str, Any]:
 
 def _outputs_json(statistics: SourceStatistics, source: str, runs: xr.Dataset) -> dict[str, Any]:
     """Return all estimates of a source, by the outputs that a runs dataset describes."""
-    return {name: _output_json(statistics, source, runs[name]) for name in output_names(runs)}
+    return {
+        name: _output_json(statistics, source, runs[name]) | _field_json(runs, name)
+        for name in output_names(runs)
+    }
+
+
+def _field_json(runs: xr.Dataset, output: str) -> dict[str, Any]:
+    """Return the dimensions of a field; nothing for another output."""
+    dimensions = dimensions_json(runs, output)
+    return {"dimensions": dimensions} if dimensions else {}
 
 
 def _publication_json(statistics: SourceStatistics, name: str) -> dict[str, Any]:

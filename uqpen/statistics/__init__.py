@@ -7,6 +7,8 @@ designs can be compared. Designs made for one purpose (pick-freeze blocks, traje
 quadrature rule) have analyses of their own, which take their runs. The probabilities of the
 statuses of runs are estimated by
 `uqpen.statistics.distribution_function.probabilities.status_probabilities`.
+
+An analysis takes scalar outputs only, unless it is among the `FIELD_ANALYSES`.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from types import MappingProxyType
 
 from uqpen.core.sampling import Sampling
 
-__all__ = ["ANALYSES", "ANALYSES_OF_DESIGNS"]
+__all__ = ["ANALYSES", "ANALYSES_OF_DESIGNS", "FIELD_ANALYSES"]
 
 # The group that the answers stand in, and who gives them.
 ANALYSES = {
@@ -51,3 +53,7 @@ ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyTy
         },
     }
 )
+
+# References of the analyses that take outputs with dimensions, too: samples whose values are of
+# shape (run, *dims). The statistics of a field have its dimensions.
+FIELD_ANALYSES: frozenset[str] = frozenset()

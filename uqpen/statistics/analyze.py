@@ -14,7 +14,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.threads import one_blas_thread
 from uqpen.execution import status_counts
-from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS, texts
+from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS, FIELD_ANALYSES, texts
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
@@ -51,7 +51,8 @@ def analyze(
     -------
     dict of str to dict of str to DataArray
         By output, estimate arrays by statistic, in the order of the catalogue. The attributes of
-        each say how many runs it used, and how many ended how.
+        each say how many runs it used, and how many ended how. An output with dimensions has those
+        of the `FIELD_ANALYSES` alone.
     """
     with one_blas_thread():
         sampling = Sampling(runs.attrs[SAMPLING])
@@ -65,7 +66,7 @@ def analyze(
         _run_analyses(own, quantities, dict.fromkeys(found, runs), _run_counts(runs), found)
         if sampling.is_sample and outside:
             counts = _run_counts(drawn)
-            for quantity in quantities:
+            for quantity in (each for each in quantities if not each.output.dims):
                 name = quantity.output.name
                 added = outside_statistics(outside, samples[name], quantity, found[name])
                 found[name] |= {key: array.assign_attrs(counts) for key, array in added.items()}
@@ -115,7 +116,10 @@ def _run_analyses(
     """Put the statistics of several analyses, for each output, among those found."""
     for reference in references:
         analysis = resolve(reference)
+        takes_fields = reference in FIELD_ANALYSES
         for quantity in quantities:
+            if quantity.output.dims and not takes_fields:
+                continue
             name = quantity.output.name
             for statistic, array in analysis(evidence[name], quantity):
                 found[name][statistic] = array.assign_attrs(attributes)

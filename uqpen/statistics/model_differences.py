@@ -46,7 +46,7 @@ def model_differences(
     requested = [
         replace(quantity, thresholds=(), tolerance_contents=())
         for quantity in quantities
-        if quantity.output.name in first and not quantity.output.categories
+        if quantity.output.name in first and quantity.output.is_number
     ]
     runs = worst_status_runs([first, other])
     came_back = runs[STATUS].values == Status.OK

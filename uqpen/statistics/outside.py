@@ -17,8 +17,9 @@ from uqpen.core.catalogue import (
     CATALOGUE,
     CATEGORY,
     CONTENT_LEVEL,
-    DIMENSIONS,
+    NAMES_IN_USE,
     PROBABILITY,
+    TABLE_COLUMNS,
     THRESHOLD,
 )
 from uqpen.core.errors import Problem, QuantityError, StudyError
@@ -39,15 +40,8 @@ _UNIT_RULES = ("value", "difference")
 # The entries of these are what the study asks for, the same for all sources of an output.
 _ASKED = (PROBABILITY, CONTENT_LEVEL, THRESHOLD, CATEGORY)
 
-# A dimension is a column of the long table, beside these.
-_COLUMNS = ("model", "source", "kind", "output", "statistic", "coordinates", "unit", *BOUNDS)
-_USED_DIMENSIONS = RESERVED.union(_COLUMNS, INTERVAL_TEXTS) - {INPUT}
-_USED_NAMES = RESERVED.union(
-    _COLUMNS,
-    INTERVAL_TEXTS,
-    DIMENSIONS,
-    *(dimension.companions for dimension in DIMENSIONS.values()),
-)
+# A dimension is a column of the long table, beside its own.
+_USED_DIMENSIONS = RESERVED.union(TABLE_COLUMNS, INTERVAL_TEXTS) - {INPUT}
 
 _ESTIMATE_ARRAY = "an estimate array, as Estimate.to_array and Estimate.stack make it"
 
@@ -183,7 +177,7 @@ def _name_fault(name: object, found: Mapping[str, object]) -> str:
         return "a name of letters, digits and _, at most 100"
     if name in CATALOGUE:
         return "a name that no built-in statistic has"
-    if name in _USED_NAMES or name.endswith(f"_{INTERVAL}"):
+    if name in NAMES_IN_USE or name.endswith(f"_{INTERVAL}"):
         return "a name that archives do not use themselves"
     return "a name that it has not yielded before, nor another analysis" if name in found else ""
 

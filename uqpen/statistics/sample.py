@@ -63,7 +63,7 @@ class Sample:
     Parameters
     ----------
     values : ndarray, shape (run,)
-        In the variable's SI unit.
+        In the variable's SI unit; of shape (run, *dims) for an output with dimensions.
     used : ndarray of int, shape (run,)
         Numbers of the points with a completed run.
     missing : ndarray of int, shape (missing,)

@@ -30,6 +30,9 @@ WIDER_OF_TWO = "the wider of jackknife over replicates and delta method over blo
 DELONG = "DeLong on the logit"
 SURROGATE_SAMPLING = "sampling of the surrogate"
 
+# Why an output with dimensions has no statistics.
+SCALARS_ONLY = "statistics take only scalar outputs"
+
 # How the points were drawn, and how many runs completed.
 NOT_A_SAMPLE = "the points are not a sample of the input distribution"
 NOT_DECLARED_INDEPENDENT = "the points are not declared independent (independent = true)"

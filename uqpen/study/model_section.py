@@ -78,9 +78,9 @@ def read_partial_model(table: TableReader, mentioned: PartialModel) -> PartialMo
     if ways == ["use"]:
         if not isinstance(name, str) or name not in MODELS:
             return mentioned
-        model = resolve(MODELS[name])
+        model = resolve(MODELS[name])()
         return PartialModel(model.name, model.inputs, model.outputs, model.alternatives)
-    inputs, outputs, _ = read_variables(table)
+    inputs, outputs, _ = read_variables(table, takes_fields=True)
     title = name if isinstance(name, str) else "the model"
     return PartialModel(title, inputs or mentioned.inputs, outputs or mentioned.outputs)
 
@@ -98,7 +98,7 @@ def read_function(table: TableReader) -> Model | None:
     noted = len(table.problems)
     settings = table.settings(_FunctionSettings)
     limits = read_function_limits(table, is_vectorized=settings is not None and settings.vectorized)
-    inputs, outputs, units = read_variables(table)
+    inputs, outputs, units = read_variables(table, takes_fields=True)
     if settings is None or len(table.problems) > noted:
         return None
     reference = settings.python

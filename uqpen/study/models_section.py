@@ -90,3 +90,8 @@ def _check_same_variables(table: TableReader, first: Model, model: Model) -> Non
                 found = f'{what} "{variable.name}" [{variable.unit}]'
                 expected = f"{what}s of the first model".replace("an ", "", 1)
                 table.add_problem((), found, f"only {expected}, in units of the same dimension")
+    dims = {output.name: output.dims for output in first.outputs}
+    for output in model.outputs:
+        if output.dims != dims.get(output.name, output.dims):
+            found = f'an output "{output.name}" with other dimensions or coordinates'
+            table.add_problem((), found, "those that it has in the first model")

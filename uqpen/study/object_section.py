@@ -42,7 +42,7 @@ def read_object(table: TableReader) -> PythonFunction | None:
         table.add_wrong(OBJECT, named, expected)
     function = (objects or {}).get(table.path)
     limits = read_function_limits(table, is_vectorized=settings is not None and settings.vectorized)
-    inputs, outputs, units = read_variables(table)
+    inputs, outputs, units = read_variables(table, takes_fields=True)
     if settings is None or len(table.problems) > noted:
         return None
     name = settings.object

@@ -8,6 +8,7 @@ from dataclasses import replace
 from uqpen.core.labels import LARGEST_CONTRIBUTION
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model, Output
+from uqpen.statistics import texts
 from uqpen.statistics.published import Publication, PublishedEstimates
 from uqpen.study.table_reader import TableReader, check_names, named_tables
 
@@ -43,6 +44,11 @@ def _read_estimates(
     if output.categories:
         for key in table:
             table.add_problem(key, "a figure of an output that has kinds", "an output with numbers")
+        return None
+    if output.dims:
+        for key in table:
+            expected = f"an output without dimensions: {texts.SCALARS_ONLY}"
+            table.add_problem(key, f'an estimate of "{output.name}"', expected)
         return None
     largest = table.content.get(LARGEST_CONTRIBUTION) or ""
     given = {"output": output, LARGEST_CONTRIBUTION: str(largest)}

@@ -20,9 +20,11 @@ class PythonModel:
         defined in a notebook or inside another function.
     inputs, outputs : mapping of str to str
         The unit in which it takes each input and returns each output, such as ``"cm"``; ``"1"``
-        for a number without a unit.
+        for a number without a unit. For an output with dimensions an `OutputSpec` with
+        `unit`, `along` and `may_end`.
     vectorized : bool
-        True if it takes and returns arrays of shape (run,), False for one number each.
+        True if it takes arrays of shape (run,) and returns arrays of shape (run, *dims), False for
+        the inputs and outputs of one run.
     time_limit, memory_limit : str, optional
         Limits of one run, such as ``"5 min"`` and ``"2 GB"``.
     replaced : mapping of str to str or float, optional
@@ -31,7 +33,7 @@ class PythonModel:
 
     function: Callable[..., Mapping[str, Any]]
     inputs: Mapping[str, str]
-    outputs: Mapping[str, str]
+    outputs: Mapping[str, str | OutputSpec]
     vectorized: bool = False
     time_limit: str | None = None
     memory_limit: str | None = None
@@ -46,7 +48,16 @@ class PythonModel:
             "memory_limit": self.memory_limit,
             "with": self.replaced or None,
             "inputs": self.inputs,
-            "outputs": self.outputs,
+            "outputs": self._output_tables(),
+        }
+
+    def _output_tables(self) -> Mapping[str, str | OutputSpec]:
+        """Return the outputs, all as tables if one is: TOML writes tables last."""
+        if not any(isinstance(value, OutputSpec) for value in self.outputs.values()):
+            return self.outputs
+        return {
+            name: OutputSpec(value) if isinstance(value, str) else value
+            for name, value in self.outputs.items()
         }
 
 
@@ -64,12 +75,21 @@ class OutputSpec:
         Thresholds whose probability of exceedance is estimated, such as ``"60 cm"``.
     hold : sequence of float
         Contents of one-sided upper tolerance limits.
+    along : mapping of str to mapping, optional
+        Dimensions of an output of a Python function, such as
+        ``{"time": {"unit": "s", "from": 0, "to": 10, "size": 101}}`` or
+        ``{"time": {"unit": "s", "values": [0, 1, 3]}}``. Each run has values along them, in place
+        of a number. Statistics take only scalar outputs, so such an output has none.
+    may_end : bool
+        Whether a curve may end before its dimension does: NaN at its end is then no failure.
     """
 
     unit: str | None = None
     quantiles: Sequence[float] = ()
     exceeds: Sequence[str | float] = ()
     hold: Sequence[float] = ()
+    along: Mapping[str, Mapping[str, Any]] | None = None
+    may_end: bool = False
 
     def table(self) -> dict[str, Any]:
         """Return its declaration as a table of a study file."""

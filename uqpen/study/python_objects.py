@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -61,6 +62,8 @@ class StudyContent:
         model = given.get("model")
         if callable(model) and not isinstance(model, PythonModel):
             given["model"] = self._bare_function(model, given)
+            if "outputs" in given:
+                given["outputs"] = _without_fields(given["outputs"])
         self.content: dict[str, Any] = {
             name: self._value(value, (name,)) for name, value in given.items()
         }
@@ -115,7 +118,7 @@ class StudyContent:
                 expected = "one unit, in which the function takes it; or a uqpen.PythonModel"
                 found = f"values in {' and '.join(units)}"
                 self.problems.append(Problem(("inputs", str(name)), found, expected))
-        outputs = {str(name): _output_unit(value) for name, value in _items(given.get("outputs"))}
+        outputs = {str(name): _model_output(value) for name, value in _items(given.get("outputs"))}
         return PythonModel(function, inputs, outputs)
 
     def _expand_outputs(self) -> None:
@@ -190,6 +193,28 @@ def _units(value: object) -> Iterator[str]:
             yield spread.unit if spread else parse_any_dimension(value).unit
         except QuantityError:
             return
+
+
+def _is_field(value: object) -> TypeGuard[OutputSpec]:
+    return isinstance(value, OutputSpec) and (value.along is not None or value.may_end)
+
+
+def _without_fields(outputs: object) -> object:
+    """Return the outputs of a study without the dimensions, which the model declares."""
+    if not isinstance(outputs, Mapping):
+        return outputs
+    return {
+        name: replace(value, along=None, may_end=False) if _is_field(value) else value
+        for name, value in outputs.items()
+    }
+
+
+def _model_output(value: object) -> str | OutputSpec:
+    """Return the declaration of an output in a model: its unit, and its dimensions if any."""
+    unit = _output_unit(value)
+    if _is_field(value):
+        return OutputSpec(unit, along=value.along, may_end=value.may_end)
+    return unit
 
 
 def _output_unit(value: object) -> str:

@@ -9,6 +9,7 @@ from uqpen.core.lookup import family_name
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs import DESIGNS
 from uqpen.distributions.joint_distribution import FixedInput
+from uqpen.statistics import texts
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.study import ValidatedStudy
 
@@ -99,6 +100,9 @@ def _at_most(ends_early: bool) -> str:
 
 
 def _requested(quantity: QuantityOfInterest) -> list[str]:
+    if quantity.output.dims:
+        along = ", ".join(f"{each.name} ({len(each.values)})" for each in quantity.output.dims)
+        return [f"its values along {along}", texts.SCALARS_ONLY]
     if quantity.output.categories:
         return ["shares of " + ", ".join(category.label for category in quantity.output.categories)]
     return [

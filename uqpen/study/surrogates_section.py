@@ -63,13 +63,21 @@ def check_surrogates(
     joint: JointDistribution | None,
 ) -> None:
     """Note surrogates that do not fit the designs, the outputs or the inputs, if known."""
-    numeric = [output.name for output in model.outputs if not output.categories]
+    numeric = [output.name for output in model.outputs if output.is_number]
+    fields = [output.name for output in model.outputs if output.dims]
     for name, surrogate in surrogates.items():
         _check_designs(table, name, surrogate, designs)
         for output in surrogate.transform:
-            if output not in numeric:
+            if output in fields:
+                found = f'the logarithm of "{output}", which has dimensions'
+                expected = "a scalar output: surrogates take no other"
+                table.add_problem((name, "transform", output), found, expected)
+            elif output not in numeric:
                 expected = f"an output of {model.name} that has numbers; {choices(output, numeric)}"
                 table.add_problem((name, "transform", output), "no such output", expected)
+        if fields and not numeric:
+            found = f"a surrogate of {', '.join(fields)}, with dimensions"
+            table.add_problem(name, found, "a scalar output: surrogates take no other")
         if joint is not None and not joint.random:
             table.add_problem(name, "a surrogate over inputs that are all fixed", "a random input")
         elif joint is not None:

@@ -9,6 +9,7 @@ from uqpen.core.errors import QuantityError
 from uqpen.core.labels import NAME, RESERVED
 from uqpen.core.model import Input, Output
 from uqpen.core.units import ANY_DIMENSION, si_unit
+from uqpen.study.field_table import check_dimensions, read_field
 from uqpen.study.table_reader import TableReader
 
 __all__ = ["Variables", "read_variables"]
@@ -22,19 +23,26 @@ class Variables(NamedTuple):
     units: dict[str, str]
 
 
-def read_variables(table: TableReader) -> Variables:
+def read_variables(table: TableReader, *, takes_fields: bool = False) -> Variables:
     """Read the inputs and outputs that a model's table declares.
 
-    Mistakes are noted; a variable with one is of any dimension.
+    Mistakes are noted; a variable with one is of any dimension. Only where the model
+    `takes_fields`, an output may have dimensions of its own.
     """
     units: dict[str, str] = {}
     inputs, outputs = (
         [(name, si_unit(unit), unit) for name, unit in _variables(table, key, units)]
         for key in ("inputs", "outputs")
     )
+    section = table.table("outputs")
+    fields = [
+        _output(section, Output(name, si, display_unit=unit), takes_fields=takes_fields)
+        for name, si, unit in outputs
+    ]
+    check_dimensions(section, fields, [name for name, *_ in (*inputs, *outputs)])
     return Variables(
         tuple(Input(name, si, display_unit=unit) for name, si, unit in inputs),
-        tuple(Output(name, si, display_unit=unit) for name, si, unit in outputs),
+        tuple(fields),
         units,
     )
 
@@ -45,7 +53,10 @@ def _variables(table: TableReader, key: str, units: dict[str, str]) -> Iterator[
     section = table.table(key, f'what the model {does}, as name = "unit"')
     if section.is_given and not section.content:
         section.add_problem((), "an empty table", 'at least one name = "unit"')
-    for name, unit in section.content.items():
+    for name, written in section.content.items():
+        is_table = key == "outputs" and isinstance(written, dict)
+        unit = written.get("unit") if is_table else written
+        path = (name, "unit") if is_table and "unit" in written else (name,)
         if not NAME.match(name) or name in RESERVED:
             others = ", ".join(sorted(RESERVED))
             expected = f"a name of letters, digits and _, at most 100, none of {others}"
@@ -53,14 +64,22 @@ def _variables(table: TableReader, key: str, units: dict[str, str]) -> Iterator[
         elif name in units:
             section.add_problem(name, "an output with the name of an input", "names that differ")
         elif not isinstance(unit, str):
-            section.add_wrong(name, unit, 'a unit such as "cm", or "1" where there is none')
+            found = written if unit is None else unit
+            section.add_wrong(path, found, 'a unit such as "cm", or "1" where there is none')
         else:
             try:
                 si_unit(unit)
             except QuantityError as error:
-                section.add_problems(error.problems, name)
+                section.add_problems(error.problems, *path)
             else:
                 units[name] = unit or "1"
                 yield name, units[name]
                 continue
         yield name, ANY_DIMENSION
+
+
+def _output(section: TableReader, output: Output, *, takes_fields: bool) -> Output:
+    """Return an output with the dimensions that its table declares, if it is given by a table."""
+    if not isinstance(section.content[output.name], dict):
+        return output
+    return read_field(section.table(output.name), output, takes_fields=takes_fields)

@@ -74,7 +74,7 @@ class TrainingRuns:
             outputs={
                 output.name: runs[output.name].values[came_back].astype(np.float64)
                 for output in model.outputs
-                if not output.categories
+                if output.is_number
             },
             fixed=fixed,
             weights=runs[QUADRATURE_WEIGHT].values if is_rule and came_back.all() else None,
@@ -92,6 +92,8 @@ class TrainingRuns:
         """Return the reason why nothing can be fitted to an output; empty if something can."""
         if output.categories:
             return "it has kinds, not numbers"
+        if output.dims:
+            return "it has dimensions, and surrogates take only scalar outputs"
         if self.problem:
             return self.problem
         values = self.outputs[output.name]

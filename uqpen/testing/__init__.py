@@ -251,8 +251,11 @@ def _check_results(model: Model, results: Results) -> None:
     assert set(results.outputs) == {output.name for output in model.outputs}
     for run in np.flatnonzero(results.status != Status.OK).tolist():
         assert results.reasons.get(run), f"the failed run {run} has a reason"
-    for name, values in results.outputs.items():
-        assert np.isfinite(values[results.status == Status.OK]).all(), f"{name} is finite"
+    for output in model.outputs:
+        values = results.outputs[output.name]
+        assert values.shape == (len(results.status), *output.shape), f"{output.name} has its shape"
+        invalid = output.invalid(values[results.status == Status.OK])
+        assert not invalid.any(), f"{output.name} is finite"
 
 
 def _check_same(whole: Results, part: Results, runs: list[int], rule: str) -> None:

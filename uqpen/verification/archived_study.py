@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
@@ -203,10 +204,14 @@ def _missing_variable(variant: Variant, study: ValidatedStudy, made: xr.Dataset)
     """Return the name of an input or output that runs lack."""
     for output in variant.model.outputs:
         kind = "i" if output.categories else "f"
-        if output.name not in made or made[output.name].dims != (RUN,):
+        dims = (RUN, *(dimension.name for dimension in output.dims))
+        if output.name not in made or made[output.name].dims != dims:
             return output.name
         if made[output.name].dtype.kind != kind:
             return output.name
+        for dimension in output.dims:
+            if not np.array_equal(made[dimension.name].values, dimension.values):
+                return dimension.name
     needed = {entry.variable.name for entry in study.joint.inputs} | set(variant.given)
     for name in sorted(needed.union(run_inputs(study, made))):
         if name not in made or made[name].dims not in ((), (RUN,)) or made[name].dtype.kind != "f":

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.fields import place_text
 from uqpen.archive.files import FILES
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import IntArray
@@ -189,14 +190,17 @@ def _run_differences(
     """Yield the variables whose values differ, each with the first run that differs."""
     for name in (STATUS, *(output.name for output in outputs)):
         one, other = archived[name].values, again[name].values
-        at = np.flatnonzero(unequal(one, other))
+        places = np.argwhere(unequal(one, other))
+        at = np.unique(places[:, 0])
         if at.size:
-            first = at[0]
+            # In a field, the first value that differs, and where it is.
+            first = tuple(places[0])
             numbers = archived[RUN].values[at]
             difference = relative_difference(one, other)
             count = f"; {at.size} of its runs differ" if at.size > 1 else "; it differs"
             yield Difference(
-                f"{runs_name}: {name} of run {numbers[0]} is {one[first]!s} in the archive and "
+                f"{runs_name}: {name} of run {numbers[0]}{place_text(archived[name], first)} is "
+                f"{one[first]!s} in the archive and "
                 f"{other[first]!s} now{count}{difference_text(difference)}",
                 difference,
             )

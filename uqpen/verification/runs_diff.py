@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.fields import place_text
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROLE, RUN, STATUS
 from uqpen.verification.differences import unequal
 
@@ -55,14 +56,17 @@ def _difference_lines(one: xr.Dataset, other: xr.Dataset, names: Iterable[str]) 
         if left.dims != right.dims or values[0].shape != values[1].shape:
             yield f"{name} is of another shape"
             continue
-        at = np.flatnonzero(unequal(*values))
-        if not at.size:
+        places = np.argwhere(unequal(*values))
+        if not len(places):
             continue
-        first = _value_text(values[0].ravel()[at[0]]), _value_text(values[1].ravel()[at[0]])
-        if left.dims == (RUN,):
+        place = tuple(places[0])
+        first = _value_text(values[0][place]), _value_text(values[1][place])
+        if left.dims[:1] == (RUN,):
+            at = np.unique(places[:, 0])
             number = one[RUN].values[at[0]] if RUN in one.coords else at[0]
+            where = f"{number}{place_text(one[name], place)}"
             differ = "run differs" if at.size == 1 else "runs differ"
-            yield f"{name} of run {number}: {first[0]} and {first[1]}; {at.size} {differ}"
+            yield f"{name} of run {where}: {first[0]} and {first[1]}; {at.size} {differ}"
         else:
             yield f"{name}: {first[0]} and {first[1]}"
 

@@ -18,6 +18,7 @@ from uqpen.report.sections.archive_tables import (
 )
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
+from uqpen.results.field_texts import field_lines
 from uqpen.results.table import OutputTable
 from uqpen.results.texts import plain_text
 
@@ -45,6 +46,8 @@ def archive(view: ArchiveView) -> Iterator[Block]:
             yield Table(model_table(each))
         yield Table(inputs_table(each))
         yield Table(designs_table(each))
+    if fields := tuple(map(plain_text, field_lines(view.archive))):
+        yield Remarks("Outputs with dimensions, which the archive holds run by run", fields)
     if view.model:
         yield Heading("The archive of all models")
     if found := archive_notes(view.archive):

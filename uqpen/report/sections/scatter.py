@@ -44,10 +44,10 @@ _CHOICE_TEXTS = (
 def scatter(view: ArchiveView) -> Iterator[Block]:
     """Each output against each input, run by run."""
     design = leading_design(view)
-    if design is None:
+    outputs = [*view.numeric_outputs, *view.categorical_outputs][:_MOST_CHARTS]
+    if design is None or not outputs:
         return
     cloud = PlottedRuns(view, design)
-    outputs = [*view.numeric_outputs, *view.categorical_outputs][:_MOST_CHARTS]
     most = max(1, _MOST_CHARTS // len(outputs))
     keys = [LegendKey("run", view.sources.index(design), "circle")]
     if cloud.shown_failed.sizes[RUN]:

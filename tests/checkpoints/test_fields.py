@@ -1,0 +1,122 @@
+"""A study of fields is interrupted, killed, and made on two processes: the same archive."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import uqpen
+from uqpen.checkpoints.runs_file import FinishedRuns, read_runs, write_runs
+from uqpen.core.errors import CheckpointError
+from uqpen.core.model import Results
+from uqpen.execution.batch import BatchResult
+
+pytestmark = [pytest.mark.processor, pytest.mark.slow]
+
+MODEL = """\
+import pathlib
+here = pathlib.Path(__file__).parent
+def simulate(x):
+    with (here / "calls").open("a") as stream:
+        stream.write("call\\n")
+    if (here / "stop").exists() and len((here / "calls").read_text().split()) == 12:
+        raise KeyboardInterrupt
+    curve = [x, x + 1, float("nan") if x > 1 else x + 2]
+    return {"curve": curve, "sheet": [[x, 0], [1, float("inf") if x < -1 else 2]]}
+"""
+STUDY = """\
+seed = 11
+[model]
+python = "model.py:simulate"
+[model.inputs]
+x = "1"
+[model.outputs]
+curve = { unit = "cm", along = { time = { unit = "s", values = [0, 1, 4] } }, may_end = true }
+sheet = { unit = "1", along = { a = { values = [1, 2] }, b = { values = [3, 4] } } }
+[inputs]
+x = "0 ± 1"
+[designs.mc]
+kind = "monte-carlo"
+runs = 30
+"""
+
+
+@pytest.fixture(autouse=True)
+def _each_run_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
+    monkeypatch.setattr("uqpen.checkpoints.checkpoint_folder._PATIENCE", 0.0)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "model.py").write_text(MODEL)
+    (tmp_path / "study.toml").write_text(STUDY)
+    return tmp_path
+
+
+def make(folder: Path, name: str = "study.nc", workers: int = 1) -> bytes:
+    study = uqpen.load_study(folder / "study.toml")
+    uqpen.make_archive(study, folder / name, workers=workers)
+    return (folder / name).read_bytes()
+
+
+def calls(folder: Path) -> int:
+    return len((folder / "calls").read_text().split())
+
+
+def test_interrupted_or_on_two_processes_it_has_the_same_bytes(folder: Path) -> None:
+    (folder / "stop").touch()
+    with pytest.raises(KeyboardInterrupt, match="11 runs are kept"):
+        make(folder)
+    (folder / "stop").unlink()
+    resumed = make(folder)
+    assert calls(folder) == 31, "only the run that was interrupted is made twice"
+    assert make(folder, "whole.nc") == resumed
+    assert make(folder, "two.nc", workers=2) == resumed
+    status = uqpen.open_archive(folder / "study.nc")["runs/mc"]["status"].values
+    assert 0 < (status == 3).sum() < 30
+
+
+def test_killed_it_goes_on(folder: Path) -> None:
+    slow = MODEL.replace("    curve", "    import time; time.sleep(0.02)\n    curve")
+    (folder / "model.py").write_text(slow)
+    command = [sys.executable, "-m", "uqpen", "study", "study.toml", "-o", "killed.nc"]
+    root = str(Path(uqpen.__file__).parents[1])
+    running = subprocess.Popen(
+        command, cwd=folder, env={**os.environ, "PYTHONPATH": root}, stderr=subprocess.DEVNULL
+    )
+    parts = folder / "killed.nc.parts"
+    deadline = time.monotonic() + 60
+    while not list(parts.rglob("*.npz")) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    running.send_signal(signal.SIGKILL)
+    running.wait()
+    assert not (folder / "killed.nc").exists()
+    assert make(folder, "killed.nc") == make(folder, "whole.nc")
+
+
+def test_runs_of_other_coordinates_are_refused(folder: Path) -> None:
+    (folder / "stop").touch()
+    with pytest.raises(KeyboardInterrupt):
+        make(folder)
+    (folder / "study.toml").write_text(STUDY.replace("[0, 1, 4]", "[0, 1, 5]"))
+    with pytest.raises(CheckpointError, match="time"):
+        make(folder)
+
+
+def test_a_file_of_runs_keeps_fields_to_the_bit(tmp_path: Path) -> None:
+    outputs = {"y": np.array([1.0, -0.0]), "v": np.array([[1.0, np.nan], [np.inf, -0.0]])}
+    results = Results(outputs, np.zeros(2, dtype=np.int8))
+    runs = FinishedRuns.from_batch_results({"x": np.arange(4.0)}, [BatchResult(1, results)])
+    write_runs(tmp_path / "runs.npz", runs)
+    again = read_runs(tmp_path / "runs.npz").results
+    for name, values in outputs.items():
+        assert again.outputs[name].shape == values.shape
+        assert again.outputs[name].tobytes() == values.tobytes()

@@ -1,0 +1,132 @@
+"""Runs of models whose outputs have dimensions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from uqpen.core.labels import FAILURE_REASON, RUN, STATUS
+from uqpen.core.model import Dimension, Input, Output
+from uqpen.core.status import Status
+from uqpen.execution import Evaluator, evaluate
+from uqpen.execution.processes import processes
+from uqpen.models.python_function import PythonFunction
+
+DAY = 86_400.0
+TIME = Dimension("time", "s", "", "day", (0.0, DAY, 2 * DAY, 3 * DAY))
+DEPTH = Dimension("depth", "m", values=(0.0, 0.5))
+CURVE = Output("curve", "m", display_unit="cm", dims=(TIME,))
+ENDING = Output("curve", "m", display_unit="cm", dims=(TIME,), may_end=True)
+SHEET = Output("sheet", "1", dims=(TIME, DEPTH))
+
+Function = Callable[..., Mapping[str, Any]]
+
+
+def model(function: Function, *outputs: Output, vectorized: bool = False) -> PythonFunction:
+    units = {"x": "1", **{output.name: output.preferred_unit for output in outputs}}
+    return PythonFunction(function, "f", (Input("x", "1"),), outputs, units, vectorized)
+
+
+def made(function: Function, *outputs: Output, runs: int = 4, **options: Any) -> xr.Dataset:
+    points = xr.Dataset({"x": (RUN, np.arange(float(runs)))}, {RUN: np.arange(runs)})
+    return evaluate(Evaluator(model(function, *outputs, **options)), points, {})
+
+
+def curve(x: float) -> dict[str, Any]:
+    """A curve in cm, with faults in some runs."""
+    values = x + np.arange(4.0)
+    if x == 1:
+        values[2] = np.nan
+    if x == 2:
+        values[2:] = np.nan
+    if x == 3:
+        values = values[:3]
+    return {"curve": values, "sheet": np.outer(values, [1.0, 2.0])}
+
+
+def test_a_field_has_the_runs_first_and_its_coordinates() -> None:
+    runs = made(curve, CURVE, SHEET, runs=1)
+    assert runs["curve"].dims == (RUN, "time")
+    assert runs["sheet"].dims == (RUN, "time", "depth")
+    assert runs["curve"].values.tolist() == [[0.0, 0.01, 0.02, 0.03]]
+    assert runs["sheet"].sel(depth=0.5).values.tolist() == [[0.0, 2.0, 4.0, 6.0]]
+    assert runs["time"].values.tolist() == [0.0, DAY, 2 * DAY, 3 * DAY]
+    described = {"units": "s", "display_units": "day", "long_name": "time"}
+    assert runs["time"].attrs == described
+
+
+def test_the_reason_of_a_failed_run_names_the_place() -> None:
+    runs = made(curve, CURVE)
+    assert runs[STATUS].values.tolist() == [
+        Status.OK,
+        Status.NOT_FINITE,
+        Status.NOT_FINITE,
+        Status.FAILED,
+    ]
+    assert runs[FAILURE_REASON].values.tolist() == [
+        "curve is nan at time = 2 day",
+        "curve is nan at time = 2 day",
+        'returned a "curve" of shape (3,), not (4,) along (time)',
+    ]
+    assert np.isnan(runs["curve"].values[1:]).all()
+
+
+def test_of_several_dimensions_all_coordinates_are_named() -> None:
+    runs = made(curve, SHEET, runs=2)
+    assert runs[FAILURE_REASON].values.tolist() == ["sheet is nan at time = 2 day, depth = 0 m"]
+
+
+def test_a_curve_that_may_end_is_a_result() -> None:
+    runs = made(curve, ENDING)
+    assert runs[STATUS].values.tolist() == [
+        Status.OK,
+        Status.NOT_FINITE,
+        Status.OK,
+        Status.FAILED,
+    ]
+    assert np.isnan(runs["curve"].values[2]).tolist() == [False, False, True, True]
+    assert runs["curve"].attrs["comment"] == "NaN after the end of the curve"
+
+
+@pytest.mark.parametrize(
+    ("returned", "reason"),
+    [
+        (1.0, 'returned a "curve" of shape (), not (4,) along (time)'),
+        (["a"] * 4, 'returned a "curve" of text in place of numbers'),
+        ([[1.0] * 4], 'returned a "curve" of shape (1, 4), not (4,) along (time)'),
+    ],
+)
+def test_another_shape_is_a_failed_run(returned: object, reason: str) -> None:
+    runs = made(lambda x: {"curve": returned}, CURVE, runs=1)
+    assert runs[FAILURE_REASON].values.tolist() == [reason]
+
+
+def vectorized(x: Any) -> dict[str, Any]:
+    if (x == 5).any():
+        raise ValueError("five")
+    return {"curve": x[:, None] + np.arange(4.0)}
+
+
+def test_a_vectorised_function_returns_runs_first() -> None:
+    runs = made(vectorized, CURVE, runs=8, vectorized=True)
+    assert runs[STATUS].values.tolist() == [0, 0, 0, 0, 0, Status.FAILED, 0, 0]
+    assert runs[FAILURE_REASON].values.tolist() == ["ValueError: five"]
+    assert runs["curve"].values[7].tolist() == [0.07, 0.08, 0.09, 0.1]
+    wrong = made(lambda x: {"curve": np.zeros(4)}, CURVE, runs=3, vectorized=True)
+    text = 'returned a "curve" of shape (4,), not (1, 4) along (run, time)'
+    assert wrong[FAILURE_REASON].values.tolist() == [text] * 3
+
+
+@pytest.mark.parametrize("options", [{}, {"vectorized": True}])
+def test_workers_give_the_same_bytes(options: dict[str, bool]) -> None:
+    function = vectorized if options else curve
+    alone = made(function, ENDING, runs=40, **options)
+    points = xr.Dataset({"x": (RUN, np.arange(40.0))}, {RUN: np.arange(40)})
+    with processes(2) as pool:
+        together = evaluate(Evaluator(model(function, ENDING, **options)), points, {}, map=pool)
+    xr.testing.assert_identical(alone, together)
+    assert alone["curve"].values.tobytes() == together["curve"].values.tobytes()
