@@ -35,7 +35,7 @@ from uqpen.designs.design import Design
 from uqpen.designs.rounds import run_rounds
 from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds
 from uqpen.execution.checkpoint import Checkpoint
-from uqpen.models.foreign_code import error_text
+from uqpen.models.user_code import error_text
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, analyze, analyze_failures
 from uqpen.statistics.model_differences import model_differences

@@ -12,7 +12,7 @@ from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.feedback import Estimates, Feedback
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
-from uqpen.models.foreign_code import error_text
+from uqpen.models.user_code import error_text
 
 __all__ = ["draw_rounds", "no_estimates", "run_rounds"]
 

@@ -27,11 +27,11 @@ from uqpen.core.limits import Limits
 from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.status import Status
 from uqpen.core.units import scale
-from uqpen.models.foreign_code import end_forked_child, error_text, restore_streams
 from uqpen.models.function_outputs import UnusableOutputError, extract_outputs
 from uqpen.models.function_source import FunctionSource
 from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import ModelFolder
+from uqpen.models.user_code import end_forked_child, error_text, restore_streams
 
 __all__ = ["PythonFunction", "check_signature", "load_function", "load_module"]
 

@@ -37,7 +37,7 @@ def error_text(error: BaseException) -> str:
     name = type.__dict__["__name__"].__get__(type(error))
     try:
         return one_line(f"{name}: {error}").removesuffix(":")
-    except BaseException as another:  # a foreign exception whose text raises another
+    except BaseException as another:  # an exception of its own whose text raises another
         if is_user_interrupt(another):
             raise
         return str(name)
