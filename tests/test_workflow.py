@@ -237,6 +237,7 @@ def test_adding_a_design_changes_no_others_numbers() -> None:
         assert alone[path].to_dataset().identical(beside[path].to_dataset())
 
 
+@pytest.mark.slow
 def test_where_batches_are_computed_changes_no_bit() -> None:
     def backwards(function: Callable[[Any], Any], batches: Iterable[Any]) -> list[Any]:
         return [function(batch) for batch in reversed(list(batches))]

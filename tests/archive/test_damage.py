@@ -247,6 +247,7 @@ def test_a_damaged_part_is_named(copy: Path, how: str) -> None:
 class TestWhatUqpenDoesNotKnow:
     """Archives of others, which lack a statistic or have one of their own."""
 
+    @pytest.mark.slow
     def test_a_statistic_that_is_absent_is_no_damage(self, copy: Path) -> None:
         tree = open_archive(copy)
         del tree[FIRST]["skewness"]
@@ -260,6 +261,7 @@ class TestWhatUqpenDoesNotKnow:
         assert list(found.by_source("y", "mean")) == ["first", "chaos"]
         assert found.failures("first") == {}
 
+    @pytest.mark.slow
     def test_one_that_is_not_in_the_catalogue_is_kept_and_listed(self, copy: Path) -> None:
         expected = [0.25, 0.125, 0.5]
         with netCDF4.Dataset(copy, "a") as root:

@@ -39,6 +39,7 @@ def test_an_earlier_wording_is_not_written_any_more(old: str) -> None:
     assert set(re.findall(PLACEHOLDER, old)) == set(re.findall(PLACEHOLDER, REWORDED[old]))
 
 
+@pytest.mark.slow
 @given(st.lists(st.sampled_from([*REWORDED]), min_size=1, max_size=3), st.data())
 def test_notes_are_reworded_with_their_values(earlier: list[str], data: st.DataObject) -> None:
     old, new = [], []

@@ -34,14 +34,14 @@ ROOT = Path(__file__).parents[2]
 
 # Stops, as Ctrl-C would, at the run that it is told to.
 MODEL = """\
-import pathlib
+import pathlib, signal
 here = pathlib.Path(__file__).parent
 def simulate(x, y):
     with (here / "calls").open("a") as stream:
         stream.write("call\\n")
     stop = here / "stop"
     if stop.exists() and len((here / "calls").read_text().split()) == int(stop.read_text()):
-        raise KeyboardInterrupt
+        signal.raise_signal(signal.SIGINT)
     if x > 1:
         raise ValueError("x is too large")
     return {"z": x * y}
@@ -313,6 +313,39 @@ def test_a_damaged_part_is_made_again_and_said(folder: Path, whole: bytes, damag
     assert "is damaged" in (folder / "study.nc.log").read_text()
 
 
+def test_any_bit_of_a_part_may_be_damaged(tmp_path: Path) -> None:
+    part = tmp_path / "0_000000.npz"
+    results = Results({"y": np.arange(3.0)}, np.zeros(3, dtype=np.int8), {}, frozenset({"a"}))
+    write_runs(part, FinishedRuns(np.arange(3), {"x": np.arange(3.0)}, results))
+    content = part.read_bytes()
+    rng = np.random.default_rng(1)
+    read = 0
+    # The directory of the zip stands at the end; its flags and sizes decide how the rest is read.
+    bits = [
+        *rng.integers(8 * len(content), size=300),
+        *range(8 * (len(content) - 60), 8 * len(content)),
+    ]
+    for bit in bits:
+        damaged = bytearray(content)
+        damaged[bit // 8] ^= 1 << bit % 8
+        part.write_bytes(damaged)
+        try:
+            runs = read_runs(part)
+        except DamagedRunsError:
+            continue
+        read += 1
+        assert runs.inputs["x"].tolist() == [0, 1, 2]
+        assert runs.results.outputs["y"].tolist() == [0, 1, 2]
+    assert read < len(bits) / 2
+
+
+def test_a_compressed_part_is_damaged(tmp_path: Path) -> None:
+    # A megabyte that would take a gigabyte.
+    np.savez_compressed(tmp_path / "part.npz", x=np.zeros(10_000_000))
+    with pytest.raises(DamagedRunsError):
+        read_runs(tmp_path / "part.npz")
+
+
 def test_nothing_in_a_part_is_executed(tmp_path: Path) -> None:
     class Hostile:
         def __reduce__(self) -> Any:
@@ -414,13 +447,16 @@ def test_a_record_without_runs_refuses_nothing(of_two: Path) -> None:
 def test_what_others_put_beside_kept_runs_stays(folder: Path, whole: bytes) -> None:
     interrupt(folder, 21)
     parts = folder / "study.nc.parts"
-    for name in ("notes.txt", "notes.tmp", "runs/one/0_notes.npz"):
+    names = {"notes.txt", "notes.tmp", "runs/one/0_notes.npz", "runs/one/0_notes.npz.tmp"}
+    for name in names:
         (parts / name).write_text("mine")
     (parts / "runs/one/0_000007.npz").mkdir()
     progress = Told()
     assert make(folder, progress=progress) == whole
     assert progress.before == [20]
-    assert {file.name for file in parts.iterdir()} == {"notes.txt", "notes.tmp"}
+    assert {str(file.relative_to(parts)) for file in parts.rglob("*") if file.is_file()} == names
+    make(folder, fresh=True)
+    assert (parts / "runs/one/0_notes.npz").read_text() == "mine"
 
 
 def test_a_file_in_place_of_the_folder_is_told_before_a_run(folder: Path) -> None:
@@ -515,6 +551,19 @@ def test_two_processes_do_not_make_one_archive(folder: Path) -> None:
         make(folder)
     assert not (folder / "calls").exists()
     make(folder)
+
+
+def test_a_link_to_an_archive_is_that_archive(folder: Path) -> None:
+    study = uqpen.load_study(folder / "study.toml")
+    (folder / "link.nc").symlink_to("study.nc")
+    with (
+        lock_archive(folder / "study.nc"),
+        pytest.raises(ArchiveError, match="another process is making it right now"),
+    ):
+        uqpen.make_archive(study, folder / "link.nc")
+    uqpen.make_archive(study, folder / "link.nc")
+    assert (folder / "link.nc").is_symlink()
+    assert uqpen.open_archive(folder / "study.nc").attrs["study_name"] == "study"
 
 
 def test_a_lock_that_was_left_behind_means_nothing(folder: Path) -> None:

@@ -136,6 +136,7 @@ def test_more_runs_of_monte_carlo_keep_those_there_were() -> None:
     assert len(np.unique(many["share"])) == BLOCK + 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("optimization", ["none", "random-cd"])
 @pytest.mark.parametrize(("each", "replicates"), [(2, 1), (3, 4), (17, 2), (40, 3)])
 def test_every_stratum_of_every_hypercube_has_one_point(

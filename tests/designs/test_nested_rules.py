@@ -267,6 +267,7 @@ def test_without_chaospy_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch
     assert parse_study(f"{TEXT}order = 2").runs == 27
 
 
+@pytest.mark.slow
 def test_gausss_rule_and_a_check_load_no_chaospy() -> None:
     code = (
         "import sys, uqpen\n"

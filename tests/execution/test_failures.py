@@ -141,6 +141,7 @@ def test_inadmissible_points_are_no_losses(folder: Path) -> None:
     assert (runs["status"].values == Status.INADMISSIBLE).sum() == 7
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not CAN_LIMIT, reason="only Linux keeps a limit on memory")
 def test_a_run_that_wants_too_much_memory_costs_itself_only(tmp_path: Path) -> None:
     (tmp_path / "model.py").write_text(
@@ -190,6 +191,7 @@ def test_a_limit_that_is_none_is_told(folder: Path, text: str, found: str, expec
     assert expected in said
 
 
+@pytest.mark.slow
 def test_a_limit_is_kept_wherever_a_run_is_made(folder: Path, command_line: Command) -> None:
     (folder / "model.py").write_text("import time\ndef simulate(x): time.sleep(60)\n")
     (folder / "study.toml").write_text(STUDY.replace("[model]", '[model]\ntime_limit = "0.3 s"'))

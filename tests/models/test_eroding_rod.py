@@ -197,6 +197,7 @@ def test_depth_responds_to_each_input_in_the_direction_known(name, sign):
     assert (sign * np.diff(depth) > 0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target_density", [2500.0, 7850.0, 17_500.0])
 def test_long_rod_without_strength_reaches_the_hydrodynamic_limit(target_density):
     length = 50.0

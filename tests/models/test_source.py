@@ -128,6 +128,7 @@ class TestFilesThatChange:
         assert tree["runs/some"]["x"].values.tolist() == [1, 2]
         assert archived_files(read_group(tree, "files"))[1].read() == b"x\n1\n2\n"
 
+    @pytest.mark.slow
     def test_runs_of_two_versions_are_refused(self, tmp_path: Path) -> None:
         (tmp_path / "own.py").write_text("def f(x): return {'y': 2 * x}\n")
         study = uqpen.parse_study(STUDY, folder=tmp_path)

@@ -15,6 +15,7 @@ from uqpen.results.archive_view import ArchiveView
 Archives = dict[str, xr.DataTree]
 
 
+@pytest.mark.slow
 def test_all_models_share_the_charts(archives: Archives) -> None:
     (group,) = trajectory(ArchiveView(archives["rods"], "original"))
     assert isinstance(group, Charts)

@@ -14,12 +14,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import uqpen
-from uqpen.results.digits import estimate_text, percent_text, tolerance_limit_text
+from uqpen.results.digits import (
+    estimate_text,
+    estimate_texts,
+    percent_text,
+    tolerance_limit_text,
+)
 from uqpen.results.failed_runs import failed_runs, has_failed_design
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.table import OutputTable
+from uqpen.results.table import OutputTable, estimate_with_verdict, identity
 from uqpen.study.study import ValidatedStudy
 
 
@@ -37,6 +42,14 @@ from uqpen.study.study import ValidatedStudy
         (1.234e-7, 1.134e-7, 1.334e-7, "(1.23 ± 0.10)×10⁻⁷"),
         (-2.4, -2.6, -2.2, "-2.40 ± 0.20"),
         (5.0, math.nan, 6.0, "5.0 (? … 6.0)"),
+        # An end that is the only one is rounded outward.
+        (69.0, math.nan, 69.349, "69.00 (? … 69.35)"),
+        (69.0, math.nan, 69.3412, "69.00 (? … 69.35)"),
+        (69.0, 68.6588, math.nan, "69.00 (68.65 … ?)"),
+        (0.0, 0.0, 0.030141, "0.000 (0.000 … 0.031)"),
+        (1.0, 0.969859, 1.0, "1.000 (0.969 … 1.000)"),
+        (-1.0, math.nan, -0.95012, "-1.000 (? … -0.950)"),
+        (-1.0, -1.05012, math.nan, "-1.000 (-1.051 … ?)"),
     ],
 )
 def test_an_estimate_has_the_digits_its_interval_leaves(
@@ -60,9 +73,31 @@ def test_a_shown_estimate_is_right_to_a_twentieth_of_its_interval(
 
 
 def test_a_bound_that_holds_is_shown_beside_its_estimate() -> None:
-    assert tolerance_limit_text(13.4812, 13.7699) == "13.48, at most 13.77"
+    assert tolerance_limit_text(13.4812, 13.7612) == "13.48, at most 13.77"
+    assert tolerance_limit_text(13.48, 13.77) == "13.48, at most 13.77"
     assert tolerance_limit_text(13.4812, math.nan) == "13.48"
     assert tolerance_limit_text(4.0e8, 4.1e8) == "(4.00, at most 4.10)×10⁸"
+
+
+@given(estimate=st.floats(-1e6, 1e6), upper=st.floats(1e-3, 1e6).filter(lambda side: side > 0))
+def test_the_end_of_a_one_sided_interval_still_bounds_what_it_did(
+    estimate: float, upper: float
+) -> None:
+    bound = estimate + upper
+    _, _, shown = estimate_texts(estimate, math.nan, bound)
+    figure, _, power = shown.partition("×10")
+    scale = 10.0 ** float(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0)
+    # To the twelve digits in which it is read.
+    assert float(figure) * scale >= bound - 1e-11 * abs(bound)
+
+
+def test_what_rounding_left_of_an_index_is_0() -> None:
+    index = xr.DataArray(
+        [-3.636e-08, math.nan, math.nan], dims="bound", name="first_order", coords={"input": "x"}
+    )
+    assert estimate_with_verdict(index, identity) == "0"
+    assert estimate_with_verdict(index.drop_vars("input"), identity) == "-3.636e-08"
+    assert estimate_with_verdict(index.rename("mean"), identity) == "-3.636e-08"
 
 
 def test_a_probability_in_per_cent_has_its_own_digits() -> None:

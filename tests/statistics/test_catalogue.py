@@ -57,6 +57,7 @@ def has_dims_of(array: xr.DataArray, entry: Statistic) -> bool:
     return array.dims == (*entry.dims, *(("bound",) if entry.has_bounds else ()))
 
 
+@pytest.mark.slow
 def test_every_statistic_that_analyses_yield_is_in_the_catalogue_with_these_dims_and_unit(
     study_of: MakeStudy,
 ) -> None:

@@ -112,6 +112,7 @@ def test_the_last_part_is_what_the_archive_tells() -> None:
             assert parts.attrs["units"] == archived[name].attrs["units"]
 
 
+@pytest.mark.slow
 def test_it_is_in_no_table_unless_it_is_asked_for() -> None:
     tree = uqpen.run(uqpen.parse_study(STUDY))
     detailed = {"percentile", "convergence_mean", "convergence_quantile", "convergence_exceedance"}

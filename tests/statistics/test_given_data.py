@@ -108,6 +108,7 @@ def told(array: xr.DataArray, what: str) -> list[Any]:
     return list(array.coords[what].values.tolist())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("design", DESIGNS)
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_intervals_cover(problem: str, design: str) -> None:

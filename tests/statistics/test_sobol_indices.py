@@ -124,6 +124,7 @@ def of_known(name: str) -> OutputStatistics:
     return indices(runs_of(function, distributions, Saltelli(16 * 512, second_order=True)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXACT)
 def test_intervals_hold_the_exact_indices(name: str) -> None:
     _, _, first, total = EXACT[name]
@@ -267,6 +268,7 @@ def of_first(x1: FloatArray, x2: FloatArray, x3: FloatArray) -> FloatArray:
     return x1 + 0 * x2
 
 
+@pytest.mark.slow
 def test_redraws_give_the_indices_of_the_conditional_law() -> None:
     # Given x1, x2 is uniform below it: E[x1 + x2 | x1] = 3/2 x1 with a variance of 9/4 · 1/18, out
     # of 1/6 + 1/12; given x2, x1 varies by E[(1 - x2)²] / 12 = 1/24.
@@ -278,6 +280,7 @@ def test_redraws_give_the_indices_of_the_conditional_law() -> None:
     assert "conditional on admissible inputs" in found["first_order"].attrs["estimand"]
 
 
+@pytest.mark.slow
 def test_what_an_output_does_not_depend_on_may_still_tell_of_it() -> None:
     found = triangle(of_first)
     # E[x1 | x2] = (1 + x2) / 2; the variances are 1/4 · 1/18 out of 1/18. Of x1 itself, x2 leaves

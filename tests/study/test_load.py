@@ -285,6 +285,7 @@ def test_lines_are_counted_as_toml_counts_them() -> None:
     assert "study.toml:29  designs.mc.runs" in report(text)
 
 
+@pytest.mark.slow
 def test_many_mistakes_are_told_in_a_moment_and_not_all() -> None:
     text = changed("hold = [0.9]", "hold = [\n" + "2,\n" * 1000 + "]")
     told = report(text)

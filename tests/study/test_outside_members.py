@@ -154,6 +154,7 @@ class TestArchive:
         assert {check.verdict for check in checks.values()} == {CheckOutcome.EQUAL}
         assert checks["points"].text == "the first round of mine, mc drawn again: bit-equal"
 
+    @pytest.mark.slow
     def test_other_points_are_found(self, archive: Path) -> None:
         groups = uqpen.open_archive(archive).to_dict()
         changed = groups["/runs/mine"].copy(deep=True)
@@ -165,6 +166,7 @@ class TestArchive:
         assert "mine" in points.details[0]
         assert "x1" in points.details[0]
 
+    @pytest.mark.slow
     def test_only_a_design_leaves_all_statistics_checked(self, folder: Path) -> None:
         text = STUDY.replace('"my_distributions.py:Kumaraswamy"', "kumar").replace(
             "kumar = { a = 2, b = 3, largest = 3 }", "uniform = { lower = 0, upper = 3 }"
@@ -181,6 +183,7 @@ class TestArchive:
         with pytest.raises(ModelError, match=r"my_designs.py:Kronecker is not loaded"):
             uqpen.run(study)
 
+    @pytest.mark.slow
     def test_code_is_executed_only_with_trust(
         self, folder: Path, fresh_process: FreshProcess
     ) -> None:
@@ -201,6 +204,7 @@ class TestArchive:
         (compared,) = fresh_process(folder, ["diff", "a.nc", "a_rerun.nc"])
         assert compared.code == 0, compared.out
 
+    @pytest.mark.slow
     def test_workers_decide_nothing(self, folder: Path) -> None:
         study = uqpen.parse_study(STUDY, folder=folder)
         for workers in (1, 2):
@@ -218,6 +222,7 @@ class TestPython:
             folder=folder,
         )
 
+    @pytest.mark.slow
     def test_classes_of_the_folder_are_named(self, folder: Path, modules: tuple[Any, ...]) -> None:
         design = modules[0].Kronecker(runs=160)
         study = self._study(folder, design, modules[1].Kumaraswamy(2, 3, "3"))
@@ -231,6 +236,7 @@ class TestPython:
         uqpen.write(tree, folder / "a.nc")
         assert _kinds(folder / "a.nc", trust=True) == set()
 
+    @pytest.mark.slow
     def test_classes_of_no_file_are_objects(
         self, folder: Path, modules: tuple[Any, ...], fresh_process: FreshProcess
     ) -> None:
@@ -359,6 +365,7 @@ def test_a_mistake_is_told_before_any_run(
     assert re.search(r"study\.toml:\d+ ", str(caught.value))
 
 
+@pytest.mark.slow
 def test_an_installed_package_adds_names(
     folder: Path, modules: tuple[Any, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:

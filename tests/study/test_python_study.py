@@ -106,6 +106,7 @@ def message(**changes: Any) -> str:
 
 
 class TestSameContent:
+    @pytest.mark.slow
     def test_its_archive_has_the_same_groups_as_that_of_a_file(self, tmp_path: Path) -> None:
         (tmp_path / "area.py").write_text(MODEL)
         (tmp_path / "study.toml").write_text(FILE)
@@ -157,6 +158,7 @@ class TestSameContent:
 
 
 class TestModels:
+    @pytest.mark.slow
     def test_a_closure_and_a_lambda_run_on_two_processes(self, tmp_path: Path) -> None:
         factor = 0.01
         study = made(model=lambda length, width: {"area": length * width * factor})
@@ -176,6 +178,7 @@ class TestModels:
         assert 1.8 < units["length"] < 3
         assert 20 < units["width"] < 40
 
+    @pytest.mark.slow
     def test_a_model_may_state_its_own_units(self) -> None:
         in_metres = uqpen.PythonModel(
             lambda length, width: {"area": length * width},
@@ -333,6 +336,7 @@ class TestOtherLibraries:
         runs = uqpen.run(study)["runs/mc"]
         assert float(runs["width"].median()) == pytest.approx(0.3, abs=0.01)
 
+    @pytest.mark.slow
     def test_a_distribution_that_is_an_object_is_given_to_verify(self, tmp_path: Path) -> None:
         width = uqpen.FrozenDistribution(chaospy.Normal(30, 2) + 1, "cm")
         path = tmp_path / "area.nc"

@@ -183,6 +183,7 @@ def test_a_product_and_a_sum() -> None:
     assert indices.second[0, 1] == pytest.approx(1 / 19, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_ishigami_from_two_hundred_runs(seed: int) -> None:
     side = Uniform(-math.pi, math.pi)
@@ -278,12 +279,17 @@ def test_what_cannot_be_fitted_says_why() -> None:
         "constant": lambda x: 4.0,
         "negative": lambda x: x["x1"] - 0.5,
         "kind": lambda x: x["x1"] > 0.5,
+        "huge": lambda x: 1e155 * (1 + x["x1"]),
+        "tiny": lambda x: 1e-200 * (1 + x["x1"]),
+        "large": lambda x: 1e130 * (1 + x["x1"]),
     }
     model = Formula(formulas, joint.variables, kinds=("kind",))
     surrogate = PolynomialChaos(design="t", transform={"negative": "log"})
     runs = runs_of(model, joint, LatinHypercube(20, 1))
     found = surrogate.fit("pce", runs, model, joint, Stream(1, "s"))
-    assert [output.name for output in found.outputs] == ["good"]
+    assert [output.name for output in found.outputs] == ["good", "large"]
+    for name in ("huge", "tiny"):
+        assert "its squares are too large or too small" in found.reasons[name]
     assert found.reasons["constant"] == "it does not vary: it is 4 in every run"
     assert found.reasons["negative"].startswith("it has no logarithm where it is not positive")
     assert found.reasons["kind"] == "it has kinds, not numbers"
@@ -291,7 +297,7 @@ def test_what_cannot_be_fitted_says_why() -> None:
     broken = runs.assign(good=runs["good"].where(runs["run"] > 1))
     again = surrogate.fit("pce", broken, model, joint, Stream(1, "s"))
     assert again.reasons["good"] == "it is not finite in 2 runs that came back"
-    assert again.outputs == ()
+    assert [output.name for output in again.outputs] == ["large"]
     assert again.to_tree()["good"].attrs["not_fitted"] == again.reasons["good"]
 
 
@@ -367,6 +373,7 @@ def test_fit_noise_shrinks_with_runs_and_is_keyed() -> None:
     assert math.isnan(rule.mean)
 
 
+@pytest.mark.slow
 def test_it_comes_back_from_an_archive(tmp_path: Path) -> None:
     joint = law_of(Lognormal(2.0, 0.5), Uniform(0.0, 1.0), c=3.0)
     formulas: dict[str, Callable[[Arrays], Any]] = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 import time
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
@@ -84,16 +83,16 @@ class CheckpointFolder:
         """
         for (model, design), fingerprint in self._fingerprints.items():
             folder = self._runs_folder(model, design)
-            if not any(folder.glob("*.npz")):
+            if not _part_files(folder):
                 # Unfinished files of an earlier start, perhaps of another study.
-                _remove(folder)
+                _remove_checkpoint(folder)
                 continue
             record = folder / FILE_NAME
             before = read_fingerprint(record)
             if before is None:
                 # Without it nobody knows the study and settings of its runs.
                 self._progress.warn(f"{record}: is damaged; the runs of {design} are made again")
-                _remove(folder)
+                _remove_checkpoint(folder)
                 continue
             texts = [
                 each.text for each in fingerprint_changes(before, fingerprint) if not each.is_limit
@@ -115,20 +114,20 @@ class CheckpointFolder:
         """
         if self.folder.exists() and not self.folder.is_dir():
             raise ArchiveError(f"{self.folder}: is no folder: runs are kept in one of this name")
-        for ending in (".npz", FILE_NAME):
-            for file in self.folder.rglob(f"*{ending}{TEMPORARY}"):
+        for name in (f"[0-9]*_{_NUMBER}.npz", FILE_NAME):
+            for file in self.folder.rglob(f"{name}{TEMPORARY}"):
                 _remove(file)
 
     def remove_all(self) -> None:
         """Remove all runs."""
         for folder in (RUNS, MODELS):
-            _remove(self.folder / folder)
+            _remove_checkpoint(self.folder / folder)
 
     def remove_archived(self) -> None:
         """Remove the runs that are now in the archive; keep those of other studies."""
         self._open.clear()
         for model, design in self._fingerprints:
-            _remove(self._runs_folder(model, design))
+            _remove_checkpoint(self._runs_folder(model, design))
         for file in sorted(self.folder.rglob(FILE_NAME)):
             whose = " of ".join(file.parent.relative_to(self.folder).parts[::-2])
             self._progress.warn(
@@ -192,7 +191,7 @@ class CheckpointFolder:
     def _discard(self, folder: Path, statuses: Collection[Status]) -> None:
         """Discard the runs of a design with some statuses."""
         with self._writing():
-            for file in sorted(folder.glob("*.npz")):
+            for file in _part_files(folder):
                 with contextlib.suppress(DamagedRunsError):  # reported when it is read
                     result = read_runs(file).without_statuses(statuses)
                     if result is None:
@@ -233,7 +232,7 @@ class _RoundCheckpoint(Checkpoint):
         self._number = 0
 
     def restore(self, inputs: Arrays) -> Iterator[BatchResult]:
-        for file in sorted(self._folder.glob(f"{self._round}_{_NUMBER}.npz")):
+        for file in _part_files(self._folder, str(self._round)):
             result = self._checkpoint_folder.read_runs(file, inputs)
             if result is not None:
                 yield from result.batch_results()
@@ -274,8 +273,29 @@ def _incompatibility_text(folder: Path, design: str, changed: list[str]) -> str:
     )
 
 
-def _remove(path: Path) -> None:
-    """Remove a file, or a folder with its content, if it exists.
+def _part_files(folder: Path, number: str = "[0-9]*") -> list[Path]:
+    """List the files of runs in a folder: of one round, or of all."""
+    return [file for file in sorted(folder.glob(f"{number}_{_NUMBER}.npz")) if file.is_file()]
+
+
+def _remove_checkpoint(root: Path) -> None:
+    """Remove the files of checkpoints below a folder, and folders that are then empty.
+
+    Other files may stand beside them, above all where the folder is a link.
+
+    Raises
+    ------
+    ArchiveError
+        If that cannot be done.
+    """
+    for folder in [root, *root.rglob("*/")]:
+        for file in [*_part_files(folder), folder / FILE_NAME]:
+            _remove(file)
+    _remove_empty(root)
+
+
+def _remove(file: Path) -> None:
+    """Remove a file if it exists.
 
     Raises
     ------
@@ -283,12 +303,9 @@ def _remove(path: Path) -> None:
         If that cannot be done.
     """
     try:
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
+        file.unlink(missing_ok=True)
     except OSError as error:
-        raise ArchiveError(f"{path}: cannot be removed: {error.strerror}") from None
+        raise ArchiveError(f"{file}: cannot be removed: {error.strerror}") from None
 
 
 def _remove_empty(root: Path) -> None:

@@ -26,7 +26,9 @@ def lock_archive(path: Path) -> Iterator[None]:
     """
     from filelock import FileLock, Timeout
 
-    file = path.with_name(f".{path.name}.lock")
+    # Through a link it is the same archive.
+    real = path.resolve()
+    file = real.with_name(f".{real.name}.lock")
     lock = FileLock(file, blocking=False)
     try:
         lock.acquire()

@@ -7,10 +7,11 @@ import hashlib
 import io
 import os
 import zipfile
+import zlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +29,21 @@ __all__ = ["TEMPORARY", "DamagedRunsError", "FinishedRuns", "read_runs", "write_
 TEMPORARY = ".tmp"
 
 _INPUT, _OUTPUT, _FAILED, _FILES, _DIGEST = "input_", "output_", "lost", "files", "sha256"
+
+
+# Errors of a part with damaged bytes: NumPy, the zip format and the decoding of names raise them.
+# A flag may call it encrypted (RuntimeError), and a header may ask for any memory.
+_DAMAGE = (
+    OSError,
+    ValueError,
+    KeyError,
+    EOFError,
+    MemoryError,
+    RuntimeError,
+    SyntaxError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 
 
 class DamagedRunsError(Exception):
@@ -143,10 +159,12 @@ def read_runs(path: Path) -> FinishedRuns:
         If they are not as they were written.
     """
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
-            arrays = {name: content[name] for name in content.files}
+        with path.open("rb") as stream:
+            _check_sizes(stream, path.stat().st_size)
+            with np.load(stream, allow_pickle=False) as content:
+                arrays = {name: content[name] for name in content.files}
         written = str(arrays.pop(_DIGEST))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError):
+    except _DAMAGE:
         raise DamagedRunsError(path.name) from None
     if written != _digest(arrays):
         raise DamagedRunsError(path.name)
@@ -157,6 +175,20 @@ def read_runs(path: Path) -> FinishedRuns:
         frozenset(arrays[_FILES].tolist()),
     )
     return FinishedRuns(arrays[RUN], _arrays_with_prefix(arrays, _INPUT), results)
+
+
+def _check_sizes(stream: IO[bytes], size: int) -> None:
+    """Check that the arrays of a part take no more memory than the part: none is compressed.
+
+    Raises
+    ------
+    ValueError
+        If they would.
+    """
+    with zipfile.ZipFile(stream) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > size:
+            raise ValueError("compressed")
+    stream.seek(0)
 
 
 def _arrays_with_prefix(

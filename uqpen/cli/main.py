@@ -13,6 +13,7 @@ from uqpen import __version__
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import SPELLED_OUT, printable
 from uqpen.core.errors import TooManyFailedError, UqpenError
+from uqpen.core.interrupts import record_interrupts
 from uqpen.core.lookup import resolve
 
 __all__ = ["main", "uqpen"]
@@ -69,7 +70,7 @@ def _run(arguments: list[str]) -> int:
         return ExitCode.MISTAKE
     try:
         # Not the group's own `main`, which takes a closed pipe for an error.
-        with uqpen.make_context("uqpen", arguments) as context:
+        with record_interrupts(), uqpen.make_context("uqpen", arguments) as context:
             return uqpen.invoke(context) or ExitCode.DONE
     except click.exceptions.Exit as left:
         return left.exit_code

@@ -9,7 +9,7 @@ from uqpen.core.labels import RUN
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
-from uqpen.models.python_function import error_text
+from uqpen.models.foreign_code import error_text
 
 __all__ = ["draw_rounds"]
 

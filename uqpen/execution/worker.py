@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from uqpen.core.interrupts import exit_at_interrupt
 from uqpen.core.limits import Limits
 from uqpen.execution.batch import Batch, BatchResult, Work
 from uqpen.execution.memory_limit import limit_memory
@@ -37,8 +38,8 @@ _LONGEST_FOLDER = 70
 # Time that a worker may take to end once it is asked to, in seconds.
 _PATIENCE = 5.0
 
-# Exit codes; nobody is left to read them.
-_INTERRUPTED, _ORPHANED = 130, 1
+# Exit code; nobody is left to read it.
+_ORPHANED = 1
 
 # Modules that take most of a worker's start-up; the program that starts it may name others.
 _preloaded = ["uqpen.execution"]
@@ -153,7 +154,7 @@ class Worker:
 
 def _worker_loop(connection: Connection[Any, Any]) -> None:
     """Run batches until asked to end, or until the parent process is gone."""
-    signal.signal(signal.SIGINT, lambda *_: os._exit(_INTERRUPTED))
+    exit_at_interrupt()
     if sys.platform != "win32":
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     _start_process_group()

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import importlib
 import importlib.util
 import inspect
+import os
 import pickle
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
@@ -21,15 +22,17 @@ import numpy as np
 from uqpen.core.arrays import Arrays, FloatArray, floats
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
+from uqpen.core.interrupts import is_user_interrupt
 from uqpen.core.limits import Limits
 from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.core.units import scale
+from uqpen.models.foreign_code import end_forked_child, error_text, restore_streams
 from uqpen.models.function_source import FunctionSource
 from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import ModelFolder
 
-__all__ = ["PythonFunction", "check_signature", "error_text", "load_function", "load_module"]
+__all__ = ["PythonFunction", "check_signature", "load_function", "load_module"]
 
 
 class _UnusableError(Exception):
@@ -91,7 +94,8 @@ class PythonFunction(Model):
         outputs = {output.name: np.full(runs, np.nan) for output in self.outputs}
         status = np.full(runs, Status.OK, dtype=np.int8)
         reasons: dict[int, str] = {}
-        with self.surroundings.on_import_path() if self.surroundings else contextlib.nullcontext():
+        folder = self.surroundings.on_import_path() if self.surroundings else nullcontext()
+        with restore_streams(), folder:
             for batch, answer in self._batch_results(arguments, runs):
                 if isinstance(answer, str):
                     status[batch] = Status.FAILED
@@ -152,16 +156,20 @@ class PythonFunction(Model):
 
     def _call(self, arguments: Mapping[str, Any], runs: int | None) -> dict[str, FloatArray] | str:
         """Return the outputs of one call, or the reason why there are none."""
+        process = os.getpid()
+        answer: dict[str, FloatArray] | str
         try:
             returned = self.function(**arguments)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:  # any other exception of a black box is data
-            return error_text(error)
-        try:
-            return _check_outputs(returned, [output.name for output in self.outputs], runs)
+            answer = _check_outputs(returned, [output.name for output in self.outputs], runs)
         except _UnusableError as refused:
-            return one_line(str(refused))
+            answer = one_line(str(refused))
+        except BaseException as error:  # any exception of a black box is data
+            end_forked_child(process, error)
+            if is_user_interrupt(error):
+                raise
+            answer = error_text(error)
+        end_forked_child(process)
+        return answer
 
 
 def _check_outputs(returned: object, names: list[str], runs: int | None) -> dict[str, FloatArray]:
@@ -321,11 +329,3 @@ def _load_file(path: Path) -> Any:
     sys.modules[module.__name__] = module
     specification.loader.exec_module(module)
     return module
-
-
-def error_text(error: BaseException) -> str:
-    """Format an exception in one line, even if its own text raises an error."""
-    try:
-        return one_line(f"{type(error).__name__}: {error}").removesuffix(":")
-    except Exception:  # a foreign exception whose text raises another
-        return type(error).__name__

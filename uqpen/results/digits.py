@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from decimal import ROUND_CEILING, Decimal
 
 __all__ = [
     "SUPERSCRIPTS",
@@ -23,7 +24,8 @@ def estimate_text(estimate: float, lower: float, upper: float) -> str:
     """An estimate in the digits that its interval leaves a meaning.
 
     Two digits of the half-width, and the estimate to the same place; both ends where they lie
-    unevenly; four digits where there is no interval.
+    unevenly; four digits where there is no interval. The end of an interval to one side is rounded
+    outward, so that it bounds what it bounded before.
 
     Parameters
     ----------
@@ -44,22 +46,24 @@ def estimate_text(estimate: float, lower: float, upper: float) -> str:
     number_format = _NumberFormat(estimate, half)
     if len(sides) == 2 and half < _UNEVEN * min(sides):
         return number_format.write(f"{number_format(estimate)} ± {number_format(half)}")
-    ends = f"{number_format(lower)} … {number_format(upper)}"
+    ends = " … ".join(number_format.ends(estimate, lower, upper))
     if number_format.exponent:
         return number_format.write(f"{number_format(estimate)}, {ends}")
     return f"{number_format(estimate)} ({ends})"
 
 
 def tolerance_limit_text(estimate: float, upper: float) -> str:
-    """A value that holds, with its upper bound in the same digits.
+    """A value that holds, with its upper bound in the same digits, rounded up.
 
-    >>> tolerance_limit_text(13.4812, 13.7699)
+    >>> tolerance_limit_text(13.4812, 13.7612)
     '13.48, at most 13.77'
     """
     if not 0 < upper - estimate < math.inf:
         return _text_without_interval(estimate)
     number_format = _NumberFormat(estimate, upper - estimate)
-    return number_format.write(f"{number_format(estimate)}, at most {number_format(upper)}")
+    return number_format.write(
+        f"{number_format(estimate)}, at most {number_format.rounded_up(upper)}"
+    )
 
 
 def estimate_texts(estimate: float, lower: float, upper: float, *others: float) -> tuple[str, ...]:
@@ -75,9 +79,14 @@ def estimate_texts(estimate: float, lower: float, upper: float, *others: float) 
     if not 0 < half < math.inf:
         return tuple(map(_text_without_interval, values))
     number_format = _NumberFormat(estimate, half)
+    texts = (
+        number_format(estimate),
+        *number_format.ends(estimate, lower, upper),
+        *map(number_format, others),
+    )
     return tuple(
-        _text_without_interval(each) if each == 0 else number_format.full_text(each)
-        for each in values
+        _text_without_interval(each) if each == 0 else number_format.with_power(text)
+        for each, text in zip(values, texts, strict=True)
     )
 
 
@@ -115,9 +124,25 @@ class _NumberFormat:
     def __call__(self, value: float) -> str:
         return "?" if math.isnan(value) else f"{value / self._power:.{self._places}f}"
 
-    def full_text(self, value: float) -> str:
-        """A value with its power of ten."""
-        return f"{self(value)}{self._power_text}"
+    def rounded_up(self, value: float) -> str:
+        """Write a bound from above, which may not become less."""
+        # Twelve digits: 13.77 in binary is a little more or less.
+        digits = Decimal(f"{value / self._power:.12g}")
+        return f"{digits.quantize(Decimal(1).scaleb(-self._places), ROUND_CEILING):f}"
+
+    def ends(self, estimate: float, lower: float, upper: float) -> tuple[str, str]:
+        """Write the ends of an interval; where it reaches to one side only, its end outward."""
+        has_lower, has_upper = lower < estimate, upper > estimate
+        if has_upper and not has_lower:
+            return self(lower), self.rounded_up(upper)
+        if has_lower and not has_upper:
+            mirrored = self.rounded_up(-lower)
+            return mirrored[1:] if mirrored.startswith("-") else f"-{mirrored}", self(upper)
+        return self(lower), self(upper)
+
+    def with_power(self, text: str) -> str:
+        """Return a number with its power of ten."""
+        return f"{text}{self._power_text}"
 
     def write(self, body: str) -> str:
         """The body with the power of ten that its figures leave out."""

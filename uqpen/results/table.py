@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.catalogue import CATALOGUE, UnitRule
-from uqpen.core.labels import INTERVAL_LABEL, NOTE, REFUSED, ROLE, RUNS, UNCHECKED
+from uqpen.core.labels import INPUT, INTERVAL_LABEL, NOTE, PAIR, REFUSED, ROLE, RUNS, UNCHECKED
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
 
@@ -31,6 +31,9 @@ __all__ = [
 ]
 
 Conversion = Callable[[Any], Any]
+
+# A sensitivity measure below it is what rounding left of 0: closed forms give 2e-20 or -4e-8.
+_ROUNDING = 1e-6
 
 # The cell of a source that has no estimate.
 NOTHING = "–"
@@ -85,9 +88,17 @@ class OutputTable:
 
 def estimate_with_verdict(array: xr.DataArray, convert: Conversion) -> str:
     """Return an estimate in the digits that it has, with the verdict if that is against it."""
-    text = estimate_text(*(float(value) for value in convert(array.values)))
+    values = [float(value) for value in convert(array.values)]
+    if _is_share_of_variance(array) and abs(values[0]) < _ROUNDING:
+        values[0] = 0.0
+    text = estimate_text(*values)
     label = interval_text(array, INTERVAL_LABEL)
     return f"{text} {label}" if label in (REFUSED, UNCHECKED) else text
+
+
+def _is_share_of_variance(array: xr.DataArray) -> bool:
+    rule = CATALOGUE[str(array.name)].unit if array.name in CATALOGUE else None
+    return rule is UnitRule.NONE and not {INPUT, PAIR}.isdisjoint(array.coords)
 
 
 def conversion(statistic: str, shown: Scale, *, is_difference: bool = False) -> Conversion:

@@ -21,7 +21,8 @@ from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.distributions.continuous import DISTRIBUTIONS
 from uqpen.distributions.distribution import Distribution
-from uqpen.models.python_function import error_text, load_module
+from uqpen.models.foreign_code import error_text
+from uqpen.models.python_function import load_module
 from uqpen.study.frozen_section import SETTINGS
 from uqpen.study.object_section import OBJECT
 from uqpen.study.table_reader import TableReader

@@ -9,7 +9,7 @@ from uqpen.core.model import Model
 from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.models.python_function import error_text
+from uqpen.models.foreign_code import error_text
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.output_surrogate import unfitted
 from uqpen.surrogates.surrogate import Surrogate

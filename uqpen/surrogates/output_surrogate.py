@@ -14,7 +14,7 @@ from uqpen.core.model import Model, Output
 from uqpen.core.settings import name
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.models.python_function import error_text
+from uqpen.models.foreign_code import error_text
 from uqpen.surrogates.output_fit import OutputFit
 from uqpen.surrogates.separate_fits import FittedOutput, SeparateFits, predict_output
 from uqpen.surrogates.surrogate import Surrogate

@@ -17,6 +17,9 @@ from uqpen.execution import status_counts
 
 __all__ = ["TrainingRuns", "known_inputs"]
 
+# Sums of squares of up to 1e8 values, and of their coefficients, are finite and not 0.
+_LARGEST = 1e140
+
 
 @dataclass(frozen=True, eq=False)
 class TrainingRuns:
@@ -96,6 +99,10 @@ class TrainingRuns:
             return f"it is not finite in {int((~np.isfinite(values)).sum())} runs that came back"
         if (values == values[0]).all():
             return f"it does not vary: it is {values[0]:g} in every run"
+        size, width = float(np.abs(values).max()), float(np.ptp(values))
+        if size > _LARGEST or width < 1 / _LARGEST:
+            what = f"its largest size is {size:g}, its range {width:g}"
+            return f"its squares are too large or too small for floating-point numbers: {what}"
         return ""
 
 
