@@ -255,7 +255,7 @@ def _fit_surrogate(
     training = runs[surrogate.design]
     try:
         tree, statistics = _surrogate_results(study, variant, name, training, check, quantities)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         if is_built_in(surrogate):
             raise
         # Runs of the model are not lost by a mistake in a surrogate of the user's own.
