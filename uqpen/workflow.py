@@ -258,21 +258,17 @@ def _fit_surrogate(
     """Fit a surrogate to its design, and compare its estimates with those of other designs."""
     surrogate = study.surrogates[name]
     validation_runs = study.validation_designs(surrogate)
-    stream = Stream(study.seed, "surrogates", name)
-    training, check = runs[surrogate.design], [runs[each] for each in validation_runs[:1]]
-    fit = (surrogate, name, training, variant.model, study.joint)
+    check = runs[validation_runs[0]] if validation_runs else None
+    training = runs[surrogate.design]
     try:
-        fitted = fit_surrogate(*fit, stream)
-        checked = fitted.with_check(check[0]) if check else fitted
-        draws = SurrogateDraws(checked, study.joint, study.constraints, variant.given, stream)
-        statistics = surrogate_statistics(draws, quantities)
-        tree = checked.to_tree()
-    except Exception as error:
+        tree, statistics = _surrogate_results(study, variant, name, training, check, quantities)
+    except (Exception, SystemExit) as error:
         if is_built_in(surrogate):
             raise
         # Runs of the model are not lost by a mistake in a surrogate of the user's own.
-        statistics = SurrogateStatistics({}, {})
-        tree = unfitted(*fit, f"its predictions fail: {error_text(error)}").to_tree()
+        reason = f"its predictions fail: {error_text(error)}"
+        fitted = unfitted(surrogate, name, training, variant.model, study.joint, reason)
+        tree, statistics = fitted.to_tree(), SurrogateStatistics({}, {})
     outputs = validate_surrogate(
         statistics.outputs,
         [ValidationRuns(validation, sources[validation].outputs) for validation in validation_runs],
@@ -288,6 +284,24 @@ def _fit_surrogate(
         tree.attrs["kind"] = study.surrogate_origins[name].kind
     tree.attrs |= attributes
     return tree, source
+
+
+def _surrogate_results(
+    study: ValidatedStudy,
+    variant: Variant,
+    name: str,
+    training: xr.Dataset,
+    check: xr.Dataset | None,
+    quantities: Sequence[QuantityOfInterest],
+) -> tuple[xr.DataTree, SurrogateStatistics]:
+    """Return the group of a fitted surrogate and its statistics, before their validation."""
+    stream = Stream(study.seed, "surrogates", name)
+    surrogate = study.surrogates[name]
+    fitted = fit_surrogate(surrogate, name, training, variant.model, study.joint, stream)
+    checked = fitted if check is None else fitted.with_check(check)
+    draws = SurrogateDraws(checked, study.joint, study.constraints, variant.given, stream)
+    statistics = surrogate_statistics(draws, quantities)
+    return checked.to_tree(), statistics
 
 
 def _difference_groups(study: ValidatedStudy, runs: Mapping[str, Runs]) -> Groups:

@@ -285,6 +285,7 @@ class Kriging(OutputSurrogate):
     ("fit", "predict", "diagnostic", "reason"),
     [
         ("return 1 / 0", "", "d", "its fit fails: ZeroDivisionError: division by zero"),
+        ("import sys; sys.exit(3)", "", "d", "its fit fails: SystemExit: 3"),
         ("return 'too rough'", "", "d", "too rough"),
         (
             "return 1",

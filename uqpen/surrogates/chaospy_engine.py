@@ -27,6 +27,9 @@ from uqpen.surrogates.univariate_basis import UnivariateBasis, logarithm_distrib
 
 __all__ = ["ChaospyExpansion", "chaospy_absence", "input_problems"]
 
+# Family, parameters, location and scale of a standard form.
+_Form = tuple[str, tuple[float, ...], float, float]
+
 _EXPECTED = "inputs that are normal, uniform, gamma or beta"
 _OR_LOGARITHMS = f"{_EXPECTED}, or whose logarithm is normal or uniform"
 
@@ -41,7 +44,7 @@ def chaospy_absence() -> str:
 def input_problems(joint: JointDistribution, *, logarithms: bool) -> Iterator[Problem]:
     """Yield a problem for each input whose polynomials chaospy does not have in closed form.
 
-    Its numerical recurrence is accurate to 1e-8 only, and takes seconds.
+    Its numerical recurrence errs by 3e-8 in the mean of a triangular input, and takes seconds.
     """
     for entry in joint.random:
         try:
@@ -148,17 +151,15 @@ def _standard(distribution: Distribution, *, logarithms: bool) -> _Standard:
     """Return the standard form of a distribution; KeyError where there is none."""
     of_logarithm = logarithm_distribution(distribution) if logarithms else None
     family = of_logarithm or distribution
-    form = _FORMS[type(family)](family)
-    return _Standard(*form, is_logarithm=of_logarithm is not None)
+    form: _Form = _FORMS[type(family)](family)
+    return _Standard(*form, of_logarithm is not None)
 
 
-def _gamma(family: Gamma) -> tuple[str, tuple[float, ...], float, float]:
+def _gamma(family: Gamma) -> _Form:
     return "Gamma", ((family.mean / family.std) ** 2,), 0.0, family.std**2 / family.mean
 
 
-def _bounded(
-    name: str, parameters: tuple[float, ...], family: Uniform | Beta
-) -> tuple[str, tuple[float, ...], float, float]:
+def _bounded(name: str, parameters: tuple[float, ...], family: Uniform | Beta) -> _Form:
     half = family.upper / 2 - family.lower / 2
     return name, (*parameters, -1.0, 1.0), family.lower + half, half
 

@@ -44,7 +44,7 @@ def fit_surrogate(
     try:
         fitted = surrogate.fit(name, runs, model, joint, stream)
         fault = _fault(surrogate, fitted, runs)
-    except Exception as error:  # a foreign class can raise anything
+    except (Exception, SystemExit) as error:  # a foreign class can raise anything
         fault = error_text(error)
     if not fault:
         return fitted

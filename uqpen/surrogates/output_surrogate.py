@@ -108,7 +108,7 @@ class OutputSurrogate(Surrogate):
             found = FittedOutput(output, fit, float(values.min()), float(values.max()))
             found.to_groups()
             predicted = predict_output(fit, points).mean
-        except Exception as error:  # a foreign class can raise anything
+        except (Exception, SystemExit) as error:  # a foreign class can raise anything
             return f"its fit fails: {error_text(error)}"
         if not np.isfinite(predicted).all():
             return "its fit fails: a prediction at the training runs is not finite"
