@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import RUN, STATUS
+from uqpen.core.labels import RUN, STATUS, WEIGHT
 from uqpen.core.model import Input, Model, Results
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -27,6 +27,7 @@ from uqpen.distributions.continuous import Normal, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.execution import Evaluator
+from uqpen.statistics.weights import effective_size
 
 __all__ = ["check_design", "check_distribution", "check_model", "example_joint_distribution"]
 
@@ -153,10 +154,18 @@ def _check_sample(rounds: list[xr.Dataset], joint: JointDistribution) -> None:
     """Check that the share of points below each input's median is a half, within its error."""
     for entry in joint.random:
         values = np.concatenate([points[entry.variable.name].values for points in rounds])
-        share = float((entry.distribution.cdf(values) < 0.5).mean())
-        error = 0.5 / np.sqrt(len(values))
+        weights = np.concatenate([_weights(points) for points in rounds])
+        share = float((weights * (entry.distribution.cdf(values) < 0.5)).sum() / weights.sum())
+        error = 0.5 / np.sqrt(effective_size(weights))
         found = f"{share:.3f} of the points of {entry.variable.name} lie below its median"
         assert abs(share - 0.5) <= _ERRORS * error, found
+
+
+def _weights(points: xr.Dataset) -> FloatArray:
+    """Return the relative weights of points."""
+    if WEIGHT not in points.coords:
+        return np.ones(points.sizes[RUN])
+    return points[WEIGHT].values.astype(np.float64)
 
 
 def check_model(model: Model, inputs: Mapping[str, FloatArray]) -> None:

@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 from uqpen.core.sampling import Sampling
 
-__all__ = ["ANALYSES", "ANALYSES_OF_DESIGNS"]
+__all__ = ["ANALYSES", "ANALYSES_OF_DESIGNS", "WEIGHTED_ANALYSES"]
 
 # The group that the answers stand in, and who gives them.
 ANALYSES = {
@@ -34,6 +34,11 @@ ANALYSES = {
     ],
     "convergence": ["uqpen.statistics.convergence:convergence"],
 }
+
+# The analyses that are right for weighted runs. The others would count every run the same.
+WEIGHTED_ANALYSES = frozenset(
+    {"moments", "quantiles", "percentiles", "exceedance", "cdfs", "shares", "convergence"}
+)
 
 ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType(
     {
