@@ -71,6 +71,11 @@ def check_distribution(distribution: Distribution) -> None:
         err_msg="isf(p) = ppf(1 - p)",
     )
     inner = np.unique(values)
+    again = pickle.loads(pickle.dumps(distribution))
+    assert np.array_equal(again.ppf(p), values), "a pickled copy is the same distribution"
+    if distribution.is_discrete:
+        _check_steps(distribution, p)
+        return
     below, above = distribution.cdf(inner), distribution.sf(inner)
     np.testing.assert_allclose(below + above, 1.0, rtol=_ROUNDING, err_msg="cdf + sf = 1")
     np.testing.assert_allclose(
@@ -83,8 +88,17 @@ def check_distribution(distribution: Distribution) -> None:
     np.testing.assert_allclose(
         distribution.sf(distribution.isf(p)), p, rtol=1e-6, atol=_ROUNDING, err_msg="sf(isf(p)) = p"
     )
-    again = pickle.loads(pickle.dumps(distribution))
-    assert np.array_equal(again.ppf(p), values), "a pickled copy is the same distribution"
+
+
+def _check_steps(distribution: Distribution, p: FloatArray) -> None:
+    """Check the functions of a discrete distribution, whose cdf is a step at each value."""
+    values = distribution.ppf(p)
+    below, above = distribution.cdf(values), distribution.sf(values)
+    np.testing.assert_allclose(below + above, 1.0, rtol=_ROUNDING, err_msg="cdf + sf = 1")
+    assert np.all(below >= p * (1 - _ROUNDING)), "cdf(ppf(p)) is p or more"
+    assert np.all(above <= (1 - p) + _ROUNDING), "sf(ppf(p)) is 1 - p or less"
+    before = distribution.cdf(values - _ROUNDING * (1 + np.abs(values)))
+    assert np.all(before <= p + _ROUNDING), "ppf(p) is the smallest value with a cdf of p"
 
 
 def example_joint_distribution() -> JointDistribution:

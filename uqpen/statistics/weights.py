@@ -87,7 +87,9 @@ def weighted_quantile(
     taken = np.flatnonzero(weights > 0)
     order = taken[np.argsort(values[taken], kind="stable")]
     shares = weights[order] / weights.sum()
-    found: FloatArray = np.interp(probability, np.cumsum(shares) - shares / 2, values[order])
+    found: FloatArray = np.interp(
+        np.asarray(probability, dtype=np.float64), np.cumsum(shares) - shares / 2, values[order]
+    )
     return found
 
 

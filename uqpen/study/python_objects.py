@@ -180,6 +180,9 @@ def _units(value: object) -> Iterator[str]:
     if isinstance(value, Mapping):
         for entry in value.values():
             yield from _units(entry)
+    elif isinstance(value, list):
+        for entry in value:
+            yield from _units(entry)
     elif isinstance(value, str):
         try:
             spread = parse_spread(value, ANY_DIMENSION)
