@@ -366,7 +366,7 @@ def written_settings(owner: Any) -> dict[str, Any]:
 
 def _convert_quantities(owner: Any) -> Iterator[Problem]:
     """Convert the quantities given as text to SI units; yield a problem for each unreadable one."""
-    written = {}
+    written: dict[str, Any] = {}
     for field, declared in declared_settings(owner):
         text = getattr(owner, field.name)
         if declared.kind in (_QUANTITY_LIST, _NUMBERS):

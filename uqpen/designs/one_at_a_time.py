@@ -50,6 +50,9 @@ class OneAtATime(Design):
             if entry.distribution.is_discrete:
                 found = f"steps of {entry.variable.name}, which has single values"
                 yield Problem((), found, "inputs with a continuous distribution")
+        for name in joint.implicit_inputs:
+            found = f"steps of {name}, whose own distribution is not known"
+            yield Problem((), found, "inputs with a distribution of their own")
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         moves = list(self._moves(joint))

@@ -127,6 +127,7 @@ FIRST_ORDER_INCLUDES = "first-order indices include correlation"
 # Estimators of a surrogate.
 FROM_COEFFICIENTS = "from the coefficients"
 FROM_DRAWS = "by sampling the surrogate at {draws} admissible draws"
+NO_PAIRS = "none: inputs cannot be drawn given others"
 FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set of inputs"
 
 # Failed runs.

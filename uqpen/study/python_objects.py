@@ -28,6 +28,7 @@ from uqpen.models import MODELS
 from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
 from uqpen.study.frozen_section import SETTINGS
+from uqpen.study.joint_objects import joint_units, with_joint_tables
 from uqpen.study.object_section import OBJECT
 from uqpen.study.outside_members import DESIGN, DISTRIBUTION, class_reference
 from uqpen.study.python_model import OutputSpec, PythonModel
@@ -57,6 +58,7 @@ class StudyContent:
         self.objects: dict[tuple[str | int, ...], Any] = {}
         self.problems: list[Problem] = []
         given = {name: value for name, value in arguments.items() if value is not None}
+        given = with_joint_tables(given)
         model = given.get("model")
         if callable(model) and not isinstance(model, PythonModel):
             given["model"] = self._bare_function(model, given)
@@ -114,6 +116,7 @@ class StudyContent:
                 expected = "one unit, in which the function takes it; or a uqpen.PythonModel"
                 found = f"values in {' and '.join(units)}"
                 self.problems.append(Problem(("inputs", str(name)), found, expected))
+        inputs |= dict(joint_units(given.get("joint")))
         outputs = {str(name): _output_unit(value) for name, value in _items(given.get("outputs"))}
         return PythonModel(function, inputs, outputs)
 

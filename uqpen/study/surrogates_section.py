@@ -54,6 +54,10 @@ def check_surrogates(
                 table.add_problem((name, "transform", output), "no such output", expected)
         if joint is not None and not joint.random:
             table.add_problem(name, "a surrogate over inputs that are all fixed", "a random input")
+        if joint is not None and joint.implicit_inputs:
+            found = f"polynomials of {', '.join(joint.implicit_inputs)}"
+            expected = "inputs whose own distributions are known, apart from each other"
+            table.add_problem(name, found, expected)
 
 
 def _surrogate(section: TableReader, designs: Collection[str]) -> Surrogate | None:
