@@ -13,6 +13,7 @@ from uqpen.execution import Map, Progress
 from uqpen.execution.processes import processes
 from uqpen.notebook import notebook_progress
 from uqpen.results.archive import Archive
+from uqpen.study.joint_objects import joint_path
 from uqpen.study.object_section import OBJECT
 from uqpen.study.study import ValidatedStudy
 from uqpen.verification.check_result import CheckResult
@@ -102,7 +103,7 @@ def verify(
     path: str | Path,
     *,
     model: Callable[..., Mapping[str, Any]] | Mapping[str, Callable[..., Any]] | None = None,
-    inputs: Mapping[str, object] | None = None,
+    inputs: Mapping[Any, object] | None = None,
     surrogates: Mapping[str, object] | None = None,
     folder: str | Path | None = None,
     runs: int | None = 100,
@@ -120,7 +121,8 @@ def verify(
         The function that the study was made with, where it is an object of a Python program: no
         archive contains it. For several models, a function by the name of each.
     inputs : mapping of str to object, optional
-        The distributions of inputs, where they are objects of a Python program.
+        The distributions of inputs, where they are objects of a Python program; joint ones by the
+        tuple of their inputs.
     surrogates : mapping of str to object, optional
         The surrogates, where their classes are those of a Python program.
     folder : str or Path, optional
@@ -145,7 +147,8 @@ def verify(
         If it is no archive.
     """
     objects: dict[tuple[str | int, ...], object] = {
-        ("inputs", name, OBJECT): distribution for name, distribution in (inputs or {}).items()
+        joint_path(name) if isinstance(name, tuple) else ("inputs", name, OBJECT): distribution
+        for name, distribution in (inputs or {}).items()
     }
     objects |= {("surrogates", name): surrogate for name, surrogate in (surrogates or {}).items()}
     if isinstance(model, Mapping):

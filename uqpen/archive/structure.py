@@ -37,6 +37,7 @@ from uqpen.core.labels import (
     STATISTICS_GROUP,
     STATUS,
     SURROGATES,
+    WEIGHT,
 )
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -166,8 +167,17 @@ def _run_faults(runs: xr.Dataset) -> Iterator[str]:
         yield f"no {RUN} numbers"
     elif (np.diff(runs[RUN].values) <= 0).any():
         yield f"{RUN} numbers that do not ascend"
+    elif WEIGHT in runs.coords and not _has_weights(runs[WEIGHT]):
+        yield f"a {WEIGHT} that is none"
     elif FAILURE_REASON in runs and not _has_failed_run_reasons(runs):
         yield f"reasons without a {FAILED_RUN}"
+
+
+def _has_weights(weights: xr.DataArray) -> bool:
+    """Return True if every run has a weight, and some run counts."""
+    if weights.dims != (RUN,) or not has_kind(weights, "number"):
+        return False
+    return bool((np.isfinite(weights) & (weights >= 0)).all() and (weights > 0).any())
 
 
 def _has_failed_run_reasons(runs: xr.Dataset) -> bool:

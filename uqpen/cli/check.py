@@ -53,8 +53,8 @@ def check(file: Path) -> None:
 
 def _input_remarks(study: ValidatedStudy) -> Iterator[str]:
     """Yield remarks on the random inputs that their distributions do not state."""
-    if study.joint.dependence is not None:
-        yield str(study.joint.dependence)
+    if text := study.joint.dependence_text:
+        yield text
     for entry in study.joint.random:
         if "fit_warning" in entry.fit:
             yield f"warning: {entry.variable.name}: {entry.fit['fit_warning']}"

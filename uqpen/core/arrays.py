@@ -9,7 +9,7 @@ from decimal import Decimal
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Arrays", "BoolArray", "FloatArray", "IntArray", "floats"]
+__all__ = ["Arrays", "BoolArray", "FloatArray", "IntArray", "floats", "rows_by_weight"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -45,6 +45,22 @@ def floats(value: object) -> FloatArray:
         raise
     except Exception as error:  # an object from outside may raise anything when it is read
         raise ValueError(f"{type(error).__name__} when it is read as numbers") from None
+
+
+def rows_by_weight(weights: FloatArray, probability: FloatArray) -> IntArray:
+    """Return the rows at probabilities, each row over a stretch as long as its weight.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (row,)
+        Not below 0, and above 0 somewhere.
+    probability : ndarray
+        Between 0 and 1. Equally spaced ones are systematic resampling.
+    """
+    ends = np.cumsum(weights / weights.max())
+    rows = np.searchsorted(ends, probability * ends[-1], side="right")
+    last = int(np.flatnonzero(weights)[-1])  # rounding must not lead beyond it
+    return np.minimum(rows, last).astype(np.int64)
 
 
 def _from_objects(array: npt.NDArray[np.object_]) -> FloatArray:

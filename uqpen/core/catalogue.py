@@ -160,6 +160,7 @@ _STATISTICS = [
     Statistic("skewness", "skewness"),
     Statistic("kurtosis", "kurtosis"),
     Statistic("effective_runs", "effective number of runs"),
+    Statistic("effective_size", "effective sample size"),
     Statistic("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
     Statistic("tolerance_limit", "upper tolerance limit", (CONTENT_LEVEL,), UnitRule.VALUE),
     Statistic("exceedance", "probability of exceeding a value", (THRESHOLD,)),

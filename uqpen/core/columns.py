@@ -7,7 +7,7 @@ import functools
 import io
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from uqpen.core.errors import QuantityError, TableError, toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.units import DIMENSIONLESS, NUMBER, are_convertible, describe, scale
 
-__all__ = ["Column", "ColumnFile", "read_columns"]
+__all__ = ["Column", "ColumnFile", "columns_of_table", "heading_parts", "read_columns"]
 
 
 _NUMBER = re.compile(rf"\s*{NUMBER}\s*\Z")
@@ -103,6 +103,35 @@ def read_columns(path: Path) -> ColumnFile:
         raise TableError(f'"{path}" cannot be read: {error.strerror}') from None
 
 
+def columns_of_table(table: Mapping[str, object]) -> tuple[Column, ...]:
+    """Return the columns of a table of lists by heading, each as a CSV file would have it.
+
+    Raises
+    ------
+    TableError
+        If a heading is not of the form ``name [unit]``, or the lists differ in length.
+    """
+    columns = []
+    lengths = set()
+    for heading, values in table.items():
+        name, unit = heading_parts(heading, "the table")
+        if not isinstance(values, list):
+            raise TableError(f'column "{name}": found {toml_text(values)}, expected a list')
+        lengths.add(len(values))
+        columns.append(Column(name, unit, functools.partial(_listed, values, name)))
+    if len(lengths) != 1:
+        raise TableError("its columns differ in length" if lengths else "it has no columns")
+    return tuple(columns)
+
+
+def _listed(values: list[Any], name: str) -> FloatArray:
+    for value in values:
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not is_number or not math.isfinite(value):
+            raise TableError(f'column "{name}": found {toml_text(value)}, expected a number')
+    return np.array(values, dtype=np.float64)
+
+
 def _csv(path: Path, content: bytes) -> tuple[Column, ...]:
     try:
         text = content.decode("utf-8-sig")
@@ -122,16 +151,17 @@ def _csv(path: Path, content: bytes) -> tuple[Column, ...]:
             raise TableError(f'"{path.name}", line {line}: {found}')
     columns = []
     for position, heading in enumerate(header):
-        name, unit = _heading(heading, path)
+        name, unit = heading_parts(heading, f'"{path.name}"')
         texts = [(line, row[position]) for line, row in rows]
         columns.append(Column(name, unit, functools.partial(_numbers, texts, name, path)))
     return tuple(columns)
 
 
-def _heading(text: str, path: Path) -> tuple[str, str]:
+def heading_parts(text: str, place: str) -> tuple[str, str]:
+    """Return the name and the unit of a heading ``name [unit]``; `place` is for the error."""
     match = _HEADER.match(text)
     if match is None or not match[1]:
-        raise TableError(f'"{path.name}": heading "{text}" is not of the form "name [unit]"')
+        raise TableError(f'{place}: heading "{text}" is not of the form "name [unit]"')
     return match[1], (match[2] or "").strip() or DIMENSIONLESS
 
 

@@ -23,6 +23,9 @@ MOVED_INPUT = "moved_input"
 MOVED_BY = "moved_by"
 MOVED_UNCERTAINTY = "moved_uncertainty"
 QUADRATURE_WEIGHT = "quadrature_weight"
+# Coordinate of a design whose draws are of another distribution than the study's inputs. It is no
+# reserved name, as an input may well be a weight: a coordinate is neither input nor output.
+WEIGHT = "weight"
 INPUT = "input"
 SOURCE = "source"
 PAIR = "pair"

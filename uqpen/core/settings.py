@@ -32,9 +32,11 @@ __all__ = [
     "limit",
     "name",
     "number",
+    "numbers",
     "probabilities",
     "quantities",
     "quantity",
+    "quantity_list",
     "read_each",
     "read_list",
     "setting",
@@ -47,6 +49,9 @@ __all__ = [
 T = TypeVar("T")
 
 _KEY = "uqpen.setting"
+
+# Kinds of settings whose values are tuples; the Python constructor takes any sequence.
+_QUANTITY_LIST, _NUMBERS = "list of quantities", "list of numbers"
 
 # Attribute with the texts of the quantities that an instance was made from.
 _WRITTEN = "_written_quantities"
@@ -225,6 +230,26 @@ def quantities(*, unit: str) -> Any:
     )
 
 
+def quantity_list(**options: Any) -> Any:
+    """Declare values in SI units, which a study file gives as a list of quantities."""
+
+    def read(written: Any, context: Context) -> Any:
+        return tuple(read_list(written, lambda each: parse_quantity(each, context.like).value))
+
+    return setting(_QUANTITY_LIST, "a list of quantities", _are_within, read, **options)
+
+
+def numbers(*, minimum: float = -math.inf, **options: Any) -> Any:
+    """Declare plain numbers, none below a minimum, which a study file gives as a list."""
+    accepts = lambda values: _are_within(values) and min(values, default=0) >= minimum  # noqa: E731
+
+    def read(written: Any, context: Context) -> Any:
+        return tuple(map(as_float, written)) if isinstance(written, list) else written
+
+    expected = "a list of numbers" + f", {minimum:g} or more" * (minimum > -math.inf)
+    return setting(_NUMBERS, expected, accepts, read, **options)
+
+
 def flag(**options: Any) -> Any:
     """Declare a boolean."""
     return setting("flag", "true or false", lambda value: isinstance(value, bool), **options)
@@ -341,10 +366,18 @@ def written_settings(owner: Any) -> dict[str, Any]:
 
 def _convert_quantities(owner: Any) -> Iterator[Problem]:
     """Convert the quantities given as text to SI units; yield a problem for each unreadable one."""
-    written = {}
+    written: dict[str, Any] = {}
     for field, declared in declared_settings(owner):
         text = getattr(owner, field.name)
-        if isinstance(text, str) and declared.is_quantity:
+        if declared.kind in (_QUANTITY_LIST, _NUMBERS):
+            try:
+                values = _convert_each(text, declared)
+            except SettingsError as error:
+                yield from (each.within(declared.key or field.name) for each in error.problems)
+                continue
+            written[field.name] = list(text)
+            object.__setattr__(owner, field.name, values)
+        elif isinstance(text, str) and declared.is_quantity:
             try:
                 value = _convert(text, declared)
             except QuantityError as error:
@@ -354,6 +387,19 @@ def _convert_quantities(owner: Any) -> Iterator[Problem]:
             object.__setattr__(owner, field.name, value)
     if written:
         object.__setattr__(owner, _WRITTEN, written)
+
+
+def _convert_each(sequence: Any, declared: Setting) -> Any:
+    """Convert a sequence to a tuple of floats, quantities given as text to SI units."""
+    if isinstance(sequence, str) or not isinstance(sequence, Iterable):
+        return sequence
+
+    def convert(value: Any) -> Any:
+        if isinstance(value, str) and declared.kind == _QUANTITY_LIST:
+            return parse_any_dimension(value).value
+        return value.item() if hasattr(value, "item") else value
+
+    return tuple(map(as_float, read_each(list(sequence), convert)))
 
 
 def _convert(text: str, declared: Setting) -> float:
@@ -382,6 +428,10 @@ def _table(
 def _is_within(value: Any, above: float = -math.inf, below: float = math.inf) -> bool:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return is_number and above < value < below and math.isfinite(value)
+
+
+def _are_within(values: Any) -> bool:
+    return isinstance(values, tuple) and all(map(_is_within, values))
 
 
 def _listing(names: tuple[str, ...]) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uqpen.core.errors import Problem
 from uqpen.core.labels import MOVED_BY, MOVED_UNCERTAINTY, RELATIVE_TO_SPREAD
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import flag, number
@@ -43,6 +44,15 @@ class OneAtATime(Design):
 
     step: float = number(above=0, below=1, default=0.01)
     fixed: bool = flag(default=False)
+
+    def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
+        for entry in joint.random:
+            if entry.distribution.is_discrete:
+                found = f"steps of {entry.variable.name}, which has single values"
+                yield Problem((), found, "inputs with a continuous distribution")
+        for name in joint.implicit_inputs:
+            found = f"steps of {name}, whose own distribution is not known"
+            yield Problem((), found, "inputs with a distribution of their own")
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         moves = list(self._moves(joint))

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 
+import numpy as np
 import xarray as xr
 
 from uqpen.core.errors import StudyError, UqpenError
-from uqpen.core.labels import RUN
+from uqpen.core.labels import RUN, WEIGHT
+from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.feedback import Estimates, Feedback
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.models.user_code import error_text
 
-__all__ = ["draw_rounds", "no_estimates", "run_rounds"]
+__all__ = ["draw_rounds", "no_estimates", "run_rounds", "weight_fault"]
 
 # Runs of a round by the name of a model.
 RoundRuns = Mapping[str, xr.Dataset]
@@ -75,7 +77,8 @@ def draw_rounds(design: Design, joint: JointDistribution, stream: Stream) -> Rou
         If a design from outside the package raises an error, or yields anything but points.
     """
     rounds = design.rounds(joint, stream)
-    feedback = None
+    feedback: Feedback | None = None
+    before: xr.Dataset | None = None
     while True:
         try:
             points = rounds.send(feedback)  # type: ignore[arg-type]
@@ -87,8 +90,10 @@ def draw_rounds(design: Design, joint: JointDistribution, stream: Stream) -> Rou
             if isinstance(error, UqpenError) or type(design).__module__.startswith("uqpen."):
                 raise
             raise _error(design, error_text(error)) from error
-        if fault := _fault(points, joint):
+        fault = _fault(points, joint) or weight_fault(points, design.sampling)
+        if fault := fault or _round_fault(points, before):
             raise _error(design, fault)
+        before = points
         feedback = yield points
 
 
@@ -100,6 +105,27 @@ def _fault(points: object, joint: JointDistribution) -> str:
     absent = [name for name in names if name not in points]
     if RUN not in points.dims or absent:
         return f"its points lack {', '.join(absent) or 'the dimension run'}"
+    return ""
+
+
+def _round_fault(points: xr.Dataset, before: xr.Dataset | None) -> str:
+    """Return why a round cannot follow the one before; empty where it can."""
+    if before is None or (WEIGHT in points.coords) == (WEIGHT in before.coords):
+        return ""
+    return f"some of its rounds have a {WEIGHT}, others none"
+
+
+def weight_fault(points: xr.Dataset, sampling: Sampling) -> str:
+    """Return what is wrong with the weights of points; empty where nothing is."""
+    if WEIGHT not in points.coords:
+        return ""
+    if sampling not in (Sampling.INDEPENDENT, Sampling.USER_SUPPLIED):
+        return f"it weights points that are {sampling}, and weights are of independent draws"
+    weights = points[WEIGHT]
+    if weights.dims != (RUN,) or weights.dtype.kind not in "iuf":
+        return f"its {WEIGHT} is not a number for each run"
+    if not (np.isfinite(weights) & (weights >= 0)).all() or not (weights > 0).any():
+        return f"its {WEIGHT} is not finite, below 0, or 0 everywhere"
     return ""
 
 

@@ -43,6 +43,7 @@ DISTRIBUTIONS = {
     "gamma": "uqpen.distributions.continuous:Gamma",
     "weibull": "uqpen.distributions.continuous:Weibull",
     "gumbel": "uqpen.distributions.continuous:Gumbel",
+    "discrete": "uqpen.distributions.discrete:Discrete",
 }
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
 
@@ -23,10 +24,13 @@ OPEN_INTERVAL = (2.0**-54, 1 - 2.0**-53)
 
 
 class Distribution(ABC):
-    """Continuous distribution of one variable; probabilities are arrays of any shape.
+    """Distribution of one variable; probabilities are arrays of any shape.
 
     A subclass is a frozen dataclass of its parameters, in SI units.
     """
+
+    is_discrete: ClassVar[bool] = False
+    """True if it has probabilities of single values, and no density."""
 
     def __init_subclass__(cls) -> None:
         # Far out, the formulas overflow on their way to 0, to 1 or to an end of the support.
@@ -56,6 +60,10 @@ class Distribution(ABC):
     @abstractmethod
     def sf(self, value: FloatArray) -> FloatArray:
         """Survival function: the probability above a value."""
+
+    def atoms(self) -> tuple[FloatArray, FloatArray] | None:
+        """Return the values and probabilities of a discrete distribution; None if not known."""
+        return None
 
     @property
     def is_finite(self) -> bool:

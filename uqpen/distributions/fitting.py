@@ -37,6 +37,7 @@ LOWEST_P_VALUE = 0.05
 
 NOT_FITTABLE = {
     "triangular": "the likelihood of its three corners has no single maximum",
+    "discrete": "its values are given, and counting them needs no fit",
     "beta": "the likelihood of its ends has no bound",
 }
 

@@ -14,7 +14,7 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import SettingsError
 from uqpen.core.units import DIMENSIONLESS, scale
-from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
 
 __all__ = [
     "LIBRARIES",
@@ -30,6 +30,10 @@ __all__ = [
 LIBRARIES = {"scipy": "scipy.stats", "chaospy": "chaospy"}
 
 
+# Of more values, sums would take long.
+_MOST_ATOMS = 100_000
+
+
 @dataclass(frozen=True)
 class FrozenDistribution(Distribution):
     """Distribution of SciPy or chaospy with all its parameters, and the unit of its values.
@@ -37,8 +41,8 @@ class FrozenDistribution(Distribution):
     Parameters
     ----------
     frozen : object
-        A frozen continuous distribution of ``scipy.stats``, or a one-dimensional distribution of
-        chaospy.
+        A frozen distribution of ``scipy.stats``, continuous or discrete, or a one-dimensional
+        distribution of chaospy.
     unit : str
         Unit of its values.
 
@@ -69,6 +73,24 @@ class FrozenDistribution(Distribution):
         if self._is_scipy:
             return self._probability(self.frozen.sf, value)
         return 1 - self.cdf(value)
+
+    def atoms(self) -> tuple[FloatArray, FloatArray] | None:
+        """Return the whole numbers of a discrete distribution, and their probabilities."""
+        if not self.is_discrete:
+            return None
+        first, last = (float(self.frozen.ppf(end)) for end in OPEN_INTERVAL)
+        width = last - first + 20
+        if not width < _MOST_ATOMS:
+            return None
+        # High powers weigh what lies beyond the draws.
+        values = np.arange(first - width, last + width)
+        shares = np.asarray(self.frozen.pmf(values), dtype=np.float64)
+        return self._to_si(values[shares > 0]), shares[shares > 0] / shares.sum()
+
+    @property
+    def is_discrete(self) -> bool:  # type: ignore[override]
+        """True if it has probabilities of single values, as ``scipy.stats.poisson`` has."""
+        return self._is_scipy and not hasattr(self.frozen.dist, "pdf")
 
     @property
     def _is_scipy(self) -> bool:
@@ -142,7 +164,8 @@ def declare(frozen: Any) -> tuple[str, dict[str, Any]] | None:
     """
     dist = getattr(frozen, "dist", None)
     if dist is not None and hasattr(frozen, "kwds"):
-        names = [*(dist.shapes.split(", ") if dist.shapes else []), "loc", "scale"]
+        ends = ["loc", "scale"] if hasattr(dist, "pdf") else ["loc"]
+        names = [*(dist.shapes.split(", ") if dist.shapes else []), *ends]
         library, name = "scipy", dist.name
         parameters = {**dict(zip(names, frozen.args, strict=False)), **frozen.kwds}
     else:
@@ -161,7 +184,7 @@ def declare(frozen: Any) -> tuple[str, dict[str, Any]] | None:
 
 def _is_family(library: str, module: Any, family: Any) -> bool:
     if library == "scipy":
-        return isinstance(family, module.rv_continuous)
+        return isinstance(family, module.rv_continuous | module.rv_discrete)
     return isinstance(family, type) and issubclass(family, module.Distribution)
 
 

@@ -15,6 +15,7 @@ from uqpen.core.labels import DEPENDENCE, ROLE, RUN
 from uqpen.core.model import Input
 from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
+from uqpen.distributions.input_group import InputGroup
 from uqpen.distributions.unloaded import UnloadedDistribution
 
 __all__ = ["FixedInput", "JointDistribution", "RandomInput", "points_dataset"]
@@ -63,7 +64,10 @@ class RandomInput:
 
 @dataclass(frozen=True)
 class JointDistribution:
-    """Joint distribution of a study's inputs, in the model's order, independent or with a copula.
+    """Joint distribution of a study's inputs, in the model's order.
+
+    It is a product of independent parts: inputs by themselves, the inputs of a copula, and groups
+    of inputs that have a joint distribution of their own.
 
     Parameters
     ----------
@@ -73,11 +77,14 @@ class JointDistribution:
         All inputs of the model: a table of points may give some that the study does not.
     dependence : Dependence, optional
         The copula of some of the random inputs; the others are independent.
+    groups : tuple of InputGroup
+        Joint distributions of further inputs, which have entries as all random inputs have.
     """
 
     inputs: tuple[FixedInput | RandomInput, ...]
     variables: tuple[Input, ...]
     dependence: Dependence | None = None
+    groups: tuple[InputGroup, ...] = ()
 
     @property
     def fixed(self) -> tuple[FixedInput, ...]:
@@ -92,12 +99,29 @@ class JointDistribution:
     @property
     def files(self) -> tuple[FileSnapshot, ...]:
         """Snapshots of the files from which its distributions follow."""
-        return tuple(file for entry in self.random for file in entry.files)
+        own = (file for entry in self.random for file in entry.files)
+        return (*own, *(file for group in self.groups for file in group.files))
 
     @property
     def is_independent(self) -> bool:
         """True if the random inputs are independent of each other."""
-        return self.dependence is None
+        return self.dependence is None and not self.groups
+
+    @property
+    def dependence_text(self) -> str:
+        """Text on the dependence between inputs; empty where they are independent."""
+        parts = [self.dependence, *self.groups] if self.dependence else self.groups
+        return "; ".join(map(str, parts))
+
+    @property
+    def conditional_reason(self) -> str:
+        """Reason why inputs cannot be drawn given some of them; empty where they can."""
+        return next((group.conditional_reason for group in self.groups), "")
+
+    @property
+    def implicit_inputs(self) -> tuple[str, ...]:
+        """Random inputs whose own distribution is not known, apart from the others."""
+        return tuple(name for group in self.groups if not group.marginals for name in group.inputs)
 
     def nominal(self) -> dict[str, float]:
         """Return one value for each input: the fixed one, or the median.
@@ -143,12 +167,14 @@ class JointDistribution:
             Independent probabilities; the columns of given inputs are ignored.
         given : mapping of int to ndarray, shape (run,)
             By position in `random`, the probability below each given value: 0.5 for a median.
-            If empty, draws are of the joint distribution itself.
+            If empty, draws are of the joint distribution itself. Where there is a
+            `conditional_reason`, it must be empty.
 
         Returns
         -------
         ndarray, shape (run, random input)
-            Argument for `ppf`. Given columns are unchanged, and those of independent inputs too.
+            Argument for `ppf`. Given columns are unchanged, and those of independent inputs and of
+            groups too.
         """
         points = np.clip(unit, *OPEN_INTERVAL)
         for position, column in given.items():
@@ -167,13 +193,22 @@ class JointDistribution:
         Parameters
         ----------
         probabilities : ndarray, shape (run, random input)
-            Probability below the value, for each input by itself.
+            Probability below the value, for each input by itself; for the inputs of a group, its
+            coordinates in the unit cube.
         """
         inside = np.clip(probabilities, *OPEN_INTERVAL)
-        return {
-            entry.variable.name: entry.distribution.ppf(column)
-            for entry, column in zip(self.random, inside.T, strict=True)
-        }
+        columns = dict(zip((entry.variable.name for entry in self.random), inside.T, strict=True))
+        grouped = {name: group for group in self.groups for name in group.inputs}
+        values = dict[str, FloatArray]()
+        for entry in self.random:
+            name = entry.variable.name
+            if name not in grouped:
+                values[name] = entry.distribution.ppf(columns[name])
+            elif name not in values:
+                group = grouped[name]
+                unit = np.column_stack([columns[each] for each in group.inputs])
+                values |= dict(zip(group.inputs, group.values(unit).T, strict=True))
+        return {name: values[name] for name in columns}
 
 
 def points_dataset(
@@ -199,6 +234,6 @@ def points_dataset(
             variables[name] = ((), fixed[name], attributes)
     indexes = {name: (RUN, column) for name, column in coordinates.items()}
     points = xr.Dataset(variables, {RUN: np.arange(runs), **indexes})
-    if joint.dependence is not None:
-        points.attrs[DEPENDENCE] = str(joint.dependence)
+    if text := joint.dependence_text:
+        points.attrs[DEPENDENCE] = text
     return points

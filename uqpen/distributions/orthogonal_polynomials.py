@@ -168,11 +168,15 @@ _FORMULAS: dict[type, Callable[..., Recurrence]] = {
 
 
 def _discretized_stieltjes(distribution: Distribution, k: FloatArray) -> Recurrence:
-    """Compute the coefficients by Stieltjes's procedure on many nodes of the distribution.
+    """Compute the coefficients on the values of the distribution, or on many nodes of it."""
+    return _stieltjes(*(distribution.atoms() or _distribution_nodes(distribution)), k)
+
+
+def _stieltjes(values: FloatArray, weights: FloatArray, k: FloatArray) -> Recurrence:
+    """Compute the coefficients by Stieltjes's procedure on values with probabilities.
 
     Gautschi, W. (2004). Orthogonal Polynomials: Computation and Approximation, section 2.2.
     """
-    values, weights = _distribution_nodes(distribution)
     location = float(values @ weights)
     scale = math.sqrt(float((values - location) ** 2 @ weights))
     t = (values - location) / scale

@@ -35,6 +35,9 @@ class Truncated(Distribution):
     upper: float = limit(default=math.inf)
 
     def check_settings(self) -> Iterator[Problem]:
+        if self.parent.is_discrete:
+            yield Problem((), "limits of a discrete distribution", "its values within them alone")
+            return
         yield from order_problem(self.lower, self.upper)
         if self.lower < self.upper and not self._has_mass():
             found = f"{self.lower:g} to {self.upper:g}, where the law has no probability"

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, REPLICATE, ROLE, RUN, STATUS
+from uqpen.core.errors import StudyError
+from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, REPLICATE, ROLE, RUN, STATUS, WEIGHT
 from uqpen.core.model import Category, Dimension, Model, Output, empty_outputs
 from uqpen.core.status import Status
 from uqpen.execution.batch import Batch, BatchResult, Map, PacedMap
@@ -62,12 +63,16 @@ def evaluate(
 
     Raises
     ------
+    StudyError
+        If the points are weighted and an output is named ``weight``.
     TooManyFailedError
         If more runs are missing than allowed.
     """
     progress, checkpoint = progress or Progress(), checkpoint or Checkpoint()
     failures = failures or FailurePolicy()
     model, total = evaluator.model, points.sizes[RUN]
+    if WEIGHT in points.coords and any(output.name == WEIGHT for output in model.outputs):
+        raise StudyError(f'weighted points cannot go to a model with an output "{WEIGHT}"')
     columns = {str(name): np.broadcast_to(points[name].values, total) for name in points.data_vars}
     record = _RunRecord(model.outputs, total)
     failure_count = FailureCount(failures.at_most, total)
@@ -184,6 +189,8 @@ def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, 
     runs[STATUS].attrs |= _flag_attributes(list(Status), [status.meaning for status in Status])
     number = {"units": "1", "long_name": "number of the run"}
     runs[RUN].attrs = {"standard_name": "realization", **number}
+    if WEIGHT in runs.coords:
+        runs[WEIGHT].attrs = {"units": "1", "long_name": "relative weight of the run"}
     if REPLICATE in runs:
         runs[REPLICATE].attrs = {"units": "1", "long_name": "number of the run's replicate"}
     if FAILED_RUN in runs:

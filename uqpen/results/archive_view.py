@@ -12,9 +12,9 @@ import xarray as xr
 
 from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.arrays import FloatArray
+from uqpen.core.arrays import FloatArray, rows_by_weight
 from uqpen.core.errors import UnknownNameError
-from uqpen.core.labels import ROLE, RUNS, SAMPLING, STATUS
+from uqpen.core.labels import ROLE, RUNS, SAMPLING, STATUS, WEIGHT
 from uqpen.core.lookup import choices
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -151,9 +151,17 @@ class ArchiveView:
         return bool((self.runs(design)[STATUS].values == Status.OK).any())
 
     def completed_values(self, design: str, output: str) -> FloatArray:
-        """Return an output of the completed runs of a design's sample, in SI units."""
+        """Return an output of the completed runs of a design's sample, in SI units.
+
+        Of weighted runs, as many values as there are runs, each as often as its weight says.
+        """
         runs = self.runs(design)
-        return np.asarray(runs[output].values[runs[STATUS].values == Status.OK], dtype=np.float64)
+        is_ok = runs[STATUS].values == Status.OK
+        values = np.asarray(runs[output].values[is_ok], dtype=np.float64)
+        if WEIGHT not in runs.coords or not values.size:
+            return values
+        weights = np.asarray(runs[WEIGHT].values[is_ok], dtype=np.float64)
+        return values[rows_by_weight(weights, (np.arange(len(values)) + 0.5) / len(values))]
 
     def reason_without_convergence(self, design: str) -> str:
         """Return why no part of a design's runs is a smaller sample; empty where some are."""

@@ -18,7 +18,7 @@ from types import MappingProxyType
 
 from uqpen.core.sampling import Sampling
 
-__all__ = ["ANALYSES", "ANALYSES_OF_DESIGNS", "FIELD_ANALYSES"]
+__all__ = ["ANALYSES", "ANALYSES_OF_DESIGNS", "FIELD_ANALYSES", "WEIGHTED_ANALYSES"]
 
 # The group that the answers stand in, and who gives them.
 ANALYSES = {
@@ -37,6 +37,15 @@ ANALYSES = {
     "convergence": ["uqpen.statistics.convergence:convergence"],
 }
 
+# The analyses that are right for weighted runs. The others would count every run the same.
+WEIGHTED_ANALYSES = frozenset(
+    {"moments", "quantiles", "percentiles", "exceedance", "cdfs", "shares", "convergence"}
+)
+
+# The analyses that take outputs with dimensions, too: samples whose values are of shape
+# (run, *dims). The statistics of a field have its dimensions.
+FIELD_ANALYSES: frozenset[str] = frozenset()
+
 ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType(
     {
         Sampling.PICK_FREEZE: {
@@ -53,7 +62,3 @@ ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyTy
         },
     }
 )
-
-# References of the analyses that take outputs with dimensions, too: samples whose values are of
-# shape (run, *dims). The statistics of a field have its dimensions.
-FIELD_ANALYSES: frozenset[str] = frozenset()

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import xarray as xr
 
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import CONDITIONAL, MISSING, RUN, SAMPLING, STATUS
+from uqpen.core.labels import CONDITIONAL, MISSING, RUN, SAMPLING, STATUS, WEIGHT
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.threads import one_blas_thread
 from uqpen.execution import status_counts
-from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS, FIELD_ANALYSES, texts
+from uqpen.statistics import (
+    ANALYSES,
+    ANALYSES_OF_DESIGNS,
+    FIELD_ANALYSES,
+    WEIGHTED_ANALYSES,
+    texts,
+)
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
+from uqpen.statistics.estimate import unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -23,6 +30,7 @@ from uqpen.statistics.sample import Sample, input_sample
 
 __all__ = ["OutputStatistics", "analyze", "analyze_failures", "in_catalogue_order"]
 
+Analysis = Callable[..., Iterable[tuple[str, xr.DataArray]]]
 # Estimate arrays by the names of their statistics.
 OutputStatistics = dict[str, xr.DataArray]
 
@@ -60,7 +68,8 @@ def analyze(
         if sampling.is_sample:
             drawn = input_sample(runs)
             samples = Sample.several_from_runs(drawn, list(found))
-            _run_analyses(_select(ANALYSES, only), quantities, samples, _run_counts(drawn), found)
+            analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.coords)
+            _run_analyses(analyses, quantities, samples, _run_counts(drawn), found)
         # A design that is made for a statistic estimates it better than its sample does.
         own = _select(ANALYSES_OF_DESIGNS.get(sampling, {}), only)
         _run_analyses(own, quantities, dict.fromkeys(found, runs), _run_counts(runs), found)
@@ -88,7 +97,8 @@ def analyze_failures(runs: xr.Dataset) -> OutputStatistics:
         drawn = input_sample(runs)
         counts_of_sample = _run_counts(drawn)
         found["probability"] = status_probabilities(drawn).assign_attrs(counts_of_sample)
-    for name, array in failure_analysis(Sample.from_runs(runs, STATUS)):
+    analysis = unweighted(failure_analysis) if WEIGHT in runs.coords else failure_analysis
+    for name, array in analysis(Sample.from_runs(runs, STATUS)):
         found[name] = array.assign_attrs(counts)
     return found
 
@@ -99,26 +109,35 @@ def in_catalogue_order(statistics: Mapping[str, xr.DataArray]) -> OutputStatisti
     return dict(sorted(statistics.items(), key=lambda item: places.get(item[0], len(places))))
 
 
-def _select(analyses: Mapping[str, Sequence[str]], only: Collection[str] | None) -> Iterator[str]:
-    """Yield references to the analyses that are wanted."""
+def _select(
+    analyses: Mapping[str, Sequence[str]], only: Collection[str] | None
+) -> Iterator[tuple[str, Analysis]]:
+    """Yield the analyses that are wanted, with their names."""
     for name, references in analyses.items():
         if only is None or name in only:
-            yield from references
+            yield from ((name, resolve(reference)) for reference in references)
+
+
+def _sample_analyses(
+    only: Collection[str] | None, *, is_weighted: bool
+) -> Iterator[tuple[str, Analysis]]:
+    """Yield the analyses of a sample that are wanted, with their names."""
+    for name, analysis in _select(ANALYSES, only):
+        takes = not is_weighted or name in WEIGHTED_ANALYSES
+        yield name, analysis if takes else unweighted(analysis)
 
 
 def _run_analyses(
-    references: Iterable[str],
+    analyses: Iterable[tuple[str, Analysis]],
     quantities: Sequence[QuantityOfInterest],
     evidence: Mapping[str, Any],
     attributes: Mapping[str, int | str],
     found: Mapping[str, OutputStatistics],
 ) -> None:
     """Put the statistics of several analyses, for each output, among those found."""
-    for reference in references:
-        analysis = resolve(reference)
-        takes_fields = reference in FIELD_ANALYSES
+    for group, analysis in analyses:
         for quantity in quantities:
-            if quantity.output.dims and not takes_fields:
+            if quantity.output.dims and group not in FIELD_ANALYSES:
                 continue
             name = quantity.output.name
             for statistic, array in analysis(evidence[name], quantity):

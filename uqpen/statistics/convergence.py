@@ -111,6 +111,7 @@ def _part(sample: Sample, is_taken: BoolArray) -> Sample:
         points=np.empty((int(is_taken.sum()), 0)),
         inputs=(),
         replicates=sample.replicates[is_taken],
+        weights=None if sample.weights is None else sample.weights[is_taken],
     )
 
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import estimate_array
-from uqpen.core.labels import INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE
+from uqpen.core.labels import BOUND, INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE
+from uqpen.statistics import texts
 
-__all__ = ["LEVEL", "Estimate"]
+__all__ = ["LEVEL", "Estimate", "refused", "unweighted"]
 
 # The probability with which an interval covers, and the confidence of a one-sided bound.
 LEVEL = 0.95
@@ -110,4 +112,31 @@ def _estimate_array(
         long_name=long_name,
         attributes={INTERVAL_LEVEL: LEVEL} if has_bounds or dims else {},
         coordinates=coordinates,
+    )
+
+
+def unweighted(
+    analysis: Callable[..., Iterable[tuple[str, xr.DataArray]]],
+) -> Callable[..., Iterator[tuple[str, xr.DataArray]]]:
+    """Return an analysis without its values, for runs whose weights it does not know."""
+
+    def without_values(*evidence: Any) -> Iterator[tuple[str, xr.DataArray]]:
+        for name, array in analysis(*evidence):
+            yield name, refused(array, texts.NOT_WEIGHTED) if BOUND in array.dims else array
+
+    return without_values
+
+
+def refused(array: xr.DataArray, reason: str) -> xr.DataArray:
+    """Return an estimate array of the same entries without values, for one reason."""
+    replaced = {INTERVAL: "none", INTERVAL_LABEL: "none", NOTE: reason}
+    attributes = {key: value for key, value in array.attrs.items() if key != INTERVAL_LEVEL}
+    return estimate_array(
+        np.full(array.shape, math.nan),
+        {str(name): size for name, size in array.sizes.items() if name != BOUND},
+        replaced,
+        units=attributes.pop("units"),
+        long_name=attributes.pop("long_name"),
+        attributes=attributes,
+        coordinates={k: each.variable for k, each in array.coords.items() if k not in replaced},
     )

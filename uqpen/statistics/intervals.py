@@ -139,19 +139,18 @@ def _additive_residual(residual: FloatArray, label: IntArray, bins: int) -> Floa
 
 
 def clopper_pearson(
-    events: npt.ArrayLike, runs: int, level: float
+    events: npt.ArrayLike, runs: npt.ArrayLike, level: float
 ) -> tuple[FloatArray, FloatArray]:
     """Exact binomial interval of a probability (Clopper & Pearson 1934, Biometrika 26, 404-413).
 
     `events` of the `runs` had the event; the probability inside the interval is at least `level`.
+    Effective numbers of runs need not be whole.
     """
-    k = np.asarray(events, dtype=np.float64)
+    k, n = np.asarray(events, dtype=np.float64), np.asarray(runs, dtype=np.float64)
     tail = (1 - level) / 2
     with np.errstate(invalid="ignore"):
-        lower = np.where(k > 0, special.betaincinv(np.maximum(k, 1), runs - k + 1, tail), 0.0)
-        upper = np.where(
-            k < runs, special.betaincinv(k + 1, np.maximum(runs - k, 1), 1 - tail), 1.0
-        )
+        lower = np.where(k > 0, special.betaincinv(np.where(k > 0, k, 1), n - k + 1, tail), 0.0)
+        upper = np.where(k < n, special.betaincinv(k + 1, np.where(k < n, n - k, 1), 1 - tail), 1.0)
     return lower, upper
 
 

@@ -28,6 +28,8 @@ from uqpen.core.labels import BOUND, BOUNDS, INPUT, INTERVAL, NAME, RESERVED
 from uqpen.core.units import scale
 from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import ModelFolder
+from uqpen.statistics import texts
+from uqpen.statistics.estimate import refused
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 
@@ -63,6 +65,11 @@ class OutsideAnalysis:
     reference: str
     function: Analysis = field(compare=False)
     surroundings: ModelFolder | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def takes_weights(self) -> bool:
+        """True if the function says, by an attribute of this name, that it counts by weights."""
+        return bool(getattr(self.function, "takes_weights", False))
 
     def files(self) -> tuple[FileSnapshot, ...]:
         """Return the files that it has been loaded from, as they were."""
@@ -138,6 +145,8 @@ def outside_statistics(
             # A coordinate that other statistics have already keeps their attributes.
             shared = _coordinates({**found, **known})
             own = {key: shared[str(key)] for key in array.coords if key in shared}
+            if sample.weights is not None and not analysis.takes_weights:
+                array = refused(array, texts.NOT_WEIGHTED)
             found[name] = array.assign_coords(own)
     return found
 

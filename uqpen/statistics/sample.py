@@ -21,13 +21,19 @@ from uqpen.core.labels import (
     RUN,
     SAMPLING,
     STATUS,
+    WEIGHT,
 )
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 from uqpen.statistics import texts
+from uqpen.statistics.weights import effective_size, weighted_mean
 
 __all__ = ["ErrorModel", "Sample", "input_sample"]
+
+
+# With a smaller effective size, intervals of weighted draws covered less than they say.
+_SMALLEST_EFFECTIVE_SIZE = 20
 
 
 class ErrorModel(StrEnum):
@@ -36,6 +42,7 @@ class ErrorModel(StrEnum):
     INDEPENDENT = "independent draws"
     REPLICATED = "independent replicates"
     SINGLE_STRATIFIED_SET = "one stratified set"
+    WEIGHTED = "weighted independent draws"
     UNKNOWN = "points of unknown origin"
 
 
@@ -81,6 +88,9 @@ class Sample:
         How the inputs depend on each other; empty where they do not.
     optimized_by : str
         The criterion by which the points of a replicate were moved apart; empty for none.
+    weights : ndarray, shape (point,), optional
+        Relative weight of each point, where the points are draws of another distribution than the
+        study's: the ratio of the two densities, up to a factor.
     """
 
     values: FloatArray
@@ -92,6 +102,7 @@ class Sample:
     sampling: Sampling
     dependence: str = ""
     optimized_by: str = ""
+    weights: FloatArray | None = None
 
     @classmethod
     def from_runs(cls, runs: xr.Dataset, name: str) -> Sample:
@@ -101,7 +112,10 @@ class Sample:
     @classmethod
     def several_from_runs(cls, runs: xr.Dataset, names: Iterable[str]) -> dict[str, Sample]:
         """Return the samples of several variables by name, with one common copy of the points."""
-        used = np.flatnonzero(runs[STATUS].values == Status.OK)
+        is_used = runs[STATUS].values == Status.OK
+        if WEIGHT in runs.coords:
+            is_used &= runs[WEIGHT].values > 0  # a run without a weight counts for nothing
+        used = np.flatnonzero(is_used)
         whole = cls._from_values(runs, np.full(used.shape, np.nan), used)
         values = {name: runs[name].values[used].astype(np.float64) for name in names}
         return {name: replace(whole, values=found) for name, found in values.items()}
@@ -134,6 +148,7 @@ class Sample:
             sampling=Sampling(runs.attrs[SAMPLING]),
             dependence=str(runs.attrs.get(DEPENDENCE, "")),
             optimized_by=str(runs.attrs.get(OPTIMIZED_BY, "")),
+            weights=runs[WEIGHT].values.astype(np.float64) if WEIGHT in runs.coords else None,
         )
 
     def with_missing(self) -> Sample:
@@ -146,6 +161,31 @@ class Sample:
     def size(self) -> int:
         """Number of completed runs."""
         return len(self.values)
+
+    @cached_property
+    def run_weights(self) -> FloatArray | None:
+        """Weight of each run over the largest; None where all count the same."""
+        if self.weights is None:
+            return None
+        weights = self.weights[self.used]
+        return weights / weights.max(initial=0.0)  # so squares neither overflow nor vanish
+
+    @cached_property
+    def effective_size(self) -> float:
+        """Kish's effective sample size (Σw)²/Σw²; without weights, the number of runs."""
+        return self.size if self.run_weights is None else effective_size(self.run_weights)
+
+    def mean(self, values: FloatArray) -> float:
+        """Return the mean of values along the runs, by their weights.
+
+        Parameters
+        ----------
+        values : ndarray, shape (run,)
+            At least one.
+        """
+        if self.run_weights is None:
+            return float(values.mean())
+        return weighted_mean(values, self.run_weights)
 
     @cached_property
     def sorted_values(self) -> FloatArray:
@@ -174,7 +214,7 @@ class Sample:
         if self.sampling is Sampling.USER_SUPPLIED or not self.sampling.is_sample:
             return ErrorModel.UNKNOWN
         if self.sampling is Sampling.INDEPENDENT:
-            return ErrorModel.INDEPENDENT
+            return ErrorModel.INDEPENDENT if self.weights is None else ErrorModel.WEIGHTED
         if self.replicates.max(initial=0) > 0:
             return ErrorModel.REPLICATED
         return ErrorModel.SINGLE_STRATIFIED_SET
@@ -193,17 +233,24 @@ class Sample:
             return texts.SINGLE_RUN
         if self.error_model is ErrorModel.REPLICATED and self.replicate_count < 2:
             return texts.SINGLE_REPLICATE
-        return ""
+        is_weighted = self.error_model is ErrorModel.WEIGHTED
+        return self.too_few_runs if is_weighted and not self._is_large_enough else ""
+
+    @property
+    def _is_large_enough(self) -> bool:
+        return self.effective_size >= _SMALLEST_EFFECTIVE_SIZE
 
     @property
     def too_few_runs(self) -> str:
         """Text of the reason that there are too few runs."""
+        if self.weights is not None:
+            return texts.SMALL_EFFECTIVE_SIZE.format(size=self.effective_size)
         if self.size == 1:
             return texts.ONE_IS_TOO_FEW
         return texts.TOO_FEW_RUNS.format(runs=self.size)
 
     @property
-    def degrees_of_freedom(self) -> int:
+    def degrees_of_freedom(self) -> float:
         """Degrees of freedom of a standard error over independent draws or replicates."""
         is_replicated = self.error_model is ErrorModel.REPLICATED
-        return (self.replicate_count if is_replicated else self.size) - 1
+        return (self.replicate_count if is_replicated else self.effective_size) - 1

@@ -11,6 +11,7 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.sample import Sample
+from uqpen.statistics.weights import effective_size
 
 __all__ = ["SampleShape"]
 
@@ -40,7 +41,7 @@ class SampleShape:
             return float(values[0]) if self.sample.size else math.nan
         # The sum of values over their largest cannot overflow.
         largest = float(np.abs(values).max())
-        return float((values / largest).mean()) * largest
+        return self.sample.mean(values / largest) * largest
 
     @cached_property
     def scale(self) -> float:
@@ -57,7 +58,7 @@ class SampleShape:
         return (self.sample.values - self.mean) / self.scale
 
     def _moment(self, power: int) -> float:
-        return float((self.deviations**power).mean()) if self.scale > 0 else math.nan
+        return self.sample.mean(self.deviations**power) if self.scale > 0 else math.nan
 
     @cached_property
     def skewness(self) -> float:
@@ -71,8 +72,10 @@ class SampleShape:
 
     @property
     def effective_runs(self) -> float:
-        """(Σd²)²/Σd⁴ of the deviations d: how many runs decide the variance."""
-        return self.sample.size / self.kurtosis
+        """(Σd²)²/Σd⁴ of the deviations d, times the weights: how many runs decide the variance."""
+        if self.sample.run_weights is None:
+            return self.sample.size / self.kurtosis
+        return effective_size((self.sample.run_weights * self.deviations) ** 2)
 
     @property
     def has_few_effective_runs(self) -> bool:
@@ -87,14 +90,14 @@ class SampleShape:
     @property
     def is_doubtful(self) -> bool:
         """True if the distribution may have a heavier tail than these runs show."""
-        if self.sample.size < _ENOUGH_RUNS_FOR_TAILS:
+        if self.sample.effective_size < _ENOUGH_RUNS_FOR_TAILS:
             return True
         return self.kurtosis > _DOUBTFUL_KURTOSIS and self.has_few_effective_runs
 
     @property
     def hidden_tail(self) -> str:
         """Reason why the runs cannot show a heavy tail; empty where there are enough."""
-        if self.sample.size >= _FEWEST_RUNS_FOR_TAILS:
+        if self.sample.effective_size >= _FEWEST_RUNS_FOR_TAILS:
             return ""
         return texts.HIDDEN_TAIL.format(runs=_FEWEST_RUNS_FOR_TAILS)
 

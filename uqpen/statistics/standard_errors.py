@@ -9,6 +9,7 @@ import numpy as np
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics.intervals import additive_residual_error, ratio_error
 from uqpen.statistics.sample import ErrorModel, Sample
+from uqpen.statistics.weights import weighted_mean_error
 
 __all__ = ["cdf_error", "probability_error", "rounding_error", "standard_error"]
 
@@ -39,6 +40,8 @@ def standard_error(sample: Sample, influence: FloatArray) -> tuple[float, float]
         deviation[sample.used] = influence - influence.mean()
         error, freedom = additive_residual_error(deviation, sample.points)
         return error * len(sample.points) / sample.size, freedom
+    if sample.run_weights is not None:
+        return weighted_mean_error(influence, sample.run_weights), sample.degrees_of_freedom
     return float(influence.std(ddof=1)) / math.sqrt(sample.size), sample.degrees_of_freedom
 
 
@@ -48,8 +51,8 @@ def rounding_error(sample: Sample) -> float:
     In a stratified replicate, a count is one of two neighbouring whole numbers, so its standard
     deviation is half a run at most. Where all replicates agree, their scatter does not show it.
     """
-    if sample.error_model is ErrorModel.INDEPENDENT:
-        return 0.5 / sample.size
+    if sample.error_model in (ErrorModel.INDEPENDENT, ErrorModel.WEIGHTED):
+        return 0.5 / sample.effective_size
     return 0.5 * math.sqrt(sample.replicate_count) / sample.size
 
 

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 # Methods of intervals.
 STUDENT = "Student t"
+STUDENT_WEIGHTED = "Student t at the effective size, self-normalised weights"
 STUDENT_OVER_REPLICATES = "Student t over replicates"
 STUDENT_ON_RESIDUALS = "Student t on the residuals of an additive fit"
 STUDENT_OVER_TRAJECTORIES = "Student t over trajectories"
 CLOPPER_PEARSON = "Clopper-Pearson"
+CLOPPER_PEARSON_WEIGHTED = "Clopper-Pearson at the effective number of runs (Korn-Graubard)"
 STUDENT_OR_CLOPPER_PEARSON = (
     "Student t over replicates; Clopper-Pearson with fewer than 10 runs on a side"
 )
@@ -19,6 +21,7 @@ FOR_ANY_OUTCOME = "{method}, for any outcome of the missing runs"
 SIMULTANEOUS_BAND = "Dvoretzky-Kiefer-Wolfowitz-Massart"
 ORDER_STATISTICS = "order statistics (binomial)"
 WOODRUFF = "Woodruff, over replicates"
+WOODRUFF_WEIGHTED = "Woodruff, self-normalised weights"
 ONE_SIDED_ORDER_STATISTICS = "one-sided, order statistics (binomial)"
 ONE_SIDED_WOODRUFF = "one-sided, Woodruff, over replicates"
 TWO_WOODRUFF = "two Woodruff intervals combined, {error_model}"
@@ -39,6 +42,10 @@ NOT_DECLARED_INDEPENDENT = "the points are not declared independent (independent
 NO_RUN = "no run completed"
 NO_RUN_OF_A_AND_B = "no run of the matrices A and B completed"
 SINGLE_RUN = "a single run has no scatter"
+SMALL_EFFECTIVE_SIZE = "weights: an effective sample size of {size:.3g} is too small"
+NOT_WEIGHTED = "weights: it is known for equally weighted draws only"
+FEW_WEIGHTS_DECIDE = "weights: {runs:.0f} effective runs decide it"
+NO_WEIGHTED_BAND = "weights: no simultaneous band is known"
 SINGLE_REPLICATE = "all completed runs are of one replicate"
 ONE_IS_TOO_FEW = "a single run is too few"
 TOO_FEW_RUNS = "{runs} runs are too few"
@@ -47,6 +54,7 @@ NO_UPPER_BOUND = "{too_few} for an upper bound"
 RUNS_NEEDED = "least number of independent runs with an upper bound"
 UPPER_BOUND_NEEDS = "an upper bound needs at least {runs} runs"
 TOO_ONE_SIDED = "fewer than ten runs lie on one side"
+FEW_WEIGHTED_BEYOND = "weights: fewer than ten effective runs lie on one side"
 MISSING_RUNS = "allows for any outcome of the missing runs ({runs})"
 
 # What does not vary, or shows no scatter.
@@ -72,6 +80,7 @@ DOUBTFUL_TAIL = (
     "the interval may be too narrow if extreme values are more frequent than in these runs"
 )
 DIAGNOSTIC = "a diagnostic of the tail, not an estimate"
+DIAGNOSTIC_OF_WEIGHTS = "a diagnostic of the weights, not an estimate"
 SEE_HALF_SPREAD = "see half the 16–84 % range"
 SEE_RANKS = "see the rank correlations"
 ONLY_RUNS = "only {runs} runs"
@@ -120,6 +129,7 @@ FIRST_ORDER_INCLUDES = "first-order indices include correlation"
 
 # Estimators of a surrogate.
 FROM_DRAWS = "by sampling the surrogate at {draws} admissible draws"
+NO_PAIRS = "none: inputs cannot be drawn given others"
 FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set of inputs"
 
 # Failed runs.

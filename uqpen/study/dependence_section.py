@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -30,10 +30,15 @@ class _Pair:
     )
 
 
-def read_dependence(table: TableReader, inputs: Inputs) -> JointDistribution:
-    """Return the joint distribution with dependent inputs; unchanged where a mistake was noted."""
+def read_dependence(
+    table: TableReader, inputs: Inputs, owners: Mapping[str, str]
+) -> JointDistribution:
+    """Return the joint distribution with dependent inputs; unchanged where a mistake was noted.
+
+    Inputs of a group, which `owners` names, cannot be joined to others.
+    """
     joint = inputs.joint
-    if not table.is_given:
+    if not table.is_given or _note_grouped(table, owners):
         return joint
     copula = family_member(table, "copula", COPULAS, "a copula")
     if copula is None:
@@ -49,6 +54,19 @@ def read_dependence(table: TableReader, inputs: Inputs) -> JointDistribution:
     if dependence is None or inputs.unclear:
         return joint
     return replace(joint, dependence=dependence)
+
+
+def _note_grouped(table: TableReader, owners: Mapping[str, str]) -> bool:
+    """Note inputs whose joint distribution is given already; return True for any."""
+    pairs = table.content.get("pairs")
+    lists = [table.content, *(pairs if isinstance(pairs, list) else [])]
+    named = [each.get("inputs") for each in lists if isinstance(each, dict)]
+    joined = [name for names in named if isinstance(names, list) for name in names]
+    grouped = [name for name in joined if isinstance(name, str) and name in owners]
+    for name in dict.fromkeys(grouped):
+        found = f"{name}, whose joint distribution is [joint.{owners[name]}]"
+        table.add_problem((), found, "inputs that [inputs] has")
+    return bool(grouped)
 
 
 def _build_copula(

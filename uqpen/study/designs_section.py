@@ -112,7 +112,8 @@ def check_designs(table: TableReader, designs: dict[str, Design], joint: JointDi
             table.add_problem(name, "a design over inputs that are all fixed", expected)
         elif design.assumes_independence and not joint.is_independent:
             kind = toml_text(table.content[name]["kind"])
-            found = f"{kind} with inputs that depend on each other ([dependence])"
+            where = "[dependence]" if joint.dependence else "[joint]"
+            found = f"{kind} with inputs that depend on each other ({where})"
             table.add_problem((name, "kind"), found, f"{design.independence_reason}; {_VALID}")
         else:
             table.add_problems(design.check_inputs(joint), name)

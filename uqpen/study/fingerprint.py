@@ -15,7 +15,7 @@ from uqpen.study.study import ValidatedStudy
 __all__ = ["run_fingerprint"]
 
 # Not the title, nor what is asked of the runs, nor what they are held against.
-_TABLES = ("seed", "inputs", "dependence", "constraints")
+_TABLES = ("seed", "inputs", "joint", "dependence", "constraints")
 
 
 def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str, str]:

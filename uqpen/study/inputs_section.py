@@ -23,6 +23,7 @@ from uqpen.distributions.joint_distribution import FixedInput, JointDistribution
 from uqpen.distributions.truncated import Truncated
 from uqpen.distributions.unloaded import UnloadedDistribution
 from uqpen.study.frozen_section import FROZEN, read_frozen
+from uqpen.study.joint_section import Groups
 from uqpen.study.measurements_section import MEASURED, read_measured
 from uqpen.study.object_section import OBJECT
 from uqpen.study.outside_members import DISTRIBUTION, installed_names, is_reference, read_member
@@ -49,24 +50,26 @@ class Inputs:
     unclear: frozenset[str] = frozenset()
 
 
-def read_inputs(table: TableReader, model: Model, stream: Stream) -> Inputs:
+def read_inputs(table: TableReader, model: Model, stream: Stream, groups: Groups) -> Inputs:
     """Read the joint distribution of a model's inputs; invalid entries are noted and left out.
 
-    Tests of fits to measurements draw from `stream`.
+    Tests of fits to measurements draw from `stream`. Inputs of `groups` have no entry in the table.
     """
     known = {variable.name: variable for variable in model.inputs}
     entries: dict[str, Entry | None] = {}
     for name in check_names(table, known, "input", model):
         entries[name] = _read_input(table, known[name], stream.child(name))
-    for variable in model.inputs:
+    entries |= groups.entries
+    others = [variable for variable in model.inputs if variable.name not in groups.owners]
+    for variable in others:
         if table.is_given and variable.name not in table and variable.default is not None:
             entries[variable.name] = FixedInput(variable, variable.default, variable.preferred_unit)
     found = (entries.get(variable.name) for variable in model.inputs)
-    joint = JointDistribution(tuple(filter(None, found)), model.inputs)
-    unclear = {name for name in table if entries.get(name) is None}
+    joint = JointDistribution(tuple(filter(None, found)), model.inputs, groups=groups.groups)
+    unclear = groups.unclear | {name for name in table if entries.get(name) is None}
     if not table.is_given or not unclear <= known.keys():
         # What is absent may stand there under a name with a mistake.
-        unclear |= known.keys() - set(table)
+        unclear |= known.keys() - set(table) - groups.entries.keys()
     return Inputs(joint, frozenset(unclear))
 
 

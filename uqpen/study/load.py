@@ -25,6 +25,7 @@ from uqpen.study.designs_section import (
 )
 from uqpen.study.document import Document, Objects, parse_document, read_document
 from uqpen.study.inputs_section import Inputs, read_constraints, read_inputs
+from uqpen.study.joint_section import read_groups
 from uqpen.study.models_section import check_variants, read_models
 from uqpen.study.outputs_section import read_quantities_of_interest
 from uqpen.study.published_section import read_published
@@ -88,7 +89,7 @@ def parse_study(
 
 # What is expected of the tables that a study must have beside its models; the other tables.
 _REQUIRED = {"inputs": "an [inputs] table", "designs": "at least one [designs.<name>]"}
-_OPTIONAL = ("dependence", "constraints", "outputs", "surrogates", "published", "failures")
+_OPTIONAL = ("joint", "dependence", "constraints", "outputs", "surrogates", "published", "failures")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,21 +112,25 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     models, model = read_models(root)
     are_models_whole = len(root.problems) == noted
     analyses = read_analyses(root)
-    tables = {key: root.table(key, _REQUIRED.get(key, "")) for key in (*_REQUIRED, *_OPTIONAL)}
+    tables = {key: root.table(key, _expected(root, key)) for key in (*_REQUIRED, *_OPTIONAL)}
     root.check_unknown_keys()
     failures = tables["failures"].whole_settings(FailurePolicy) or FailurePolicy()
     designs, design_modules = read_designs(tables["designs"])
     surrogates, origins = read_surrogates(tables["surrogates"], list(tables["designs"]))
-    inputs = read_inputs(tables["inputs"], model, Stream(heading.seed, "inputs"))
+    if "joint" in root and "inputs" not in root:
+        tables["inputs"] = root.inside({}, "inputs")
+    groups = read_groups(tables["joint"], model, tables["inputs"])
+    inputs = read_inputs(tables["inputs"], model, Stream(heading.seed, "inputs"), groups)
     is_clear = not inputs.unclear
     given_by_tables = None
     if all(variable.unit is not ANY_DIMENSION for variable in model.inputs):
         given_by_tables = check_tables(tables["designs"], designs, inputs.joint)
     if given_by_tables is not None:
         variants = models if models or "models" in root else {ONLY_MODEL: Variant(model, {})}
-        missing = _note_missing(tables["inputs"], model, variants, given_by_tables)
+        given = given_by_tables | groups.owners.keys()
+        missing = _note_missing(tables["inputs"], model, variants, given)
         inputs = Inputs(inputs.joint, inputs.unclear | missing)
-    joint = read_dependence(tables["dependence"], inputs)
+    joint = read_dependence(tables["dependence"], inputs, groups.owners)
     constraints = read_constraints(tables["constraints"], model, inputs)
     quantities = read_quantities_of_interest(tables["outputs"], model)
     published = read_published(
@@ -160,6 +165,11 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         design_modules=design_modules,
         surrogate_origins=origins,
     )
+
+
+def _expected(root: TableReader, key: str) -> str:
+    """Return what is expected of a table that must be there; empty for one that need not be."""
+    return "" if key == "inputs" and "joint" in root else _REQUIRED.get(key, "")
 
 
 def _note_missing(

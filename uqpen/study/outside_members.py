@@ -207,6 +207,7 @@ def object_members(content: Mapping[str, Any]) -> list[str]:
     for table in _tables(content, "inputs"):
         inner = table.get(OBJECT)
         named.append(inner.get(OBJECT) if isinstance(inner, dict) else None)
+    named += [table.get(OBJECT) for table in _tables(content, "joint")]
     return [str(name) for name in named if name is not None]
 
 
@@ -218,7 +219,7 @@ def own_objects(text: str) -> list[str]:
         for name, table in content.get("inputs", {}).items()
         if isinstance(table, dict) and SETTINGS in table.get(OBJECT, {})
     }
-    return object_members({**content, "inputs": inputs})
+    return object_members({**content, "inputs": inputs, "joint": {}})
 
 
 def _tables(content: Mapping[str, Any], key: str) -> list[dict[str, Any]]:

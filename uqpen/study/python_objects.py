@@ -30,6 +30,7 @@ from uqpen.models import MODELS
 from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
 from uqpen.study.frozen_section import SETTINGS
+from uqpen.study.joint_objects import joint_units, with_joint_tables
 from uqpen.study.object_section import OBJECT
 from uqpen.study.outside_members import DESIGN, DISTRIBUTION, SURROGATE, class_reference
 from uqpen.study.python_model import OutputSpec, PythonModel
@@ -59,6 +60,7 @@ class StudyContent:
         self.objects: dict[tuple[str | int, ...], Any] = {}
         self.problems: list[Problem] = []
         given = {name: value for name, value in arguments.items() if value is not None}
+        given = with_joint_tables(given)
         model = given.get("model")
         if callable(model) and not isinstance(model, PythonModel):
             given["model"] = self._bare_function(model, given)
@@ -118,6 +120,7 @@ class StudyContent:
                 expected = "one unit, in which the function takes it; or a uqpen.PythonModel"
                 found = f"values in {' and '.join(units)}"
                 self.problems.append(Problem(("inputs", str(name)), found, expected))
+        inputs |= dict(joint_units(given.get("joint")))
         outputs = {str(name): _model_output(value) for name, value in _items(given.get("outputs"))}
         return PythonModel(function, inputs, outputs)
 
@@ -186,6 +189,9 @@ def _units(value: object) -> Iterator[str]:
         value = f"1 {value['unit']}"
     if isinstance(value, Mapping):
         for entry in value.values():
+            yield from _units(entry)
+    elif isinstance(value, list):
+        for entry in value:
             yield from _units(entry)
     elif isinstance(value, str):
         try:

@@ -22,7 +22,7 @@ __all__ = ["Study", "load_study"]
 
 # The order of the tables in the text of a study.
 _ORDER = (
-    "title", "seed", "analyses", "model", "models", "inputs", "dependence", "constraints",
+    "title", "seed", "analyses", "model", "models", "inputs", "joint", "dependence", "constraints",
     "outputs", "designs", "surrogates", "published", "failures",
 )  # fmt: skip
 
@@ -41,7 +41,8 @@ class Study(ValidatedStudy):
         study file.
     inputs : mapping
         For each input a distribution such as ``uqpen.Normal("2.5 g/cm^3", "0.05 g/cm^3")``, a text
-        such as ``"(2.5 ± 0.05) g/cm^3"``, or one value such as ``"30 cm"``.
+        such as ``"(2.5 ± 0.05) g/cm^3"``, or one value such as ``"30 cm"``. For a tuple of inputs
+        a joint distribution of chaospy, such as ``{("a", "b"): chaospy.MvNormal(…)}``.
     outputs : mapping, optional
         For each output its unit, or an `OutputSpec`.
     designs : mapping
@@ -54,7 +55,7 @@ class Study(ValidatedStudy):
         Name of the study.
     models : mapping, optional
         Several models by name, in place of `model`.
-    surrogates, published, failures, dependence : optional
+    joint, surrogates, published, failures, dependence : optional
         As the tables of these names in a study file.
     constraints : sequence of str
         Conditions that every point meets, such as ``"a > 2 * b"``.
@@ -94,6 +95,7 @@ class Study(ValidatedStudy):
         title: str | None = None,
         name: str = "study",
         models: Mapping[str, object] | None = None,
+        joint: Mapping[str, object] | None = None,
         surrogates: Mapping[str, object] | None = None,
         published: Mapping[str, object] | None = None,
         failures: object | None = None,
@@ -109,6 +111,7 @@ class Study(ValidatedStudy):
                 "model": {"use": model} if isinstance(model, str) else model,
                 "models": models,
                 "inputs": inputs,
+                "joint": joint,
                 "outputs": outputs,
                 "designs": designs,
                 "surrogates": surrogates,

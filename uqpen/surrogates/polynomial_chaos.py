@@ -86,7 +86,11 @@ class PolynomialChaos(Surrogate):
             yield Problem(("method",), '"sparse"', expected)
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
-        """Yield the inputs that the engine does not know."""
+        """Yield the inputs that have no polynomials, or that the engine does not know."""
+        if joint.implicit_inputs:
+            found = f"polynomials of {', '.join(joint.implicit_inputs)}"
+            expected = "inputs whose own distributions are known, apart from each other"
+            yield Problem((), found, expected)
         if self.engine == _CHAOSPY:
             yield from input_problems(joint, logarithms=not self.needs_quadrature)
 

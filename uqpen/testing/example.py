@@ -1,12 +1,21 @@
-"""Inputs with which the contract tests are made."""
+"""Inputs, an output and runs with which the contract tests are made."""
 
 from __future__ import annotations
 
-from uqpen.core.model import Input
+import numpy as np
+import xarray as xr
+
+from uqpen.core.labels import RUN, STATUS
+from uqpen.core.model import Input, Output
+from uqpen.core.status import Status
 from uqpen.distributions.continuous import Normal, Uniform
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
-__all__ = ["example_joint_distribution"]
+__all__ = ["EXAMPLE_OUTPUT", "example_joint_distribution", "sum_runs"]
+
+# The output that an adaptive design and a stopping rule are sent.
+EXAMPLE_OUTPUT = QuantityOfInterest(Output("y", "1"), "1")
 
 
 def example_joint_distribution() -> JointDistribution:
@@ -18,3 +27,10 @@ def example_joint_distribution() -> JointDistribution:
         RandomInput(share, Normal(0.0, 1.0), "1"),
     )
     return JointDistribution(entries, (length, mass, share))
+
+
+def sum_runs(points: xr.Dataset, joint: JointDistribution, output: str) -> xr.Dataset:
+    """Return runs of a model whose output is the sum of the random inputs."""
+    total = sum(points[entry.variable.name] for entry in joint.random)
+    status = np.full(points.sizes[RUN], Status.OK, dtype=np.int8)
+    return points.assign({output: total, STATUS: (RUN, status)})

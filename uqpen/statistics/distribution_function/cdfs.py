@@ -18,6 +18,7 @@ from uqpen.statistics.intervals import clopper_pearson, dkw_half_width, student_
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import rounding_error
+from uqpen.statistics.weights import weighted_cdf, weighted_probability_interval
 
 __all__ = ["RANKS", "cdf"]
 
@@ -81,13 +82,32 @@ class _Band(NamedTuple):
 
 def _bands(sample: Sample, values: FloatArray) -> tuple[_Band, _Band]:
     """Return the pointwise and the simultaneous band at some values."""
+    if sample.run_weights is not None and sample.size:
+        return _weighted_bands(sample, sample.run_weights, values)
     counts = _counts(sample, values)
     estimate = counts.sum(axis=0) / sample.size if sample.size else np.full(values.shape, np.nan)
     if reason := sample.reason_without_intervals:
-        none = np.full(values.shape, np.nan)
-        without = _Band(np.stack([estimate, none, none], axis=-1), "none", "none", reason)
+        without = _no_band(estimate, reason)
         return without, without
     return _pointwise(sample, counts, estimate), _simultaneous(sample, estimate)
+
+
+def _no_band(estimate: FloatArray, reason: str) -> _Band:
+    """Return estimates without bounds, with the reason."""
+    none = np.full(estimate.shape, np.nan)
+    return _Band(np.stack([estimate, none, none], axis=-1), "none", "none", reason)
+
+
+def _weighted_bands(sample: Sample, weights: FloatArray, values: FloatArray) -> tuple[_Band, _Band]:
+    """Return the bands of weighted runs; no simultaneous one is known."""
+    estimate, errors = weighted_cdf(sample.values, weights, values)
+    if reason := sample.reason_without_intervals:
+        without = _no_band(estimate, reason)
+        return without, without
+    ends = weighted_probability_interval(estimate, errors, weights, LEVEL)
+    band = np.stack([estimate, *ends], axis=-1)
+    pointwise = _Band(band, texts.CLOPPER_PEARSON_WEIGHTED, "nominal")
+    return pointwise, _no_band(estimate, texts.NO_WEIGHTED_BAND)
 
 
 def _counts(sample: Sample, values: FloatArray) -> IntArray:

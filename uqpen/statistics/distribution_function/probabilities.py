@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import BoolArray
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import CATEGORY, THRESHOLD
 from uqpen.core.labels import STATUS
 from uqpen.core.status import Status
@@ -19,6 +19,7 @@ from uqpen.statistics.intervals import clopper_pearson, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import probability_error
+from uqpen.statistics.weights import runs_on_a_side, weighted_cdf, weighted_probability_interval
 
 __all__ = [
     "category_coordinates",
@@ -27,6 +28,10 @@ __all__ = [
     "status_probabilities",
     "threshold_coordinates",
 ]
+
+
+# With fewer effective runs on one side, the error of weighted runs may be larger than it shows.
+_FEWEST_BEYOND = 10
 
 
 def exceedance_probabilities(
@@ -112,6 +117,8 @@ def status_probabilities(runs: xr.Dataset) -> xr.DataArray:
 
 def _probability(sample: Sample, events: BoolArray) -> Estimate:
     """Probability of an event over the runs of a sample."""
+    if sample.run_weights is not None and sample.size:
+        return _weighted_probability(sample, sample.run_weights, events)
     count = int(events.sum())
     value = count / sample.size if sample.size else np.nan
     if reason := sample.reason_without_intervals:
@@ -127,6 +134,21 @@ def _probability(sample: Sample, events: BoolArray) -> Estimate:
     lower, upper = clopper_pearson(count, sample.size, LEVEL)
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
     return Estimate(value, float(lower), float(upper), texts.CLOPPER_PEARSON, label)
+
+
+def _weighted_probability(sample: Sample, weights: FloatArray, events: BoolArray) -> Estimate:
+    """Probability of an event over weighted runs."""
+    below, errors = weighted_cdf(np.where(events, 0.0, 1.0), weights, np.zeros(1))
+    value = float(below[0])
+    if reason := sample.reason_without_intervals:
+        return Estimate.without_bounds(value, reason)
+    if not 0 < value < 1:
+        return Estimate.without_bounds(value, texts.CONSTANT_EVENT)
+    lower, upper = weighted_probability_interval(value, float(errors[0]), weights, LEVEL)
+    method = texts.CLOPPER_PEARSON_WEIGHTED
+    is_doubtful = runs_on_a_side(weights, events) < _FEWEST_BEYOND
+    note = texts.DOUBTFUL_AS.format(reason=texts.FEW_WEIGHTED_BEYOND) if is_doubtful else ""
+    return Estimate(value, float(lower), float(upper), method, "nominal", note)
 
 
 def _probability_with_missing(sample: Sample, events: BoolArray) -> Estimate:

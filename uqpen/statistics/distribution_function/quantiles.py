@@ -22,6 +22,7 @@ from uqpen.statistics.intervals import (
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import cdf_error
+from uqpen.statistics.weights import runs_on_a_side, weighted_quantile
 
 __all__ = [
     "has_enough_runs_around",
@@ -124,6 +125,8 @@ def sample_quantile(sample: Sample, probability: npt.ArrayLike) -> FloatArray:
     p = np.asarray(probability, dtype=np.float64)
     if not sample.size:
         return np.full(p.shape, np.nan)
+    if sample.run_weights is not None:
+        return weighted_quantile(sample.values, sample.run_weights, p)
     position = np.clip(p * (sample.size + 1 / 3) + 1 / 3, 1, sample.size) - 1
     below = np.floor(position).astype(np.int64)
     above = np.minimum(below + 1, sample.size - 1)
@@ -136,10 +139,10 @@ def sample_quantile(sample: Sample, probability: npt.ArrayLike) -> FloatArray:
 def has_enough_runs_around(sample: Sample, counts_below: npt.ArrayLike) -> BoolArray:
     """Check that enough runs lie on either side of values to estimate the error by their scatter.
 
-    `counts_below` are the numbers of runs below each value.
+    `counts_below` are the numbers of runs below each value; effective ones for weighted runs.
     """
     # A probability times a number of runs is a whole number but for rounding.
-    beyond = np.minimum(counts_below, sample.size - np.asarray(counts_below))
+    beyond = np.minimum(counts_below, sample.effective_size - np.asarray(counts_below))
     return np.round(beyond, 6) >= _FEWEST_BEYOND
 
 
@@ -147,6 +150,8 @@ def _quantile_estimate(sample: Sample, p: float) -> Estimate:
     value = float(sample_quantile(sample, p))
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(value, reason)
+    if sample.run_weights is not None:
+        return _weighted_quantile_estimate(sample, sample.run_weights, p, value)
     if _has_woodruff(sample, p):
         lower, upper, label = _woodruff_ranks(sample, p, value, LEVEL)
         if lower >= 1 and upper <= sample.size:
@@ -162,6 +167,18 @@ def _quantile_estimate(sample: Sample, p: float) -> Estimate:
         note = texts.NO_LOWER_BOUND if math.isnan(ends[0]) else texts.NO_UPPER_BOUND
         return estimate.with_note(note.format(too_few=sample.too_few_runs))
     return estimate
+
+
+def _weighted_quantile_estimate(
+    sample: Sample, weights: FloatArray, p: float, value: float
+) -> Estimate:
+    """Estimate a quantile of weighted runs: the distribution function's error, inverted."""
+    if runs_on_a_side(weights, sample.values > value) < _FEWEST_BEYOND:
+        return Estimate.without_bounds(value, texts.FEW_WEIGHTED_BEYOND)
+    error, freedom, _ = cdf_error(sample, value)
+    step = student_quantile(freedom, LEVEL) * error
+    lower, upper = sample_quantile(sample, np.clip([p - step, p + step], 0.0, 1.0))
+    return Estimate(value, float(lower), float(upper), texts.WOODRUFF_WEIGHTED, "nominal")
 
 
 def _tolerance_limit(sample: Sample, p: float) -> Estimate:

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import BoolArray
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import LEVEL, Estimate
@@ -18,6 +18,7 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.standard_errors import cdf_error, standard_error
+from uqpen.statistics.weights import effective_size
 
 __all__ = ["sample_moments"]
 
@@ -26,6 +27,9 @@ __all__ = ["sample_moments"]
 _FEWEST_RUNS_FOR_HEAVY_MEANS = 5000
 # With fewer effective runs than this, the distribution may have no variance, or not even a mean.
 _FEWEST_RUNS_FOR_A_MEAN = 20
+# Below this number of effective runs, intervals of the standard deviation of weighted draws
+# covered in 70 to 90 %: few weights decided it.
+_FEWEST_RUNS_FOR_A_WEIGHTED_STD = 20
 
 # About one standard deviation on either side of the median, for a normal distribution.
 _LOW, _HIGH = 0.16, 0.84
@@ -35,6 +39,7 @@ _MEAN_METHODS = {
     ErrorModel.INDEPENDENT: (texts.STUDENT, "nominal"),
     ErrorModel.REPLICATED: (texts.STUDENT_OVER_REPLICATES, "nominal"),
     ErrorModel.SINGLE_STRATIFIED_SET: (texts.STUDENT_ON_RESIDUALS, "conservative"),
+    ErrorModel.WEIGHTED: (texts.STUDENT_WEIGHTED, "nominal"),
 }
 
 # A sum of as many runs as there ever are is exact to this, relative to the largest.
@@ -49,7 +54,8 @@ def sample_moments(
     Yields
     ------
     name : str
-        ``mean``, ``std``, ``half_spread``, ``skewness``, ``kurtosis``, ``effective_runs``.
+        ``mean``, ``std``, ``half_spread``, ``skewness``, ``kurtosis``, ``effective_runs``; for
+        weighted runs also ``effective_size``.
     estimate : DataArray
         Along ``bound``.
     """
@@ -75,6 +81,10 @@ def sample_moments(
         long_name = f"{statistic.replace('_', ' ')} of {title}"
         estimate = Estimate.without_bounds(value, why)
         yield statistic, estimate.to_array(units="1", long_name=long_name)
+    if sample.weights is not None:
+        estimate = Estimate.without_bounds(sample.effective_size, texts.DIAGNOSTIC_OF_WEIGHTS)
+        long_name = f"effective sample size of {title}"
+        yield "effective_size", estimate.to_array(units="1", long_name=long_name)
 
 
 def _mean(sample: Sample, shape: SampleShape) -> Estimate:
@@ -97,6 +107,9 @@ def _mean_warning(sample: Sample, shape: SampleShape) -> str:
     may_hide = is_replicated and sample.size < _FEWEST_RUNS_FOR_HEAVY_MEANS
     if may_hide and shape.is_heavy:
         return texts.HEAVY_MEAN.format(heavy_tail=shape.tail_note)
+    if sample.weights is not None and shape.effective_runs < _FEWEST_RUNS_FOR_A_MEAN:
+        reason = texts.FEW_WEIGHTS_DECIDE.format(runs=shape.effective_runs)
+        return texts.DOUBTFUL_AS.format(reason=reason)
     if shape.hidden_tail:
         return f"{shape.hidden_tail}; {texts.IF_HEAVY_TAIL}"
     if shape.effective_runs < _FEWEST_RUNS_FOR_A_MEAN:
@@ -112,15 +125,18 @@ def _std(sample: Sample, shape: SampleShape) -> Estimate:
         reason = sample.reason_without_intervals or texts.CONSTANT_OUTPUT
         return Estimate.without_bounds(value, reason)
     if reason := sample.reason_without_intervals:
-        return Estimate.without_bounds(float(shape.deviations.std(ddof=1)) * shape.scale, reason)
+        return Estimate.without_bounds(_unbiased_std(sample, shape) * shape.scale, reason)
     # What the sample's mean takes from the squares is its own variance, which over strata is
     # less than that of independent draws; for those it makes the divisor one run less.
     error, freedom = standard_error(sample, shape.deviations)
-    std = math.hypot(float(shape.deviations.std()), error)
+    std = math.hypot(_biased_std(sample, shape), error)
     if shape.hidden_tail:
         return Estimate.without_bounds(std * shape.scale, shape.hidden_tail)
     if shape.is_heavy:
         reason = texts.NO_INTERVAL_AS.format(reason=shape.tail_note)
+        return Estimate.without_bounds(std * shape.scale, reason, texts.SEE_HALF_SPREAD)
+    if reason := _few_weights_decide(sample, shape.deviations**2 - std**2):
+        reason = texts.NO_INTERVAL_AS.format(reason=reason)
         return Estimate.without_bounds(std * shape.scale, reason, texts.SEE_HALF_SPREAD)
     # The delta method on log(std), whose distribution is closer to normal than that of std itself.
     error, freedom = standard_error(sample, shape.deviations**2)
@@ -132,6 +148,30 @@ def _std(sample: Sample, shape: SampleShape) -> Estimate:
     method = texts.DELTA_ON_LOGARITHM.format(error_model=sample.error_model)
     note = texts.DOUBTFUL_TAIL if shape.is_doubtful else ""
     return Estimate(value, value / factor, value * factor, method, label, note)
+
+
+def _few_weights_decide(sample: Sample, influence: FloatArray) -> str:
+    """Reason why the error of an estimate from weighted runs is not known; empty for none."""
+    if sample.run_weights is None:
+        return ""
+    runs = effective_size((sample.run_weights * influence) ** 2)
+    few = runs < _FEWEST_RUNS_FOR_A_WEIGHTED_STD
+    return texts.FEW_WEIGHTS_DECIDE.format(runs=runs) if few else ""
+
+
+def _biased_std(sample: Sample, shape: SampleShape) -> float:
+    """Standard deviation over the runs, relative to the largest deviation."""
+    if sample.weights is None:
+        return float(shape.deviations.std())
+    return math.sqrt(sample.mean(shape.deviations**2))
+
+
+def _unbiased_std(sample: Sample, shape: SampleShape) -> float:
+    """Standard deviation with the divisor of independent draws; NaN for a single one."""
+    if sample.weights is None:
+        return float(shape.deviations.std(ddof=1))
+    size = sample.effective_size
+    return _biased_std(sample, shape) * math.sqrt(size / (size - 1)) if size > 1 else math.nan
 
 
 def _is_falsely_exact(sample: Sample, error: float) -> bool:
@@ -151,7 +191,7 @@ def _half_spread(sample: Sample) -> Estimate:
     ends = sample_quantile(sample, probabilities)
     value = float(ends[1] / 2 - ends[0] / 2) if sample.size > 1 else math.nan
     reason = sample.reason_without_intervals
-    if not reason and not has_enough_runs_around(sample, sample.size * _LOW):
+    if not reason and not has_enough_runs_around(sample, sample.effective_size * _LOW):
         reason = sample.too_few_runs
     if reason:
         return Estimate.without_bounds(value, reason)

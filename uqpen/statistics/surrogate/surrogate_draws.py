@@ -89,6 +89,8 @@ class SurrogateDraws:
     @property
     def pairs_estimator(self) -> str:
         """Text on the estimation of indices from the pairs."""
+        if self.joint.conditional_reason:
+            return texts.NO_PAIRS
         pairs = len(next(iter(self.pairs.first.values())))
         return texts.FROM_PAIRS.format(pairs=pairs)
 

@@ -88,6 +88,8 @@ class _SurrogateIndices:
         return [[(float(value), math.nan) for value in values] for values in exact]
 
     def _sampled_indices(self, function: Function) -> Indices:
+        if self.draws.joint.conditional_reason:
+            return [None, None, None]
         shares = self.draws.pairs.variance_shares(self.quantity.output.name, function)
         if shares is None:
             return [None, None, None]
@@ -121,6 +123,8 @@ class _SurrogateIndices:
         return [_estimate_with_noise(*value, note) for value in values]
 
     def _reason_without_indices(self, ending: str) -> str:
+        if reason := self.draws.joint.conditional_reason:
+            return reason
         inputs = len(self.draws.joint.random)
         if ending == "shapley" and inputs > MOST_INPUTS_FOR_ALL_SETS:
             return texts.TOO_MANY_SUBSETS.format(inputs=inputs)

@@ -1,0 +1,291 @@
+"""``[joint.<name>]``: joint distributions of several inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uqpen.core.arrays import FloatArray
+from uqpen.core.columns import Column, columns_of_table, read_columns
+from uqpen.core.errors import QuantityError, TableError
+from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import WEIGHT
+from uqpen.core.lookup import choices
+from uqpen.core.model import Input, Model
+from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe
+from uqpen.distributions.chaospy_joint import ChaospyJoint, chaospy_joint
+from uqpen.distributions.input_group import ImplicitMarginal, InputGroup, UnloadedGroup
+from uqpen.distributions.joint_distribution import RandomInput
+from uqpen.distributions.sample_distribution import SampleDistribution
+from uqpen.study.object_section import OBJECT
+from uqpen.study.table_reader import TableReader
+
+__all__ = ["Groups", "read_groups"]
+
+_KINDS = ("sample", "chaospy", OBJECT)
+_SAMPLE = 'a CSV or NetCDF file beside the study, with a column such as "x [cm]" for each input'
+
+
+@dataclass(frozen=True)
+class Groups:
+    """The groups of inputs without a mistake, their inputs, and the names of all grouped inputs.
+
+    Attributes
+    ----------
+    groups : tuple of InputGroup
+    entries : mapping of str to RandomInput
+        By the name of an input.
+    owners : mapping of str to str
+        For each input, also of a group with a mistake, the name of its group.
+    """
+
+    groups: tuple[InputGroup, ...]
+    entries: Mapping[str, RandomInput]
+    owners: Mapping[str, str]
+
+    @property
+    def unclear(self) -> frozenset[str]:
+        """Inputs of groups with a mistake."""
+        return frozenset(self.owners.keys() - self.entries.keys())
+
+
+def read_groups(table: TableReader, model: Model, given: TableReader) -> Groups:
+    """Read the joint distributions of groups of inputs; a group with a mistake is left out.
+
+    Parameters
+    ----------
+    table : TableReader
+        The table ``[joint]``.
+    model : Model
+        The model, which has the inputs.
+    given : TableReader
+        The table ``[inputs]``, which has none of them.
+    """
+    groups: list[InputGroup] = []
+    entries: dict[str, RandomInput] = {}
+    owners: dict[str, str] = {}
+    for name in table:
+        section = table.table(name, "a table of a joint distribution")
+        noted = len(section.problems)
+        found = _read_group(section, model) if section.is_given else None
+        names = list(found[0].inputs) if found else _named(section)
+        if not names:  # any input may be one of them
+            names = [each.name for each in model.inputs if each.name not in {*given, *owners}]
+        for each in names:
+            if each in owners or each in given:
+                where = f"[joint.{owners[each]}]" if each in owners else "[inputs]"
+                section.add_problem((), f"{each}, which {where} has", "each input in one place")
+        owners |= {each: name for each in names if each not in owners}
+        if found and len(section.problems) == noted:
+            group, units = found
+            groups.append(group)
+            entries |= _entries(group, units, model)
+    return Groups(tuple(groups), entries, owners)
+
+
+def _entries(
+    group: InputGroup, units: tuple[str, ...], model: Model
+) -> Iterator[tuple[str, RandomInput]]:
+    """Yield an entry of each input of a group."""
+    marginals = group.marginals
+    nominal = () if marginals else group.nominal()
+    for position, name in enumerate(group.inputs):
+        distribution = (
+            marginals[position]
+            if marginals
+            else ImplicitMarginal(group.description, nominal[position])
+        )
+        variable = model.input(name)
+        yield name, RandomInput(variable, distribution, units[position], group.description)
+
+
+def _named(section: TableReader) -> list[str]:
+    names = section.content.get("inputs")
+    return [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
+
+
+def _read_group(section: TableReader, model: Model) -> tuple[InputGroup, tuple[str, ...]] | None:
+    """Read a group with the units of its inputs; None where a mistake was noted."""
+    kinds = [kind for kind in _KINDS if kind in section]
+    if len(kinds) != 1:
+        found = " and ".join(kinds) or "no distribution"
+        section.add_problem((), found, 'sample = "posterior.csv" or chaospy = { name = …, … }')
+        return None
+    if kinds[0] == "sample":
+        return _read_sample(section, model)
+    variables = _inputs(section, model)
+    units = _units(section, variables)
+    if not variables or units is None:
+        return None
+    names = tuple(variable.name for variable in variables)
+    read = _read_chaospy if kinds[0] == "chaospy" else _read_object
+    group = read(section, names, units)
+    section.check_unknown_keys()
+    return (group, units) if group else None
+
+
+def _inputs(section: TableReader, model: Model) -> list[Input]:
+    """Read the inputs of a group, in the order of its dimensions."""
+    known = {variable.name: variable for variable in model.inputs}
+    names = section.entries("inputs")
+    for position, name in enumerate(names):
+        if name not in known or name in names[:position]:
+            expected = f"an input, once; {choices(str(name), known)}"
+            section.add_wrong(("inputs", position), name, expected)
+    if len(names) < 2:
+        section.add_problem("inputs", f"{len(names)} inputs", "two or more, in their order")
+    return [known[name] for name in names if name in known]
+
+
+def _units(section: TableReader, variables: list[Input]) -> tuple[str, ...] | None:
+    """Read the units of the values of each input; without units they are plain numbers."""
+    units = section.entries("units") if "units" in section else [DIMENSIONLESS] * len(variables)
+    noted = len(section.problems)
+    if len(units) != len(variables):
+        found = f"{len(units)} units for {len(variables)} inputs"
+        section.add_problem("units", found, "one for each input")
+        return None
+    for position, (unit, variable) in enumerate(zip(units, variables, strict=True)):
+        place = ("units", position) if "units" in section else ("units",)
+        try:
+            is_text = isinstance(unit, str)
+            if not is_text or not are_convertible(unit, variable.unit):
+                section.add_wrong(place, unit, f"for {variable.name}: {describe(variable.unit)}")
+        except QuantityError as error:
+            section.add_problem(place, error.found, error.expected)
+    return tuple(units) if len(section.problems) == noted else None
+
+
+def _read_chaospy(
+    section: TableReader, names: tuple[str, ...], units: tuple[str, ...]
+) -> InputGroup | None:
+    """Read a multivariate distribution of chaospy: its name and its parameters."""
+    table = section.table("chaospy", "a table with the name and the parameters of a distribution")
+    name = table.text("name", 'the name of a multivariate distribution, such as "MvNormal"')
+    parameters: dict[str, Any] = {key: table.take(key) for key in table if key != "name"}
+    wrong = [key for key, value in parameters.items() if not _is_numeric(value)]
+    for key in wrong:
+        table.add_wrong(key, parameters[key], "a number, or lists of numbers")
+    if name is None or wrong:
+        return None
+    try:
+        return chaospy_joint(name, parameters, names, units)
+    except ImportError:
+        section.add_problem("chaospy", "a distribution of chaospy", "chaospy to be installed")
+    except LookupError:
+        table.add_wrong("name", name, "a distribution of chaospy")
+    except ValueError as error:
+        section.add_problem("chaospy", str(error), f"parameters of {name}")
+    return None
+
+
+def _is_numeric(value: object) -> bool:
+    if isinstance(value, list):
+        return all(map(_is_numeric, value))
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _read_object(
+    section: TableReader, names: tuple[str, ...], units: tuple[str, ...]
+) -> InputGroup | None:
+    """Read a joint distribution that is an object of the Python program; it may be absent."""
+    name = section.text(OBJECT, "the text of a joint distribution")
+    objects = section.document.objects
+    if objects is None:
+        expected = "a distribution that a file can state: a Python object is in none"
+        section.add_wrong(OBJECT, name, expected)
+    if objects is None or name is None:
+        return None
+    if section.path not in objects:
+        return UnloadedGroup(names, name)
+    joint = objects[section.path]
+    try:
+        dimensions = len(joint)
+        made = ChaospyJoint(names, joint, units, name)
+        is_usable = dimensions == len(names) and bool(np.isfinite(made.nominal()).all())
+    except Exception as error:  # an object from outside can raise anything
+        section.add_problem(OBJECT, str(error) or type(error).__name__, "a distribution of chaospy")
+        return None
+    if not is_usable:
+        found = f"{dimensions} dimensions for {len(names)} inputs"
+        section.add_problem(OBJECT, found, "one for each input, with finite values")
+        return None
+    return made
+
+
+def _read_sample(section: TableReader, model: Model) -> tuple[InputGroup, tuple[str, ...]] | None:
+    """Read the rows of a file, or of lists in the study, as a joint distribution."""
+    noted = len(section.problems)
+    written = section.take("sample")
+    names = section.entries("inputs") if "inputs" in section else None
+    section.check_unknown_keys()
+    file: FileSnapshot | None = None
+    try:
+        if isinstance(written, dict):
+            columns, source = columns_of_table(written), "a table"
+        elif isinstance(written, str) and written and "\0" not in written:
+            read = read_columns(section.folder / written)
+            columns, file, source = read.columns, read.file, Path(written).name
+        else:
+            section.add_wrong("sample", written, _SAMPLE)
+            return None
+        found = _rows(columns, model, names)
+    except TableError as error:
+        section.add_problem("sample", str(error), _SAMPLE)
+        return None
+    if len(section.problems) > noted or found is None:
+        return None
+    taken, rows, weights = found
+    inputs = tuple(column.name for column in taken)
+    group = SampleDistribution(inputs, rows, weights, source, file)
+    return group, tuple(column.unit for column in taken)
+
+
+def _rows(
+    columns: tuple[Column, ...], model: Model, names: list[Any] | None
+) -> tuple[list[Column], FloatArray, FloatArray] | None:
+    """Return the columns of the inputs, their rows in SI units, and the weights of the rows.
+
+    None where a unit of the model is not known yet, since a mistake was noted there.
+    """
+    known = {variable.name: variable for variable in model.inputs}
+    headings = [column.name for column in columns]
+    wanted = [name for name in headings if name in known] if names is None else names
+    _check_wanted(wanted, headings, known)
+    if any(known[name].unit is ANY_DIMENSION for name in wanted):
+        return None
+    taken = [columns[headings.index(name)] for name in wanted]
+    rows = np.column_stack([column.values(known[column.name].unit) for column in taken])
+    weights = np.ones(len(rows)) if WEIGHT in known else _weights(columns, len(rows))
+    for column, values in zip(taken, rows[weights > 0].T, strict=True):
+        bounds = known[column.name].bounds
+        if not bounds.contain(values).all():
+            raise TableError(f'column "{column.name}" has values outside its domain: {bounds}')
+        if not np.ptp(values) > 0:
+            raise TableError(f'column "{column.name}" does not vary')
+    return taken, rows, weights
+
+
+def _check_wanted(wanted: list[Any], headings: list[str], known: Mapping[str, Input]) -> None:
+    """Raise an error if the columns of a sample are not those of two inputs or more."""
+    for name in wanted:
+        if name not in known:
+            raise TableError(f'"{name}" is no input; {choices(str(name), known)}')
+        if headings.count(name) != 1:
+            found = "stands twice" if name in headings else "is not there"
+            raise TableError(f'column "{name}" {found}')
+    if len(wanted) < 2:
+        raise TableError(f"columns of {len(wanted)} inputs: two or more depend on each other")
+
+
+def _weights(columns: tuple[Column, ...], rows: int) -> FloatArray:
+    """Return the weights of the rows, which are equal where no column has them."""
+    column = next((each for each in columns if each.name == WEIGHT), None)
+    weights = np.ones(rows) if column is None else column.values(DIMENSIONLESS)
+    if (weights < 0).any() or (weights > 0).sum() < 2:
+        raise TableError(f'column "{WEIGHT}" is below 0, or above 0 in fewer than two rows')
+    return weights

@@ -1,0 +1,91 @@
+"""Contract test of a design."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import RUN, STATUS, WEIGHT
+from uqpen.core.sampling import Sampling
+from uqpen.core.streams import Stream
+from uqpen.designs.design import Design
+from uqpen.designs.rounds import run_rounds
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.statistics.running_estimates import RunningEstimates
+from uqpen.statistics.weights import effective_size
+from uqpen.testing.example import EXAMPLE_OUTPUT, example_joint_distribution, sum_runs
+
+__all__ = ["check_design"]
+
+# Number of standard errors within which a mean of draws is expected: 1 of 16 000 is outside.
+_ERRORS = 4.0
+
+
+def check_design(design: Design, joint: JointDistribution | None = None) -> None:
+    """Check the contract of a design.
+
+    The same stream gives the same points; it makes no more runs than it states; a point has all
+    inputs, along ``run`` or as scalars; points that are a sample follow the joint distribution. An
+    adaptive design is sent runs without failures of one model, ``""``, with one output ``y``: the
+    sum of the random inputs.
+
+    Parameters
+    ----------
+    design : Design
+        With any settings.
+    joint : JointDistribution, optional
+        The inputs; by default `example_joint_distribution`.
+
+    Raises
+    ------
+    AssertionError
+        If one of these is broken.
+    """
+    joint = joint or example_joint_distribution()
+    assert isinstance(design.sampling, Sampling)
+    assert not list(design.check_inputs(joint)), "the design takes these inputs"
+    rounds, again = (_points(design, joint, Stream(1, "designs", "one")) for _ in range(2))
+    assert len(rounds) == len(again)
+    for one, other in zip(rounds, again, strict=True):
+        assert one.identical(other), "the same stream gives the same points"
+    runs = sum(points.sizes[RUN] for points in rounds)
+    assert 0 < runs <= design.run_count(joint), "run_count is the number of runs, or the largest"
+    for points in rounds:
+        for entry in joint.inputs:
+            assert entry.variable.name in points, f"a point has {entry.variable.name}"
+        for entry in joint.random:
+            assert points[entry.variable.name].dims == (RUN,), "a random input is along run"
+            assert np.isfinite(points[entry.variable.name]).all(), "points are finite"
+    if design.sampling.is_sample and design.sampling is not Sampling.USER_SUPPLIED:
+        _check_sample(rounds, joint)
+
+
+def _points(design: Design, joint: JointDistribution, stream: Stream) -> list[xr.Dataset]:
+    """Return the points of all rounds; every run succeeds."""
+    rounds = run_rounds(
+        design,
+        joint,
+        stream,
+        lambda points, _: {"": sum_runs(points, joint, EXAMPLE_OUTPUT.output.name)},
+        lambda made: RunningEstimates(made, design.sampling, {"": [EXAMPLE_OUTPUT]}),
+    )
+    return [each[""].drop_vars([STATUS, EXAMPLE_OUTPUT.output.name]) for each in rounds]
+
+
+def _check_sample(rounds: list[xr.Dataset], joint: JointDistribution) -> None:
+    """Check that the share of points below each input's median is a half, within its error."""
+    for entry in joint.random:
+        values = np.concatenate([points[entry.variable.name].values for points in rounds])
+        weights = np.concatenate([_weights(points) for points in rounds])
+        share = float((weights * (entry.distribution.cdf(values) < 0.5)).sum() / weights.sum())
+        error = 0.5 / np.sqrt(effective_size(weights))
+        found = f"{share:.3f} of the points of {entry.variable.name} lie below its median"
+        assert abs(share - 0.5) <= _ERRORS * error, found
+
+
+def _weights(points: xr.Dataset) -> FloatArray:
+    """Return the relative weights of points."""
+    if WEIGHT not in points.coords:
+        return np.ones(points.sizes[RUN])
+    return points[WEIGHT].values.astype(np.float64)
