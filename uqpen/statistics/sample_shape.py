@@ -99,7 +99,9 @@ class SampleShape:
         """Reason why the runs cannot show a heavy tail; empty where there are enough."""
         if self.sample.effective_size >= _FEWEST_RUNS_FOR_TAILS:
             return ""
-        return texts.HIDDEN_TAIL.format(runs=_FEWEST_RUNS_FOR_TAILS)
+        is_weighted = self.sample.weights is not None
+        text = texts.HIDDEN_TAIL_OF_WEIGHTED if is_weighted else texts.HIDDEN_TAIL
+        return text.format(runs=_FEWEST_RUNS_FOR_TAILS)
 
     @property
     def tail_note(self) -> str:

@@ -75,6 +75,9 @@ HEAVY_TAIL = "heavy tail (kurtosis {kurtosis:.3g}, {runs:.0f} effective runs)"
 HEAVY_MEAN = "{heavy_tail}: below 5 000 runs the coverage may be below nominal"
 MEAN_MAY_NOT_EXIST = "{heavy_tail}: the mean may not exist"
 HIDDEN_TAIL = "fewer than {runs} runs are too few to detect a heavy tail"
+HIDDEN_TAIL_OF_WEIGHTED = (
+    "weights: an effective sample size below {runs} is too small to detect a heavy tail"
+)
 IF_HEAVY_TAIL = "with a heavy tail the coverage is below nominal"
 DOUBTFUL_TAIL = (
     "the interval may be too narrow if extreme values are more frequent than in these runs"
