@@ -31,7 +31,8 @@ def figure(
 ) -> None:
     """Draw the figure NAME of ARCHIVE, or several on a page; nothing is run.
 
-    Without NAME, or with --list, the figures are listed that ARCHIVE has.
+    A figure of your own is a function in a file: my_figure.py:my_figure. Without NAME, or with
+    --list, the figures are listed that ARCHIVE has.
     """
     from uqpen.archive.read import open_archive
     from uqpen.cli.printable import printable
@@ -43,7 +44,7 @@ def figure(
         for known, shows in available(open_archive(archive)).items():
             click.echo(f"{known:18}{shows}")
         return
-    path = file or Path(f"{names[0]}.svg")
+    path = file or Path(f"{names[0].rpartition(':')[2]}.svg")
     figure_format(path)
     drawn(open_archive(archive), *names, **selection).save(path)
     click.echo(f"figure: {printable(str(path))}")
