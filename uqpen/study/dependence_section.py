@@ -9,12 +9,12 @@ from typing import Any
 from uqpen.core.errors import QuantityError, SettingsError, toml_text
 from uqpen.core.lookup import choices
 from uqpen.core.settings import as_float, number, read_each, read_list
-from uqpen.distributions.copulas import COPULAS
 from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.elliptical_copulas import MEASURES, EllipticalCopula, score_correlation
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.study.inputs_section import Inputs
-from uqpen.study.table_reader import TableReader, family_member
+from uqpen.study.outside_members import COPULA, read_class
+from uqpen.study.table_reader import TableReader
 
 __all__ = ["read_dependence"]
 
@@ -35,7 +35,7 @@ def read_dependence(table: TableReader, inputs: Inputs) -> JointDistribution:
     joint = inputs.joint
     if not table.is_given:
         return joint
-    copula = family_member(table, "copula", COPULAS, "a copula")
+    copula = read_class(table, "copula", COPULA, "a copula")
     if copula is None:
         return joint
     noted = len(table.problems)

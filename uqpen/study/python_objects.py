@@ -11,6 +11,7 @@ import numpy as np
 
 from uqpen.core.errors import Problem, QuantityError
 from uqpen.core.lookup import family_name
+from uqpen.core.model import Model
 from uqpen.core.quantities import parse_any_dimension, parse_spread
 from uqpen.core.settings import written_settings
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible
@@ -29,7 +30,7 @@ from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
 from uqpen.study.frozen_section import SETTINGS
 from uqpen.study.object_section import OBJECT
-from uqpen.study.outside_members import DESIGN, DISTRIBUTION, class_reference
+from uqpen.study.outside_members import DESIGN, DISTRIBUTION, MODEL, class_reference
 from uqpen.study.python_model import OutputSpec, PythonModel
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
@@ -96,7 +97,7 @@ class StudyContent:
             self.objects[path] = named
             table[OBJECT] = repr(named)
             if path[0] in ("model", "models"):
-                source = function_source(named)
+                source = function_source(type(named) if isinstance(named, Model) else named)
                 table |= {OBJECT: source.name, "source": source.text or None}
         return {
             str(key): self._value(value, (*path, str(key)))
@@ -148,7 +149,20 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
     if isinstance(value, Design):
         reference = class_reference(value, folder, DESIGN)
         return {"kind": reference, **written_settings(value)} if reference else {OBJECT: value}
-    return None
+    return _model_table(value, folder) if isinstance(value, Model) else None
+
+
+def _model_table(model: Model, folder: Path) -> dict[str, Any]:
+    """Return the table of a model whose class is not built in."""
+    if reference := class_reference(model, folder, MODEL):
+        settings = written_settings(model) if dataclasses.is_dataclass(model) else {}
+        return {"use": reference, **settings}
+    variables = {"inputs": model.inputs, "outputs": model.outputs}
+    units = {
+        key: {variable.name: variable.preferred_unit for variable in each}
+        for key, each in variables.items()
+    }
+    return {OBJECT: model, "class": True, **units}
 
 
 def _distribution_table(distribution: Distribution, folder: Path) -> dict[str, Any]:

@@ -21,8 +21,9 @@ from uqpen.study.document import Objects
 from uqpen.study.load import parse_study
 from uqpen.study.model_section import EXTERNAL_MODELS
 from uqpen.study.object_section import OBJECT
-from uqpen.study.outside_members import object_members, outside_members
+from uqpen.study.outside_members import is_reference, object_members, outside_members
 from uqpen.study.study import ValidatedStudy, Variant
+from uqpen.verification.unloaded_models import unloaded_models
 
 __all__ = [
     "archived_runs",
@@ -37,8 +38,8 @@ __all__ = [
 ]
 
 
-# The keys that name code.
-_NAMED = dict.fromkeys(key for key in EXTERNAL_MODELS if key != OBJECT)
+# The keys that name code; ``use`` does so unless it has the name of a model.
+_NAMED = ("use", *(key for key in EXTERNAL_MODELS if key != OBJECT))
 
 
 def archived_study(
@@ -63,8 +64,9 @@ def archived_study(
     """
     name = str(tree.attrs.get("study_name", "study"))
     text = str(tree.attrs["study_text"])
+    objects = {**unloaded_models(tree, _content(text), trust=trust), **(objects or {})}
     try:
-        study = parse_study(text, name=name, folder=folder, trust=trust, objects=objects or {})
+        study = parse_study(text, name=name, folder=folder, trust=trust, objects=objects)
     except StudyError as error:
         where = f"the files that it names are looked for in {folder.absolute()} (--folder)"
         raise StudyError(f"{error}\n\n{where}", error.problems) from None
@@ -85,19 +87,21 @@ def _with_archived_sampling(design: UnloadedDesign, runs: xr.Dataset) -> Unloade
 
 def external_models(text: str) -> list[str]:
     """Return the models that a study names code for, as its text names them."""
-    return [
-        next(
-            # A function, a server, or the words of a command.
-            (
-                " ".join(map(str, told)) if isinstance(told := table[key], list) else str(told)
-                for key in _NAMED
-                if key in table
-            ),
-            "one of no known kind",
-        )
-        for table in _model_tables(text)
-        if (not {"use", OBJECT} & table.keys() or not _NAMED.keys().isdisjoint(table))
-    ]
+    named = [_named_code(table) for table in _model_tables(text)]
+    return [code for code in named if code]
+
+
+def _named_code(table: Mapping[str, Any]) -> str:
+    """Return the code that the table of a model names; empty for a named model or an object."""
+    named = [table[key] for key in _NAMED if key in table and _is_code(key, table[key])]
+    if not named:
+        return "" if {"use", OBJECT} & table.keys() else "one of no known kind"
+    # A class, a function, a server, or the words of a command.
+    return " ".join(map(str, named[0])) if isinstance(named[0], list) else str(named[0])
+
+
+def _is_code(key: str, value: object) -> bool:
+    return key != "use" or is_reference(value)
 
 
 def _named_objects(text: str) -> dict[str, list[str]]:
@@ -115,7 +119,8 @@ def external_members(text: str) -> list[str]:
 def outside_analyses(text: str) -> list[str]:
     """Return the user-supplied analyses that the text of a study names."""
     named = _content(text).get(ANALYSES_KEY)
-    return [str(reference) for reference in named] if isinstance(named, list) else []
+    references = named if isinstance(named, list) else []
+    return [str(each) for each in references if is_reference(each)]
 
 
 def _model_tables(text: str) -> list[dict[str, Any]]:

@@ -50,9 +50,6 @@ from uqpen.verification.restored_study import restored_study
 
 __all__ = ["environment_differences", "verify"]
 
-# What is not known of a model unless it is loaded.
-_LOADED_MODEL_ATTRIBUTES = ("model_name",)
-
 # Attributes that distinguish versions of a model.
 _SOURCE = "model_source_sha256"
 _PROGRAM = "model_program_sha256"
@@ -247,9 +244,9 @@ def _repeat_checks(
             yield from _check_sources(study, tree)
         progress.start_analysis()
         besides = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES]
-        besides += _LOADED_MODEL_ATTRIBUTES if external else []
+        besides += _model_attributes(tree) if external else []
         yield from _check_points(study, runs, allowed.tolerance)
-        if study.joint.unloaded:
+        if study.joint.unloaded or study.unloaded_models:
             study, tree, unchecked = _without_surrogates(study, tree)
             yield from unchecked
         if not trust and (analyses := outside_analyses(study.text)):
@@ -275,13 +272,20 @@ def _unchecked_analyses(analyses: list[str], tree: xr.DataTree) -> CheckResult:
 def _without_surrogates(
     study: ValidatedStudy, tree: xr.DataTree
 ) -> tuple[ValidatedStudy, xr.DataTree, list[CheckResult]]:
-    """Leave out what follows from distributions that are not loaded, with a result for it."""
+    """Leave out results of distributions or models that are not loaded, with a result for it."""
     kept = without_surrogates(tree)
-    named = ", ".join(dict.fromkeys(study.joint.unloaded.values()))
-    message = f"not checked: they follow from distributions that are not loaded ({named})"
+    named = ", ".join(dict.fromkeys([*study.joint.unloaded.values(), *study.unloaded_models]))
+    kinds = "models" if study.unloaded_models else "distributions"
+    message = f"not checked: they follow from {kinds} that are not loaded ({named})"
     unchecked = CheckResult("surrogates", CheckOutcome.UNCHECKED, message)
     is_changed = kept.groups != tree.groups
     return replace(study, surrogates={}), kept, [unchecked] if is_changed else []
+
+
+def _model_attributes(tree: xr.DataTree) -> list[str]:
+    """Return the attributes that describe the models; some are known only of a loaded model."""
+    found = [name for model in model_trees(tree).values() for name in map(str, model.attrs)]
+    return [name for name in found if name.startswith("model_")]
 
 
 def _check_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Iterator[CheckResult]:

@@ -27,8 +27,19 @@ from uqpen.distributions.continuous import Normal, Uniform
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.execution import Evaluator
+from uqpen.testing.charts import check_figure, check_section
+from uqpen.testing.statistics import check_statistic, example_samples
 
-__all__ = ["check_design", "check_distribution", "check_model", "example_joint_distribution"]
+__all__ = [
+    "check_design",
+    "check_distribution",
+    "check_figure",
+    "check_model",
+    "check_section",
+    "check_statistic",
+    "example_joint_distribution",
+    "example_samples",
+]
 
 
 _PROBABILITIES = np.array([1e-9, 1e-3, 0.1, 0.5, 0.77, 0.999, 1 - 1e-9])
