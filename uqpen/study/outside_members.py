@@ -66,6 +66,8 @@ class Kind(NamedTuple):
         A reference, for a message.
     can_lack_settings : bool
         True if a class without settings need not be a dataclass.
+    given : tuple of str
+        Fields that are no settings: the reader of the family's table gives them.
     """
 
     base: type
@@ -73,6 +75,7 @@ class Kind(NamedTuple):
     group: str
     form: str
     can_lack_settings: bool = False
+    given: tuple[str, ...] = ()
 
     @property
     def expected(self) -> str:
@@ -87,7 +90,9 @@ DISTRIBUTION = Kind(
     Distribution, DISTRIBUTIONS, "uqpen.distributions", "my_distributions.py:Distribution"
 )
 MODEL = Kind(Model, MODELS, "uqpen.models", "my_model.py:MyModel", can_lack_settings=True)
-COPULA = Kind(Dependence, COPULAS, "uqpen.copulas", "my_copulas.py:Copula")
+COPULA = Kind(
+    Dependence, COPULAS, "uqpen.copulas", "my_copulas.py:Copula", given=("inputs", "matrix")
+)
 
 
 def is_reference(name: object) -> bool:
@@ -280,7 +285,7 @@ def _class_fault(cls: object, kind: Kind) -> str:
         return f"lacks {', '.join(sorted(cls.__abstractmethods__))}"
     if not dataclasses.is_dataclass(cls):
         return ""
-    declared = {field.name for field, _ in declared_settings(cls)}
+    declared = {*kind.given, *(field.name for field, _ in declared_settings(cls))}
     others = [field.name for field in dataclasses.fields(cls) if field.init]
     undeclared = [name for name in others if name not in declared]
     return f"has fields that are no settings: {', '.join(undeclared)}" if undeclared else ""
