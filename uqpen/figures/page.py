@@ -14,7 +14,7 @@ from uqpen.archive.read import model_trees
 from uqpen.core.errors import ArchiveError, FigureError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.figures import FIGURES
-from uqpen.figures.outside import FIGURE, FigureFunction, figure_panels
+from uqpen.figures.outside_figures import FIGURE, FigureFunction, figure_panels
 from uqpen.figures.panel import LONGEST_ROW, Axes, Panel
 from uqpen.figures.requirements import find_faults
 from uqpen.figures.style import figure_style, require_matplotlib

@@ -60,7 +60,7 @@ class OutsideFunction:
         return str(text).strip().split("\n") if text else [""]
 
     @contextlib.contextmanager
-    def called(self) -> Iterator[None]:
+    def in_context(self) -> Iterator[None]:
         """Provide the context of a call; any exception in it becomes an error with its reference.
 
         Raises

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import hashlib
 import importlib.metadata
 import pickle
@@ -76,23 +77,23 @@ class OutsideModel(Model):
         return self.model.run_limits
 
     def prepare(self) -> None:
-        with self._called("prepare"):
+        with self._in_context("prepare"):
             self.model.prepare()
 
     def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
-        with self._called("conditions"):
+        with self._in_context("conditions"):
             found = list(self.model.conditions(inputs))
         yield from found
 
     def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset | None:
         try:
-            with self._called("trajectory"):
+            with self._in_context("trajectory"):
                 return self.model.trajectory(inputs)
         except ModelError as error:
             raise TrajectoryError(str(error)) from None
 
     def evaluate(self, inputs: Arrays) -> Results:
-        with self._called("evaluate"):
+        with self._in_context("evaluate"):
             results = self._evaluate(inputs)
         imported = self.surroundings.imported if self.surroundings else frozenset()
         return dataclasses.replace(results, files=results.files | imported)
@@ -109,8 +110,8 @@ class OutsideModel(Model):
         return (*own, *self.model.files())
 
     def identity(self) -> dict[str, str]:
-        settings = {each.name: repr(getattr(self.model, each.name)) for each in _fields(self.model)}
-        known = {**settings, **self.model.identity(), "name": self.name}
+        # The text of the study has its settings.
+        known = {**self.model.identity(), "name": self.name}
         if self.source is not None:
             return known | {"source_sha256": self.source.sha256 or "unknown"}
         if self.surroundings is None:
@@ -122,11 +123,10 @@ class OutsideModel(Model):
         if self.surroundings is None:
             return _unpickle, (_pickle_by_value(self.model), self.reference, self.source)
         # Another process loads the class itself: its modules cannot be sent.
-        settings = {each.name: getattr(self.model, each.name) for each in _fields(self.model)}
-        return _restore, (self.surroundings.folder, self.reference, settings)
+        return _restore, (self.surroundings.folder, self.reference, _settings(self.model))
 
     @contextlib.contextmanager
-    def _called(self, method: str) -> Iterator[None]:
+    def _in_context(self, method: str) -> Iterator[None]:
         """Provide the context of a call; an exception becomes a ModelError that names the method.
 
         Exceptions of `evaluate` itself are data of its runs, and do not come here.
@@ -153,21 +153,11 @@ class OutsideModel(Model):
             outputs = {output.name: np.full(1, np.nan) for output in self.outputs}
             return Results(outputs, np.full(1, Status.FAILED, dtype=np.int8), {0: reason})
         middle = runs // 2
-        first, second = (
-            self._evaluate({name: values[part].copy() for name, values in inputs.items()})
-            for part in (slice(0, middle), slice(middle, runs))
-        )
-        return Results(
-            {
-                name: np.concatenate([first.outputs[name], second.outputs[name]])
-                for name in first.outputs
-            },
-            np.concatenate([first.status, second.status]),
-            {
-                **first.reasons,
-                **{middle + run: reason for run, reason in second.reasons.items()},
-            },
-            first.files | second.files,
+        return _join(
+            *(
+                self._evaluate({name: values[part].copy() for name, values in inputs.items()})
+                for part in (slice(0, middle), slice(middle, runs))
+            )
         )
 
     def _checked(self, returned: object, runs: int) -> Results:
@@ -180,9 +170,10 @@ class OutsideModel(Model):
                 raise ValueError(f'evaluate returned no "{output.name}"')
             outputs[output.name] = floats(returned.outputs[output.name])
         status = np.asarray(returned.status, dtype=np.int8)
-        for name, values in {**outputs, "status": status}.items():
-            if values.shape != (runs,):
-                raise ValueError(f'evaluate returned a "{name}" of shape {values.shape}')
+        shapes = {name: values.shape for name, values in outputs.items()}
+        for name, shape in {**shapes, "status": status.shape}.items():
+            if shape != (runs,):
+                raise ValueError(f'evaluate returned a "{name}" of shape {shape}')
         reasons = {
             run: str(returned.reasons.get(run) or "the model gives no reason")
             for run in np.flatnonzero(status != Status.OK).tolist()
@@ -190,13 +181,25 @@ class OutsideModel(Model):
         return Results(outputs, status, reasons, returned.files)
 
 
-def _fields(model: Model) -> list[dataclasses.Field[Any]]:
+def _join(first: Results, second: Results) -> Results:
+    """Return the results of two batches as those of one."""
+    runs = len(first.status)
+    outputs = {
+        name: np.concatenate([values, second.outputs[name]])
+        for name, values in first.outputs.items()
+    }
+    reasons = {runs + run: reason for run, reason in second.reasons.items()}
+    status = np.concatenate([first.status, second.status])
+    return Results(outputs, status, {**first.reasons, **reasons}, first.files | second.files)
+
+
+def _settings(model: Model) -> dict[str, Any]:
     """Return the settings of a model whose class is a dataclass; none of another class."""
-    if not dataclasses.is_dataclass(model):
-        return []
-    return [each for each in dataclasses.fields(model) if each.init]
+    fields = getattr(model, "__dataclass_fields__", {}).values()
+    return {each.name: getattr(model, each.name) for each in fields if each.init}
 
 
+@functools.cache
 def _package(module: str) -> dict[str, str]:
     """Return the version of the installed package of a module, where it has one."""
     top = module.partition(".")[0]

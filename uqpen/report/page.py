@@ -26,7 +26,7 @@ from uqpen.report.blocks import Block, Heading, find_charts
 from uqpen.report.chart_json import charts_json
 from uqpen.report.legend import OUTLINES, STROKES, colour_name
 from uqpen.report.masthead import page_facts, page_heading
-from uqpen.report.outside import OutsideSection, SectionFunction, find_sections
+from uqpen.report.outside_sections import OutsideSection, SectionFunction, find_sections
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.texts import plain_text
@@ -171,7 +171,7 @@ def _own_section(
     filled = _FilledSection(
         own.name, own.section, tuple(_model_blocks(views, own.section, own.blocks))
     )
-    with own.function.called():  # the content of a block can be anything
+    with own.function.in_context():  # the content of a block can be anything
         _render(tree, [filled], [])
     return filled
 

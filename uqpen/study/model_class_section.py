@@ -10,7 +10,7 @@ from uqpen.core.lookup import choices
 from uqpen.core.model import Input, Model, Output
 from uqpen.core.units import si_unit
 from uqpen.models.outside_model import OutsideModel
-from uqpen.models.unloaded import UnloadedModel
+from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.outside_members import MODEL, installed_names, is_reference, read_instance
 from uqpen.study.table_reader import TableReader
 

@@ -10,7 +10,7 @@ from uqpen.core.settings import flag, text
 from uqpen.models.function_source import FunctionSource, function_source
 from uqpen.models.outside_model import OutsideModel
 from uqpen.models.python_function import PythonFunction, check_signature
-from uqpen.models.unloaded import UnloadedModel
+from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.model_section import read_function_limits, unloaded_function
 from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import read_variables

@@ -279,20 +279,18 @@ def _class_fault(cls: object, kind: Kind) -> str:
     """Return why something cannot be a member of a family; empty where it can."""
     if not isinstance(cls, type) or not issubclass(cls, kind.base):
         return f"does not derive from {kind.base.__name__}"
-    if not _has_frozen_settings(cls) and not (kind.can_lack_settings and _lacks_settings(cls)):
+    if not (kind.can_lack_settings and _lacks_settings(cls)) and not (
+        dataclasses.is_dataclass(cls) and cls.__dataclass_params__.frozen  # type: ignore[attr-defined]
+    ):
         return "is no frozen dataclass"
     if inspect.isabstract(cls):
-        return f"lacks {', '.join(sorted(cls.__abstractmethods__))}"
+        return f"lacks {', '.join(sorted(getattr(cls, '__abstractmethods__', ())))}"
     if not dataclasses.is_dataclass(cls):
         return ""
     declared = {*kind.given, *(field.name for field, _ in declared_settings(cls))}
     others = [field.name for field in dataclasses.fields(cls) if field.init]
     undeclared = [name for name in others if name not in declared]
     return f"has fields that are no settings: {', '.join(undeclared)}" if undeclared else ""
-
-
-def _has_frozen_settings(cls: type) -> bool:
-    return dataclasses.is_dataclass(cls) and bool(cls.__dataclass_params__.frozen)  # type: ignore[attr-defined]
 
 
 def _lacks_settings(cls: type) -> bool:

@@ -155,8 +155,8 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
 def _model_table(model: Model, folder: Path) -> dict[str, Any]:
     """Return the table of a model whose class is not built in."""
     if reference := class_reference(model, folder, MODEL):
-        settings = written_settings(model) if dataclasses.is_dataclass(model) else {}
-        return {"use": reference, **settings}
+        table: dict[str, Any] = {"use": reference}
+        return table | (written_settings(model) if dataclasses.is_dataclass(model) else {})
     variables = {"inputs": model.inputs, "outputs": model.outputs}
     units = {
         key: {variable.name: variable.preferred_unit for variable in each}

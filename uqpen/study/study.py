@@ -14,7 +14,7 @@ from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
-from uqpen.models.unloaded import UnloadedModel
+from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.published import Publication
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest

@@ -6,9 +6,9 @@ import xarray as xr
 
 from uqpen.core.errors import UqpenError
 from uqpen.figures.figure_file import figure_bytes
-from uqpen.figures.outside import FigureFunction
+from uqpen.figures.outside_figures import FigureFunction
 from uqpen.figures.page import figure
-from uqpen.report.outside import SectionFunction
+from uqpen.report.outside_sections import SectionFunction
 from uqpen.report.page import report_page
 
 __all__ = ["check_figure", "check_section"]
@@ -37,8 +37,8 @@ def check_figure(function: FigureFunction, tree: xr.DataTree) -> None:
         first, second = (figure_bytes(figure(tree, function), "svg") for _ in range(2))
     except UqpenError as error:
         raise AssertionError(str(error)) from None
-    assert first == second, "a figure is the same each time"
     assert tree.identical(before), "a figure does not change the archive"
+    assert first == second, "a figure is the same each time"
 
 
 def check_section(function: SectionFunction, tree: xr.DataTree) -> None:
@@ -65,5 +65,5 @@ def check_section(function: SectionFunction, tree: xr.DataTree) -> None:
     except UqpenError as error:
         raise AssertionError(str(error)) from None
     assert 'id="own-1"' in first, "a section has something for this archive"
-    assert first == second, "a section is the same each time"
     assert tree.identical(before), "a section does not change the archive"
+    assert first == second, "a section is the same each time"

@@ -12,7 +12,7 @@ import xarray as xr
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.labels import ROLE, RUNS
 from uqpen.core.model import Category, Input, Output
-from uqpen.models.unloaded import UnloadedModel
+from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.object_section import OBJECT
 from uqpen.study.outside_members import is_reference
 

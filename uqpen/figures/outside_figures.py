@@ -40,7 +40,7 @@ def figure_panels(named: str | FigureFunction, view: ArchiveView) -> list[Panel]
     if isinstance(named, str) and named in FIGURES:
         return list(FIGURE.find(named, Path()).function(view))
     function = FIGURE.find(named, Path.cwd())
-    with function.called():
+    with function.in_context():
         found = list(function.function(view))
     for panel in found:
         if not isinstance(panel, Panel):
@@ -53,7 +53,7 @@ def _guarded(panel: Panel, function: OutsideFunction) -> Callable[[Axes], Iterab
     """Return the drawing of a panel, whose failure names the figure's function."""
 
     def draw(axes: Axes) -> list[str]:
-        with function.called():
+        with function.in_context():
             notes = [] if (returned := panel.draw(axes)) is None else list(returned)
             if not all(isinstance(note, str) for note in notes):
                 raise TypeError("the notes of a panel are not all texts")

@@ -54,7 +54,7 @@ class OutsideSection(NamedTuple):
         ReportError
             If the function fails, or yields something else.
         """
-        with self.function.called():
+        with self.function.in_context():
             found = list(self.function.function(view))
         for block in found:
             if not isinstance(block, Block):
