@@ -80,8 +80,8 @@ def output_option(name: str, default: str) -> Callable[..., Any]:
 
 def resume_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the flags `fresh` and `lost_again`, about runs that were kept."""
-    fresh = "Make all runs anew, those too that an earlier start has kept."
-    lost_again = "Make those runs anew that were kept, but were lost."
+    fresh = "Repeat all runs, also those kept from an earlier start."
+    lost_again = "Repeat the kept runs that failed."
     command = click.option("--lost-again", is_flag=True, help=lost_again)(command)
     return click.option("--fresh", is_flag=True, help=fresh)(command)
 

@@ -40,9 +40,9 @@ def rerun(
 ) -> ExitCode:
     """Run the study whose text ARCHIVE holds, and write an archive of its own.
 
-    If it is interrupted, the same command goes on from the runs that are done.
+    After an interruption, the same command continues from the finished runs.
 
-    Leaves with 3 if a design lost all of its runs.
+    The exit code is 3 if all runs of a design failed.
     """
     from uqpen.archive.read import open_archive
     from uqpen.cli.screen import show_line
