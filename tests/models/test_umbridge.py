@@ -350,7 +350,7 @@ class TestMistakes:
             study(address)
         (problem,) = refused.value.problems
         assert problem.found == f'"{address}": {LOST}'
-        assert problem.expected == "a UM-Bridge server that answers"
+        assert problem.expected == "a UM-Bridge server that responds"
 
     @pytest.mark.parametrize(
         ("answers", "found", "expected"),
@@ -369,12 +369,12 @@ class TestMistakes:
             (
                 [http("<html>")],
                 '"{}": the server\'s answer is no JSON object',
-                "a UM-Bridge server that answers",
+                "a UM-Bridge server that responds",
             ),
             (
                 [*BEFORE[:2], http('{"inputSizes": [-1, 4]}')],
                 '"{}": the server\'s answer to InputSizes is no list of whole numbers',
-                "a UM-Bridge server that answers",
+                "a UM-Bridge server that responds",
             ),
         ],
     )
