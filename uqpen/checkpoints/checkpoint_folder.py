@@ -268,9 +268,8 @@ def _incompatibility_text(folder: Path, design: str, changed: list[str]) -> str:
     lines = [*changed[:_MOST_LISTED], *([f"and {more} more"] if more > 0 else [])]
     listing = "\n".join(f"  {line}" for line in lines)
     return (
-        f"{folder}: holds runs of {design} that this study would not make; "
-        f"what has changed:\n{listing}\n"
-        "change it back to go on from them, or start over with --fresh"
+        f"{folder}: contains runs of {design} that were made with other settings:\n{listing}\n"
+        "change the settings back to continue from these runs, or start over with --fresh"
     )
 
 
