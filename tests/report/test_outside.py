@@ -122,7 +122,7 @@ def test_a_mistake_is_one_sentence(
 
 def test_an_archive_of_a_benchmark_takes_none(tree: xr.DataTree) -> None:
     tree.attrs[KIND] = BENCHMARK
-    with pytest.raises(ReportError, match="methods head to head takes no further sections"):
+    with pytest.raises(ReportError, match="a benchmark of methods has no further sections"):
         report_page(tree, [_function()])
 
 

@@ -312,7 +312,7 @@ class TestVerify:
         assert "hashes only" in done.out
         refused = uqpen("rerun", "contest.nc")
         assert refused.code == 2
-        assert "head to head" in refused.err
+        assert "benchmark of methods" in refused.err
 
     @pytest.mark.parametrize(
         ("arguments", "told"),

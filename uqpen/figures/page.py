@@ -105,7 +105,7 @@ def panels(
         shown = name if isinstance(name, str) else FIGURE.find(name, Path.cwd()).reference
         what = f'"{shown}" of {selection}' if selection else f'"{shown}"'
         if not any(map(view.has_completed_runs, view.designs)):
-            what += ", as no run came back"
+            what += ", as no run completed"
         has = ", ".join(_available_names(_select_view(tree, None, None, model))) or "none"
         raise FigureError(f"the archive has nothing for the figure {what}; it has: {has}")
     return found
@@ -119,7 +119,7 @@ def available(tree: xr.DataTree) -> dict[str, str]:
 def check_archive(tree: xr.DataTree) -> None:
     """Raise a `FigureError` for a benchmark of methods, an `ArchiveError` for a damaged archive."""
     if tree.attrs.get(KIND) == BENCHMARK:
-        raise FigureError("there are no figures of an archive of methods head to head")
+        raise FigureError("there are no figures of a benchmark of methods")
     for each in model_trees(tree).values():
         if fault := next(find_faults(each), None):
             raise ArchiveError(f"the archive is damaged: {fault}")

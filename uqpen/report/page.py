@@ -158,7 +158,7 @@ def _sections(tree: xr.DataTree, own: Sequence[OutsideSection]) -> Iterator[_Fil
             yield _FilledSection(name, section, tuple(blocks))
         return
     if own:
-        raise ReportError("an archive of methods head to head takes no further sections")
+        raise ReportError("the report of a benchmark of methods has no further sections")
     check_benchmark(tree)
     for name, section in BENCHMARK_SECTIONS.items():
         yield _FilledSection(name, section, tuple(resolve(section.function)(tree)))

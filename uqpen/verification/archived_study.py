@@ -156,7 +156,9 @@ def refuse_external_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None
         If that code may not be executed. The message names the models and analyses.
     """
     if KIND in tree.attrs:
-        raise ArchiveError(f"{path}: holds methods head to head; `uqpen compare` repeats those")
+        raise ArchiveError(
+            f"{path}: contains a benchmark of methods, which `uqpen compare` repeats"
+        )
     text = str(tree.attrs["study_text"])
     for kind, objects in _named_objects(text).items():
         if objects:
@@ -193,7 +195,7 @@ def find_incompatibility(
             if design_runs.attrs.get(SAMPLING) != str(study.designs[design].sampling):
                 return f"its text has another kind of design by the name of {design}"
             if lacking := _missing_variable(variant, study, design_runs):
-                return f"{design} does not have the {lacking} that its text tells of"
+                return f"{design} lacks {lacking}, which its text contains"
     return ""
 
 

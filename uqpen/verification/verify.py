@@ -106,7 +106,7 @@ def verify(
     if fault := next(find_faults(tree), None):
         yield CheckResult("structure", CheckOutcome.DIFFERENT, f"damaged: {fault}")
     elif KIND in tree.attrs:
-        message = "those of methods head to head are not repeated: hashes only"
+        message = "runs of a benchmark of methods are not repeated; only hashes are checked"
         yield CheckResult("runs", CheckOutcome.UNCHECKED, message)
     else:
         if FILES in tree.children:
