@@ -53,7 +53,7 @@ def family_name(family: Mapping[str, str], member: object) -> str:
 def installed_members(group: str) -> dict[str, str]:
     """Return the names that installed packages add to a family, with their references.
 
-    They are the entry points of the group. To look them up takes longer than to import a member.
+    They are the entry points of the group. Looking them up takes longer than importing a member.
     """
     import importlib.metadata
 

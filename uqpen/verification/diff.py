@@ -30,7 +30,7 @@ _STUDY_ATTRIBUTES = ("study_text", "study_sha256", "seed")
 
 
 class DiffSection(NamedTuple):
-    """The differences of one kind; they are verbatim if they are lines of the study files."""
+    """Differences of one kind, a text for each; verbatim if they are lines of the study files."""
 
     name: str
     lines: tuple[str, ...]
