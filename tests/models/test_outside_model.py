@@ -23,7 +23,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "extending" / "model.md").read_text
 MODEL = re.findall(r"```python\n(# my_model.py.*?)```", PAGE, re.DOTALL)[0]
 STUDY = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)[0]
 
-FreshProcess = Callable[..., Any]
+Command = Callable[..., Any]
 
 
 @pytest.fixture
@@ -150,23 +150,20 @@ class TestArchive:
         uqpen.write(type(uqpen.open_archive(archive)).from_dict(groups), archive)
         assert "different" in _outcomes(archive)["statistics"]
 
-    def test_code_is_executed_only_with_trust(
-        self, folder: Path, fresh_process: FreshProcess
-    ) -> None:
+    def test_code_is_executed_only_with_trust(self, folder: Path, command_line: Command) -> None:
         trace = folder / "executed"
         touch = f"import pathlib\npathlib.Path({str(trace)!r}).touch()\n"
         (folder / "my_model.py").write_text(touch + MODEL)
         uqpen.write(uqpen.run(uqpen.parse_study(STUDY, folder=folder)), folder / "a.nc")
         trace.unlink()
-        commands = (["show", "a.nc"], ["verify", "a.nc"], ["report", "a.nc"], ["rerun", "a.nc"])
-        outcomes = fresh_process(folder, *commands)
-        assert [done.code for done in outcomes] == [0, 0, 0, 2], outcomes
-        assert "my_model.py:Spring" in outcomes[-1].err
+        for command in ("show", "verify", "report"):
+            assert command_line(command, "a.nc").code == 0
+        refused = command_line("rerun", "a.nc")
+        assert refused.code == 2
+        assert "my_model.py:Spring" in refused.err
         assert not trace.exists()
-        again, compared = fresh_process(
-            folder, ["rerun", "a.nc", "--trust"], ["diff", "a.nc", "a_rerun.nc"]
-        )
-        assert (again.code, compared.code) == (0, 0), (again.err, compared.out)
+        assert command_line("rerun", "a.nc", "--trust").code == 0
+        assert command_line("diff", "a.nc", "a_rerun.nc").code == 0
         assert trace.exists()
 
 
@@ -235,3 +232,27 @@ def test_a_condition_that_raises_names_the_class_and_the_method(folder: Path) ->
     (folder / "my_model.py").write_text(MODEL.replace("linear < 10", "1 / 0 < 10"))
     with pytest.raises(ModelError, match="Spring: conditions failed: ZeroDivisionError"):
         uqpen.parse_study(STUDY, folder=folder)
+
+
+@pytest.mark.parametrize(
+    ("variables", "found"),
+    [
+        ({"inputs": (Input("x", "mm"),)}, "Own, which has Input('x', 'mm')"),
+        ({"outputs": ()}, "Own, which has no outputs"),
+        ({"name": None}, "Own, which has no name"),
+    ],
+)
+def test_a_mistake_of_an_object_names_the_argument(
+    tmp_path: Path, variables: dict[str, Any], found: str
+) -> None:
+    own = type("Own", (Raising,), variables)
+    with pytest.raises(StudyError, match=r"uqpen\.Study\(model=…\)") as caught:
+        uqpen.Study(
+            own(),
+            inputs={"x": uqpen.Uniform("0 m", "1 m")},
+            designs={"some": uqpen.MonteCarlo(runs=10)},
+            seed=1,
+            folder=tmp_path,
+        )
+    (problem,) = caught.value.problems
+    assert problem.found == found

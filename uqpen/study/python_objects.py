@@ -29,6 +29,7 @@ from uqpen.models import MODELS
 from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
 from uqpen.study.frozen_section import SETTINGS
+from uqpen.study.model_variables import find_variable_faults
 from uqpen.study.object_section import OBJECT
 from uqpen.study.outside_members import DESIGN, DISTRIBUTION, MODEL, class_reference
 from uqpen.study.python_model import OutputSpec, PythonModel
@@ -82,6 +83,13 @@ class StudyContent:
             return self._table(value, path)
         if isinstance(value, PythonModel):
             return self._table(value.table(), path)
+        faults = list(find_variable_faults(value)) if isinstance(value, Model) else []
+        if faults:
+            named = type(value).__name__
+            self.problems += [
+                Problem(path, f"{named}, which has {each[0]}", each[1]) for each in faults
+            ]
+            return ""
         table = _declaration(value, self.folder)
         if table is None:
             self.problems.append(
