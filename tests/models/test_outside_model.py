@@ -83,6 +83,7 @@ def test_settings_defaults_and_conditions_are_those_of_the_class(folder: Path) -
     assert {Status.OK, Status.INADMISSIBLE} <= set(status)
 
 
+@pytest.mark.slow
 def test_workers_and_an_object_of_python_give_the_same_archive(folder: Path) -> None:
     study = uqpen.parse_study(STUDY, folder=folder)
     for workers in (1, 2):

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 __all__ = ["check"]
 
 
-@click.command(short_help="Check a study file and say what it would run.")
+@click.command(short_help="Check a study file and show what it would run.")
 @click.argument("file", type=PATH)
 def check(file: Path) -> None:
-    """Read the study FILE, report every mistake in it, and say what it would run."""
+    """Read the study FILE, report every mistake in it, and show what it would run."""
     from uqpen.cli.printable import printable
     from uqpen.cli.screen import plain_table, standard_output
     from uqpen.study.load import load_study

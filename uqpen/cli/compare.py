@@ -12,7 +12,7 @@ from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_opt
 __all__ = ["compare"]
 
 
-@click.command(short_help="Try a study's methods at equal budgets.")
+@click.command(short_help="Compare a study's methods at equal budgets.")
 @click.argument("file", type=PATH)
 @click.option(
     "--budget",
@@ -20,7 +20,7 @@ __all__ = ["compare"]
     metavar="RUNS[,RUNS…]",
     help="Numbers of runs to try.  [default: 128,256,1024,4096,8192, which are fair to all]",
 )
-@click.option("--repeats", type=int, help="How often to try each.  [default: 30]")
+@click.option("--repeats", type=int, help="Number of repeats of each.  [default: 30]")
 @click.option(
     "--reference",
     type=int,

@@ -91,10 +91,12 @@ def folder_option(study: str = "its study") -> Callable[..., Any]:
     return click.option(
         "--folder",
         type=click.Path(exists=True, file_okay=False, path_type=Path),
-        help=f"Take the files that {study} names from here.  [default: those that it keeps]",
+        help=f"Folder with the files that {study} names.  [default: the archived files]",
     )
 
 
 trust_option = click.option(
-    "--trust", is_flag=True, help="Execute code that ARCHIVE names: models, analyses."
+    "--trust",
+    is_flag=True,
+    help="Execute code that ARCHIVE names: models, analyses, designs, distributions.",
 )

@@ -13,7 +13,7 @@ from uqpen.cli.printable import printable
 __all__ = ["announce_report", "report", "write_and_announce"]
 
 
-@click.command(short_help="Write a page that shows what an archive holds.")
+@click.command(short_help="Write the results of an archive as an HTML page.")
 @click.argument("archive", type=PATH)
 @click.option(
     "-o", "file", type=PATH, help="The page to write.  [default: ARCHIVE with the ending .html]"
@@ -26,7 +26,7 @@ __all__ = ["announce_report", "report", "write_and_announce"]
     help="Add a section of your own, made by this function; can be given several times.",
 )
 def report(archive: Path, file: Path | None, sections: tuple[str, ...]) -> None:
-    """Write one HTML page of all that ARCHIVE reports, to send to a colleague; nothing is run.
+    """Write one HTML page with the results of ARCHIVE, to send to a colleague; nothing is run.
 
     It opens in any browser, without a network.
     """

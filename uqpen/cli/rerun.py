@@ -38,7 +38,7 @@ def rerun(
     executor: ExecutorOptions,
     **resume: Any,
 ) -> ExitCode:
-    """Run the study whose text ARCHIVE holds, and write an archive of its own.
+    """Run the study of ARCHIVE again, and write a new archive.
 
     After an interruption, the same command continues from the finished runs.
 

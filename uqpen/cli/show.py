@@ -12,7 +12,7 @@ from uqpen.cli.options import PATH
 __all__ = ["show"]
 
 
-@click.command(short_help="Show what an archive holds.")
+@click.command(short_help="Show the results in an archive.")
 @click.argument("archive", type=PATH)
 @click.option("--json", "as_text", is_flag=True, help="JSON on standard output, in SI units.")
 @click.option("--all", "everything", is_flag=True, help="All sensitivity measures of the inputs.")

@@ -88,7 +88,7 @@ def _trajectory_faults(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[st
         if str(name).startswith("nominal_") and not (
             np.ndim(value) == 0 and has_kind(value, "number")
         ):
-            yield f"{name} is no number"
+            yield f"{name} is not a number"
 
 
 def find_level_faults(tree: xr.DataTree) -> Iterator[str]:
