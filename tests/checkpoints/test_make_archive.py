@@ -373,7 +373,7 @@ def test_runs_that_the_study_does_not_have_any_more_stay(of_two: Path) -> None:
     assert progress.before == [9], "those of the other design"
     assert progress.warnings == [
         f"{parts}: still holds runs of one, which this study does not have; "
-        "remove them if they are wanted no more"
+        "remove them if they are not needed any more"
     ]
     (of_two / "study.toml").write_text(text)
     progress = Told()
@@ -545,7 +545,7 @@ def test_a_full_disk_is_told_and_loses_nothing(
         patch.setattr(os, "fsync", _is_full)
         with pytest.raises(ArchiveError) as message:
             make(folder)
-    assert "runs that are done cannot be kept: No space left on device" in str(message.value)
+    assert "finished runs cannot be kept: No space left on device" in str(message.value)
     assert "those kept before stay there" in str(message.value)
     assert not list((folder / "study.nc.parts").rglob("*.tmp"))
     progress = Told()

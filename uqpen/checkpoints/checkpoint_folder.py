@@ -133,7 +133,7 @@ class CheckpointFolder:
             whose = " of ".join(file.parent.relative_to(self.folder).parts[::-2])
             self._progress.warn(
                 f"{self.folder}: still holds runs of {whose}, which this study does not have; "
-                "remove them if they are wanted no more"
+                "remove them if they are not needed any more"
             )
         _remove_empty(self.folder)
 
@@ -207,7 +207,7 @@ class CheckpointFolder:
             yield
         except OSError as error:
             raise ArchiveError(
-                f"{self.folder}: runs that are done cannot be kept: {error.strerror}\n"
+                f"{self.folder}: finished runs cannot be kept: {error.strerror}\n"
                 "  those kept before stay there, and the same command goes on from them"
             ) from None
 

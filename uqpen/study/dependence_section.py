@@ -95,7 +95,7 @@ def _elliptical(
 ) -> dict[str, Any]:
     """Read inputs and the matrix of their scores, from a matrix or from pairs."""
     listing = "; ".join(f'"{name}": {MEASURES[name]}' for name in copula.measures)
-    expected = f"what the correlations are of: {listing}"
+    expected = f"the kind of the correlations: {listing}"
     measure = table.text("of", expected) or ""
     if measure and measure not in copula.measures:
         table.add_wrong("of", measure, expected)

@@ -132,7 +132,9 @@ def read_function_limits(table: TableReader, *, is_vectorized: bool) -> Limits:
     limits = read_limits(table)
     if is_vectorized and limits:
         limit = "time_limit" if limits.seconds is not None else "memory_limit"
-        table.add_problem(limit, "a limit of one run", "vectorized = false, so that runs are apart")
+        table.add_problem(
+            limit, "a limit of one run", "vectorized = false, so that each run is a call of its own"
+        )
     return limits
 
 

@@ -42,7 +42,9 @@ def _read_estimates(
     table = section.table(output.name)
     if output.categories:
         for key in table:
-            table.add_problem(key, "a figure of an output that has kinds", "an output with numbers")
+            table.add_problem(
+                key, "an estimate of an output with categories", "an output with numbers"
+            )
         return None
     largest = table.content.get(LARGEST_CONTRIBUTION) or ""
     given = {"output": output, LARGEST_CONTRIBUTION: str(largest)}

@@ -95,7 +95,7 @@ def _named_code(table: Mapping[str, Any]) -> str:
     """Return the code that the table of a model names; empty for a named model or an object."""
     named = [table[key] for key in _NAMED if key in table and _is_code(key, table[key])]
     if not named:
-        return "" if {"use", OBJECT} & table.keys() else "one of no known kind"
+        return "" if {"use", OBJECT} & table.keys() else "a model of an unknown kind"
     # A class, a function, a server, or the words of a command.
     return " ".join(map(str, named[0])) if isinstance(named[0], list) else str(named[0])
 
@@ -169,8 +169,8 @@ def refuse_external_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None
     named = external_names(text)
     if named and not trust:
         raise ModelError(
-            f"{path}: its study runs code that it names itself: {', '.join(named)}\n"
-            "  if you trust whoever made it, say --trust"
+            f"{path}: its study executes code that it names: {', '.join(named)}\n"
+            "  if you trust its author, use --trust"
         )
 
 

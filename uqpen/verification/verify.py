@@ -55,7 +55,7 @@ _SOURCE = "model_source_sha256"
 _PROGRAM = "model_program_sha256"
 _VERSION_ATTRIBUTES = ("model_version", _SOURCE, _PROGRAM)
 
-_ADVICE = "if you trust whoever made it, say --trust"
+_ADVICE = "if you trust its author, use --trust"
 
 
 class _Tolerances(NamedTuple):
@@ -156,7 +156,7 @@ def _check_hashes(tree: xr.DataTree) -> CheckResult:
     """Check that every group is as it was written."""
     found, written = group_hashes(tree), recorded_hashes(tree)
     if written is None:
-        message = "none: written by a uqpen that did not hash yet"
+        message = "none: written by a uqpen without hashes"
         return CheckResult("hashes", CheckOutcome.UNCHECKED, message)
     shared = found.keys() & written.keys()
     details = tuple(
@@ -178,9 +178,9 @@ def _check_text(tree: xr.DataTree) -> CheckResult:
     text = str(tree.attrs.get("study_text", ""))
     digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
     if digest == str(tree.attrs.get("study_sha256")):
-        message = "its text has the hash that stands beside it"
+        message = "its text has the recorded hash"
         return CheckResult("study", CheckOutcome.EQUAL, message)
-    message = "its text is changed: it does not have the hash that stands beside it"
+    message = "its text is changed: it does not have the recorded hash"
     return CheckResult("study", CheckOutcome.DIFFERENT, message)
 
 
@@ -197,7 +197,7 @@ def _check_files(tree: xr.DataTree) -> CheckResult:
         message = "not those of its study"
         return CheckResult("files", CheckOutcome.DIFFERENT, message, tuple(details))
     by_hash = [f"{file.name}: kept by its hash alone" for file in files if not file.is_whole]
-    message = f"{len(files)} kept, with the hashes that stand beside them"
+    message = f"{len(files)} archived, with the recorded hashes"
     return CheckResult("files", CheckOutcome.EQUAL, message, tuple(by_hash))
 
 
@@ -223,7 +223,7 @@ def _repeat_checks(
             yield CheckResult("repetition", CheckOutcome.IMPOSSIBLE, message, details)
             return
         if details := tuple(restored.different_files):
-            yield CheckResult("folder", CheckOutcome.DIFFERENT, "not those that it keeps", details)
+            yield CheckResult("folder", CheckOutcome.DIFFERENT, "not the archived ones", details)
         study, runs = restored.study, archived_runs(tree)
         if reason := find_incompatibility(study, runs):
             yield CheckResult("repetition", CheckOutcome.DIFFERENT, reason)
@@ -348,5 +348,5 @@ def _check_sources(study: ValidatedStudy, tree: xr.DataTree) -> Iterator[CheckRe
             found = f"found the SHA-256 {here}, expected {made_with}"
             details.append(f"{model.name} and what it imports: {found}")
     if details:
-        message = "not that of the models that it was made with"
+        message = "not the source of the models that it was made with"
         yield CheckResult("source", CheckOutcome.DIFFERENT, message, tuple(details))
