@@ -303,7 +303,7 @@ file = '{elsewhere}'
     done = uqpen("verify", "own.nc", "--trust", "--all")
     assert done.code == 2
     assert "points-2.csv: found the SHA-256" in done.said
-    assert "named by an absolute path, and another file now" in done.said
+    assert "named by an absolute path, and changed since then" in done.said
     done = uqpen("verify", "own.nc", "--trust", "--all", "--folder", "study")
     assert done.code == 4
     assert "folder not the archived ones points-2.csv: found" in done.said
