@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import importlib
 import json
 import os
 import pickle
@@ -10,7 +11,7 @@ import signal
 import subprocess
 import sys
 from collections import UserDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -146,6 +147,32 @@ def fresh_process() -> Callable[..., list[Outcome]]:
         return [Outcome(*told) for told in json.loads(done.stdout)]
 
     return call
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Path]]:
+    """Installs a package of one module, with its metadata, for the time of a test."""
+    modules = []
+
+    def make(name: str, source: str, entry_points: str) -> Path:
+        module, site = f"uqpen_test_{name}", tmp_path / f"site_{name}"
+        metadata = site / f"{module}-1.2.dist-info"
+        metadata.mkdir(parents=True, exist_ok=True)
+        (site / f"{module}.py").write_text(source)
+        head = f"Metadata-Version: 2.1\nName: {module.replace('_', '-')}\nVersion: 1.2\n"
+        (metadata / "METADATA").write_text(head)
+        (metadata / "entry_points.txt").write_text(entry_points)
+        (metadata / "top_level.txt").write_text(module)
+        if str(site) not in sys.path:
+            monkeypatch.syspath_prepend(site)
+        modules.append(module)
+        sys.modules.pop(module, None)
+        importlib.invalidate_caches()
+        return site
+
+    yield make
+    for module in modules:
+        sys.modules.pop(module, None)
 
 
 @pytest.fixture(scope="session")

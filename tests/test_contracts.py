@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import chaospy
 import numpy as np
@@ -24,14 +25,29 @@ from uqpen.designs.design import Design, Rounds
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.frozen import FrozenDistribution
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.figures.panel import Panel
+from uqpen.report.blocks import Block, Text
+from uqpen.results.archive_view import ArchiveView
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import Sample
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.output_fit import OutputFit
 from uqpen.surrogates.output_surrogate import OutputSurrogate
-from uqpen.testing import check_design, check_distribution, check_model, check_surrogate
+from uqpen.testing import (
+    check_design,
+    check_distribution,
+    check_figure,
+    check_model,
+    check_section,
+    check_statistic,
+    check_surrogate,
+)
 
 pytestmark = pytest.mark.processor
 
+Statistic = tuple[str, xr.DataArray]
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -196,6 +212,46 @@ class TestBrokenRules:
 
         with pytest.raises(AssertionError, match="a run does not depend on its batch: y"):
             check_model(Drifting(), {"x": np.arange(3.0)})
+
+    def test_of_a_statistic(self) -> None:
+        def shaken(sample: Sample, quantity: QuantityOfInterest) -> Iterator[Statistic]:
+            value = float(np.random.default_rng().random())
+            estimate = Estimate.without_bounds(value, "none")
+            yield "shaken", estimate.to_array(units="1", long_name="shaken")
+
+        with pytest.raises(AssertionError, match="the same sample gives the same shaken"):
+            check_statistic(shaken)
+
+        def named(sample: Sample, quantity: QuantityOfInterest) -> Iterator[Statistic]:
+            yield "mean", xr.DataArray(1.0)
+
+        with pytest.raises(AssertionError, match="a name that no built-in statistic has"):
+            check_statistic(named)
+
+        def sorted_in_place(sample: Sample, quantity: QuantityOfInterest) -> Iterator[Statistic]:
+            sample.values.sort()
+            yield from ()
+
+        with pytest.raises(AssertionError, match="sorted_in_place of deflection: ValueError"):
+            check_statistic(sorted_in_place)
+
+    def test_of_a_chart(self, study_of: Callable[..., Any]) -> None:
+        tree = uqpen.run(study_of("a", a=(0, 1)))
+        calls: list[str] = []
+
+        def counted(view: ArchiveView) -> Iterator[Panel]:
+            calls.append("call")
+            yield Panel(f"title {len(calls)}", lambda axes: [])
+
+        with pytest.raises(AssertionError, match="a figure is the same each time"):
+            check_figure(counted, tree)
+
+        def changing(view: ArchiveView) -> Iterator[Block]:
+            view.tree["runs/some"]["a"].values[0] = 0.5
+            yield Text("changed")
+
+        with pytest.raises(AssertionError, match="a section does not change the archive"):
+            check_section(changing, tree)
 
 
 def _points(joint: JointDistribution, u: FloatArray) -> xr.Dataset:

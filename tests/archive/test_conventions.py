@@ -20,6 +20,7 @@ pytestmark = pytest.mark.slow
 
 DATA = Path(__file__).parents[1] / "data"
 RODS = (DATA / "rods.toml").read_text(encoding="utf-8")
+TRAJECTORY = RODS.replace('use = "walker-anderson"', 'use = "walker-anderson-trajectory"')
 
 # What a model of several outputs and kinds has, with a course and lost runs.
 KINDS = f"""
@@ -92,6 +93,16 @@ kind = "latin-hypercube"
 runs = 200
 """
 
+# Outputs with dimensions, and curves that end.
+FIELDS = f"""
+title = "Motion"
+seed = 4
+{TRAJECTORY}
+[designs.few]
+kind = "monte-carlo"
+runs = 3
+"""
+
 # Methods of which one is replicated, head to head.
 COMPARED = """
 title = "Small"
@@ -120,7 +131,8 @@ def trees() -> list[xr.DataTree]:
     # Of a model and of inputs that files tell of.
     studies.append(uqpen.load_study(DATA / "archives" / "schema_3_several.toml"))
     terms = BenchmarkSettings(budgets=(16, 32), repeats=10, reference=512)
-    return [*map(uqpen.run, studies), compare(uqpen.parse_study(COMPARED), terms)]
+    compared = compare(uqpen.parse_study(COMPARED), terms)
+    return [*map(uqpen.run, studies), compared, uqpen.run(uqpen.parse_study(FIELDS))]
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +171,8 @@ def report(
     found = json.loads(output.read_text())
     assert len(found) == len(files) > 10
     looked_at = {path.name for path in files}
-    assert {"3-files.nc", "4-methods.nc", "0-statistics-blocks-y.nc"} <= looked_at
+    known = {"3-files.nc", "4-methods.nc", "0-statistics-blocks-y.nc", "5-runs-few.nc"}
+    assert known <= looked_at
     return {Path(name).stem: checks["cf:1.11"] for name, checks in found.items()}
 
 

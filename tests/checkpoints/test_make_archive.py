@@ -240,7 +240,9 @@ def test_runs_that_the_study_would_not_make_are_refused(
     with pytest.raises(CheckpointError) as refused:
         make(folder)
     assert told in str(refused.value)
-    assert "study.nc.parts: holds runs of one that this study would not make" in str(refused.value)
+    assert "study.nc.parts: contains runs of one that were made with other settings" in str(
+        refused.value
+    )
     assert str(refused.value).endswith("or start over with --fresh")
     assert calls(folder) == 21, "no model has run"
     progress = Told()
@@ -404,7 +406,7 @@ def test_runs_that_the_study_does_not_have_any_more_stay(of_two: Path) -> None:
     assert progress.before == [9], "those of the other design"
     assert progress.warnings == [
         f"{parts}: still holds runs of one, which this study does not have; "
-        "remove them if they are wanted no more"
+        "remove them if they are not needed any more"
     ]
     (of_two / "study.toml").write_text(text)
     progress = Told()
@@ -501,7 +503,7 @@ def test_ctrl_c_while_the_archive_is_written_keeps_all_runs(
     )  # none is kept before the end
     with monkeypatch.context() as patch:
         patch.setattr("uqpen.checkpoints.make_archive.write", _interrupted)
-        with pytest.raises(KeyboardInterrupt, match="30 runs are kept; the same command goes on"):
+        with pytest.raises(KeyboardInterrupt, match="30 runs are kept; the same command continues"):
             make(folder)
     assert make(folder) == whole
     assert calls(folder) == 30
@@ -592,7 +594,7 @@ def test_a_full_disk_is_told_and_loses_nothing(
         patch.setattr(os, "fsync", _is_full)
         with pytest.raises(ArchiveError) as message:
             make(folder)
-    assert "runs that are done cannot be kept: No space left on device" in str(message.value)
+    assert "finished runs cannot be kept: No space left on device" in str(message.value)
     assert "those kept before stay there" in str(message.value)
     assert not list((folder / "study.nc.parts").rglob("*.tmp"))
     progress = Told()
@@ -632,7 +634,7 @@ def test_ctrl_c_says_what_is_kept_and_how_to_go_on(folder: Path, command_line: C
     (folder / "stop").write_text("21")
     outcome = command_line("study", "study.toml")
     assert outcome.code == 130
-    said = "interrupted: 20 runs are kept; the same command goes on from there\n"
+    said = "interrupted: 20 runs are kept; the same command continues from there\n"
     assert outcome.err.endswith(said)
     (folder / "stop").unlink()
     outcome = command_line("study", "study.toml")

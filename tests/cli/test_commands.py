@@ -111,7 +111,7 @@ class TestStudy:
         assert "ValueError: why \\x1b[31m oh why" in done.out, (
             "with its control characters spelled out"
         )
-        assert "a design lost all of its runs" in done.err
+        assert "all runs of a design failed" in done.err
         assert (tmp_path / "archives" / "slow.nc").is_file(), "failed runs are data"
 
     def test_figures_are_shown_however_long_the_names_are(
@@ -165,8 +165,8 @@ class TestCheck:
         )
         said = uqpen("check", "limited.toml").out
         assert "each run may take 90 s" in said
-        assert "a lost run is made again, 2 times at the most" in said
-        assert "the study ends when more than 5 % of a design's runs are lost" in said
+        assert "a failed run is repeated at most 2 times" in said
+        assert "the study stops if more than 5 % of a design's runs fail" in said
         assert "each run may take" not in uqpen("check", "small.toml").out
 
     def test_a_mistake_leaves_with_2(self, uqpen: Command) -> None:
@@ -348,7 +348,7 @@ class TestProcess:
             seen += chunk
         os.close(controller)
         assert code == 130
-        assert b"runs are kept; the same command goes on from there" in seen
+        assert b"runs are kept; the same command continues from there" in seen
         assert b"Traceback" not in seen
         left = {path.name for path in (tmp_path / "archives").iterdir()}
         assert left == {"slow.nc.log", "slow.nc.parts"}
@@ -407,7 +407,7 @@ def test_a_folder_that_has_been_removed_is_told(command_line: Command, tmp_path:
     tmp_path.rmdir()
     outcome = command_line("study", "some.toml")
     assert outcome.code == 2
-    assert outcome.err == "the folder that you stand in is not there any more\n"
+    assert outcome.err == "the current folder does not exist any more\n"
 
 
 def test_ctrl_c_again_and_again_leaves_with_130_and_no_traceback(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from uqpen.verification.verify import verify
 
 pytestmark = pytest.mark.processor
 
-PAGE = (Path(__file__).parents[2] / "docs" / "extending.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "extending" / "design.md").read_text(encoding="utf-8")
 STUDY = """
 seed = 1
 [model]

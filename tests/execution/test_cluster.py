@@ -242,8 +242,8 @@ Command = Callable[..., Any]
     ("scheduler", "told"),
     [
         ("none.json", "--scheduler: found none.json; expected an address such as tcp://host:8786"),
-        ("tcp://127.0.0.1:1", "no Dask scheduler answers at tcp://127.0.0.1:1"),
-        ("http://127.0.0.1:1", "no Dask scheduler answers at http://127.0.0.1:1"),
+        ("tcp://127.0.0.1:1", "no Dask scheduler responds at tcp://127.0.0.1:1"),
+        ("http://127.0.0.1:1", "no Dask scheduler responds at http://127.0.0.1:1"),
     ],
 )
 def test_a_scheduler_that_is_not_there_leaves_with_2(
@@ -287,7 +287,7 @@ def test_a_scheduler_that_goes_away_costs_no_finished_run(tmp_path: Path) -> Non
     said = study.communicate(timeout=60)[1].splitlines()
     assert study.returncode == 2
     assert said[-2] == "the Dask scheduler has gone away, or dropped the runs it was given"
-    assert re.fullmatch(r"\d+ runs are kept; the same command goes on from there", said[-1])
+    assert re.fullmatch(r"\d+ runs are kept; the same command continues from there", said[-1])
     assert [line for line in said if "distributed" in line] == []
 
 

@@ -107,10 +107,10 @@ def test_more_losses_than_allowed_end_a_study_that_can_go_on(
     allowed = r"more than the 5 % that \[failures\] at_most allows"
     # How many are made before it is seen is a matter of pace.
     assert re.fullmatch(
-        rf"some: (\d) of 50 runs were lost so far \(\1 failed\), {allowed}", told[-4]
+        rf"some: (\d) of 50 runs have failed so far \(\1 failed\), {allowed}", told[-4]
     )
     assert "the most frequent reason, " in outcome.err
-    assert told[-1] == "with --lost-again it makes the lost ones of them again"
+    assert told[-1] == "with --lost-again, it repeats the failed ones"
     assert not (tmp_path / "archives" / "study.nc").exists()
     assert command_line("study", "study.toml").code == 3, "as long as nothing changes"
     (tmp_path / "study.toml").write_text(STUDY + '[failures]\nat_most = "40 %"\n')
@@ -158,7 +158,7 @@ def test_a_run_that_wants_too_much_memory_costs_itself_only(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("text", "found", "expected"),
     [
-        ('at_most = "120 %"', '"120 %"', 'the share of runs that may be lost, such as "5 %"'),
+        ('at_most = "120 %"', '"120 %"', 'the share of runs that may fail, such as "5 %"'),
         ('at_most = "5 m"', '"5 m"', "a plain number"),
         ("retry = -1", "-1", "a whole number from 0 to 100"),
         ("retry = 1.5", "1.5", "a whole number from 0 to 100"),
@@ -210,7 +210,7 @@ def test_a_share_is_not_exceeded_by_rounding() -> None:
     )
     assert 0.29 * 100 < 29
     assert FailureCount(0.29, 100).add(batch_result) == 29
-    with pytest.raises(TooManyFailedError, match="29 of 100 runs were lost so far"):
+    with pytest.raises(TooManyFailedError, match="29 of 100 runs have failed so far"):
         FailureCount(0.28, 100).add(batch_result)
 
 

@@ -73,7 +73,7 @@ class TestMessages:
         with pytest.raises(FigureError) as error:
             figure(archives["lost"], "cdf")
         assert str(error.value) == (
-            'the archive has nothing for the figure "cdf", as no run came back; '
+            'the archive has nothing for the figure "cdf", as no run completed; '
             "it has: scatter, losses"
         )
 
@@ -97,7 +97,7 @@ class TestMessages:
             figure(archives["schema_2"], name, **asked)
 
     def test_methods_head_to_head_have_none(self) -> None:
-        with pytest.raises(FigureError, match="no figures of an archive of methods head to head"):
+        with pytest.raises(FigureError, match="no figures of a benchmark of methods"):
             available(xr.DataTree(xr.Dataset(attrs={KIND: BENCHMARK})))
 
     def test_without_matplotlib(self, archives: Archives, monkeypatch: pytest.MonkeyPatch) -> None:

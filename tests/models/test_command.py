@@ -579,7 +579,7 @@ MISTAKES = {
         "expected  {name} or {name:.6e}, and {{ or }} for a brace",
     ),
     'command = ["./solver", "{width}"]': (
-        "model.inputs.load\n    found     an input that is handed to nobody",
+        "model.inputs.load\n    found     an input that the program does not get",
         "expected  {inputs} or {load} in the command, or in a template",
     ),
     'command = ["./solver", "{inputs}"]\ntemplates = { a = "none" }': (

@@ -69,7 +69,7 @@ def test_an_archive_brings_its_program_along_but_only_runs_it_if_trusted(
     shutil.rmtree(beam.parent)
     checked = command_line("verify", "beam.nc")
     assert "execute code that the archive names (./solver beam.dat)" in checked.said
-    assert "worked out again: bit-equal" in checked.said
+    assert "computed again: bit-equal" in checked.said
     assert command_line("rerun", "beam.nc").code == 2
     trusted = command_line("verify", "beam.nc", "--trust")
     assert trusted.code == 0

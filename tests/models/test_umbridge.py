@@ -350,7 +350,7 @@ class TestMistakes:
             study(address)
         (problem,) = refused.value.problems
         assert problem.found == f'"{address}": {LOST}'
-        assert problem.expected == "a UM-Bridge server that answers"
+        assert problem.expected == "a UM-Bridge server that responds"
 
     @pytest.mark.parametrize(
         ("answers", "found", "expected"),
@@ -369,12 +369,12 @@ class TestMistakes:
             (
                 [http("<html>")],
                 '"{}": the server\'s answer is no JSON object',
-                "a UM-Bridge server that answers",
+                "a UM-Bridge server that responds",
             ),
             (
                 [*BEFORE[:2], http('{"inputSizes": [-1, 4]}')],
                 '"{}": the server\'s answer to InputSizes is no list of whole numbers',
-                "a UM-Bridge server that answers",
+                "a UM-Bridge server that responds",
             ),
         ],
     )
@@ -406,10 +406,10 @@ def test_an_archive_that_is_not_trusted_asks_no_server(
     done = command_line("verify", "study.nc")
     assert done.code == 0, done.out
     assert f"they execute code that the archive names ({address})" in done.said
-    assert "groups worked out again: bit-equal" in done.said
+    assert "groups computed again: bit-equal" in done.said
     refused = command_line("rerun", "study.nc", "-o", "again.nc")
     assert refused.code == 2
-    assert f"its study runs code that it names itself: {address}" in refused.err
+    assert f"its study executes code that it names: {address}" in refused.err
 
 
 # Has the documented server listen on a free port, and for this machine alone.

@@ -87,7 +87,7 @@ def test_what_overflows_is_not_finite() -> None:
     case = {**ROD, "projectile_length": 1e300, "target_yield_limit": 1e-300}
     results = Evaluator(WalkerAndersonTrajectory(times=2))(inputs(case))
     assert results.status.tolist() == [Status.NOT_FINITE]
-    assert results.reasons == {0: "nose_velocity is nan at time = 0 ms"}
+    assert results.reasons == {0: "nose_velocity is nan at elapsed_time = 0 ms"}
 
 
 def test_it_meets_the_contract_of_models() -> None:

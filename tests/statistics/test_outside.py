@@ -25,9 +25,9 @@ from uqpen.verification.verify import verify
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
-SPREAD = re.findall(r"```python\n(.*?)```", PAGE.partition("## A statistic")[2], re.DOTALL)[0]
-KEY = re.findall(r"```toml\n(.*?)```", PAGE.partition("## A statistic")[2], re.DOTALL)[0].strip()
+PAGE = (ROOT / "docs" / "extending" / "statistic.md").read_text(encoding="utf-8")
+SPREAD = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)[0]
+KEY = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)[0].strip()
 
 RODS = (ROOT / "tests" / "data" / "rods.toml").read_text(encoding="utf-8").split("[inputs]")[1]
 STUDY = f"""\

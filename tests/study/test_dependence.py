@@ -124,7 +124,7 @@ class TestDependence:
         [
             ('"gaussian"', '"gausian"', 10, "copula", '"gausian"', 'did you mean "gaussian"'),
             ('copula = "gaussian"\n', "", 9, "copula", "nothing", f"one of {', '.join(COPULAS)}"),
-            ('of = "ranks"\n', "", 9, "of", "nothing", "what the correlations are of"),
+            ('of = "ranks"\n', "", 9, "of", "nothing", "the kind of the correlations"),
             ('"ranks"', '"values"', 11, "of", '"values"', '"ranks": the ranks (Spearman\'s)'),
             ("correlation = 0.6", "correlation = 1", 12, "pairs[0].correlation", "1", "strictly"),
             (", correlation = 0.6", "", 12, "pairs[0].correlation", "nothing", "strictly between"),

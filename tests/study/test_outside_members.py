@@ -26,10 +26,12 @@ from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.verify import verify
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+PAGES = ROOT / "docs" / "extending"
 DESIGNS, DISTRIBUTIONS = (
-    re.findall(rf"```python\n(# {name}.*?)```", PAGE, re.DOTALL)[0]
-    for name in ("my_designs.py", "my_distributions.py")
+    re.findall(
+        rf"```python\n(# my_{name}s.py.*?)```", (PAGES / f"{name}.md").read_text(), re.DOTALL
+    )[0]
+    for name in ("design", "distribution")
 )
 STUDY = """\
 seed = 1

@@ -30,7 +30,7 @@ from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.verify import verify
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "extending" / "surrogate.md").read_text(encoding="utf-8")
 (KRIGING,) = re.findall(r"```python\n(# my_surrogates.py.*?)```", PAGE, re.DOTALL)
 STUDY = """\
 seed = 1

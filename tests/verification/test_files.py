@@ -110,7 +110,7 @@ def test_all_files_are_kept_by_their_names(made: Path) -> None:
 def test_it_is_repeated_with_no_file_around(uqpen: Command, made: Path) -> None:
     done = uqpen("verify", "own.nc", "--trust", "--all")
     assert done.code == 0, done.out
-    assert "files 4 kept, with the hashes that stand beside them" in done.said
+    assert "files 4 archived, with the recorded hashes" in done.said
     assert "32 of 32 repeated: bit-equal" in done.out
     done = uqpen("rerun", "own.nc", "--trust")
     assert done.code == 0, done.err
@@ -120,7 +120,7 @@ def test_it_is_repeated_with_no_file_around(uqpen: Command, made: Path) -> None:
 def test_without_trust_its_code_is_not_executed(uqpen: Command) -> None:
     done = uqpen("verify", "own.nc")
     assert done.code == 0, done.out
-    assert "worked out again: bit-equal" in done.out
+    assert "computed again: bit-equal" in done.out
     assert uqpen("rerun", "own.nc").code == 2
     assert not Path("executed").exists()
 
@@ -200,7 +200,7 @@ class TestFilesOfAFolder:
         Path("study/beside.py").write_text("def cube(x):\n    return x**3 + 1\n")
         done = uqpen("verify", "own.nc", "--trust", "--folder", "study")
         assert done.code == 4
-        assert "folder not those that it keeps beside.py: found the SHA-256" in done.said
+        assert "folder not the archived ones beside.py: found the SHA-256" in done.said
         assert "runs 32 of 32 repeated: different" in done.said
         done = uqpen("rerun", "own.nc", "--trust", "--folder", "study")
         assert done.code == 0
@@ -242,9 +242,7 @@ class TestLargeFiles:
 
         done = large("verify", "large.nc", "--trust")
         assert done.code == 2
-        assert (
-            "files 2 kept, with the hashes that stand beside them points.csv: kept by" in done.said
-        )
+        assert "files 2 archived, with the recorded hashes points.csv: kept by" in done.said
         why = '"points.csv": the archive has its hash alone, and there is no such file in'
         assert why in done.said
         assert 'found there is no file "points.csv"' in done.said, (
@@ -305,10 +303,10 @@ file = '{elsewhere}'
     done = uqpen("verify", "own.nc", "--trust", "--all")
     assert done.code == 2
     assert "points-2.csv: found the SHA-256" in done.said
-    assert "named by an absolute path, and another file now" in done.said
+    assert "named by an absolute path, and changed since then" in done.said
     done = uqpen("verify", "own.nc", "--trust", "--all", "--folder", "study")
     assert done.code == 4
-    assert "folder not those that it keeps points-2.csv: found" in done.said
+    assert "folder not the archived ones points-2.csv: found" in done.said
 
 
 def test_a_file_that_no_text_can_hold_is_kept_whole(uqpen: Command, tmp_path: Path) -> None:

@@ -132,7 +132,7 @@ class CheckpointFolder:
             whose = " of ".join(file.parent.relative_to(self.folder).parts[::-2])
             self._progress.warn(
                 f"{self.folder}: still holds runs of {whose}, which this study does not have; "
-                "remove them if they are wanted no more"
+                "remove them if they are not needed any more"
             )
         _remove_empty(self.folder)
 
@@ -206,7 +206,7 @@ class CheckpointFolder:
             yield
         except OSError as error:
             raise ArchiveError(
-                f"{self.folder}: runs that are done cannot be kept: {error.strerror}\n"
+                f"{self.folder}: finished runs cannot be kept: {error.strerror}\n"
                 "  those kept before stay there, and the same command goes on from them"
             ) from None
 
@@ -267,9 +267,8 @@ def _incompatibility_text(folder: Path, design: str, changed: list[str]) -> str:
     lines = [*changed[:_MOST_LISTED], *([f"and {more} more"] if more > 0 else [])]
     listing = "\n".join(f"  {line}" for line in lines)
     return (
-        f"{folder}: holds runs of {design} that this study would not make; "
-        f"what has changed:\n{listing}\n"
-        "change it back to go on from them, or start over with --fresh"
+        f"{folder}: contains runs of {design} that were made with other settings:\n{listing}\n"
+        "change the settings back to continue from these runs, or start over with --fresh"
     )
 
 

@@ -112,6 +112,6 @@ class Journal(Progress):
         if self._name:
             took = time.monotonic() - self._began
             self.write_line(
-                f"{self._name}: {self._runs} runs in {took:.3f} s, {self._failed} of them lost"
+                f"{self._name}: {self._runs} runs in {took:.3f} s, {self._failed} of them failed"
             )
             self._name = ""

@@ -108,7 +108,7 @@ def _no_checkpoints(design: str, model: str, number: int) -> Checkpoint:
 
 def _kept_text(kept: CheckpointFolder) -> str:
     """Return a sentence on the number of kept runs; empty for none."""
-    return f"{kept.runs} runs are kept; the same command goes on from there" if kept.runs else ""
+    return f"{kept.runs} runs are kept; the same command continues from there" if kept.runs else ""
 
 
 def _run_study(
@@ -124,8 +124,8 @@ def _run_study(
     except TooManyFailedError as error:
         kept.save()
         message = (
-            f"{kept.runs} runs are kept: with a larger share the same command goes on from them,\n"
-            "with --lost-again it makes the lost ones of them again"
+            f"{kept.runs} runs are kept. With a larger share, the same command continues from "
+            "them;\nwith --lost-again, it repeats the failed ones"
         )
         raise TooManyFailedError(f"{error}\n{message}" if kept.runs else str(error)) from None
     except ClusterError as error:
@@ -142,7 +142,7 @@ def _write(tree: xr.DataTree, path: Path, kept: CheckpointFolder) -> None:
         write(tree, path)
     except ArchiveError as error:
         kept.save()
-        message = f"all {kept.runs} runs are kept; the same command goes on from there"
+        message = f"all {kept.runs} runs are kept; the same command continues from there"
         raise ArchiveError(f"{error}\n{message}") from None
     except BaseException:
         kept.save()

@@ -28,7 +28,7 @@ _BETWEEN_LINES = 10.0
 def show_benchmark(tree: xr.DataTree) -> None:
     """Show the title, the methods, and a table with its verdicts for each statistic."""
     console = standard_output()
-    title = f"{tree.attrs['title']}: methods head to head"
+    title = f"{tree.attrs['title']}: benchmark of methods"
     console.print(Text(printable(title), style="bold"))
     show_table(console, methods_table(tree))
     for comparison in entry_comparisons(tree):
@@ -61,7 +61,7 @@ class _Announced(BenchmarkProgress):
     def start_benchmark(self, *, runs: int, reference: int, repeats: int, seconds: float) -> None:
         self._repeats = repeats
         self._print(
-            f"{grouped_number(runs)} runs, of which the reference's {grouped_number(reference)}: "
+            f"{grouped_number(runs)} runs, {grouped_number(reference)} of them for the reference; "
             f"the model alone takes about {_duration(seconds)}"
         )
 

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 __all__ = ["check"]
 
 
-@click.command(short_help="Check a study file and say what it would run.")
+@click.command(short_help="Check a study file and show what it would run.")
 @click.argument("file", type=PATH)
 def check(file: Path) -> None:
-    """Read the study FILE, report every mistake in it, and say what it would run."""
+    """Read the study FILE, report every mistake in it, and show what it would run."""
     from uqpen.cli.printable import printable
     from uqpen.cli.screen import plain_table, standard_output
     from uqpen.study.load import load_study
@@ -36,7 +36,7 @@ def check(file: Path) -> None:
     console = standard_output()
     console.print(printable(study.title), style="bold", markup=False)
     console.print(f"{models_text(study)}, seed {study.seed}\n", markup=False)
-    console.print(plain_table(["input", "value or law"], input_rows(study)))
+    console.print(plain_table(["input", "value or distribution"], input_rows(study)))
     console.print()
     for remark in _input_remarks(study):
         console.print(f"{printable(remark)}\n", markup=False)
@@ -70,9 +70,9 @@ def _run_settings(study: ValidatedStudy) -> Iterator[str]:
             of = f" of {name}" * study.has_several_models
             yield f"each run{of} may take {' and '.join(allowed)}"
     if study.failures.retry:
-        yield f"a lost run is made again, {study.failures.retry} times at the most"
+        yield f"a failed run is repeated at most {study.failures.retry} times"
     if study.failures.at_most < 1:
         share = f"{100 * study.failures.at_most:.10g} %"
-        yield f"the study ends when more than {share} of a design's runs are lost"
+        yield f"the study stops if more than {share} of a design's runs fail"
     for constraint in study.constraints:
         yield f"only where {constraint.text}"

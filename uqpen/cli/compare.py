@@ -12,7 +12,7 @@ from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_opt
 __all__ = ["compare"]
 
 
-@click.command(short_help="Try a study's methods at equal budgets.")
+@click.command(short_help="Compare a study's methods at equal budgets.")
 @click.argument("file", type=PATH)
 @click.option(
     "--budget",
@@ -20,12 +20,12 @@ __all__ = ["compare"]
     metavar="RUNS[,RUNS…]",
     help="Numbers of runs to try.  [default: 128,256,1024,4096,8192, which are fair to all]",
 )
-@click.option("--repeats", type=int, help="How often to try each.  [default: 30]")
+@click.option("--repeats", type=int, help="Number of repeats of each.  [default: 30]")
 @click.option(
     "--reference",
     type=int,
     metavar="RUNS",
-    help="Runs of the reference that errors are held to.  "
+    help="Number of runs of the reference, from which errors are measured.  "
     "[default: 16 times the largest budget; at least 1 048 576 of a vectorized model]",
 )
 @output_option("archive", "archives/<study>_compare.nc")
@@ -40,10 +40,10 @@ def compare(
 ) -> ExitCode:
     """Benchmark the designs of the study FILE, scaled to equal budgets.
 
-    For each statistic: how far each method is off, how fast that falls, which one wins at each
-    budget, and whether it leads by more than the noise.
+    For each statistic: the error of each method, how fast it falls, the best method at each
+    budget, and whether its lead is larger than the noise.
 
-    Leaves with 3 if the reference lost all of its runs.
+    The exit code is 3 if all runs of the reference failed.
     """
     from uqpen.archive.write import prepare_destination, write
     from uqpen.benchmark.compare import check_study, compare
@@ -76,7 +76,7 @@ def compare(
     show_line(f"archive: {archive}")
     announce_report(archive)
     if not has_reference(tree):
-        click.echo("the reference lost all of its runs", err=True)
+        click.echo("all runs of the reference failed", err=True)
         return ExitCode.TOO_MANY_FAILED
     return ExitCode.DONE
 

@@ -12,13 +12,13 @@ from uqpen.cli.options import PATH
 __all__ = ["diff"]
 
 
-@click.command(short_help="Explain how two archives differ.")
+@click.command(short_help="List the differences of two archives.")
 @click.argument("first", type=PATH)
 @click.argument("second", type=PATH)
 def diff(first: Path, second: Path) -> ExitCode:
-    """Say how the archives FIRST and SECOND differ: studies, points, outputs, statistics.
+    """List the differences of the archives FIRST and SECOND: studies, points, outputs, statistics.
 
-    Nothing is run. Leaves with 4 if they differ.
+    Nothing is run. The exit code is 4 if they differ.
     """
     from uqpen.archive.read import read_tree
     from uqpen.cli.verification_screen import show_section

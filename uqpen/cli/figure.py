@@ -12,16 +12,16 @@ from uqpen.cli.options import PATH
 __all__ = ["figure"]
 
 
-@click.command(short_help="Draw a figure of what an archive holds.")
+@click.command(short_help="Draw a figure of an archive.")
 @click.argument("archive", type=PATH)
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 @click.option(
     "-o", "file", type=PATH, help="File that ends in .svg, .pdf or .png; without it NAME.svg."
 )
-@click.option("--list", "is_list", is_flag=True, help="List the figures that ARCHIVE has.")
-@click.option("--output", help="Show this output alone.")
+@click.option("--list", "is_list", is_flag=True, help="List the figures of ARCHIVE.")
+@click.option("--output", help="Show this output only.")
 @click.option("--source", help="Show this design, surrogate or publication.")
-@click.option("--model", help="Show this one of several models.")
+@click.option("--model", help="Show this model, if there are several.")
 def figure(
     archive: Path,
     names: tuple[str, ...],
@@ -31,7 +31,8 @@ def figure(
 ) -> None:
     """Draw the figure NAME of ARCHIVE, or several on a page; nothing is run.
 
-    Without NAME, or with --list, the figures are listed that ARCHIVE has.
+    A figure of your own is a function in a file: my_figure.py:my_figure. Without NAME, or with
+    --list, this lists the figures of ARCHIVE.
     """
     from uqpen.archive.read import open_archive
     from uqpen.cli.printable import printable
@@ -43,7 +44,7 @@ def figure(
         for known, shows in available(open_archive(archive)).items():
             click.echo(f"{known:18}{shows}")
         return
-    path = file or Path(f"{names[0]}.svg")
+    path = file or Path(f"{names[0].rpartition(':')[2]}.svg")
     figure_format(path)
     drawn(open_archive(archive), *names, **selection).save(path)
     click.echo(f"figure: {printable(str(path))}")

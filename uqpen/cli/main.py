@@ -66,7 +66,7 @@ def _run(arguments: list[str]) -> int:
     try:
         Path.cwd()
     except OSError:
-        click.echo("the folder that you stand in is not there any more", err=True)
+        click.echo("the current folder does not exist any more", err=True)
         return ExitCode.MISTAKE
     try:
         # Not the group's own `main`, which takes a closed pipe for an error.
@@ -82,7 +82,7 @@ def _run(arguments: list[str]) -> int:
         are_too_many = isinstance(error, TooManyFailedError)
         return ExitCode.TOO_MANY_FAILED if are_too_many else ExitCode.MISTAKE
     except MemoryError:
-        click.echo("this machine's memory does not suffice for so many runs", err=True)
+        click.echo("this computer does not have enough memory for this number of runs", err=True)
         return ExitCode.MISTAKE
     except (click.Abort, KeyboardInterrupt):
         click.echo("interrupted", err=True)

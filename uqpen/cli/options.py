@@ -80,8 +80,8 @@ def output_option(name: str, default: str) -> Callable[..., Any]:
 
 def resume_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the flags `fresh` and `lost_again`, about runs that were kept."""
-    fresh = "Make all runs anew, those too that an earlier start has kept."
-    lost_again = "Make those runs anew that were kept, but were lost."
+    fresh = "Repeat all runs, also those kept from an earlier start."
+    lost_again = "Repeat the kept runs that failed."
     command = click.option("--lost-again", is_flag=True, help=lost_again)(command)
     return click.option("--fresh", is_flag=True, help=fresh)(command)
 
@@ -91,12 +91,12 @@ def folder_option(study: str = "its study") -> Callable[..., Any]:
     return click.option(
         "--folder",
         type=click.Path(exists=True, file_okay=False, path_type=Path),
-        help=f"Take the files that {study} names from here.  [default: those that it keeps]",
+        help=f"Folder with the files that {study} names.  [default: the archived files]",
     )
 
 
 trust_option = click.option(
     "--trust",
     is_flag=True,
-    help="Execute code that ARCHIVE names: models, designs, surrogates, analyses.",
+    help="Execute code that ARCHIVE names: models, distributions, designs, surrogates, analyses.",
 )

@@ -114,7 +114,7 @@ class _Bar(_Announced):
 
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         self._failed += failed
-        counts = {"lost": self._failed, "under way": in_progress}
+        counts = {"failed": self._failed, "under way": in_progress}
         texts = [f"{grouped_number(count)} {what}" for what, count in counts.items() if count]
         description = ", ".join([_shorten(self._design), *texts])
         self._bar.update(self._task, advance=runs, description=description)

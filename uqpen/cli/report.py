@@ -13,30 +13,40 @@ from uqpen.cli.printable import printable
 __all__ = ["announce_report", "report", "write_and_announce"]
 
 
-@click.command(short_help="Write a page that shows what an archive holds.")
+@click.command(short_help="Write the results of an archive as an HTML page.")
 @click.argument("archive", type=PATH)
 @click.option(
     "-o", "file", type=PATH, help="The page to write.  [default: ARCHIVE with the ending .html]"
 )
-def report(archive: Path, file: Path | None) -> None:
-    """Write one HTML page of all that ARCHIVE reports, to send to a colleague; nothing is run.
+@click.option(
+    "--section",
+    "sections",
+    multiple=True,
+    metavar="FILE.py:FUNCTION",
+    help="Add a section of your own, made by this function; can be given several times.",
+)
+def report(archive: Path, file: Path | None, sections: tuple[str, ...]) -> None:
+    """Write one HTML page with the results of ARCHIVE, to send to a colleague; nothing is run.
 
     It opens in any browser, without a network.
     """
-    write_and_announce(archive, Path(), file)
+    write_and_announce(archive, Path(), file, sections)
 
 
-def write_and_announce(archive: Path, here: Path, file: Path | None = None) -> None:
+def write_and_announce(
+    archive: Path, here: Path, file: Path | None = None, sections: tuple[str, ...] = ()
+) -> None:
     """Write the report of an archive, by default beside it, and show the path of the page.
 
-    The paths are relative to the folder `here` where the user stands.
+    The paths are relative to the folder `here` where the user stands; the files of `sections` are
+    relative to the current folder.
     """
     from uqpen.archive.read import open_archive
     from uqpen.report.page import write_report
 
     stem = archive.stem if archive.suffix == ".nc" else archive.name
     path = file or archive.with_name(f"{stem}.html")
-    write_report(open_archive(here / archive), here / path)
+    write_report(open_archive(here / archive), here / path, sections=sections)
     click.echo(f"report: {printable(str(path))}")
 
 

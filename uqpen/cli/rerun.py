@@ -38,11 +38,11 @@ def rerun(
     executor: ExecutorOptions,
     **resume: Any,
 ) -> ExitCode:
-    """Run the study whose text ARCHIVE holds, and write an archive of its own.
+    """Run the study of ARCHIVE again, and write a new archive.
 
-    If it is interrupted, the same command goes on from the runs that are done.
+    After an interruption, the same command continues from the finished runs.
 
-    Leaves with 3 if a design lost all of its runs.
+    The exit code is 3 if all runs of a design failed.
     """
     from uqpen.archive.read import open_archive
     from uqpen.cli.screen import show_line

@@ -101,7 +101,7 @@ def _show_failures(console: Console, tree: xr.DataTree) -> None:
         for head, failed in found[:_MOST_REASONS]
     ]
     console.print()
-    console.print(plain_table(["design", "lost", "reason"], rows))
+    console.print(plain_table(["design", "failed runs", "reason"], rows))
     if len(found) > len(rows):
         left = len(found) - len(rows)
         console.print(Text(f"and {left} more reason{'s' * (left > 1)}", style="dim"))

@@ -24,14 +24,14 @@ __all__ = ["make_offers", "serve"]
     "--inputs",
     "named",
     metavar="A,B,C",
-    help="Which inputs make up the vector, in this order.",
+    help="Inputs of the vector, in this order.",
 )
 @click.option("--port", type=click.IntRange(0, 65535), default=4242, show_default=True)
 @click.option(
     "--host",
     default="127.0.0.1",
     show_default=True,
-    help="Where to listen; beyond this machine only if you say so.",
+    help="Address to listen at; by default, only this machine can reach it.",
 )
 @folder_option("an archive's study")
 @trust_option
@@ -43,7 +43,8 @@ def serve(
     MODEL is a built-in model, a study file (its models), or an archive (its surrogates; of
     several, ARCHIVE:NAME is one).
 
-    A run takes one vector of inputs and gives one of outputs, in SI units; which ones, is printed.
+    A run takes a vector of inputs and returns a vector of outputs, in SI units. Their order is
+    printed.
     """
     from uqpen.server import ModelServer
 

@@ -12,12 +12,12 @@ from uqpen.cli.options import PATH
 __all__ = ["show"]
 
 
-@click.command(short_help="Show what an archive holds.")
+@click.command(short_help="Show the results in an archive.")
 @click.argument("archive", type=PATH)
 @click.option("--json", "as_text", is_flag=True, help="JSON on standard output, in SI units.")
-@click.option("--all", "everything", is_flag=True, help="All that is told of the inputs' part.")
+@click.option("--all", "everything", is_flag=True, help="All sensitivity measures of the inputs.")
 def show(archive: Path, as_text: bool, everything: bool) -> None:
-    """Show what is in ARCHIVE as `uqpen study` or `uqpen compare` did; nothing is run."""
+    """Show the results in ARCHIVE, as `uqpen study` or `uqpen compare` did; nothing is run."""
     from uqpen.archive.read import open_archive
     from uqpen.core.labels import BENCHMARK, KIND
     from uqpen.core.lookup import resolve

@@ -34,10 +34,10 @@ def study(
 ) -> ExitCode:
     """Make the runs of the study FILE, analyse them, and write everything into one archive.
 
-    Runs that are done are kept beside the archive until it is there: if this is interrupted in
-    whatever way, the same command goes on from them.
+    Finished runs are kept beside the archive until it is complete. After an interruption, the
+    same command continues from them.
 
-    Leaves with 3 if a design lost all of its runs.
+    The exit code is 3 if all runs of a design failed.
     """
     from uqpen.cli.report import announce_report, write_and_announce
     from uqpen.cli.screen import show_tables
@@ -82,6 +82,6 @@ def make_and_show(
     show(tree)
     show_line(f"archive: {archive}")
     if has_failed_design(tree):
-        click.echo("a design lost all of its runs", err=True)
+        click.echo("all runs of a design failed", err=True)
         return ExitCode.TOO_MANY_FAILED
     return ExitCode.DONE

@@ -12,7 +12,7 @@ from uqpen.cli.options import PATH, ExecutorOptions, executor_option, folder_opt
 __all__ = ["verify"]
 
 
-@click.command(short_help="Hold an archive against its hashes and fresh runs.")
+@click.command(short_help="Check an archive against its hashes and repeated runs.")
 @click.argument("archive", type=PATH)
 @click.option(
     "--runs",
@@ -31,12 +31,12 @@ def verify(
     folder: Path | None,
     executor: ExecutorOptions,
 ) -> ExitCode:
-    """Check that ARCHIVE is as it was written, and that its study gives what it holds.
+    """Check that ARCHIVE is unchanged, and that its study gives the same results.
 
-    Its hashes are checked, some of its runs repeated at the inputs that it holds, and all of its
-    statistics worked out again from its runs.
+    This checks its hashes, repeats some runs at the archived inputs, and computes all statistics
+    again from the archived runs.
 
-    Leaves with 4 if something is different, with 2 if its study cannot be read again here.
+    The exit code is 4 if something is different, and 2 if its study cannot be read here.
     """
     from uqpen.cli.progress import show_progress
     from uqpen.cli.verification_screen import show_check

@@ -11,12 +11,13 @@ import importlib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from uqpen.core.errors import UnknownNameError
+from uqpen.core.errors import ModelError, UnknownNameError
 
 __all__ = [
     "choices",
     "family_name",
     "installed_members",
+    "load_installed",
     "nearest",
     "resolve",
     "resolve_name",
@@ -52,11 +53,41 @@ def family_name(family: Mapping[str, str], member: object) -> str:
 def installed_members(group: str) -> dict[str, str]:
     """Return the names that installed packages add to a family, with their references.
 
-    They are the entry points of the group. To look them up takes longer than to import a member.
+    They are the entry points of the group. Looking them up takes longer than importing a member.
     """
     import importlib.metadata
 
     return {point.name: point.value for point in importlib.metadata.entry_points(group=group)}
+
+
+def load_installed(group: str, name: str) -> Any:
+    """Import the object that an installed package adds to a family.
+
+    Parameters
+    ----------
+    group : str
+        Group of the entry points of the family, such as ``"uqpen.designs"``.
+    name : str
+        One of its `installed_members`.
+
+    Raises
+    ------
+    ModelError
+        If the package cannot be imported, or lacks the object. The message names the package.
+    """
+    import importlib.metadata
+
+    points = importlib.metadata.entry_points(group=group)
+    point = next(point for point in points if point.name == name)
+    package = point.dist.name if point.dist else point.value.partition(".")[0].partition(":")[0]
+    try:
+        return point.load()
+    except (Exception, SystemExit) as error:  # a foreign package can raise anything when imported
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ModelError(
+            f'the installed package "{package}", which provides "{name}", cannot be loaded: '
+            f"{reason}"
+        ) from None
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

@@ -62,7 +62,7 @@ def cluster(scheduler: str) -> Iterator[Cluster]:
     try:
         client = Client(**where, timeout=_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
-        raise ClusterError(f"no Dask scheduler answers at {scheduler}: {error}") from None
+        raise ClusterError(f"no Dask scheduler responds at {scheduler}: {error}") from None
     with client:
         yield Cluster(client)
 

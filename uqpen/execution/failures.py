@@ -33,11 +33,9 @@ class FailurePolicy:
         minimum=0,
         maximum=100,
         default=0,
-        expected="how often a lost run is made again, a whole number from 0 to 100",
+        expected="how often a failed run is repeated, a whole number from 0 to 100",
     )
-    at_most: float = share(
-        default=1.0, expected='the share of runs that may be lost, such as "5 %"'
-    )
+    at_most: float = share(default=1.0, expected='the share of runs that may fail, such as "5 %"')
 
     def __post_init__(self) -> None:
         validate(self)
@@ -80,7 +78,7 @@ class FailureCount:
         )
         reason, count = self.reasons.most_common(1)[0]
         return (
-            f"{self.statuses.total()} of {self.runs} runs were lost so far ({kinds}), more than "
+            f"{self.statuses.total()} of {self.runs} runs have failed so far ({kinds}), more than "
             f"the {100 * self.allowed:g} % that [failures] at_most allows\n"
             f"  the most frequent reason, {count} times: {reason}"
         )

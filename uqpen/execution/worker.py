@@ -132,7 +132,7 @@ class Worker:
         raise WorkerDiedError(_exit_text(self._process.exitcode))
 
     def stop(self) -> None:
-        """Ask it to end when it has finished its task."""
+        """Ask the worker to end after its current task."""
         with contextlib.suppress(OSError):
             self.connection.send(None)
 

@@ -127,7 +127,8 @@ def draw_curve(axes: Axes, curve: Curve, appearance: SourceStyle, *, is_thick: b
 def draw_band(axes: Axes, curve: Curve, colour: str) -> Iterator[str]:
     """Draw the simultaneous band, or yield why there is none."""
     if not curve.has_band:
-        yield f"no band of {plain_text(curve.name, 40)}: {plain_text(curve.note or 'none is told')}"
+        reason = plain_text(curve.note or "no reason is known")
+        yield f"no band of {plain_text(curve.name, 40)}: {reason}"
         return
     axes.fill_between(
         curve.values,

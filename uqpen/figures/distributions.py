@@ -164,7 +164,7 @@ def _draw_thresholds(
 
 
 def thresholds(view: ArchiveView, output: str) -> dict[str, float]:
-    """Return the values whose exceedance the study asks for, as written and in the unit shown."""
+    """Return the thresholds of a study: each as written, and as a number in the unit shown."""
     first = next(iter(view.estimates(output, "exceedance").values()), None)
     return {} if first is None else dict(_thresholds(view, output, first))
 

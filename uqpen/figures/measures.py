@@ -25,7 +25,7 @@ _ROW, _GAP, _FRAME = 0.12, 0.12, 0.75
 
 
 class MeasureSeries(NamedTuple):
-    """One measure of all inputs by one source; an array along input and bound."""
+    """One sensitivity measure of all inputs by one source: an array along input and bound."""
 
     source: str
     label: str

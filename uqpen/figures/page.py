@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import textwrap
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
@@ -12,8 +13,8 @@ import xarray as xr
 from uqpen.archive.read import model_trees
 from uqpen.core.errors import ArchiveError, FigureError
 from uqpen.core.labels import BENCHMARK, KIND
-from uqpen.core.lookup import resolve_name
 from uqpen.figures import FIGURES
+from uqpen.figures.outside_figures import FIGURE, FigureFunction, figure_panels
 from uqpen.figures.panel import LONGEST_ROW, Axes, Panel
 from uqpen.figures.requirements import find_faults
 from uqpen.figures.style import figure_style, require_matplotlib
@@ -37,8 +38,8 @@ _MOST_PANELS = 24
 
 def figure(
     tree: xr.DataTree,
-    name: str,
-    *others: str,
+    name: str | FigureFunction,
+    *others: str | FigureFunction,
     output: str | None = None,
     source: str | None = None,
     model: str | None = None,
@@ -49,8 +50,10 @@ def figure(
     ----------
     tree : DataTree
         As `run` returns it, or `open_archive` reads it.
-    name, *others : str
-        Of those that are `available`.
+    name, *others : str or callable
+        Names of those that are `available`. A figure of one's own is a function that takes an
+        `ArchiveView` and yields a `Panel` each, or a reference to it such as
+        ``"my_figure.py:my_figure"``.
     output : str, optional
         The only output to show; all without it.
     source : str, optional
@@ -69,7 +72,8 @@ def figure(
     UnknownNameError
         If there is no such figure, output, source or model.
     FigureError
-        If the archive has nothing for it, or matplotlib is not installed.
+        If the archive has nothing for it, or matplotlib is not installed; or if a function of
+        one's own fails.
     ArchiveError
         If it lacks what figures go by.
     """
@@ -84,7 +88,7 @@ def figure(
 
 def panels(
     tree: xr.DataTree,
-    name: str,
+    name: str | FigureFunction,
     *,
     output: str | None = None,
     source: str | None = None,
@@ -95,12 +99,13 @@ def panels(
     Parameters and errors are those of `figure`.
     """
     view = _select_view(tree, output, source, model)
-    found = list(resolve_name(FIGURES, name, "figure")(view))
+    found = figure_panels(name, view)
     if not found:
         selection = " and ".join(f'"{each}"' for each in (output, source, model) if each)
-        what = f'"{name}" of {selection}' if selection else f'"{name}"'
+        shown = name if isinstance(name, str) else FIGURE.find(name, Path.cwd()).reference
+        what = f'"{shown}" of {selection}' if selection else f'"{shown}"'
         if not any(map(view.has_completed_runs, view.designs)):
-            what += ", as no run came back"
+            what += ", as no run completed"
         has = ", ".join(_available_names(_select_view(tree, None, None, model))) or "none"
         raise FigureError(f"the archive has nothing for the figure {what}; it has: {has}")
     return found
@@ -114,7 +119,7 @@ def available(tree: xr.DataTree) -> dict[str, str]:
 def check_archive(tree: xr.DataTree) -> None:
     """Raise a `FigureError` for a benchmark of methods, an `ArchiveError` for a damaged archive."""
     if tree.attrs.get(KIND) == BENCHMARK:
-        raise FigureError("there are no figures of an archive of methods head to head")
+        raise FigureError("there are no figures of a benchmark of methods")
     for each in model_trees(tree).values():
         if fault := next(find_faults(each), None):
             raise ArchiveError(f"the archive is damaged: {fault}")
@@ -128,11 +133,18 @@ def _select_view(
 
 
 def _available_names(view: ArchiveView) -> dict[str, str]:
+    """Return the figures that a part has data for; of one that fails, the reason."""
     found = {}
     for name in FIGURES:
-        make = resolve_name(FIGURES, name, "figure")
-        if next(iter(make(view)), None) is not None:
-            found[name] = (make.__doc__ or "").partition("\n")[0].removesuffix(".")
+        function = FIGURE.find(name, Path())
+        if next(iter(function.function(view)), None) is not None:
+            found[name] = function.title.removesuffix(".")
+    for name in FIGURE.installed():
+        try:
+            if figure_panels(name, view):
+                found[name] = FIGURE.find(name, Path()).title.removesuffix(".")
+        except FigureError as error:
+            found[name] = str(error)
     return found
 
 

@@ -40,7 +40,7 @@ def find_faults(tree: xr.DataTree) -> Iterator[str]:
             yield f"/{RUNS}/{name}: other inputs or outputs than elsewhere"
         if failures := statistics.failures(name).keys() - {"probability"}:
             for missing in (each for each in ASSOCIATIONS if each not in failures):
-                yield f"{missing} of lost runs of {name}: not of numbers for each {INPUT}"
+                yield f"{missing} of failed runs of {name}: not of numbers for each {INPUT}"
         yield from (f"/{RUNS}/{name}: {fault}" for fault in _run_faults(runs))
     yield from (f"/{TRAJECTORY}: {fault}" for fault in _trajectory_faults(tree, known))
     yield from find_level_faults(tree)
@@ -60,9 +60,9 @@ def _run_faults(runs: xr.Dataset) -> Iterator[str]:
         if not (lies_right and has_kind(variable, "number")):
             yield f"{name} is not of numbers along {RUN}"
         elif "flag_meanings" in variable.attrs and not _has_flags(variable):
-            yield f"{name} does not tell its kinds"
+            yield f"{name} does not define its categories"
     if runs.attrs.get(SAMPLING) == Sampling.PICK_FREEZE and MATRIX not in runs.variables:
-        yield f"no {MATRIX} to tell its blocks apart"
+        yield f"no {MATRIX} to distinguish its blocks"
     for name in (MATRIX, ROUND):
         if name in runs.variables and runs[name].dims != (RUN,):
             yield f"{name} does not lie along {RUN}"
@@ -89,7 +89,7 @@ def _trajectory_faults(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[st
         if str(name).startswith("nominal_") and not (
             np.ndim(value) == 0 and has_kind(value, "number")
         ):
-            yield f"{name} is no number"
+            yield f"{name} is not a number"
 
 
 def find_level_faults(tree: xr.DataTree) -> Iterator[str]:

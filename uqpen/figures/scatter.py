@@ -122,7 +122,7 @@ def category_labels(output: xr.DataArray) -> dict[int, str]:
 
 
 def jitter(codes: npt.NDArray[np.integer], kinds: Iterable[int]) -> FloatArray:
-    """The row of each run's kind, and up to a quarter beside it, so that many can be seen."""
+    """Spread runs around the row of their category, so that they do not hide each other."""
     row_of = {code: row for row, code in enumerate(kinds)}
     rows = np.array([row_of.get(code, np.nan) for code in codes.tolist()])
     golden = (np.arange(rows.size) * 0.6180339887498949) % 1

@@ -109,7 +109,7 @@ def _draw(
     axes.set_ylabel(title_with_unit(symbols, unit))
     axes.set(xlim=(0, None), ylim=(0, None))
     if lacking := [name for name in every if name not in trajectories]:
-        yield f"no course is told by {', '.join(map(plain_text, lacking))}"
+        yield f"no trajectory of {', '.join(map(plain_text, lacking))}"
     yield "at the nominal inputs"
 
 

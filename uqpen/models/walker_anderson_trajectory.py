@@ -65,7 +65,8 @@ class WalkerAndersonTrajectory(BuiltInModel):
     def __post_init__(self) -> None:
         validate(self)
         coordinates = np.linspace(0.0, self.duration, self.times).tolist()
-        time = Dimension("time", "s", "time since impact", "ms", tuple(coordinates))
+        # Not "time", which is of a date to those who follow the CF conventions.
+        time = Dimension("elapsed_time", "s", "time since impact", "ms", tuple(coordinates))
         object.__setattr__(self, "outputs", _outputs(time))
 
     def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:

@@ -65,7 +65,7 @@ def escape_text(text: str, longest: int = 80) -> str:
 
 
 def rounded_numbers(values: Numbers, digits: int = 6) -> list[float | None]:
-    """Numbers in the digits that a screen can show; None for what is none."""
+    """Round numbers to the digits that a screen can show; NaN and infinity become None."""
     return [
         float(f"{value:.{digits}g}") if np.isfinite(value) else None
         for value in np.asarray(values, dtype=np.float64).tolist()

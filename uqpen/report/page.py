@@ -26,6 +26,7 @@ from uqpen.report.blocks import Block, Heading, find_charts
 from uqpen.report.chart_json import charts_json
 from uqpen.report.legend import OUTLINES, STROKES, colour_name
 from uqpen.report.masthead import page_facts, page_heading
+from uqpen.report.outside_sections import OutsideSection, SectionFunction, find_sections
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.texts import plain_text
@@ -52,15 +53,28 @@ class _FilledSection(NamedTuple):
     blocks: tuple[Block, ...]
 
 
-def write_report(tree: xr.DataTree, path: str | Path) -> None:
+def write_report(
+    tree: xr.DataTree, path: str | Path, *, sections: Sequence[str | SectionFunction] = ()
+) -> None:
     """Write the report of an archive to a file, which a browser opens without a network.
 
-    What stood there is replaced in one step.
+    An existing file is replaced in one step.
+
+    Parameters
+    ----------
+    tree : DataTree
+        As `run` returns it, or `open_archive` reads it.
+    path : str or Path
+        A file that ends in .html or .htm.
+    sections : sequence of str or callable
+        Sections of one's own. Each is a function that takes an `ArchiveView` and yields blocks, or
+        a reference to it such as ``"my_section.py:my_section"``. No archive names one.
 
     Raises
     ------
     ReportError
-        If the name has another ending than .html or .htm, or the file cannot be written.
+        If the name has another ending than .html or .htm, or the file cannot be written; or if a
+        section of one's own fails.
     ArchiveError
         If the archive lacks what the report goes by.
     """
@@ -68,24 +82,29 @@ def write_report(tree: xr.DataTree, path: str | Path) -> None:
     if path.suffix.lower() not in _ENDINGS:
         found = f"found the ending {path.suffix or 'none'}"
         raise ReportError(f"{path}: {found}; expected {' or '.join(_ENDINGS)}")
-    content = report_page(tree).encode("utf-8")
+    content = report_page(tree, sections).encode("utf-8")
     try:
         replace_file(path, content)
     except OSError as error:
         raise ReportError(f"{path}: cannot be written: {error.strerror}") from None
 
 
-def report_page(tree: xr.DataTree) -> str:
+def report_page(tree: xr.DataTree, sections: Sequence[str | SectionFunction] = ()) -> str:
     """The report of an archive as HTML; the same text each time.
 
     Raises
     ------
+    ReportError
+        If a section of one's own fails; see `write_report`.
     ArchiveError
         If the archive lacks what the report goes by.
     """
-    every = list(_sections(tree))
-    sections = [filled for filled in every if filled.blocks]
+    every = list(_sections(tree, find_sections(sections)))
     notes = (filled.section.absence_note for filled in every if not filled.blocks)
+    return _render(tree, [filled for filled in every if filled.blocks], list(filter(None, notes)))
+
+
+def _render(tree: xr.DataTree, sections: Sequence[_FilledSection], lacks: Sequence[str]) -> str:
     charts = [chart for filled in sections for chart in find_charts(filled.blocks)]
     # By identity, as what a chart holds has no hash.
     numbers = {id(chart): number for number, chart in enumerate(charts)}
@@ -98,7 +117,7 @@ def report_page(tree: xr.DataTree) -> str:
             title=page_heading(tree),
             facts=page_facts(tree),
             sections=sections,
-            lacks=[note for note in notes if note],
+            lacks=lacks,
             number_of=lambda chart: numbers[id(chart)],
             data=charts_json(charts),
             style=style,
@@ -123,22 +142,43 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
-def _sections(tree: xr.DataTree) -> Iterator[_FilledSection]:
-    """Yield all sections for an archive of its kind; some may be empty."""
+def _sections(tree: xr.DataTree, own: Sequence[OutsideSection]) -> Iterator[_FilledSection]:
+    """Yield all sections for an archive of its kind; some may be empty.
+
+    Those of a user's own stand before the last, which states how the archive was made.
+    """
     if tree.attrs.get(KIND) != BENCHMARK:
         check_archive(tree)
         # Shared by the sections, so that each statistic is taken out of its group once.
         views = [ArchiveView(tree, model) for model in model_trees(tree)]
         for name, section in SECTIONS.items():
-            yield _FilledSection(name, section, tuple(_model_blocks(views, section)))
+            if name == next(reversed(SECTIONS)):
+                yield from (_own_section(tree, views, each) for each in own)
+            blocks = _model_blocks(views, section, resolve(section.function))
+            yield _FilledSection(name, section, tuple(blocks))
         return
+    if own:
+        raise ReportError("the report of a benchmark of methods has no further sections")
     check_benchmark(tree)
     for name, section in BENCHMARK_SECTIONS.items():
         yield _FilledSection(name, section, tuple(resolve(section.function)(tree)))
 
 
-def _model_blocks(views: Sequence[ArchiveView], section: ReportSection) -> Iterator[Block]:
-    make = resolve(section.function)
+def _own_section(
+    tree: xr.DataTree, views: Sequence[ArchiveView], own: OutsideSection
+) -> _FilledSection:
+    """Return a section of a user's own, which can be put on a page."""
+    filled = _FilledSection(
+        own.name, own.section, tuple(_model_blocks(views, own.section, own.blocks))
+    )
+    with own.function.in_context():  # the content of a block can be anything
+        _render(tree, [filled], [])
+    return filled
+
+
+def _model_blocks(
+    views: Sequence[ArchiveView], section: ReportSection, make: SectionFunction
+) -> Iterator[Block]:
     for view in views[:1] if section.is_common else views:
         blocks = list(make(view))
         if blocks and view.model and not section.is_common:

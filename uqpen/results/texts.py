@@ -46,7 +46,7 @@ def plain_text(text: str, longest: int = _LONGEST) -> str:
 
 
 def typeset_unit(unit: str) -> str:
-    """A unit with its powers raised.
+    """Return a unit with raised powers.
 
     >>> typeset_unit("kg m-3"), typeset_unit("g/cm^3")
     ('kg m⁻³', 'g/cm³')

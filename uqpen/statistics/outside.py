@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -26,7 +25,7 @@ from uqpen.core.errors import Problem, QuantityError, StudyError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import BOUND, BOUNDS, INPUT, INTERVAL, NAME, RESERVED
 from uqpen.core.units import scale
-from uqpen.models.reasons import one_line
+from uqpen.models.outside_function import failure_text
 from uqpen.models.surroundings import ModelFolder
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import refused
@@ -88,21 +87,14 @@ class OutsideAnalysis:
             with place or contextlib.nullcontext():
                 return list(self.function(_read_only(sample), quantity))
         except (Exception, SystemExit) as error:  # a user's function can raise anything
-            found = f"{type(error).__name__}: {error}{self._line(error)}"
-            raise self.error(quantity, one_line(found), "statistics") from None
+            found = failure_text(error, self.function)
+            raise self.error(quantity, found, "statistics") from None
 
     def error(self, quantity: QuantityOfInterest, found: str, expected: str) -> StudyError:
         """Return the error that says what is wrong with its statistics of an output."""
         what = f"{self.reference} of {quantity.output.name}: {found}"
         problem = Problem(("analyses",), what, expected)
         return StudyError(str(problem), [problem])
-
-    def _line(self, error: BaseException) -> str:
-        """Return the line of the function's file that an exception comes from."""
-        file = getattr(getattr(self.function, "__code__", None), "co_filename", None)
-        frames = traceback.extract_tb(error.__traceback__)
-        lines = [each.lineno for each in frames if each.filename == file]
-        return f" (line {lines[-1]})" if lines else ""
 
 
 def outside_statistics(

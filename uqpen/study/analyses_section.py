@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from uqpen.core.errors import ModelError, toml_text
+from uqpen.core.lookup import choices, installed_members, load_installed
 from uqpen.models.python_function import load_function
 from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.study.table_reader import TableReader
@@ -14,6 +15,9 @@ from uqpen.study.table_reader import TableReader
 __all__ = ["ANALYSES_KEY", "read_analyses"]
 
 ANALYSES_KEY = "analyses"
+
+# The entry points with which installed packages add analyses.
+_GROUP = "uqpen.analyses"
 
 
 def read_analyses(root: TableReader) -> tuple[OutsideAnalysis, ...]:
@@ -36,12 +40,29 @@ def read_analyses(root: TableReader) -> tuple[OutsideAnalysis, ...]:
 
 
 def _load_analysis(root: TableReader, reference: str) -> OutsideAnalysis:
-    """Return the analysis behind a reference; one that is not trusted is not loaded."""
+    """Return the analysis behind a reference; one that is not trusted is not loaded.
+
+    An analysis of an installed package has a name without a colon, and needs no trust.
+    """
+    if ":" not in reference:
+        return OutsideAnalysis(reference, _installed_function(reference))
     if not root.trust:
         return OutsideAnalysis(reference, _refuse)
     function, surroundings = load_function(reference, root.folder)
     _check_call(function)
     return OutsideAnalysis(reference, function, surroundings)
+
+
+def _installed_function(name: str) -> Callable[..., Any]:
+    installed = installed_members(_GROUP)
+    if name not in installed:
+        found = f'"{name}" is not of the form "my_analysis.py:function", nor installed'
+        raise ModelError(f"{found}; {choices(name, installed)}")
+    function: Callable[..., Any] = load_installed(_GROUP, name)
+    if not callable(function):
+        raise ModelError(f'"{name}" is an object of class {type(function).__name__}')
+    _check_call(function)
+    return function
 
 
 def _refuse(*arguments: object) -> Iterator[Any]:

@@ -102,7 +102,7 @@ class _ProgramFiles:
         for name in inputs:
             if name not in named:
                 expected = f"{{inputs}} or {{{name}}} in the command, or in a template"
-                found = "an input that is handed to nobody"
+                found = "an input that the program does not get"
                 self.table.add_problem(("inputs", name), found, expected)
 
     def program(self, words: tuple[str, ...]) -> Program | None:

@@ -9,12 +9,12 @@ from typing import Any
 from uqpen.core.errors import QuantityError, SettingsError, toml_text
 from uqpen.core.lookup import choices
 from uqpen.core.settings import as_float, number, read_each, read_list
-from uqpen.distributions.copulas import COPULAS
 from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.elliptical_copulas import MEASURES, EllipticalCopula, score_correlation
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.study.inputs_section import Inputs
-from uqpen.study.table_reader import TableReader, family_member
+from uqpen.study.outside_members import COPULA, read_class
+from uqpen.study.table_reader import TableReader
 
 __all__ = ["read_dependence"]
 
@@ -40,7 +40,7 @@ def read_dependence(
     joint = inputs.joint
     if not table.is_given or _note_grouped(table, owners):
         return joint
-    copula = family_member(table, "copula", COPULAS, "a copula")
+    copula = read_class(table, "copula", COPULA, "a copula")
     if copula is None:
         return joint
     noted = len(table.problems)
@@ -113,7 +113,7 @@ def _elliptical(
 ) -> dict[str, Any]:
     """Read inputs and the matrix of their scores, from a matrix or from pairs."""
     listing = "; ".join(f'"{name}": {MEASURES[name]}' for name in copula.measures)
-    expected = f"what the correlations are of: {listing}"
+    expected = f"the kind of the correlations: {listing}"
     measure = table.text("of", expected) or ""
     if measure and measure not in copula.measures:
         table.add_wrong("of", measure, expected)

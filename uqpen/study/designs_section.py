@@ -19,9 +19,9 @@ __all__ = ["check_designs", "check_outputs", "check_tables", "read_designs"]
 
 # What has a meaning where the inputs depend on each other.
 _VALID = (
-    "take a sample (monte-carlo, latin-hypercube, sobol-sequence, halton): any sample tells "
-    "first-order indices, which then include what an input shares with others, and delta; "
-    "Shapley effects, which divide what is shared, follow from a surrogate"
+    "use a sample (monte-carlo, latin-hypercube, sobol-sequence, halton). Any sample gives delta "
+    "and first-order indices, which then include what an input shares with others. "
+    "Shapley effects, which divide the shared part, follow from a surrogate"
 )
 
 

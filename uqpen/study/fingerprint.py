@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from uqpen.archive.provenance import of_python_functions, provenance
+from uqpen.models.outside_model import OutsideModel
 from uqpen.models.python_function import PythonFunction
 from uqpen.study.outside_members import outside_members
 from uqpen.study.study import ValidatedStudy
@@ -33,7 +34,9 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
         tables["model"] = content["model"]
     adapter = study.models[model].model
     files = [*adapter.files(), *study.joint.files, *study.design_files(design)]
-    is_external = isinstance(adapter, PythonFunction) or bool(outside_members(tables))
+    is_external = isinstance(adapter, PythonFunction | OutsideModel) or bool(
+        outside_members(tables)
+    )
     return {
         **dict(_flatten(tables)),
         **{f"model {name}": value for name, value in adapter.identity().items()},

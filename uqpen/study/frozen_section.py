@@ -69,7 +69,7 @@ def _read_object(table: TableReader, variable: Input, unit: str) -> RandomInput 
     table.check_unknown_keys()
     objects = table.document.objects
     if objects is None or table.path not in objects:
-        expected = "a distribution that a file can state: a Python object is in none"
+        expected = "a distribution that a file can state: a file cannot contain a Python object"
         table.add_wrong(OBJECT, name, expected)
         return None
     distribution = FrozenDistribution(objects[table.path], unit)
@@ -83,7 +83,7 @@ def _read_own_object(table: TableReader, variable: Input) -> RandomInput | None:
     table.check_unknown_keys()
     objects = table.document.objects
     if objects is None:
-        expected = "a distribution that a file can state: a Python object is in none"
+        expected = "a distribution that a file can state: a file cannot contain a Python object"
         table.add_wrong(OBJECT, name, expected)
     if objects is None or name is None:
         return None

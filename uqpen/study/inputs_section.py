@@ -204,7 +204,9 @@ def _is_usable(table: TableReader, key: str, distribution: Distribution) -> bool
     """Check a distribution; note one whose draws are not all finite, or are all the same."""
     if not distribution.is_finite:
         expected = "parameters whose draws are finite and differ in double precision"
-        table.add_problem(key, "a law too wide or too narrow to draw from", expected)
+        table.add_problem(
+            key, "a distribution that is too wide or too narrow to draw from", expected
+        )
     return distribution.is_finite
 
 

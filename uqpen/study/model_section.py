@@ -16,7 +16,7 @@ from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models import MODELS
 from uqpen.models.python_function import PythonFunction, check_signature, load_function
 from uqpen.study.partial_model import PartialModel
-from uqpen.study.table_reader import TableReader, family_member
+from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import read_variables
 
 __all__ = [
@@ -35,6 +35,9 @@ EXTERNAL_MODELS = {
     "umbridge": "uqpen.study.umbridge_section:read_umbridge",
     "object": "uqpen.study.object_section:read_object",
 }
+
+# The reader of a table whose ``use`` names no built-in model.
+_CLASS_READER = "uqpen.study.model_class_section:read_model_class"
 
 _MODEL_KEYS = {
     "use": 'use = "…" (a built-in model)',
@@ -55,11 +58,12 @@ def read_model(table: TableReader) -> Model | None:
         table.add_problem((), found, f"one of {', '.join(_MODEL_KEYS.values())}")
         return None
     model: Model | None
-    if ways == ["use"]:
-        built_in = family_member(table, "use", MODELS, "a built-in model", "the name of a model")
-        if built_in is None:
+    if ways == ["use"] and table.content["use"] not in list(MODELS):
+        model = resolve(_CLASS_READER)(table)
+        if model is None:
             return None  # whose settings nobody knows
-        model = table.settings(built_in)
+    elif ways == ["use"]:
+        model = table.settings(resolve(MODELS[table.take("use")]))
     else:
         model = resolve(EXTERNAL_MODELS[ways[0]])(table)
     table.check_unknown_keys()
@@ -128,7 +132,9 @@ def read_function_limits(table: TableReader, *, is_vectorized: bool) -> Limits:
     limits = read_limits(table)
     if is_vectorized and limits:
         limit = "time_limit" if limits.seconds is not None else "memory_limit"
-        table.add_problem(limit, "a limit of one run", "vectorized = false, so that runs are apart")
+        table.add_problem(
+            limit, "a limit of one run", "vectorized = false, so that each run is a call of its own"
+        )
     return limits
 
 

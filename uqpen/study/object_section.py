@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from uqpen.core.errors import ModelError
+from uqpen.core.model import Model
 from uqpen.core.settings import flag, text
 from uqpen.models.function_source import FunctionSource, function_source
+from uqpen.models.outside_model import OutsideModel
 from uqpen.models.python_function import PythonFunction, check_signature
+from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.model_section import read_function_limits, unloaded_function
 from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import read_variables
@@ -20,18 +23,19 @@ OBJECT = "object"
 
 @dataclass(frozen=True)
 class _ObjectSettings:
-    """Settings of a function that is an object; its source is for display only."""
+    """Settings of a function or a model that is an object; its source is for display only."""
 
     object: str = text(expected="the name of a function")
     source: str = text(expected="the source of a function", default="")
     vectorized: bool = flag(default=False)
+    is_class: bool = flag(default=False, key="class")
 
 
-def read_object(table: TableReader) -> PythonFunction | None:
-    """Read a function that is an object; None where a mistake was noted.
+def read_object(table: TableReader) -> Model | None:
+    """Read a function or a model that is an object; None where a mistake was noted.
 
-    The text of the table is never executed. It names the function, and shows its source to a
-    reader. Where the function is not here, the model cannot be run.
+    The text of the table is never executed. It names the object, and shows its source to a
+    reader. Where the object is not here, the model cannot be run.
     """
     noted = len(table.problems)
     settings = table.settings(_ObjectSettings)
@@ -46,6 +50,10 @@ def read_object(table: TableReader) -> PythonFunction | None:
     if settings is None or len(table.problems) > noted:
         return None
     name = settings.object
+    if isinstance(function, UnloadedModel):
+        return function
+    if isinstance(function, Model):
+        return OutsideModel(function, name, source=function_source(type(function)))
     if function is None:
         function, _ = unloaded_function(name, table.folder)
         source = FunctionSource.absent(name, settings.source)

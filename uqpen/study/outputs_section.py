@@ -24,7 +24,7 @@ def _read_quantity(table: TableReader, output: Output) -> QuantityOfInterest:
     if output.categories:
         for key in table:
             table.add_problem(
-                key, f'a question to "{output.name}"', "none: its kinds have shares only"
+                key, f'a key of "{output.name}"', "none: an output with categories has shares only"
             )
         return default
     if output.dims:

@@ -15,23 +15,30 @@ import numpy as np
 
 from uqpen.core.errors import ModelError, toml_text
 from uqpen.core.files import FileSnapshot
-from uqpen.core.lookup import installed_members
+from uqpen.core.lookup import installed_members, load_installed
+from uqpen.core.model import Model
 from uqpen.core.settings import declared_settings
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
 from uqpen.distributions.continuous import DISTRIBUTIONS
+from uqpen.distributions.copulas import COPULAS
+from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.distribution import Distribution
+from uqpen.models import MODELS
 from uqpen.models.python_function import load_module
+from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import error_text
 from uqpen.study.frozen_section import SETTINGS
 from uqpen.study.object_section import OBJECT
-from uqpen.study.table_reader import TableReader
+from uqpen.study.table_reader import TableReader, family_member
 from uqpen.surrogates import ENTRY_POINTS, SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = [
+    "COPULA",
     "DESIGN",
     "DISTRIBUTION",
+    "MODEL",
     "SURROGATE",
     "Files",
     "class_reference",
@@ -42,6 +49,8 @@ __all__ = [
     "outside_members",
     "outside_surrogates",
     "own_objects",
+    "read_class",
+    "read_instance",
     "read_member",
 ]
 
@@ -61,24 +70,36 @@ class Kind(NamedTuple):
         The entry points with which installed packages add members.
     form : str
         A reference, for a message.
+    can_lack_settings : bool
+        True if a class without settings need not be a dataclass.
+    given : tuple of str
+        Fields that are no settings: the reader of the family's table gives them.
     """
 
     base: type
     family: Mapping[str, str]
     group: str
     form: str
+    can_lack_settings: bool = False
+    given: tuple[str, ...] = ()
 
     @property
     def expected(self) -> str:
         """The accepted classes, for a message."""
-        return f"a frozen dataclass derived from {self.base.__module__}.{self.base.__name__}"
+        kind = "a class" if self.can_lack_settings else "a frozen dataclass"
+        return f"{kind} derived from {self.base.__module__}.{self.base.__name__}"
 
 
+# One line for each family whose members are classes.
 DESIGN = Kind(Design, DESIGNS, "uqpen.designs", "my_designs.py:Design")
 DISTRIBUTION = Kind(
     Distribution, DISTRIBUTIONS, "uqpen.distributions", "my_distributions.py:Distribution"
 )
 SURROGATE = Kind(Surrogate, SURROGATES, ENTRY_POINTS, "my_surrogates.py:Surrogate")
+MODEL = Kind(Model, MODELS, "uqpen.models", "my_model.py:MyModel", can_lack_settings=True)
+COPULA = Kind(
+    Dependence, COPULAS, "uqpen.copulas", "my_copulas.py:Copula", given=("inputs", "matrix")
+)
 
 
 def is_reference(name: object) -> bool:
@@ -114,10 +135,25 @@ def read_member(
     member, files
         An instance, or None where a mistake was noted; the files that it was loaded from.
     """
+    made, surroundings = read_instance(table, key, name, kind, like)
+    return made, surroundings.files() if surroundings else ()
+
+
+def read_instance(
+    table: TableReader, key: str | tuple[str, ...], name: str, kind: Kind, like: str = ""
+) -> tuple[Any, ModelFolder | None]:
+    """Read a member as `read_member` does, with the folder that its file belongs to.
+
+    Returns
+    -------
+    member, surroundings
+        An instance, or None where a mistake was noted. A class of an installed package has no
+        such folder.
+    """
     noted = len(table.problems)
     try:
-        cls, files = load_class(name, table.folder, kind)
-        made: Any = table.whole_settings(cls, like)
+        cls, surroundings = load_class(name, table.folder, kind)
+        made: Any = _make(cls, table, like)
         if isinstance(made, Distribution):
             _try_distribution(made)
     except ModelError as error:
@@ -126,21 +162,52 @@ def read_member(
         found = f"{toml_text(name)}: {error_text(error)}"
         table.add_problem(key, found, "settings that it accepts")
     else:
-        return (made, files) if len(table.problems) == noted else (None, ())
-    return None, ()
+        return (made, surroundings) if len(table.problems) == noted else (None, None)
+    return None, None
 
 
-def load_class(name: str, folder: Path, kind: Kind) -> tuple[type, Files]:
-    """Load a class from outside, and the files that it needs.
+def read_class(table: TableReader, key: str, kind: Kind, what: str) -> Any:
+    """Return the class that a key names: built in, or of an installed package.
+
+    `what` is a member with its article, for the message of a mistake; None where one was noted.
+    """
+    name = table.content.get(key)
+    if isinstance(name, str) and name in installed_names(kind, name):
+        table.take(key)
+        try:
+            return load_class(name, table.folder, kind)[0]
+        except ModelError as error:
+            table.add_problem(key, str(error), kind.expected)
+            return None
+    return family_member(table, key, kind.family, what)
+
+
+def load_class(name: str, folder: Path, kind: Kind) -> tuple[type, ModelFolder | None]:
+    """Load a class from outside; of a reference, with the folder that its file belongs to.
+
+    A class of an installed package is loaded without the study's folder: what an archive contains
+    cannot stand in for a module of the package.
 
     Raises
     ------
     ModelError
         If there is none of this name, or it cannot be a member of the family.
     """
-    reference = name if is_reference(name) else installed_members(kind.group)[name]
-    module, attribute, surroundings = load_module(reference, folder, kind.form)
-    return _member_class(module, attribute, reference, kind), surroundings.files()
+    if is_reference(name):
+        module, attribute, surroundings = load_module(name, folder, kind.form)
+        return _member_class(module, attribute, name, kind), surroundings
+    cls = load_installed(kind.group, name)
+    if fault := _class_fault(cls, kind):
+        raise ModelError(f'"{name}", which {fault}')
+    return cls, None
+
+
+def _make(cls: type, table: TableReader, like: str) -> object:
+    """Return an instance of a class with the settings of a table; None where one is wrong."""
+    if dataclasses.is_dataclass(cls):
+        return table.whole_settings(cls, like)
+    table.check_unknown_keys()
+    return cls()
 
 
 def _member_class(module: ModuleType, attribute: str, reference: str, kind: Kind) -> type:
@@ -150,7 +217,7 @@ def _member_class(module: ModuleType, attribute: str, reference: str, kind: Kind
         listing = f"; it defines {', '.join(known)}" if known else ""
         where = reference.rpartition(":")[0]
         raise ModelError(f'"{where}" has no class "{attribute}"{listing}')
-    if fault := _class_fault(cls, kind.base):
+    if fault := _class_fault(cls, kind):
         raise ModelError(f'"{reference}", which {fault}')
     return cls
 
@@ -228,18 +295,26 @@ def _tables(content: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
     return [table for table in values if isinstance(table, dict)]
 
 
-def _class_fault(cls: type, base: type) -> str:
-    """Return why a class cannot be a member of a family; empty where it can."""
-    if not issubclass(cls, base):
-        return f"does not derive from {base.__name__}"
-    if not (dataclasses.is_dataclass(cls) and cls.__dataclass_params__.frozen):  # type: ignore[attr-defined]
+def _class_fault(cls: object, kind: Kind) -> str:
+    """Return why something cannot be a member of a family; empty where it can."""
+    if not isinstance(cls, type) or not issubclass(cls, kind.base):
+        return f"does not derive from {kind.base.__name__}"
+    if not (kind.can_lack_settings and _lacks_settings(cls)) and not (
+        dataclasses.is_dataclass(cls) and cls.__dataclass_params__.frozen  # type: ignore[attr-defined]
+    ):
         return "is no frozen dataclass"
     if inspect.isabstract(cls):
-        return f"lacks {', '.join(sorted(cls.__abstractmethods__))}"
-    declared = {field.name for field, _ in declared_settings(cls)}
+        return f"lacks {', '.join(sorted(getattr(cls, '__abstractmethods__', ())))}"
+    if not dataclasses.is_dataclass(cls):
+        return ""
+    declared = {*kind.given, *(field.name for field, _ in declared_settings(cls))}
     others = [field.name for field in dataclasses.fields(cls) if field.init]
     undeclared = [name for name in others if name not in declared]
     return f"has fields that are no settings: {', '.join(undeclared)}" if undeclared else ""
+
+
+def _lacks_settings(cls: type) -> bool:
+    return not dataclasses.is_dataclass(cls) and cls.__init__ is object.__init__  # type: ignore[misc]
 
 
 def _is_own_class(value: object, module: ModuleType) -> bool:

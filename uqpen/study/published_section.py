@@ -43,7 +43,9 @@ def _read_estimates(
     table = section.table(output.name)
     if output.categories:
         for key in table:
-            table.add_problem(key, "a figure of an output that has kinds", "an output with numbers")
+            table.add_problem(
+                key, "an estimate of an output with categories", "an output with numbers"
+            )
         return None
     if output.dims:
         for key in table:

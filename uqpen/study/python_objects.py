@@ -12,6 +12,7 @@ import numpy as np
 
 from uqpen.core.errors import Problem, QuantityError
 from uqpen.core.lookup import family_name
+from uqpen.core.model import Model
 from uqpen.core.quantities import parse_any_dimension, parse_spread
 from uqpen.core.settings import written_settings
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible
@@ -31,8 +32,9 @@ from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
 from uqpen.study.frozen_section import SETTINGS
 from uqpen.study.joint_objects import joint_units, with_joint_tables
+from uqpen.study.model_variables import find_variable_faults
 from uqpen.study.object_section import OBJECT
-from uqpen.study.outside_members import DESIGN, DISTRIBUTION, SURROGATE, class_reference
+from uqpen.study.outside_members import DESIGN, DISTRIBUTION, MODEL, SURROGATE, class_reference
 from uqpen.study.python_model import OutputSpec, PythonModel
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
@@ -87,6 +89,13 @@ class StudyContent:
             return self._table(value, path)
         if isinstance(value, PythonModel):
             return self._table(value.table(), path)
+        faults = list(find_variable_faults(value)) if isinstance(value, Model) else []
+        if faults:
+            named = type(value).__name__
+            self.problems += [
+                Problem(path, f"{named}, which has {each[0]}", each[1]) for each in faults
+            ]
+            return ""
         table = _declaration(value, self.folder)
         if table is None:
             self.problems.append(
@@ -102,7 +111,7 @@ class StudyContent:
             self.objects[path] = named
             table[OBJECT] = repr(named)
             if path[0] in ("model", "models"):
-                source = function_source(named)
+                source = function_source(type(named) if isinstance(named, Model) else named)
                 table |= {OBJECT: source.name, "source": source.text or None}
         return {
             str(key): self._value(value, (*path, str(key)))
@@ -158,7 +167,20 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
         if isinstance(value, outside.base):
             reference = class_reference(value, folder, outside)
             return {"kind": reference, **written_settings(value)} if reference else {OBJECT: value}
-    return None
+    return _model_table(value, folder) if isinstance(value, Model) else None
+
+
+def _model_table(model: Model, folder: Path) -> dict[str, Any]:
+    """Return the table of a model whose class is not built in."""
+    if reference := class_reference(model, folder, MODEL):
+        table: dict[str, Any] = {"use": reference}
+        return table | (written_settings(model) if dataclasses.is_dataclass(model) else {})
+    variables = {"inputs": model.inputs, "outputs": model.outputs}
+    units = {
+        key: {variable.name: variable.preferred_unit for variable in each}
+        for key, each in variables.items()
+    }
+    return {OBJECT: model, "class": True, **units}
 
 
 def _distribution_table(distribution: Distribution, folder: Path) -> dict[str, Any]:

@@ -34,11 +34,11 @@ class Study(ValidatedStudy):
 
     Parameters
     ----------
-    model : callable, PythonModel, built-in model or str
+    model : callable, PythonModel, Model or str
         A function, possibly defined in a notebook, takes its inputs and returns its outputs in the
-        units in which the study states them; a `PythonModel` states its own. A text is the name of
-        a built-in model, or a reference such as ``"my_model.py:function"`` in a `dict` as in a
-        study file.
+        units in which the study states them; a `PythonModel` states its own. A `Model` is a
+        built-in one, or an instance of a class of your own. A text is the name of a built-in model.
+        A reference such as ``"my_model.py:function"`` stands in a `dict`, as in a study file.
     inputs : mapping
         For each input a distribution such as ``uqpen.Normal("2.5 g/cm^3", "0.05 g/cm^3")``, a text
         such as ``"(2.5 ± 0.05) g/cm^3"``, or one value such as ``"30 cm"``. For a tuple of inputs

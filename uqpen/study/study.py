@@ -15,6 +15,7 @@ from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
+from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.published import Publication
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -167,6 +168,12 @@ class ValidatedStudy:
         """Names of its designs and distributions from outside that are not loaded, each once."""
         designs = [each.name for each in self.designs.values() if isinstance(each, UnloadedDesign)]
         return list(dict.fromkeys([*designs, *self.joint.unloaded.values()]))
+
+    @property
+    def unloaded_models(self) -> list[str]:
+        """References of its models that are not loaded."""
+        models = (variant.model for variant in self.models.values())
+        return [model.name for model in models if isinstance(model, UnloadedModel)]
 
     @property
     def sha256(self) -> str:

@@ -84,7 +84,7 @@ def read_umbridge(table: TableReader) -> Model | None:
                 sizes = request_sizes(server, name, wanted.config)
         except NoAnswerError as error:
             found = f"{toml_text(table.content['umbridge'])}: {error}"
-            table.add_problem("umbridge", found, "a UM-Bridge server that answers")
+            table.add_problem("umbridge", found, "a UM-Bridge server that responds")
             return None
         except SettingsError as error:
             table.add_problems(error.problems)

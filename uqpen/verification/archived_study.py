@@ -23,12 +23,14 @@ from uqpen.study.load import parse_study
 from uqpen.study.model_section import EXTERNAL_MODELS
 from uqpen.study.object_section import OBJECT
 from uqpen.study.outside_members import (
+    is_reference,
     object_members,
     object_surrogates,
     outside_members,
     outside_surrogates,
 )
 from uqpen.study.study import ValidatedStudy, Variant
+from uqpen.verification.unloaded_models import unloaded_models
 
 __all__ = [
     "archived_runs",
@@ -43,8 +45,8 @@ __all__ = [
 ]
 
 
-# The keys that name code.
-_NAMED = dict.fromkeys(key for key in EXTERNAL_MODELS if key != OBJECT)
+# The keys that name code; ``use`` does so unless it has the name of a model.
+_NAMED = ("use", *(key for key in EXTERNAL_MODELS if key != OBJECT))
 
 
 def archived_study(
@@ -69,8 +71,9 @@ def archived_study(
     """
     name = str(tree.attrs.get("study_name", "study"))
     text = str(tree.attrs["study_text"])
+    objects = {**unloaded_models(tree, _content(text), trust=trust), **(objects or {})}
     try:
-        study = parse_study(text, name=name, folder=folder, trust=trust, objects=objects or {})
+        study = parse_study(text, name=name, folder=folder, trust=trust, objects=objects)
     except StudyError as error:
         where = f"the files that it names are looked for in {folder.absolute()} (--folder)"
         raise StudyError(f"{error}\n\n{where}", error.problems) from None
@@ -91,19 +94,21 @@ def _with_archived_sampling(design: UnloadedDesign, runs: xr.Dataset) -> Unloade
 
 def external_models(text: str) -> list[str]:
     """Return the models that a study names code for, as its text names them."""
-    return [
-        next(
-            # A function, a server, or the words of a command.
-            (
-                " ".join(map(str, told)) if isinstance(told := table[key], list) else str(told)
-                for key in _NAMED
-                if key in table
-            ),
-            "one of no known kind",
-        )
-        for table in _model_tables(text)
-        if (not {"use", OBJECT} & table.keys() or not _NAMED.keys().isdisjoint(table))
-    ]
+    named = [_named_code(table) for table in _model_tables(text)]
+    return [code for code in named if code]
+
+
+def _named_code(table: Mapping[str, Any]) -> str:
+    """Return the code that the table of a model names; empty for a named model or an object."""
+    named = [table[key] for key in _NAMED if key in table and _is_code(key, table[key])]
+    if not named:
+        return "" if {"use", OBJECT} & table.keys() else "a model of an unknown kind"
+    # A class, a function, a server, or the words of a command.
+    return " ".join(map(str, named[0])) if isinstance(named[0], list) else str(named[0])
+
+
+def _is_code(key: str, value: object) -> bool:
+    return key != "use" or is_reference(value)
 
 
 def _named_objects(text: str) -> dict[str, list[str]]:
@@ -122,7 +127,8 @@ def external_members(text: str) -> list[str]:
 def outside_analyses(text: str) -> list[str]:
     """Return the user-supplied analyses that the text of a study names."""
     named = _content(text).get(ANALYSES_KEY)
-    return [str(reference) for reference in named] if isinstance(named, list) else []
+    references = named if isinstance(named, list) else []
+    return [str(each) for each in references if is_reference(each)]
 
 
 def _model_tables(text: str) -> list[dict[str, Any]]:
@@ -159,7 +165,9 @@ def refuse_external_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None
         If that code may not be executed. The message names the models and analyses.
     """
     if KIND in tree.attrs:
-        raise ArchiveError(f"{path}: holds methods head to head; `uqpen compare` repeats those")
+        raise ArchiveError(
+            f"{path}: contains a benchmark of methods, which `uqpen compare` repeats"
+        )
     text = str(tree.attrs["study_text"])
     for kind, objects in _named_objects(text).items():
         if objects:
@@ -170,8 +178,8 @@ def refuse_external_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None
     named = external_names(text)
     if named and not trust:
         raise ModelError(
-            f"{path}: its study runs code that it names itself: {', '.join(named)}\n"
-            "  if you trust whoever made it, say --trust"
+            f"{path}: its study executes code that it names: {', '.join(named)}\n"
+            "  if you trust its author, use --trust"
         )
 
 
@@ -196,7 +204,7 @@ def find_incompatibility(
             if design_runs.attrs.get(SAMPLING) != str(study.designs[design].sampling):
                 return f"its text has another kind of design by the name of {design}"
             if lacking := _missing_variable(variant, study, design_runs):
-                return f"{design} does not have the {lacking} that its text tells of"
+                return f"{design} lacks {lacking}, which its text contains"
     return ""
 
 

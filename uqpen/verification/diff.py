@@ -30,7 +30,7 @@ _STUDY_ATTRIBUTES = ("study_text", "study_sha256", "seed")
 
 
 class DiffSection(NamedTuple):
-    """The differences of one kind; they are verbatim if they are lines of the study files."""
+    """Differences of one kind, a text for each; verbatim if they are lines of the study files."""
 
     name: str
     lines: tuple[str, ...]
@@ -171,7 +171,10 @@ def _first_difference(path: str, one: xr.Dataset, other: xr.Dataset) -> str:
 
 def _for_two_archives(found: list[str]) -> list[str]:
     """Reword differences of an archive from a repetition as differences of two archives."""
-    words = {"is not found again": "is in the first only", "is missing": "is in the second only"}
+    words = {
+        "is missing in the repetition": "is in the first only",
+        "is missing": "is in the second only",
+    }
     for text, instead in words.items():
         found = [line.replace(text, instead) for line in found]
     return found

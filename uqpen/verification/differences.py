@@ -189,7 +189,7 @@ def missing_keys(
     """Yield the names that only one of two collections has."""
     one, other = (set(map(str, each)) for each in (archived, found))
     for name in sorted(one - other):
-        yield Difference(f"{what}{name} is not found again", math.inf)
+        yield Difference(f"{what}{name} is missing in the repetition", math.inf)
     for name in sorted(other - one):
         yield Difference(f"{what}{name} is missing", math.inf, is_new=True)
 

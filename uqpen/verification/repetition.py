@@ -152,7 +152,7 @@ def repeated_statistics(
     rounded = total - len(found)
     if is_earlier:
         found = [each._replace(relative=0.0) if each.is_new else each for each in found]
-    what = f"{len(archived_groups)} groups worked out again"
+    what = f"{len(archived_groups)} groups computed again"
     if rounded:
         what = f"{what}, {rounded} differ by less than {NEGLIGIBLE:.0g} of their scale"
     return _check_result("statistics", what, found, tolerance)

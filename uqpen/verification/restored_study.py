@@ -73,7 +73,7 @@ def restored_study(
             raise _without_temporary_folder(error, place, missing) from None
         differing = _different_files(study, files, None)
         if differing:
-            advice = "named by an absolute path, and another file now (--folder: take it anyway)"
+            advice = "named by an absolute path, and changed since then (use it anyway: --folder)"
             raise ArchiveError("\n".join([*differing.values(), advice]))
         yield RestoredStudy(study, True, [])
 
@@ -126,6 +126,6 @@ def _without_temporary_folder(error: UqpenError, place: Path, missing: Sequence[
     """Return an error whose message does not name the temporary folder."""
     message = str(error).partition("\n\nthe files that it names")[0]
     message = message.replace(f"{place}{os.sep}", "")
-    advice = "the files that it names are those that the archive keeps (others: --folder)"
+    advice = "the files that it names are the archived ones (others: --folder)"
     problems = error.problems if isinstance(error, StudyError) else ()
     return StudyError("\n".join([message, "", *missing, advice]), problems)

@@ -78,7 +78,7 @@ def _reason_differences(one: xr.Dataset, other: xr.Dataset) -> Iterator[str]:
         for each in (one, other)
     ]
     if texts[0] != texts[1]:
-        yield "the reasons of lost runs differ"
+        yield "the reasons of failed runs differ"
 
 
 def _value_text(value: Any) -> str:

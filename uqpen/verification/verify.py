@@ -52,15 +52,12 @@ from uqpen.verification.restored_study import restored_study
 
 __all__ = ["environment_differences", "verify"]
 
-# What is not known of a model unless it is loaded.
-_LOADED_MODEL_ATTRIBUTES = ("model_name",)
-
 # Attributes that distinguish versions of a model.
 _SOURCE = "model_source_sha256"
 _PROGRAM = "model_program_sha256"
 _VERSION_ATTRIBUTES = ("model_version", _SOURCE, _PROGRAM)
 
-_ADVICE = "if you trust whoever made it, say --trust"
+_ADVICE = "if you trust its author, use --trust"
 
 
 class _Tolerances(NamedTuple):
@@ -111,7 +108,7 @@ def verify(
     if fault := next(find_faults(tree), None):
         yield CheckResult("structure", CheckOutcome.DIFFERENT, f"damaged: {fault}")
     elif KIND in tree.attrs:
-        message = "those of methods head to head are not repeated: hashes only"
+        message = "runs of a benchmark of methods are not repeated; only hashes are checked"
         yield CheckResult("runs", CheckOutcome.UNCHECKED, message)
     else:
         if FILES in tree.children:
@@ -161,7 +158,7 @@ def _check_hashes(tree: xr.DataTree) -> CheckResult:
     """Check that every group is as it was written."""
     found, written = group_hashes(tree), recorded_hashes(tree)
     if written is None:
-        message = "none: written by a uqpen that did not hash yet"
+        message = "none: written by a uqpen without hashes"
         return CheckResult("hashes", CheckOutcome.UNCHECKED, message)
     shared = found.keys() & written.keys()
     details = tuple(
@@ -183,9 +180,9 @@ def _check_text(tree: xr.DataTree) -> CheckResult:
     text = str(tree.attrs.get("study_text", ""))
     digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
     if digest == str(tree.attrs.get("study_sha256")):
-        message = "its text has the hash that stands beside it"
+        message = "its text has the recorded hash"
         return CheckResult("study", CheckOutcome.EQUAL, message)
-    message = "its text is changed: it does not have the hash that stands beside it"
+    message = "its text is changed: it does not have the recorded hash"
     return CheckResult("study", CheckOutcome.DIFFERENT, message)
 
 
@@ -202,7 +199,7 @@ def _check_files(tree: xr.DataTree) -> CheckResult:
         message = "not those of its study"
         return CheckResult("files", CheckOutcome.DIFFERENT, message, tuple(details))
     by_hash = [f"{file.name}: kept by its hash alone" for file in files if not file.is_whole]
-    message = f"{len(files)} kept, with the hashes that stand beside them"
+    message = f"{len(files)} archived, with the recorded hashes"
     return CheckResult("files", CheckOutcome.EQUAL, message, tuple(by_hash))
 
 
@@ -228,7 +225,7 @@ def _repeat_checks(
             yield CheckResult("repetition", CheckOutcome.IMPOSSIBLE, message, details)
             return
         if details := tuple(restored.different_files):
-            yield CheckResult("folder", CheckOutcome.DIFFERENT, "not those that it keeps", details)
+            yield CheckResult("folder", CheckOutcome.DIFFERENT, "not the archived ones", details)
         study, runs = restored.study, archived_runs(tree)
         if reason := find_incompatibility(study, runs):
             yield CheckResult("repetition", CheckOutcome.DIFFERENT, reason)
@@ -249,7 +246,7 @@ def _repeat_checks(
             yield from _check_sources(study, tree)
         progress.start_analysis()
         besides = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES]
-        besides += _LOADED_MODEL_ATTRIBUTES if external else []
+        besides += _model_attributes(tree) if external else []
         yield from _check_points(study, runs, allowed.tolerance)
         study, tree, unchecked = _without_absent(study, tree)
         yield from unchecked
@@ -277,7 +274,7 @@ def _without_absent(
     study: ValidatedStudy, tree: xr.DataTree
 ) -> tuple[ValidatedStudy, xr.DataTree, list[CheckResult]]:
     """Leave out what follows from distributions or surrogates that are not here, with results."""
-    if study.joint.unloaded:
+    if study.joint.unloaded or study.unloaded_models:
         return _without_distributions(study, tree)
     absent = [name for name, surrogate in study.surrogates.items() if surrogate.absence]
     if not absent:
@@ -299,13 +296,20 @@ def _unchecked_surrogates(study: ValidatedStudy, absent: list[str]) -> CheckResu
 def _without_distributions(
     study: ValidatedStudy, tree: xr.DataTree
 ) -> tuple[ValidatedStudy, xr.DataTree, list[CheckResult]]:
-    """Leave out what follows from distributions that are not loaded, with a result for it."""
+    """Leave out results of distributions or models that are not loaded, with a result for it."""
     kept = without_distributions(tree)
-    named = ", ".join(dict.fromkeys(study.joint.unloaded.values()))
-    message = f"not checked: they follow from distributions that are not loaded ({named})"
+    named = ", ".join(dict.fromkeys([*study.joint.unloaded.values(), *study.unloaded_models]))
+    kinds = "models" if study.unloaded_models else "distributions"
+    message = f"not checked: they follow from {kinds} that are not loaded ({named})"
     unchecked = CheckResult("surrogates", CheckOutcome.UNCHECKED, message)
     is_changed = kept.groups != tree.groups
     return replace(study, surrogates={}), kept, [unchecked] if is_changed else []
+
+
+def _model_attributes(tree: xr.DataTree) -> list[str]:
+    """Return the attributes that describe the models; some are known only of a loaded model."""
+    found = [name for model in model_trees(tree).values() for name in map(str, model.attrs)]
+    return [name for name in found if name.startswith("model_")]
 
 
 def _check_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Iterator[CheckResult]:
@@ -368,5 +372,5 @@ def _check_sources(study: ValidatedStudy, tree: xr.DataTree) -> Iterator[CheckRe
             found = f"found the SHA-256 {here}, expected {made_with}"
             details.append(f"{model.name} and what it imports: {found}")
     if details:
-        message = "not that of the models that it was made with"
+        message = "not the source of the models that it was made with"
         yield CheckResult("source", CheckOutcome.DIFFERENT, message, tuple(details))

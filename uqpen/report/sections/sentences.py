@@ -32,7 +32,7 @@ _MOST_CATEGORIES = 4
 
 
 class OutputSentences(NamedTuple):
-    """Sentences about an output."""
+    """Sentences of the report about one output."""
 
     sentences: tuple[str, ...]
     quantities: tuple[QuotedStatistic, ...]  # that they state

@@ -1,0 +1,156 @@
+"""Members of each family from an installed package, and packages that cannot be imported."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import uqpen
+from uqpen.core.errors import StudyError
+from uqpen.study.fingerprint import run_fingerprint
+from uqpen.verification.check_result import CheckOutcome
+
+PAGES = Path(__file__).parents[2] / "docs" / "extending"
+DESIGN, DISTRIBUTION, MODEL, STATISTIC = (
+    re.findall(r"```python\n(.*?)```", (PAGES / f"{name}.md").read_text(), re.DOTALL)[0]
+    for name in ("design", "distribution", "model", "statistic")
+)
+COPULA = """
+from dataclasses import dataclass
+from uqpen.distributions.copulas import FrankCopula
+
+@dataclass(frozen=True)
+class Own(FrankCopula):
+    pass
+"""
+SOURCE = "\n".join([DESIGN, DISTRIBUTION, MODEL, STATISTIC, COPULA])
+POINTS = """\
+[uqpen.designs]
+kronecker = uqpen_test_members:Kronecker
+[uqpen.distributions]
+kumaraswamy = uqpen_test_members:Kumaraswamy
+[uqpen.models]
+spring = uqpen_test_members:Spring
+[uqpen.analyses]
+interquartile-range = uqpen_test_members:interquartile_range
+[uqpen.copulas]
+own = uqpen_test_members:Own
+"""
+STUDY = """\
+seed = 1
+analyses = ["interquartile-range"]
+[model]
+use = "spring"
+hardening = 1.5
+[inputs]
+mass = { kumaraswamy = { a = 2, b = 3, largest = "20 kg" } }
+stiffness = { uniform = { lower = "1 N/mm", upper = "2 N/mm" } }
+[dependence]
+copula = "own"
+inputs = ["mass", "stiffness"]
+theta = 2
+[designs.mine]
+kind = "kronecker"
+runs = 160
+"""
+# The names in the study, and their places in it.
+FAMILIES = {
+    "designs": ("kronecker", "designs.mine.kind"),
+    "distributions": ("kumaraswamy", "inputs.mass"),
+    "models": ("spring", "model.use"),
+    "analyses": ("interquartile-range", "analyses[0]"),
+    "copulas": ("own", "dependence.copula"),
+}
+
+Install = Callable[..., Path]
+
+
+def test_a_study_names_them(install: Install, tmp_path: Path) -> None:
+    install("members", SOURCE, POINTS)
+    study = uqpen.parse_study(STUDY, folder=tmp_path / "none")
+    tree = uqpen.run(study)
+    assert np.isfinite(tree["statistics/mine/deflection"]["interquartile_range"][..., 0]).all()
+    assert list(study.files()) == [], "an archive keeps no file of a package"
+    assert tree.attrs["model_name"] == "spring"
+    assert tree.attrs["model_version"] == "1.2"
+    assert run_fingerprint(study, "", "mine")["model version"] == "1.2"
+
+
+def test_they_need_no_trust(install: Install, tmp_path: Path) -> None:
+    install("members", SOURCE, POINTS)
+    uqpen.write(uqpen.run(uqpen.parse_study(STUDY, folder=tmp_path)), tmp_path / "a.nc")
+    checks = uqpen.verify(tmp_path / "a.nc")
+    assert {check.verdict for check in checks} == {CheckOutcome.EQUAL}
+    assert "runs" in {check.name for check in checks}
+
+
+def test_what_stands_beside_a_study_does_not_replace_a_package(
+    install: Install, tmp_path: Path
+) -> None:
+    """An archive could contain a file by the name of an installed module."""
+    install("members", SOURCE, POINTS)
+    folder = tmp_path / "study"
+    folder.mkdir()
+    (folder / "uqpen_test_members.py").write_text("raise RuntimeError('executed')\n")
+    assert uqpen.parse_study(STUDY, folder=folder, trust=False).unloaded_members == []
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_package_that_cannot_be_imported_is_named(
+    install: Install, tmp_path: Path, family: str
+) -> None:
+    install("members", SOURCE, POINTS)
+    name, key = FAMILIES[family]
+    install("broken", "import numpi\n", f"[uqpen.{family}]\n{name}-2 = uqpen_test_broken:Thing\n")
+    text = STUDY.replace(f'"{name}"', f'"{name}-2"').replace(f"{name} = ", f"{name}-2 = ")
+    with pytest.raises(StudyError) as raised:
+        uqpen.parse_study(text, folder=tmp_path)
+    (problem,) = raised.value.problems
+    assert problem.key.startswith(key)
+    assert problem.found == (
+        f'the installed package "uqpen-test-broken", which provides "{name}-2", cannot be '
+        "loaded: ModuleNotFoundError: No module named 'numpi'"
+    )
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_what_is_no_member_is_refused(install: Install, tmp_path: Path, family: str) -> None:
+    name, key = FAMILIES[family]
+    install(
+        "members",
+        SOURCE + "\nclass Thing: pass\nthing = 1\n",
+        POINTS.replace(
+            re.search(rf"(?m)^{name} = (.*)$", POINTS)[1],  # type: ignore[index]
+            "uqpen_test_members:thing" if family == "analyses" else "uqpen_test_members:Thing",
+        ),
+    )
+    with pytest.raises(StudyError) as raised:
+        uqpen.parse_study(STUDY, folder=tmp_path)
+    problem = raised.value.problems[0]
+    assert problem.key.startswith(key)
+    assert re.search("does not derive from|is an object of class int", problem.found)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_an_unknown_name_has_its_line(tmp_path: Path, install: Install, family: str) -> None:
+    install("members", SOURCE, POINTS)
+    name, key = FAMILIES[family]
+    text = STUDY.replace(f'"{name}"', f'"{name}z"').replace(f"{name} = ", f"{name}z = ")
+    with pytest.raises(StudyError) as raised:
+        uqpen.parse_study(text, folder=tmp_path)
+    (problem,) = raised.value.problems
+    assert problem.key.startswith(key)
+    assert re.search(r"study\.toml:\d+ ", str(raised.value))
+
+
+def test_a_study_without_them_loads_none(install: Install, tmp_path: Path) -> None:
+    install("members", f"raise RuntimeError\n{SOURCE}", POINTS)
+    text = (
+        'seed = 1\nmodel.use = "ishigami"\n[inputs]\nx1 = 1\nx2 = 1\n'
+        'x3 = { uniform = { lower = 0, upper = 1 } }\n[designs.mc]\nkind = "monte-carlo"\nruns = 9'
+    )
+    assert uqpen.parse_study(text, folder=tmp_path).runs == 9

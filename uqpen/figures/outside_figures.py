@@ -1,0 +1,62 @@
+"""Figures of a user's own: functions that yield panels, beside those of the package."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from uqpen.core.errors import FigureError
+from uqpen.figures import FIGURES
+from uqpen.figures.panel import Axes, Panel
+from uqpen.models.outside_function import FunctionFamily, OutsideFunction
+from uqpen.results.archive_view import ArchiveView
+
+__all__ = ["FIGURE", "FigureFunction", "figure_panels"]
+
+FigureFunction = Callable[[ArchiveView], Iterable[Panel]]
+
+FIGURE = FunctionFamily(FIGURES, "uqpen.figures", "figure", "my_figure.py:my_figure", FigureError)
+
+
+def figure_panels(named: str | FigureFunction, view: ArchiveView) -> list[Panel]:
+    """Return the panels of a figure for a part of an archive.
+
+    Parameters
+    ----------
+    named : str or callable
+        Name of a figure; or a reference to a function, relative to the current folder; or the
+        function itself.
+    view : ArchiveView
+        The part of the archive.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such figure.
+    FigureError
+        If a function from outside the package cannot be loaded, fails, or yields something else.
+    """
+    if isinstance(named, str) and named in FIGURES:
+        return list(FIGURE.find(named, Path()).function(view))
+    function = FIGURE.find(named, Path.cwd())
+    with function.in_context():
+        found = list(function.function(view))
+    for panel in found:
+        if not isinstance(panel, Panel):
+            text = f"it yields an object of class {type(panel).__name__}, not a Panel"
+            raise function.failure(text)
+    return [replace(panel, draw=_guarded(panel, function)) for panel in found]
+
+
+def _guarded(panel: Panel, function: OutsideFunction) -> Callable[[Axes], Iterable[str]]:
+    """Return the drawing of a panel, whose failure names the figure's function."""
+
+    def draw(axes: Axes) -> list[str]:
+        with function.in_context():
+            notes = [] if (returned := panel.draw(axes)) is None else list(returned)
+            if not all(isinstance(note, str) for note in notes):
+                raise TypeError("the notes of a panel are not all texts")
+            return notes
+
+    return draw

@@ -1,0 +1,231 @@
+"""User's class as a model: from a file, a module or a package, or an object of this process."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+import hashlib
+import importlib.metadata
+import pickle
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from uqpen.core.arrays import Arrays, BoolArray, floats
+from uqpen.core.errors import ModelError, TrajectoryError, UqpenError
+from uqpen.core.files import FileSnapshot
+from uqpen.core.limits import Limits
+from uqpen.core.model import Input, Model, Output, Results
+from uqpen.core.status import Status
+from uqpen.models.function_source import FunctionSource
+from uqpen.models.python_function import error_text, load_module
+from uqpen.models.surroundings import ModelFolder
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["OutsideModel"]
+
+
+@dataclass(frozen=True)
+class OutsideModel(Model):
+    """Model whose class is not one of the package's; its failures are data of its runs.
+
+    Parameters
+    ----------
+    model : Model
+        The model itself.
+    reference : str
+        ``"file.py:Class"`` or ``"package.module:Class"``, or a name for display.
+    surroundings : ModelFolder, optional
+        The folder that the model must be called in; a hash of its source identifies the version.
+    source : FunctionSource, optional
+        Source of a class that is an object of this process, without a file to load it from.
+    """
+
+    model: Model
+    reference: str
+    surroundings: ModelFolder | None = field(default=None, repr=False, compare=False)
+    source: FunctionSource | None = field(default=None, repr=False)
+    name: str = field(init=False)
+    inputs: tuple[Input, ...] = field(init=False)
+    outputs: tuple[Output, ...] = field(init=False)
+    alternatives: tuple[tuple[str, ...], ...] = field(init=False)
+    vectorized: bool = field(init=False)
+    enforced_limits: Limits = field(init=False)
+    is_untrusted: bool = field(default=True, init=False)
+
+    def __post_init__(self) -> None:
+        for name in ("inputs", "outputs", "alternatives", "vectorized", "enforced_limits"):
+            object.__setattr__(self, name, getattr(self.model, name))
+        object.__setattr__(self, "name", self.reference)
+
+    @property
+    def is_object(self) -> bool:
+        return self.source is not None
+
+    @property
+    def unknown_dependency(self) -> str:
+        return self.source.unknown if self.source else self.model.unknown_dependency
+
+    @property
+    def run_limits(self) -> Limits:
+        return self.model.run_limits
+
+    def prepare(self) -> None:
+        with self._in_context("prepare"):
+            self.model.prepare()
+
+    def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
+        with self._in_context("conditions"):
+            found = list(self.model.conditions(inputs))
+        yield from found
+
+    def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset | None:
+        try:
+            with self._in_context("trajectory"):
+                return self.model.trajectory(inputs)
+        except ModelError as error:
+            raise TrajectoryError(str(error)) from None
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        with self._in_context("evaluate"):
+            results = self._evaluate(inputs)
+        imported = self.surroundings.imported if self.surroundings else frozenset()
+        return dataclasses.replace(results, files=results.files | imported)
+
+    def with_folder(self, folder: Path) -> Model:
+        return dataclasses.replace(self, model=self.model.with_folder(folder))
+
+    def record_files(self, files: frozenset[str]) -> None:
+        if self.surroundings:
+            self.surroundings.add_imported(files)
+
+    def files(self) -> tuple[FileSnapshot, ...]:
+        own = self.surroundings.files() if self.surroundings else ()
+        return (*own, *self.model.files())
+
+    def identity(self) -> dict[str, str]:
+        # The text of the study has its settings.
+        known = {**self.model.identity(), "name": self.name}
+        if self.source is not None:
+            return known | {"source_sha256": self.source.sha256 or "unknown"}
+        if self.surroundings is None:
+            return known | _package(type(self.model).__module__)
+        sources = self.surroundings.sources()
+        return known | {"source_sha256": hashlib.sha256(sources).hexdigest()}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self.surroundings is None:
+            return _unpickle, (_pickle_by_value(self.model), self.reference, self.source)
+        # Another process loads the class itself: its modules cannot be sent.
+        return _restore, (self.surroundings.folder, self.reference, _settings(self.model))
+
+    @contextlib.contextmanager
+    def _in_context(self, method: str) -> Iterator[None]:
+        """Provide the context of a call; an exception becomes a ModelError that names the method.
+
+        Exceptions of `evaluate` itself are data of its runs, and do not come here.
+        """
+        place = self.surroundings.on_import_path() if self.surroundings else None
+        try:
+            with place or contextlib.nullcontext():
+                yield
+        except UqpenError:
+            raise
+        except (Exception, SystemExit) as error:  # a user's method can raise anything
+            raise ModelError(f"{self.name}: {method} failed: {error_text(error)}") from None
+
+    def _evaluate(self, inputs: Arrays) -> Results:
+        """Return the results of a batch; one bad run does not spoil it."""
+        runs = len(next(iter(inputs.values())))
+        try:
+            return self._checked(self.model.evaluate(inputs), runs)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # any exception of a black box is data
+            reason = error_text(error)
+        if runs == 1:
+            outputs = {output.name: np.full(1, np.nan) for output in self.outputs}
+            return Results(outputs, np.full(1, Status.FAILED, dtype=np.int8), {0: reason})
+        middle = runs // 2
+        return _join(
+            *(
+                self._evaluate({name: values[part].copy() for name, values in inputs.items()})
+                for part in (slice(0, middle), slice(middle, runs))
+            )
+        )
+
+    def _checked(self, returned: object, runs: int) -> Results:
+        """Return results with the declared outputs of each run; raise ValueError for others."""
+        if not isinstance(returned, Results):
+            raise TypeError(f"evaluate returned {type(returned).__name__}, not Results")
+        outputs = {}
+        for output in self.outputs:
+            if output.name not in returned.outputs:
+                raise ValueError(f'evaluate returned no "{output.name}"')
+            outputs[output.name] = floats(returned.outputs[output.name])
+        status = np.asarray(returned.status, dtype=np.int8)
+        shapes = {name: values.shape for name, values in outputs.items()}
+        for name, shape in {**shapes, "status": status.shape}.items():
+            if shape != (runs,):
+                raise ValueError(f'evaluate returned a "{name}" of shape {shape}')
+        reasons = {
+            run: str(returned.reasons.get(run) or "the model gives no reason")
+            for run in np.flatnonzero(status != Status.OK).tolist()
+        }
+        return Results(outputs, status, reasons, returned.files)
+
+
+def _join(first: Results, second: Results) -> Results:
+    """Return the results of two batches as those of one."""
+    runs = len(first.status)
+    outputs = {
+        name: np.concatenate([values, second.outputs[name]])
+        for name, values in first.outputs.items()
+    }
+    reasons = {runs + run: reason for run, reason in second.reasons.items()}
+    status = np.concatenate([first.status, second.status])
+    return Results(outputs, status, {**first.reasons, **reasons}, first.files | second.files)
+
+
+def _settings(model: Model) -> dict[str, Any]:
+    """Return the settings of a model whose class is a dataclass; none of another class."""
+    fields = getattr(model, "__dataclass_fields__", {}).values()
+    return {each.name: getattr(model, each.name) for each in fields if each.init}
+
+
+@functools.cache
+def _package(module: str) -> dict[str, str]:
+    """Return the version of the installed package of a module, where it has one."""
+    top = module.partition(".")[0]
+    names = importlib.metadata.packages_distributions().get(top, [])
+    return {"version": importlib.metadata.version(names[0])} if names else {}
+
+
+def _pickle_by_value(model: Model) -> bytes:
+    """Pickle a model whose class may be defined in a notebook or inside a function.
+
+    Only processes that this one has started read it, from the pipe to them.
+    """
+    import cloudpickle
+
+    try:
+        return bytes(cloudpickle.dumps(model))
+    except Exception as error:  # a foreign object can raise anything while it is pickled
+        message = f"the model cannot be sent to another process: {error_text(error)}"
+        raise ModelError(message) from None
+
+
+def _unpickle(model: bytes, reference: str, source: FunctionSource | None) -> OutsideModel:
+    return OutsideModel(pickle.loads(model), reference, None, source)
+
+
+def _restore(folder: Path, reference: str, settings: Mapping[str, Any]) -> OutsideModel:
+    """Load the class of a model again, and make the model from its settings."""
+    module, attribute, surroundings = load_module(reference, folder, "my_model.py:MyModel")
+    return OutsideModel(getattr(module, attribute)(**settings), reference, surroundings)

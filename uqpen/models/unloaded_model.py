@@ -1,0 +1,34 @@
+"""Stand-in for a model from outside the package whose code is not executed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from uqpen.core.arrays import Arrays
+from uqpen.core.errors import ModelError
+from uqpen.core.model import Input, Model, Output, Results
+
+__all__ = ["UnloadedModel"]
+
+
+@dataclass(frozen=True)
+class UnloadedModel(Model):
+    """Model of an archive whose runs are known, but which cannot be run here.
+
+    Parameters
+    ----------
+    name : str
+        The reference that the study names.
+    inputs, outputs : tuple
+        The variables that the archive contains.
+    is_absent : bool
+        True for an object of another process, False for a class that is not trusted.
+    """
+
+    name: str
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    is_absent: bool = False
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        raise ModelError(f"{self.name} is not loaded: it is not run without --trust")

@@ -1,0 +1,91 @@
+"""Models of an archive whose classes are not loaded: their variables, as its runs have them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.core.labels import ROLE, RUNS
+from uqpen.core.model import Category, Input, Output
+from uqpen.models.unloaded_model import UnloadedModel
+from uqpen.study.object_section import OBJECT
+from uqpen.study.outside_members import is_reference
+
+__all__ = ["unloaded_models"]
+
+
+def unloaded_models(
+    tree: xr.DataTree, content: Mapping[str, Any], *, trust: bool
+) -> dict[tuple[str | int, ...], UnloadedModel]:
+    """Return a stand-in for each model of a study whose class is a user's own.
+
+    Parameters
+    ----------
+    tree : DataTree
+        The archive.
+    content : mapping
+        Its study's text, parsed.
+    trust : bool
+        True if classes in files are loaded, and need no stand-in. Objects of a Python program do.
+
+    Returns
+    -------
+    dict of tuple to UnloadedModel
+        By the path of the model's table, as the objects of `parse_study`.
+    """
+    found: dict[tuple[str | int, ...], UnloadedModel] = {}
+    for name, group in model_trees(tree).items():
+        path = ("models", name) if name else ("model",)
+        table = _table(content, *path)
+        is_object = table.get("class") is True and OBJECT in table
+        designs = group_names(group, RUNS)
+        if designs and (is_object or (is_reference(table.get("use")) and not trust)):
+            runs = read_group(group, RUNS, designs[0])
+            named = str(table[OBJECT] if is_object else table["use"])
+            found[path] = replace(_model(named, runs), is_absent=is_object)
+    return found
+
+
+def _table(content: Mapping[str, Any], *keys: str) -> Mapping[str, Any]:
+    for key in keys:
+        inner = content.get(key)
+        content = inner if isinstance(inner, dict) else {}
+    return content
+
+
+def _model(reference: str, runs: xr.Dataset) -> UnloadedModel:
+    """Return a model with the inputs and outputs of runs; a value for all runs is a default."""
+    variables = {str(name): variable for name, variable in runs.data_vars.items()}
+    inputs = tuple(
+        Input(*_names(name, variable), default=_value(variable))
+        for name, variable in variables.items()
+        if variable.attrs.get(ROLE) == "input"
+    )
+    outputs = tuple(
+        Output(*_names(name, variable), categories=_categories(variable))
+        for name, variable in variables.items()
+        if variable.attrs.get(ROLE) == "output"
+    )
+    return UnloadedModel(reference, inputs, outputs)
+
+
+def _names(name: str, variable: xr.DataArray) -> tuple[str, str, str, str]:
+    """Return the name, SI unit, title and display unit of a variable."""
+    texts = (str(variable.attrs.get(key, "")) for key in ("long_name", "display_units"))
+    return name, str(variable.attrs.get("units", "1")), *texts  # type: ignore[return-value]
+
+
+def _value(variable: xr.DataArray) -> float | None:
+    is_number = not variable.dims and variable.dtype.kind == "f"
+    return float(variable) if is_number else None
+
+
+def _categories(variable: xr.DataArray) -> tuple[Category, ...]:
+    flags = str(variable.attrs.get("flag_meanings", "")).split()
+    labels = np.atleast_1d(variable.attrs.get("flag_labels", flags))
+    return tuple(Category(flag, str(label)) for flag, label in zip(flags, labels, strict=False))
