@@ -6,7 +6,9 @@ on every network that the machine is part of, and answers a run that fails with 
 
 from __future__ import annotations
 
+import ipaddress
 import json
+import re
 import socket
 import socketserver
 import sys
@@ -29,7 +31,15 @@ __all__ = ["ModelServer", "ServedModel"]
 
 # A request holds a few numbers; whoever sends more has something else in mind.
 _LARGEST = 1024 * 1024
-_DISCARDED = 16 * _LARGEST
+# A client sends its whole request before it reads the answer, so a larger one is read and thrown
+# away, up to this number of bytes.
+_DISCARDED = 1024 * _LARGEST
+
+# Most connections that are served at once. As many again are told that the server is busy; a
+# connection beyond these is closed.
+_MOST_CONNECTIONS = 128
+
+_LOCAL_NAMES = ("localhost", "localhost.localdomain")
 
 # UM-Bridge also has derivatives and runs by shared memory, which uqpen does not offer.
 _DERIVATIVES = ("Gradient", "ApplyJacobian", "ApplyHessian")
@@ -128,6 +138,9 @@ class ModelServer(socketserver.ThreadingTCPServer):
         # Models need not bear being run by several at once; a user's function rarely does.
         self.turn = threading.Lock()
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self._name = _plain_name(host)
+        self._count_lock = threading.Lock()
+        self._connections = 0
         super().__init__((host, port), _Handler)
 
     @property
@@ -136,6 +149,43 @@ class ModelServer(socketserver.ThreadingTCPServer):
         host, port = self.server_address[:2]
         host = str(host)
         return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+    @property
+    def is_busy(self) -> bool:
+        """True if it has more connections than it serves."""
+        return self._connections > _MOST_CONNECTIONS
+
+    def is_named(self, name: str) -> bool:
+        """Check that a request is meant for this server, by the host name that it is sent to.
+
+        A page of any site can make its own name stand for 127.0.0.1, and then ask this server as if
+        it were that site. An address cannot be made to stand for another. Where the server listens
+        at all addresses, its names are not known.
+        """
+        listening = ipaddress.ip_address(self.server_address[0])  # type: ignore[arg-type]
+        plain = _plain_name(name)
+        return (
+            listening.is_unspecified
+            or plain in (self._name, *_LOCAL_NAMES)
+            or plain.endswith(".localhost")
+            or _is_address(plain)
+        )
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve a connection in a thread of its own, if there are not too many."""
+        with self._count_lock:
+            self._connections += 1
+            is_refused = self._connections > 2 * _MOST_CONNECTIONS
+        if is_refused:
+            self.shutdown_request(request)
+        else:
+            super().process_request(request, client_address)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection."""
+        with self._count_lock:
+            self._connections -= 1
+        super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Report an error in uqpen with its traceback; ignore a client that disconnects."""
@@ -164,6 +214,20 @@ class ModelServer(socketserver.ThreadingTCPServer):
             return {"output": [offer.run(values)]}
 
 
+def _plain_name(host: str) -> str:
+    """Return the name of a host in lower case, without brackets and a last dot."""
+    return host.lower().removeprefix("[").removesuffix("]").removesuffix(".")
+
+
+def _is_address(name: str) -> bool:
+    """Check that a name of a host is an IP address."""
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
 def _only_vector(vectors: Any, size: int) -> list[float]:
     """Return the only vector of an input; refuse one of another size."""
     match vectors:
@@ -188,6 +252,11 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Respond to a request for the list of models."""
+        try:
+            self._check_sender()
+        except _RefusedError as refused:
+            self._send_refusal(refused)
+            return
         if self.path.strip("/") == "Info":
             models = list(self.server.offers)
             self._send(HTTPStatus.OK, {"protocolVersion": PROTOCOL, "models": models})
@@ -198,13 +267,43 @@ class _Handler(BaseHTTPRequestHandler):
         """Respond to a request for information on a model, or for a run of it."""
         try:
             content = self._content()
+            self._check_sender()
+            if self.headers.get_content_type() != "application/json":
+                message = "the content of a request is application/json"
+                code = HTTPStatus.UNSUPPORTED_MEDIA_TYPE
+                raise _RefusedError("UnsupportedMediaType", message, code)
             what = self.path.strip("/")
             if what not in _REQUESTS:
                 raise _RefusedError("NotFound", f"{self.path} is not known", HTTPStatus.NOT_FOUND)
             self._send(HTTPStatus.OK, self.server.answer(what, _parse_request(content)))
         except _RefusedError as refused:
-            error = {"type": refused.kind, "message": str(refused)}
-            self._send(refused.code, {"error": error})
+            self._send_refusal(refused)
+
+    def _send_refusal(self, refused: _RefusedError) -> None:
+        error = {"type": refused.kind, "message": str(refused)}
+        self._send(refused.code, {"error": error})
+
+    def _check_sender(self) -> None:
+        """Refuse a request that a page in a browser sends, or that is meant for another server.
+
+        Clients of UM-Bridge are programs. A page that its user only looks at must not have runs
+        made: browsers tell its origin with every request that could.
+        """
+        if self.server.is_busy:
+            self.close_connection = True
+            message = f"all {_MOST_CONNECTIONS} connections are in use"
+            raise _RefusedError("ServiceUnavailable", message, HTTPStatus.SERVICE_UNAVAILABLE)
+        if "Origin" in self.headers:
+            message = "pages in a browser are not served"
+            raise _RefusedError("Forbidden", message, HTTPStatus.FORBIDDEN)
+        host = self.headers.get_all("Host", [])
+        name = re.sub(r":[0-9]*\Z", "", host[0].strip()) if len(host) == 1 else ""
+        if not name:
+            raise _RefusedError("BadRequest", "the request does not tell its one host")
+        if not self.server.is_named(name):
+            message = f"this server is not {name}; it is known by its address"
+            code = HTTPStatus.MISDIRECTED_REQUEST
+            raise _RefusedError("MisdirectedRequest", message, code)
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
         """Respond to a request outside the protocol with an error in the form of the protocol."""
