@@ -52,8 +52,8 @@ __all__ = [
 ]
 
 # Python converts integers of up to 4 300 digits to decimal ones, as that takes the square of their
-# number in time; these bits are some 3 000 digits. TOML's hexadecimal integers have no limit.
-_HUGE = 10_000
+# number in time; these bits are some 4 200 digits. TOML's hexadecimal integers have no limit.
+_HUGE = 14_000
 
 
 @dataclass(frozen=True)
@@ -184,4 +184,4 @@ def toml_text(value: object) -> str:
         return "a table"
     if isinstance(value, list):
         return "a list"
-    return "a whole number of over 3000 digits" if is_huge(value) else repr(value)
+    return "a whole number of over 4000 digits" if is_huge(value) else repr(value)
