@@ -22,14 +22,13 @@ import pytest
 import umbridge
 
 import uqpen
-from uqpen import server
 from uqpen.cli.serve import make_offers
 from uqpen.core.errors import UqpenError
 from uqpen.core.status import Status
 from uqpen.execution import Evaluator
 from uqpen.execution.processes import processes
 from uqpen.models.ishigami import Ishigami
-from uqpen.server import ModelServer, ServedModel
+from uqpen.server import ModelServer, ServedModel, model_server
 
 pytestmark = pytest.mark.slow
 
@@ -207,7 +206,7 @@ def test_a_large_request_gets_its_answer(address: str) -> None:
 
 
 def test_connections_beyond_a_number_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server, "_MOST_CONNECTIONS", 2)
+    monkeypatch.setattr(model_server, "_MOST_CONNECTIONS", 2)
     busy = {"type": "ServiceUnavailable", "message": "all 2 connections are in use"}
     offer = ServedModel("ishigami", Evaluator(Ishigami()), ("x1", "x2", "x3"))
     with offering(offer) as address, contextlib.ExitStack() as idle:

@@ -46,7 +46,7 @@ def _read_time(written: Any, context: object) -> float:
     return seconds
 
 
-def _is_time(value: object) -> bool:
+def _is_time(value: Any) -> bool:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return is_number and 0 < value <= _LONGEST
 

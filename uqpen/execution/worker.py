@@ -132,8 +132,8 @@ class Worker:
     def needs_repetition(self) -> bool:
         """True if the run that it has answered took longer than allowed, but imported modules.
 
-        The modules are loaded now. Only the time of a run without them tells if it is too long, so
-        that it does not matter in which process a run is made.
+        The modules are loaded now. Only the time of a run without them decides if it is too
+        long, so that it does not matter in which process a run is made.
         """
         return self._has_imported and time.monotonic() - self._begun_at > self._seconds
 

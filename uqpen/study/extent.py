@@ -30,7 +30,7 @@ _PART_END = re.compile(r"[A-Za-z0-9_\"'-][ \t]*+\.")
 
 
 def has_endless_keys(text: str) -> bool:
-    """Check if the dotted keys of a text have so many parts that a parser would not come back."""
+    """Check if the dotted keys of a text have too many parts to be parsed in reasonable time."""
     left = _MOST_PARTS_SQUARED
     for stretch in _STRETCH.finditer(text):
         left -= sum(1 for _ in _PART_END.finditer(stretch[0])) ** 2
