@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import http.client
 import json
 import re
 import signal
@@ -27,7 +28,7 @@ from uqpen.core.status import Status
 from uqpen.execution import Evaluator
 from uqpen.execution.processes import processes
 from uqpen.models.ishigami import Ishigami
-from uqpen.server import ModelServer, ServedModel
+from uqpen.server import ModelServer, ServedModel, model_server
 
 pytestmark = pytest.mark.slow
 
@@ -106,6 +107,9 @@ class TestUMBridgeClient:
 
 def asked(address: str, path: str, content: bytes | None, **headers: str) -> tuple[int, Any]:
     """Code and content of an answer."""
+    headers = {"Content-Type": "application/json"} | {
+        name.replace("_", "-"): value for name, value in headers.items()
+    }
     try:
         with urlopen(Request(f"{address}/{path}", content, headers), timeout=60) as response:
             return response.status, json.load(response)
@@ -146,6 +150,94 @@ def test_what_is_no_run_gets_an_error_of_the_protocol(
 ) -> None:
     told = {"error": {"type": kind, "message": message}}
     assert asked(address, path, content) == (code, told)
+
+
+RUN = b'{"name": "ishigami", "input": [[0, 0, 0]]}'
+
+
+@pytest.mark.parametrize(
+    ("headers", "code", "message"),
+    [
+        ({}, 200, None),
+        ({"Content_Type": "Application/JSON; charset=utf-8"}, 200, None),
+        ({"Host": "localhost:80"}, 200, None),
+        ({"Host": "LOCALHOST."}, 200, None),
+        ({"Host": "[::1]:80"}, 200, None),
+        ({"Host": "192.0.2.1"}, 200, None),
+        ({"Host": "evil.example"}, 421, "this server is not evil.example; it is known by its"),
+        ({"Host": "127.0.0.1.evil.example:80"}, 421, "this server is not 127.0.0.1.evil.example;"),
+        ({"Host": ":80"}, 400, "the request does not tell its one host"),
+        ({"Origin": "http://evil.example"}, 403, "pages in a browser are not served"),
+        ({"Origin": "null"}, 403, "pages in a browser are not served"),
+        ({"Content_Type": "text/plain"}, 415, "the content of a request is application/json"),
+        (
+            {"Content_Type": "application/x-www-form-urlencoded"},
+            415,
+            "the content of a request is application/json",
+        ),
+    ],
+)
+def test_only_programs_that_mean_this_server_have_runs_made(
+    address: str, headers: dict[str, str], code: int, message: str | None
+) -> None:
+    found, answer = asked(address, "Evaluate", RUN, **headers)
+    assert found == code
+    if message is None:
+        assert answer == {"output": [[0.0]]}
+    else:
+        assert answer["error"]["message"].startswith(message)
+    if code != 415:  # a list of models has no content
+        assert asked(address, "Info", None, **headers)[0] == code
+
+
+def test_a_host_name_that_was_given_is_known() -> None:
+    offer = ServedModel("ishigami", Evaluator(Ishigami()), ("x1", "x2", "x3"))
+    with ModelServer([offer], "localhost", 0) as server:
+        server._name = "models.example.org"  # as if that name were known to this machine
+        assert server.is_named("Models.Example.Org.")
+        assert not server.is_named("example.org")
+    with ModelServer([offer], "0.0.0.0", 0) as server:
+        assert server.is_named("whatever.it.is.called")
+
+
+def test_a_large_request_gets_its_answer(address: str) -> None:
+    told = {"error": {"type": "TooLarge", "message": "a request has at most 1048576 bytes"}}
+    assert asked(address, "Evaluate", b" " * 30_000_000) == (413, told)
+
+
+def test_connections_beyond_a_number_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(model_server, "_MOST_CONNECTIONS", 2)
+    busy = {"type": "ServiceUnavailable", "message": "all 2 connections are in use"}
+    offer = ServedModel("ishigami", Evaluator(Ishigami()), ("x1", "x2", "x3"))
+    with offering(offer) as address, contextlib.ExitStack() as idle:
+        port = int(address.rpartition(":")[2])
+
+        def connect() -> http.client.HTTPConnection:
+            client = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
+            idle.callback(client.close)
+            client.connect()
+            return client
+
+        def ask(client: http.client.HTTPConnection) -> tuple[int, Any]:
+            client.request("GET", "/Info")
+            answer = client.getresponse()
+            return answer.status, json.load(answer)
+
+        served = [connect(), connect()]
+        assert [ask(client)[0] for client in served] == [200, 200]
+        more = [connect(), connect()]
+        assert ask(more[0]) == (503, {"error": busy})
+        # One that is not even told is closed before it is answered.
+        more += [connect(), connect()]
+        with pytest.raises((ConnectionError, http.client.HTTPException)):
+            ask(more[-1])
+        for client in [*more, served[0]]:
+            client.close()
+        code = 503
+        while code != 200:  # until the server has seen that they are closed
+            with contextlib.suppress(ConnectionError, http.client.HTTPException):
+                code = ask(connect())[0]
+        assert ask(served[1])[0] == 200, "those that are served stay so"
 
 
 @pytest.mark.parametrize(

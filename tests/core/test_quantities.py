@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 from hypothesis import given
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 from uqpen.core.errors import QuantityError
 from uqpen.core.quantities import parse_quantity, parse_spread
-from uqpen.core.units import are_convertible, describe, scale, si_unit
+from uqpen.core.units import NUMBER, are_convertible, describe, scale, si_unit
 
 
 @pytest.mark.parametrize(
@@ -154,3 +155,44 @@ def test_a_message_says_what_a_unit_measures() -> None:
 def test_units_are_alike_when_they_measure_the_same() -> None:
     assert are_convertible("psi", "GPa")
     assert not are_convertible("psi", "GPa m")
+
+
+MILLION = 1_000_000
+
+
+@pytest.mark.parametrize("tail", ["x", "_", ".x", "e", "e+"])
+def test_a_number_is_read_in_linear_time(tail: str) -> None:
+    # With a square of the length, no answer would come within hours.
+    assert re.fullmatch(NUMBER, f"{'1' * MILLION}{tail}") is None
+    assert re.fullmatch(NUMBER, f"{'1_' * MILLION}{tail}") is None
+    assert re.fullmatch(NUMBER, "1" * MILLION)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1" * MILLION,
+        f"{'1' * MILLION}x",
+        f"1 a{' ' * MILLION}x",
+        f"{' ' * MILLION}x",
+        f"({' ' * MILLION}1 ± 1",
+        f"(1 ± 1){' ' * MILLION}m{' ' * MILLION}x",
+        "±" * MILLION,
+    ],
+)
+def test_a_text_that_is_far_too_long_for_a_quantity_is_refused(text: str) -> None:
+    told = f"found a text of {len(text)} characters; expected a quantity of at most 2000 characters"
+    for parse in (parse_quantity, parse_spread):
+        with pytest.raises(QuantityError) as refused:
+            parse(text, "m")
+        assert str(refused.value) == told
+
+
+def test_a_unit_that_is_far_too_long_is_refused() -> None:
+    with pytest.raises(QuantityError, match="found a unit of 1500 characters; expected one of at"):
+        parse_quantity(f"1 {'m ' * 750}".strip() + "m", "m")
+
+
+def test_an_integer_with_too_many_digits_is_refused() -> None:
+    with pytest.raises(QuantityError, match="found a whole number of over 4000 digits"):
+        parse_quantity(16**5000, "m")

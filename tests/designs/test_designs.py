@@ -17,7 +17,7 @@ from uqpen.core.errors import SettingsError, TableError
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Input
 from uqpen.core.streams import BLOCK, Stream
-from uqpen.designs import DESIGNS
+from uqpen.designs import DESIGNS, quadrature
 from uqpen.designs.design import Design
 from uqpen.designs.full_factorial import FullFactorial
 from uqpen.designs.latin_hypercube import LatinHypercube
@@ -42,6 +42,12 @@ LAW = JointDistribution(
     (LENGTH, MASS, SHARE),
 )
 STREAM = Stream(1, "designs", "mine")
+
+
+def law_of_many(inputs: int) -> JointDistribution:
+    variables = tuple(Input(f"x{number}", "1") for number in range(inputs))
+    uniform = (RandomInput(variable, Uniform(0.0, 1.0), "1") for variable in variables)
+    return JointDistribution(tuple(uniform), variables)
 
 
 def points(design: Design, joint: JointDistribution = LAW, stream: Stream = STREAM) -> xr.Dataset:
@@ -297,3 +303,29 @@ class TestTable:
         (tmp_path / "latin.csv").write_bytes(b"l\xe4nge\n1\n")
         with pytest.raises(TableError, match="not UTF-8"):
             points(TableDesign(tmp_path / "latin.csv"))
+
+
+def test_a_hypercube_that_takes_minutes_to_optimize_is_refused() -> None:
+    law = law_of_many(2)
+    assert list(LatinHypercube(2000, 2, "random-cd").check_inputs(law)) == []
+    assert list(LatinHypercube(100_000, 2).check_inputs(law)) == []
+    for design in (LatinHypercube(20_000, 1, "random-cd"), LatinHypercube(400, 100, "random-cd")):
+        (problem,) = design.check_inputs(law)
+        assert problem.path == ("optimization",)
+        assert f"of {design.runs} points in {design.replicates} hypercubes" in problem.found
+
+
+def test_a_sparse_grid_over_many_inputs_is_made_or_refused() -> None:
+    # More than the 32 dimensions that an array of NumPy's may have.
+    assert Quadrature(1, "sparse").run_count(law_of_many(40)) == 81
+    (problem,) = Quadrature(3, "sparse").check_inputs(law_of_many(60))
+    assert problem.found == "3, which over 60 random inputs combines 3.97e+04 grids"
+    assert problem.expected == "at most 5000 grids: a lower order, or fewer inputs"
+
+
+def test_rows_are_told_apart_alike_with_and_without_numbers_of_them() -> None:
+    rows = np.random.default_rng(1).integers(0, 3, (200, 4))
+    short = quadrature._distinct_rows(rows, [3] * 4)
+    long = quadrature._distinct_rows(rows, [2**16] * 4)
+    for found, expected in zip(short, long, strict=True):
+        np.testing.assert_array_equal(found, expected)

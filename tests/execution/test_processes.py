@@ -305,6 +305,36 @@ def test_what_a_run_has_started_ends_with_its_time(tmp_path: Path) -> None:
     assert "2 timed out" in said
 
 
+IMPORTS = """\
+import pathlib, time
+started = []
+def f(x):
+    import slow_module
+    started.append(x)
+    if x > 1.5:
+        time.sleep(60)
+    return {"y": x, "calls": started.count(x)}
+"""
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_imports_are_no_part_of_the_time_of_a_run(tmp_path: Path, workers: int) -> None:
+    (tmp_path / "slow_module.py").write_text("import time\ntime.sleep(1.5)\n")
+    models = f'[model]\ntime_limit = "1 s"\n{MODEL}'.replace(
+        'outputs = { y = "m" }', 'outputs = { y = "m", calls = "1" }'
+    )
+    text = study(tmp_path, IMPORTS, models=models)
+    model = uqpen.parse_study(text, folder=tmp_path).model
+    x = np.array([0.25, 0.5, 2.0, 0.75, 1.0])
+    with processes(workers) as pool:
+        runs = evaluate(Evaluator(model), points(*x), {}, map=pool)
+    lost = x > 1.5
+    assert (runs["status"].values == np.where(lost, Status.TIMED_OUT, Status.OK)).all()
+    assert runs["lost_reason"].values.tolist() == ["took longer than 1 s"]
+    # The first run is made again when its module is loaded: only then it shows what time it takes.
+    assert runs["calls"].values[0] == 2
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends when the run does")
 @pytest.mark.parametrize("source", [LAUNCHER, BUSY_IN_C])
 def test_a_run_ends_with_a_program_that_is_killed(tmp_path: Path, source: str) -> None:

@@ -19,6 +19,8 @@ import uqpen
 from uqpen.core.errors import StudyError
 from uqpen.core.status import Status
 from uqpen.execution.processes import processes
+from uqpen.models import umbridge_client
+from uqpen.study import umbridge_section
 
 pytestmark = pytest.mark.slow
 
@@ -84,6 +86,39 @@ def answering(*answers: bytes) -> Iterator[str]:
     with listening:
         yield f"http://127.0.0.1:{listening.getsockname()[1]}"
         thread.join(5)
+
+
+@contextlib.contextmanager
+def dripping(*answers: bytes, start: bytes, drop: bytes, end: bytes) -> Iterator[str]:
+    """The address of a server that, after some answers, gives the next one drop by drop.
+
+    The drops end some ten seconds later, for a client that waits until then, or when it leaves.
+    """
+    listening = socket.create_server(("127.0.0.1", 0))
+    is_over = threading.Event()
+
+    def serve() -> None:
+        for answer in answers:
+            connection, _ = listening.accept()
+            with connection:
+                connection.recv(65536)
+                connection.sendall(answer)
+        connection, _ = listening.accept()
+        with connection, contextlib.suppress(OSError):
+            connection.recv(65536)
+            connection.sendall(start)
+            for _ in range(100):
+                if is_over.wait(0.1):
+                    return
+                connection.sendall(drop)
+            connection.sendall(end)
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    with listening:
+        yield f"http://127.0.0.1:{listening.getsockname()[1]}"
+        is_over.set()
+        thread.join(60)
 
 
 def http(content: str, code: str = "200 OK") -> bytes:
@@ -176,7 +211,30 @@ ANSWERS = {
         http('{"error": "out of order"}'),
         "the server answers with an error: out of order",
     ),
+    "chunk of negative size": (
+        b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n-5\r\nhello\r\n0\r\n\r\n",
+        "the server's answer is not HTTP",
+    ),
+    "chunk without an end": (
+        b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n-1\r\nhello\r\n0\r\n\r\n",
+        LOST,
+    ),
     "long": (http(f'{{"error": {{"message": "{500 * "m"}"}}}}'), f"error: {192 * 'm'}…"),
+}
+
+HEAD = b"HTTP/1.1 200 OK\r\n"
+RUN = b'{"output": [[1], [2]]}'
+# A valid answer that takes far longer than the limit, though each of its pieces comes soon: what it
+# begins with, what is repeated, and what it ends with.
+DRIPS = {
+    "content": (HEAD + b"Content-Length: 122\r\n\r\n", b" ", RUN),
+    "chunks": (
+        HEAD + b"Transfer-Encoding: chunked\r\n\r\n",
+        b"1\r\n \r\n",
+        b"16\r\n" + RUN + b"\r\n0\r\n\r\n",
+    ),
+    "a header": (HEAD + b"X-Long: ", b"x", b"\r\nContent-Length: 22\r\n\r\n" + RUN),
+    "continue": (b"", b"HTTP/1.1 100 Continue\r\n\r\n", http(RUN.decode())),
 }
 
 
@@ -209,6 +267,25 @@ class TestLostRuns:
         made = runs(study(address, model))
         assert set(made["status"].values) == {Status.OK, Status.TIMED_OUT}
         assert set(made["lost_reason"].values) == {"took longer than 2 s"}
+
+    @pytest.mark.parametrize("case", DRIPS)
+    def test_the_time_limit_is_that_of_the_whole_answer(self, case: str) -> None:
+        start, drop, end = DRIPS[case]
+        with dripping(*BEFORE, start=start, drop=drop, end=end) as address:
+            limited = study(address, 'time_limit = "1 s"', ("runs = 20", "runs = 1"))
+            made = runs(limited)
+        assert made["status"].values.tolist() == [Status.TIMED_OUT]
+        assert made["lost_reason"].values.tolist() == ["took longer than 1 s"]
+
+    def test_what_never_ends_is_not_received_for_ever(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(umbridge_client, "_MOST_RECEIVED", 2**17)
+        endless = 10_000 * b"HTTP/1.1 100 Continue\r\n\r\n"
+        with dripping(*BEFORE, start=endless, drop=b"H", end=b"") as address:
+            made = runs(study(address, "", ("runs = 20", "runs = 1")))
+        told = "the server's answer has more than 16777216 bytes"
+        assert made["lost_reason"].values.tolist() == [told]
 
     def test_a_server_that_dies_takes_the_rest_of_the_study_along_at_once(self) -> None:
         with serving() as (address, process):
@@ -351,6 +428,19 @@ class TestMistakes:
         (problem,) = refused.value.problems
         assert problem.found == f'"{address}": {LOST}'
         assert problem.expected == "a UM-Bridge server that responds"
+
+    def test_a_server_that_never_finishes_an_answer_holds_no_check(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(umbridge_section, "_PATIENCE", 0.5)
+        start, drop, end = DRIPS["content"]
+        with (
+            dripping(start=start, drop=drop, end=end) as address,
+            pytest.raises(StudyError) as refused,
+        ):
+            study(address)
+        (problem,) = refused.value.problems
+        assert problem.found == f'"{address}": took longer than 0.5 s'
 
     @pytest.mark.parametrize(
         ("answers", "found", "expected"),

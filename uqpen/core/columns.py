@@ -22,8 +22,10 @@ from uqpen.core.units import DIMENSIONLESS, NUMBER, are_convertible, describe, s
 __all__ = ["Column", "ColumnFile", "columns_of_table", "heading_parts", "read_columns"]
 
 
-_NUMBER = re.compile(rf"\s*{NUMBER}\s*\Z")
-_HEADER = re.compile(r"\s*([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?\s*\Z")
+_NUMBER = re.compile(NUMBER)
+
+# No heading and no number comes near these numbers of characters.
+_LONGEST_HEADING, _LONGEST_NUMBER = 1000, 4000
 
 
 @dataclass(frozen=True)
@@ -159,18 +161,25 @@ def _csv(path: Path, content: bytes) -> tuple[Column, ...]:
 
 def heading_parts(text: str, place: str) -> tuple[str, str]:
     """Return the name and the unit of a heading ``name [unit]``; `place` is for the error."""
-    match = _HEADER.match(text)
-    if match is None or not match[1]:
+    if len(text) > _LONGEST_HEADING:
+        found = f"a heading of {len(text)} characters, expected at most {_LONGEST_HEADING}"
+        raise TableError(f"{place}: found {found}")
+    name, bracket, unit = text.strip().removesuffix("]").partition("[")
+    is_closed = text.rstrip().endswith("]")
+    if not name.strip() or is_closed != bool(bracket) or {*"[]"} & {*name, *unit}:
         raise TableError(f'{place}: heading "{text}" is not of the form "name [unit]"')
-    return match[1], (match[2] or "").strip() or DIMENSIONLESS
+    return name.strip(), unit.strip() or DIMENSIONLESS
 
 
 def _numbers(texts: Sequence[tuple[int, str]], name: str, path: Path) -> FloatArray:
     values = np.empty(len(texts))
     for position, (line, text) in enumerate(texts):
-        if not _NUMBER.match(text) or not math.isfinite(float(text)):
+        plain = text.strip()
+        is_long = len(plain) > _LONGEST_NUMBER
+        if is_long or not _NUMBER.fullmatch(plain) or not math.isfinite(float(plain)):
             where = f'"{path.name}", line {line}, column "{name}"'
-            raise TableError(f"{where}: found {toml_text(text.strip())}, expected a number")
+            found = f"{len(plain)} characters" if is_long else toml_text(plain)
+            raise TableError(f"{where}: found {found}, expected a number")
         values[position] = float(text)
     return values
 

@@ -47,8 +47,13 @@ __all__ = [
     "UnknownNameError",
     "UqpenError",
     "WorkerError",
+    "is_huge",
     "toml_text",
 ]
+
+# Python converts integers of up to 4 300 digits to decimal ones, as that takes the square of their
+# number in time; these bits are some 4 200 digits. TOML's hexadecimal integers have no limit.
+_HUGE = 14_000
 
 
 @dataclass(frozen=True)
@@ -162,6 +167,11 @@ class ArchiveError(UqpenError, OSError):
     """A file that cannot be written, or that is not an archive of uqpen's."""
 
 
+def is_huge(value: object) -> bool:
+    """Check that a value is an integer with too many digits to be written or converted."""
+    return isinstance(value, int) and value.bit_length() > _HUGE
+
+
 def toml_text(value: object) -> str:
     """Return a TOML value approximately as its author wrote it."""
     if isinstance(value, bool):
@@ -174,4 +184,4 @@ def toml_text(value: object) -> str:
         return "a table"
     if isinstance(value, list):
         return "a list"
-    return repr(value)
+    return "a whole number of over 4000 digits" if is_huge(value) else repr(value)

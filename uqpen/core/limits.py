@@ -6,11 +6,16 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from uqpen.core.settings import quantity, setting, validate
+from uqpen.core.errors import QuantityError, toml_text
+from uqpen.core.quantities import parse_quantity
+from uqpen.core.settings import setting, validate
 
 __all__ = ["Limits", "time_limit"]
 
 _LEAST, _MOST = 1e6, 1e15  # bytes
+
+# Systems wait for an event for at most 2^31 milliseconds, which are 24.8 days.
+_LONGEST = 24 * 86400.0  # seconds
 
 _SIZE = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*([kMGT]i?|)B\s*\Z")
 _PREFIXES = {"": 1} | {
@@ -22,14 +27,35 @@ _PREFIXES = {"": 1} | {
 
 def time_limit() -> Any:
     """Declare the setting ``time_limit``, in seconds."""
-    expected = 'a time such as "10 s" or "5 min"'
-    return quantity(unit="s", above=0, default=None, expected=expected, key="time_limit")
+    return setting(
+        "quantity with a unit of its own",
+        'a time such as "10 s" or "5 min"',
+        _is_time,
+        read=_read_time,
+        default=None,
+        key="time_limit",
+    )
+
+
+def _read_time(written: Any, context: object) -> float:
+    """Convert a time to seconds; refuse one that no system can wait for."""
+    seconds = parse_quantity(written, "s").value
+    if seconds > _LONGEST:
+        expected = "a time of at most 24 days; without a limit, a run takes the time that it needs"
+        raise QuantityError(toml_text(written), expected)
+    return seconds
+
+
+def _is_time(value: Any) -> bool:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and 0 < value <= _LONGEST
 
 
 def _read_size(written: object, context: object) -> int:
     """Convert a size such as ``"2 GB"`` to bytes; what is none becomes 0, which is refused."""
     match = _SIZE.match(written) if isinstance(written, str) else None
-    return int(float(match[1]) * _PREFIXES[match[2]]) if match else 0
+    size = float(match[1]) * _PREFIXES[match[2]] if match else 0.0
+    return int(min(size, 2 * _MOST))  # many digits make it infinite
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from uqpen.core.errors import QuantityError, toml_text
+from uqpen.core.errors import QuantityError, is_huge, toml_text
 from uqpen.core.units import (
     ANY_DIMENSION,
     DIMENSIONLESS,
@@ -24,10 +24,12 @@ from uqpen.core.units import (
 
 __all__ = ["Quantity", "Spread", "parse_any_dimension", "parse_quantity", "parse_spread"]
 
-_QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*\Z", re.DOTALL)
+_NUMBER = re.compile(NUMBER)
 _PLUS_MINUS = re.compile(r"±|\+/-|\+-")
-_GROUPED = re.compile(r"\s*\((.*)\)\s*(.*?)\s*\Z", re.DOTALL)
 _DECIMAL_COMMA = re.compile(r"\s*([+-]?[0-9]+),([0-9]+)(.*)\Z", re.DOTALL)
+
+# No quantity comes near this number of characters.
+_LONGEST = 2000
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ def parse_quantity(text: str | float, like: str, *, difference: bool = False) ->
     QuantityError
         If it is not a finite number with a unit of that dimension.
     """
-    if isinstance(text, int | float) and not isinstance(text, bool):
+    if isinstance(text, int | float) and not isinstance(text, bool) and not is_huge(text):
         text = repr(text)
     if not isinstance(text, str):
         raise QuantityError(toml_text(text), describe(like))
@@ -91,17 +93,17 @@ def parse_spread(text: str, like: str) -> Spread | None:
     QuantityError
         If it has one but cannot be read.
     """
+    _refuse_length(text)
     if not _PLUS_MINUS.search(text):
         return None
-    grouped = _GROUPED.match(text)
-    inner, unit = grouped.groups() if grouped else (text, "")
+    inner, unit = _ungroup(text)
     parts = _PLUS_MINUS.split(inner)
     shape = f'a mean and a standard deviation, such as "{_example(like)}"'
     if len(parts) != 2:
         raise QuantityError(toml_text(text), shape)
     for part in parts:
         _refuse_comma(part)
-    if not all(re.fullmatch(rf"\s*{NUMBER}\s*", part) for part in parts):
+    if not all(_NUMBER.fullmatch(part.strip()) for part in parts):
         raise QuantityError(toml_text(text), f"{shape}, the unit once and behind the bracket")
     mean, std = (float(part) for part in parts)
     measure = _checked_scale(text, unit, like)
@@ -116,14 +118,28 @@ def _example(like: str) -> str:
 
 def _split(text: str, like: str) -> tuple[float, str]:
     """Split the text of a quantity into number and unit."""
+    _refuse_length(text)
     _refuse_comma(text)
-    match = _QUANTITY.match(text)
+    plain = text.strip()
+    match = _NUMBER.match(plain)
     if match is None:
         raise QuantityError(toml_text(text), describe(like))
-    number, unit = match.groups()
+    number, unit = match[0], plain[match.end() :].strip()
     if _PLUS_MINUS.search(unit):
         raise QuantityError(f"{toml_text(text)}, with a ±", f"{describe(like)}, without a spread")
     return float(number), unit or DIMENSIONLESS
+
+
+def _ungroup(text: str) -> tuple[str, str]:
+    """Split the text of a spread into what is in its brackets, if it has them, and the unit."""
+    inner, bracket, unit = text.strip().rpartition(")")
+    return (inner[1:], unit.strip()) if bracket and inner.startswith("(") else (text, "")
+
+
+def _refuse_length(text: str) -> None:
+    if len(text) > _LONGEST:
+        found = f"a text of {len(text)} characters"
+        raise QuantityError(found, f"a quantity of at most {_LONGEST} characters")
 
 
 def _refuse_comma(text: str) -> None:

@@ -40,10 +40,14 @@ class _AnyDimension(str):
 # Stands for an unknown unit; it is recognised by its identity.
 ANY_DIMENSION = _AnyDimension("any dimension")
 
-# A decimal number, as a regular expression.
-NUMBER = r"[+-]?(?:[0-9]+(?:_[0-9]+)*\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+# A decimal number, as a regular expression. Its possessive quantifiers give no digit back, so the
+# time that a match takes is proportional to the length of the text, also where it fails.
+NUMBER = r"[+-]?(?:[0-9]++(?:_[0-9]++)*+(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?+"
 # Typeset powers; the library reads only a few of them.
 _TYPESET = str.maketrans("⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+-0123456789")
+
+# No unit comes near this number of characters; the units library is not given longer ones.
+_LONGEST = 500
 
 # Tokens of a unit, for `_is_product_of_names`.
 _POWER = r"(?:(?:\^|\*\*)?[+-]?[0-9]+)"
@@ -118,6 +122,8 @@ def _unit(text: str) -> Any:
     """Make the object of the units library; it is imported here, as not every command needs it."""
     import cf_units
 
+    if len(text) > _LONGEST:
+        raise QuantityError(f"a unit of {len(text)} characters", f"one of at most {_LONGEST}")
     plain = text.translate(_TYPESET) or DIMENSIONLESS
     try:
         if _is_product_of_names(plain):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
@@ -20,7 +21,13 @@ _MOST_NODES = 10_000_000
 
 def tensor_grid(columns: Sequence[npt.NDArray[Number]]) -> list[npt.NDArray[Number]]:
     """Return every combination of the entries of some columns; the last column varies fastest."""
-    return [axis.ravel() for axis in np.meshgrid(*columns, indexing="ij")]
+    before, after = 1, math.prod(map(len, columns))
+    grid = []
+    for column in columns:  # not by `meshgrid`, which takes no more than 32 columns
+        after //= len(column)
+        grid.append(np.tile(np.repeat(column, after), before))
+        before *= len(column)
+    return grid
 
 
 def too_many_nodes(setting: str, value: int, nodes: int, inputs: int) -> Iterator[Problem]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.errors import Problem
 from uqpen.core.labels import OPTIMIZED_BY
 from uqpen.core.settings import choice, count
 from uqpen.core.streams import Stream
@@ -15,6 +17,10 @@ from uqpen.designs.replicated import ReplicatedDesign, split_replicates
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["LatinHypercube"]
+
+# Time that an optimized hypercube takes, in seconds, and that each of its points adds, measured for
+# 500 to 4 000 points; a study is not to say nothing for longer than the most before its first run.
+_SECONDS_PER_SET, _SECONDS_PER_POINT, _MOST_SECONDS = 1.0, 2.5e-3, 40.0
 
 
 @dataclass(frozen=True)
@@ -43,6 +49,13 @@ class LatinHypercube(ReplicatedDesign):
     runs: int = count(minimum=2)
     replicates: int = count(default=10)
     optimization: str = choice("none", "random-cd", default="none")
+
+    def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
+        seconds = _SECONDS_PER_SET * self.replicates + _SECONDS_PER_POINT * self.runs
+        if self.optimization != "none" and seconds > _MOST_SECONDS:
+            found = f'"{self.optimization}" of {self.runs} points in {self.replicates} hypercubes'
+            expected = 'fewer points and hypercubes, as these take minutes to optimize, or "none"'
+            yield Problem(("optimization",), found, expected)
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         for points in super().rounds(joint, stream):

@@ -37,6 +37,10 @@ WEIGHT_ATTRIBUTES = {"units": "1", "long_name": "weight of the run in an integra
 # At higher orders, weights of the outer nodes are too small to matter.
 _HIGHEST_ORDER = 100
 
+# Most univariate rules in all the grids that a sparse one combines: combining them takes some
+# 20 seconds. A slip in the order or in the number of inputs goes far beyond.
+_MOST_RULES = 300_000
+
 # Nodes of two rules that lie closer than this, relative to the spread of the nodes, are the same:
 # the middle of a symmetric distribution.
 _SAME_NODE = 1e-10
@@ -92,7 +96,10 @@ class Quadrature(Design):
         nodes = math.prod(self._node_counts(joint))
         if self.grid == "sparse":
             nodes = self._most_nodes(joint)
-        yield from too_many_nodes("order", self.order, nodes, len(joint.random))
+        too_many = list(too_many_nodes("order", self.order, nodes, len(joint.random)))
+        if self.grid == "sparse" and not too_many:
+            too_many = list(self._too_many_grids(len(joint.random)))
+        yield from too_many
         for entry in joint.random:
             if not rule_recurrence(self.rule, entry.distribution, self.order).is_finite:
                 found = f"{self.order}, of which {entry.variable.name} has no polynomials"
@@ -133,6 +140,15 @@ class Quadrature(Design):
             if not nested.accepts(entry.distribution):
                 found = f'"{self.rule}" for {entry.variable.name}'
                 yield Problem(("rule",), found, f'{nested.expected}, or the rule "gauss"')
+
+    def _too_many_grids(self, inputs: int) -> Iterator[Problem]:
+        """Yield a problem if a sparse grid combines too many grids to be made before the runs."""
+        levels = range(max(self.order - inputs + 1, 0), self.order + 1)
+        grids = sum(math.comb(level + inputs - 1, level) for level in levels)
+        if grids * inputs > _MOST_RULES:
+            found = f"{self.order}, which over {inputs} random inputs combines {grids:.3g} grids"
+            expected = f"at most {_MOST_RULES // inputs} grids: a lower order, or fewer inputs"
+            yield Problem(("order",), found, expected)
 
     def _node_counts(self, joint: JointDistribution) -> list[int]:
         """Return the number of nodes of each input on a tensor grid."""
@@ -183,10 +199,23 @@ def _smolyak(rules: list[list[Rule]], order: int) -> tuple[list[FloatArray], Flo
         )
         labelled.append(np.stack(chosen, axis=1))
         weighed.append(sign * np.prod(factors, axis=0))
-    places, where = np.unique(np.concatenate(labelled), axis=0, return_inverse=True)
+    places, where = _distinct_rows(np.concatenate(labelled), [len(node) for node in nodes])
     total: FloatArray = np.zeros(len(places))
-    np.add.at(total, where.ravel(), np.concatenate(weighed))
+    np.add.at(total, where, np.concatenate(weighed))
     return [node[column] for node, column in zip(nodes, places.T, strict=True)], total
+
+
+def _distinct_rows(rows: IntArray, sizes: list[int]) -> tuple[IntArray, IntArray]:
+    """Return the distinct rows in lexicographic order, and the number of each row among them.
+
+    The entries of a column are less than its size.
+    """
+    if math.prod(sizes) >= 2**63:
+        places, where = np.unique(rows, axis=0, return_inverse=True)
+        return places, where.ravel()
+    # One number for a row is sorted some ten times faster than the row.
+    numbers, where = np.unique(np.ravel_multi_index(tuple(rows.T), sizes), return_inverse=True)
+    return np.stack(np.unravel_index(numbers, sizes), axis=1), where.ravel()
 
 
 def _merge_levels(rules: list[Rule]) -> tuple[FloatArray, list[IntArray], list[FloatArray]]:

@@ -119,6 +119,10 @@ class ProcessPool:
         if answer is None:
             self._failed_starts = 0
             worker.mark_started()
+        elif isinstance(answer, str):
+            worker.mark_importing()
+        elif worker.needs_repetition:
+            worker.send(worker.task, call.pickled, call.work.limits, allow_imports=False)
         else:
             worker.mark_done()
             call.complete(answer)

@@ -23,11 +23,20 @@ import numpy as np
 
 from uqpen.core.interrupts import exit_at_interrupt
 from uqpen.core.limits import Limits
+from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.execution.batch import Batch, BatchResult, Work
+from uqpen.execution.import_signal import ImportSignal
 from uqpen.execution.memory_limit import limit_memory
 from uqpen.execution.process_role import mark_as_child_process
 
-__all__ = ["Worker", "WorkerDiedError", "preload_in_workers"]
+__all__ = ["IMPORTING", "Worker", "WorkerDiedError", "preload_in_workers"]
+
+# Message of a worker: its run looks for a module that is not loaded yet.
+IMPORTING = "importing"
+
+# Time that a run has, in seconds, from when it first imports a module; some packages take tens of
+# seconds from a shared disk. A run that then was longer than its limit is made again.
+_IMPORT_SECONDS = 60.0
 
 # Number of models, each loaded once, that a worker keeps.
 _KNOWN = 16
@@ -73,6 +82,8 @@ class Worker:
         self.is_ready = False
         self.late_at = math.inf
         self._seconds = math.inf
+        self._begun_at = math.inf
+        self._has_imported = False
         self._known: set[bytes] = set()
 
     @property
@@ -90,32 +101,49 @@ class Worker:
         """True if it has sent a message or has ended."""
         return bool(wait(self.waitables, 0))
 
-    def send(self, task: Any, work: bytes, limits: Limits) -> None:
+    def send(self, task: Any, work: bytes, limits: Limits, *, allow_imports: bool = True) -> None:
         """Send `work`, a pickled callable, and the batch of a task to it.
 
         The time of the task begins when the worker has loaded the callable, which it does once.
+        If the run imports modules, it has more time, unless `allow_imports` is False.
         """
-        self.task = task
+        self.task, self._has_imported = task, False
         self._seconds = math.inf if limits.seconds is None else limits.seconds
         if work in self._known:
             self.mark_started()
         self._known.add(work)
         # If it is dead, its end is noticed later, as that of any worker with a task.
         with contextlib.suppress(OSError):
-            self.connection.send((work, task.batch, limits.bytes))
+            has_more_time = allow_imports and self._seconds < _IMPORT_SECONDS
+            self.connection.send((work, task.batch, limits.bytes, has_more_time))
 
     def mark_started(self) -> None:
         """Record that it is ready, and has begun its task."""
         self.is_ready = True
         if self.task is not None:
-            self.late_at = time.monotonic() + self._seconds
+            self._begun_at = time.monotonic()
+            self.late_at = self._begun_at + self._seconds
+
+    def mark_importing(self) -> None:
+        """Record that its run imports a module, which gives it more time."""
+        self._has_imported = True
+        self.late_at = max(self.late_at, time.monotonic() + _IMPORT_SECONDS)
+
+    @property
+    def needs_repetition(self) -> bool:
+        """True if the run that it has answered took longer than allowed, but imported modules.
+
+        The modules are loaded now. Only the time of a run without them decides if it is too
+        long, so that it does not matter in which process a run is made.
+        """
+        return self._has_imported and time.monotonic() - self._begun_at > self._seconds
 
     def mark_done(self) -> None:
         """Record that it has answered."""
         self.task, self.late_at = None, math.inf
 
-    def receive(self) -> BatchResult | BaseException | None:
-        """Receive its message; None only means that it is ready.
+    def receive(self) -> BatchResult | BaseException | str | None:
+        """Receive its message; None only means that it is ready, and see `IMPORTING`.
 
         Raises
         ------
@@ -124,7 +152,7 @@ class Worker:
         """
         try:
             if self.connection.poll():
-                answer: BatchResult | BaseException | None = self.connection.recv()
+                answer: BatchResult | BaseException | str | None = self.connection.recv()
                 return answer
         except (EOFError, OSError):
             pass  # it was killed while it sent
@@ -163,10 +191,12 @@ def _worker_loop(connection: Connection[Any, Any]) -> None:
     # A model with noise of its own must not find the same noise in every worker.
     np.random.seed()  # noqa: NPY002 - the one that a model shares with others
     known: dict[bytes, Work] = {}
+    imports = ImportSignal(lambda: connection.send(IMPORTING))
+    sys.meta_path.insert(0, imports)
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         connection.send(None)
         while (message := connection.recv()) is not None:
-            connection.send(_run_batch(connection, known, *message))
+            connection.send(_run_batch(connection, known, imports, *message))
 
 
 def _start_process_group() -> None:
@@ -199,9 +229,11 @@ def _exit_with_parent() -> None:
 def _run_batch(
     connection: Connection[Any, Any],
     known: dict[bytes, Work],
+    imports: ImportSignal,
     pickled: bytes,
     batch: Batch,
     memory: int | None,
+    has_more_time: bool,
 ) -> BatchResult | BaseException:
     """Return the result of a batch, or the exception that was raised instead."""
     try:
@@ -209,8 +241,9 @@ def _run_batch(
             while len(known) >= _KNOWN:
                 known.pop(next(iter(known)))
             known[pickled] = pickle.loads(pickled)
+            scale(DIMENSIONLESS)  # loads the units library, which is no part of the time of a run
             connection.send(None)
-        with limit_memory(memory):
+        with limit_memory(memory), imports.armed(armed=has_more_time):
             return known[pickled](batch)
     except BaseException as error:  # it is raised again where the study runs
         error.add_note("in a worker:\n" + "".join(traceback.format_exception(error)))

@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 from uqpen.core.limits import Limits
 from uqpen.core.status import Status
 from uqpen.models.reasons import one_line
+from uqpen.models.timed_response import Deadline, TooLongError, timed_response
 
 __all__ = ["PROTOCOL", "Address", "NoAnswerError", "UmbridgeClient"]
 
@@ -31,7 +32,10 @@ _PATIENCE = 5.0
 _SILENCE = {"TCP_KEEPIDLE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 60_000}
 
 _LARGEST = 16 * 1024 * 1024
+# Headers and what is between the chunks of an answer come on top of it.
+_MOST_RECEIVED = 2 * _LARGEST
 
+_TOO_LONG = f"the server's answer has more than {_LARGEST} bytes"
 _DISCONNECTED = "the server cannot be reached, or has closed the connection"
 # Addresses differ from one day to the next, and a reason must not.
 _PLACES = re.compile(r"https?://[^\s\"'<>]+|\b0x[0-9a-fA-F]+")
@@ -79,7 +83,8 @@ class Address:
 class UmbridgeClient:
     """Sequence of requests to a server, over one connection while it lasts.
 
-    The time limit is that of an answer, in seconds.
+    The time limit is that of a whole exchange, from the request to the end of its answer, in
+    seconds. The time to reach the server is limited by itself.
     """
 
     def __init__(self, address: Address, time_limit: float | None = None) -> None:
@@ -121,17 +126,24 @@ class UmbridgeClient:
     def _exchange(self, what: str, request: dict[str, Any] | None) -> tuple[int, str, bytes]:
         """Exchange a request for an answer over HTTP; return its code, phrase and content."""
         # A server may close an old connection instead of answering; a new one is then tried.
-        for _ in range(2 if self._is_open else 1):
+        tries = 2 if self._is_open else 1
+        self._connect()
+        deadline = Deadline.after(self._limits.seconds)
+        self._connection.response_class = timed_response(deadline, _MOST_RECEIVED)
+        for _ in range(tries):
             try:
-                return self._try_request(what, request)
+                return self._try_request(what, request, deadline)
             except ConnectionError:
                 self._connection.close()
         raise NoAnswerError(_DISCONNECTED)
 
-    def _try_request(self, what: str, request: dict[str, Any] | None) -> tuple[int, str, bytes]:
+    def _try_request(
+        self, what: str, request: dict[str, Any] | None, deadline: Deadline
+    ) -> tuple[int, str, bytes]:
         self._connect()
         body = None if request is None else json.dumps(request).encode()
         try:
+            deadline.apply(self._connection.sock)
             self._connection.request(
                 "GET" if body is None else "POST",
                 f"{self._path}/{what}",
@@ -148,10 +160,12 @@ class UmbridgeClient:
             raise ConnectionResetError from None
         except OSError:
             raise NoAnswerError(_DISCONNECTED) from None
-        except http.client.HTTPException:
+        except (http.client.HTTPException, ValueError):  # ValueError: a chunk of negative size
             raise NoAnswerError("the server's answer is not HTTP") from None
+        except TooLongError:
+            raise NoAnswerError(_TOO_LONG) from None
         if len(content) > _LARGEST:
-            raise NoAnswerError(f"the server's answer has more than {_LARGEST} bytes")
+            raise NoAnswerError(_TOO_LONG)
         if response.length:  # bytes that were announced and did not arrive
             raise ConnectionResetError
         return response.status, response.reason, content
@@ -172,7 +186,6 @@ class UmbridgeClient:
             # A host that does not even refuse would keep every later run waiting as well.
             self._is_gone = time.monotonic() - begun > _PATIENCE / 2
             raise NoAnswerError(_DISCONNECTED) from None
-        self._connection.sock.settimeout(self._limits.seconds)
         _enable_keepalive(self._connection.sock)
 
 

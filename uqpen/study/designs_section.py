@@ -24,6 +24,9 @@ _VALID = (
     "Shapley effects, which divide the shared part, follow from a surrogate"
 )
 
+# Each unknown kind is looked for among installed packages, which takes some 20 ms.
+_MOST_DESIGNS = 500
+
 
 def read_designs(table: TableReader) -> tuple[dict[str, Design], dict[str, Files]]:
     """Read the designs of a study; invalid ones are noted and left out.
@@ -35,6 +38,10 @@ def read_designs(table: TableReader) -> tuple[dict[str, Design], dict[str, Files
     """
     designs: dict[str, Design] = {}
     files: dict[str, Files] = {}
+    if len(table.content) > _MOST_DESIGNS:
+        expected = f"at most {_MOST_DESIGNS} designs"
+        table.add_problem((), f"{len(table.content)} designs", expected)
+        return {}, {}
     for name, section in named_tables(table):
         design, loaded = _read_design(section)
         if design is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import stat
 import tomllib
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
@@ -12,19 +13,25 @@ from pathlib import Path
 from typing import Any
 
 from uqpen.core.errors import Problem, StudyError, toml_text
+from uqpen.study.extent import LARGEST, extent_problems, has_endless_keys
 
-__all__ = ["ArgumentsDocument", "Document", "parse_document", "read_document"]
+__all__ = ["MOST_LISTED", "ArgumentsDocument", "Document", "parse_document", "read_document"]
 
 _POSITION = re.compile(r"\s*\(at line (\d+), column (\d+)\)\Z")
 _DUPLICATE_MESSAGES = ("Cannot overwrite a value", "Cannot declare", "Cannot redefine", "Duplicate")
 
-# No study comes near it; a parser that is given more only serves to exhaust memory.
-_LARGEST = 4 * 1024 * 1024
+# Most characters that are parsed to find the lines of mistakes; it is some seconds. In a study
+# so large, or with a value over so many lines, the mistakes left are told without their lines.
+_MOST_PARSED = 8_000_000
 
 _ABSENT = object()
 
 # Nobody mends more mistakes than this before looking again.
-_MOST_LISTED = 50
+MOST_LISTED = 50
+
+
+class _CostlyError(Exception):
+    """Error: the lines of more mistakes would take too long to find."""
 
 
 Objects = Mapping[tuple[str | int, ...], Any]
@@ -69,12 +76,15 @@ class Document:
             path.pop()
         if not path:
             return None
-        end = bisect_left(
-            range(len(self._lines)),
-            True,
-            key=lambda end: _descend(self._whole_prefix(end)[1], path) is not _ABSENT,
-        )
-        return self._whole_prefix(end - 1)[0] + 1
+        try:
+            end = bisect_left(
+                range(len(self._lines)),
+                True,
+                key=lambda end: _descend(self._whole_prefix(end)[1], path) is not _ABSENT,
+            )
+            return self._whole_prefix(end - 1)[0] + 1
+        except _CostlyError:
+            return None
 
     @cached_property
     def _lines(self) -> list[str]:
@@ -86,12 +96,21 @@ class Document:
         """Cache of the results of `_whole_prefix`, by the number of lines."""
         return {0: (0, {})}
 
+    @cached_property
+    def _sizes(self) -> list[int]:
+        """Sizes of the prefixes that were parsed."""
+        return []
+
     def _whole_prefix(self, end: int) -> tuple[int, dict[str, Any]]:
         """Return the longest prefix, of `end` lines at most, that parses, and its content."""
         cut = end
         while cut not in self._prefixes:
+            if sum(self._sizes) > _MOST_PARSED:
+                raise _CostlyError
+            prefix = "".join(self._lines[:cut])
+            self._sizes.append(len(prefix))
             try:
-                self._prefixes[cut] = cut, tomllib.loads("".join(self._lines[:cut]))
+                self._prefixes[cut] = cut, tomllib.loads(prefix)
             except ValueError:
                 cut -= 1
         for line_count in range(cut + 1, end + 1):
@@ -101,7 +120,7 @@ class Document:
     def error(self, problems: Sequence[Problem]) -> StudyError:
         """Return one error with all mistakes, in the order of their lines."""
         located = sorted(
-            ((self.line(problem.path) or 0, problem) for problem in problems[:_MOST_LISTED]),
+            ((self.line(problem.path) or 0, problem) for problem in problems[:MOST_LISTED]),
             key=lambda pair: pair[0],
         )
         count = "1 mistake" if len(problems) == 1 else f"{len(problems)} mistakes"
@@ -140,7 +159,7 @@ def read_document(path: Path) -> Document:
     """
     label = str(path)
     try:
-        data = path.read_bytes()
+        data = _read_bytes(path)
     except OSError as error:
         raise StudyError(f"{label}: cannot be read: {error.strerror}") from None
     try:
@@ -149,10 +168,20 @@ def read_document(path: Path) -> Document:
         line = data.count(b"\n", 0, error.start) + 1
         found = f"byte 0x{data[error.start]:02x}, which is not UTF-8"
         raise _parse_error(label, line, found, "a text file saved as UTF-8") from None
-    if len(data) > _LARGEST:
-        expected = f"a study of at most {_LARGEST} bytes"
-        raise _parse_error(label, 1, f"{len(data)} bytes", expected)
     return parse_document(text, label)
+
+
+def _read_bytes(path: Path) -> bytes:
+    """Read a file; raise a StudyError for what is too large, or is no file and might never end."""
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
+        raise _parse_error(str(path), None, "a device or a pipe", "a file")
+    with path.open("rb") as file:
+        data = file.read(LARGEST + 1)
+    if len(data) > LARGEST:
+        size = max(found.st_size, len(data))
+        raise _parse_error(str(path), 1, f"{size} bytes", f"a study of at most {LARGEST} bytes")
+    return data
 
 
 def parse_document(
@@ -168,8 +197,10 @@ def parse_document(
     StudyError
         If it is not TOML.
     """
+    if has_endless_keys(text):
+        raise _parse_error(label, None, "keys with too many dots", "a study")
     try:
-        return kind(label, text, tomllib.loads(text), objects)
+        document = kind(label, text, tomllib.loads(text), objects)
     except tomllib.TOMLDecodeError as error:
         message = str(error)
         match = _POSITION.search(message)
@@ -182,9 +213,12 @@ def parse_document(
         raise _parse_error(label, 1, str(error), "a study") from None
     except RecursionError:
         raise _parse_error(label, 1, "brackets nested too deeply", "a study") from None
+    if problems := list(extent_problems(document.content)):
+        raise document.error(problems)
+    return document
 
 
-def _parse_error(label: str, line: int, found: str, expected: str) -> StudyError:
+def _parse_error(label: str, line: int | None, found: str, expected: str) -> StudyError:
     problem = Problem((), found, expected)
     head = f"{label}: cannot be read as a study; nothing was run"
     return StudyError("\n\n".join([head, _message_block(label, line, problem)]), [problem])

@@ -14,7 +14,7 @@ from uqpen.core.model import Model
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import Context, declared_settings
 from uqpen.core.units import ANY_DIMENSION, are_convertible, describe
-from uqpen.study.document import Document
+from uqpen.study.document import MOST_LISTED, Document
 
 __all__ = ["TableReader", "check_names", "family_member", "named_tables"]
 
@@ -50,6 +50,7 @@ class TableReader:
     path: tuple[str | int, ...] = ()
     problems: list[Problem] = dataclasses.field(default_factory=list)
     is_given: bool = True
+    _noted: set[Problem] = dataclasses.field(default_factory=set)
     _known: dict[str, None] = dataclasses.field(default_factory=dict)  # a set that keeps its order
 
     def __contains__(self, key: str) -> bool:
@@ -62,7 +63,8 @@ class TableReader:
         """Note a mistake at a key of this table, or further in, or (no keys) in the table."""
         keys = (keys,) if isinstance(keys, str) else keys
         problem = Problem((*self.path, *keys), found, expected)
-        if problem not in self.problems:  # several models may miss the same
+        if problem not in self._noted:  # several models may miss the same
+            self._noted.add(problem)
             self.problems.append(problem)
 
     def add_missing(self, key: str, expected: str) -> None:
@@ -94,7 +96,11 @@ class TableReader:
         """Note every key that nobody knew."""
         for key in self.content:
             if key not in self._known:
-                self.add_problem(key, f"an unknown {what}", choices(key, self._known))
+                self.add_problem(key, f"an unknown {what}", self.suggest(key, self._known))
+
+    def suggest(self, name: str, known: Collection[str]) -> str:
+        """Suggest names in place of an unknown one, while mistakes are still listed one by one."""
+        return choices(name, known) if len(self.problems) < MOST_LISTED else "a known name"
 
     def text(self, key: str, expected: str) -> str | None:
         """Read a text that is not empty; None where it is missing or wrong."""
@@ -212,7 +218,7 @@ def check_names(table: TableReader, known: Collection[str], what: str, model: Mo
     """Return the keys that are names of a model's inputs or outputs; note the others."""
     for name in table:
         if name not in known:
-            expected = f"an {what} of {model.name}; {choices(name, known)}"
+            expected = f"an {what} of {model.name}; {table.suggest(name, known)}"
             table.add_problem(name, f"an unknown {what}", expected)
     return [name for name in table if name in known]
 

@@ -6,102 +6,40 @@ on every network that the machine is part of, and answers a run that fails with 
 
 from __future__ import annotations
 
+import ipaddress
 import json
+import re
 import socket
 import socketserver
 import sys
 import threading
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from typing import Any
 
-import numpy as np
-
-from uqpen.core.errors import ModelError
-from uqpen.core.model import Input, Model, Output
-from uqpen.core.status import Status
-from uqpen.execution import Evaluator
 from uqpen.models.umbridge_client import PROTOCOL
+from uqpen.server.served_model import RefusedError, ServedModel, only_vector
 
-__all__ = ["ModelServer", "ServedModel"]
+__all__ = ["ModelServer"]
 
 # A request holds a few numbers; whoever sends more has something else in mind.
 _LARGEST = 1024 * 1024
-_DISCARDED = 16 * _LARGEST
+# A client sends its whole request before it reads the answer, so a larger one is read and thrown
+# away, up to this number of bytes.
+_DISCARDED = 1024 * _LARGEST
+
+# Most connections that are served at once. As many again are told that the server is busy; a
+# connection beyond these is closed.
+_MOST_CONNECTIONS = 128
+
+_LOCAL_NAMES = ("localhost", "localhost.localdomain")
 
 # UM-Bridge also has derivatives and runs by shared memory, which uqpen does not offer.
 _DERIVATIVES = ("Gradient", "ApplyJacobian", "ApplyHessian")
 _BY_SHARED_MEMORY = ("TestShMem", *(f"{name}ShMem" for name in ("Evaluate", *_DERIVATIVES)))
 _SUPPORTED = ("ModelInfo", "InputSizes", "OutputSizes", "Evaluate")
 _REQUESTS = (*_SUPPORTED, *_DERIVATIVES, *_BY_SHARED_MEMORY)
-
-
-class _RefusedError(Exception):
-    """Error: a request that gets an error as its response."""
-
-    def __init__(self, kind: str, message: str, code: HTTPStatus = HTTPStatus.BAD_REQUEST) -> None:
-        super().__init__(message)
-        self.kind = kind
-        self.code = code
-
-
-@dataclass(frozen=True)
-class ServedModel:
-    """A model of a server, with one vector of inputs and one of outputs, in SI units.
-
-    Parameters
-    ----------
-    name : str
-        Its name for the clients.
-    evaluator : Evaluator
-        Makes the runs.
-    varied_inputs : tuple of str
-        The inputs that make up the vector, in its order.
-    fixed_inputs : mapping of str to float
-        The values of others, in SI units.
-    """
-
-    name: str
-    evaluator: Evaluator
-    varied_inputs: tuple[str, ...]
-    fixed_inputs: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        model, given = self.model, {*self.varied_inputs, *self.fixed_inputs}
-        for name in self.varied_inputs:
-            model.input(name)
-        if len(set(self.varied_inputs)) < len(self.varied_inputs):
-            names = ", ".join(self.varied_inputs)
-            raise ModelError(f"{self.name}: an input is given twice: {names}")
-        if missing := list(model.missing_inputs(given)):
-            raise ModelError(f"{self.name} also needs {', '.join(missing)}")
-
-    @property
-    def model(self) -> Model:
-        """Model that is run."""
-        return self.evaluator.model
-
-    @property
-    def inputs(self) -> tuple[Input, ...]:
-        """Inputs that make up the input vector."""
-        return tuple(self.model.input(name) for name in self.varied_inputs)
-
-    @property
-    def outputs(self) -> tuple[Output, ...]:
-        """Outputs that make up the output vector."""
-        return self.model.outputs
-
-    def run(self, values: Sequence[float]) -> list[float]:
-        """Return the outputs of one run; a `_RefusedError` says that it failed."""
-        given = {**self.fixed_inputs, **dict(zip(self.varied_inputs, values, strict=True))}
-        results = self.evaluator({name: np.array([value]) for name, value in given.items()})
-        status = Status(int(results.status[0]))
-        if status is not Status.OK:
-            kind = status.meaning.title().replace("_", "")
-            raise _RefusedError(kind, results.reasons[0], HTTPStatus.INTERNAL_SERVER_ERROR)
-        return [float(results.outputs[output.name][0]) for output in self.outputs]
 
 
 class ModelServer(socketserver.ThreadingTCPServer):
@@ -128,6 +66,9 @@ class ModelServer(socketserver.ThreadingTCPServer):
         # Models need not bear being run by several at once; a user's function rarely does.
         self.turn = threading.Lock()
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self._name = _plain_name(host)
+        self._count_lock = threading.Lock()
+        self._connections = 0
         super().__init__((host, port), _Handler)
 
     @property
@@ -137,42 +78,82 @@ class ModelServer(socketserver.ThreadingTCPServer):
         host = str(host)
         return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
 
+    @property
+    def is_busy(self) -> bool:
+        """True if it has more connections than it serves."""
+        return self._connections > _MOST_CONNECTIONS
+
+    def is_named(self, name: str) -> bool:
+        """Check that a request is meant for this server, by the host name that it is sent to.
+
+        A page of any site can make its own name stand for 127.0.0.1, and then ask this server as if
+        it were that site. An address cannot be made to stand for another. Where the server listens
+        at all addresses, its names are not known.
+        """
+        listening = ipaddress.ip_address(self.server_address[0])  # type: ignore[arg-type]
+        plain = _plain_name(name)
+        return (
+            listening.is_unspecified
+            or plain in (self._name, *_LOCAL_NAMES)
+            or plain.endswith(".localhost")
+            or _is_address(plain)
+        )
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve a connection in a thread of its own, if there are not too many."""
+        with self._count_lock:
+            self._connections += 1
+            is_refused = self._connections > 2 * _MOST_CONNECTIONS
+        if is_refused:
+            self.shutdown_request(request)
+        else:
+            super().process_request(request, client_address)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection."""
+        with self._count_lock:
+            self._connections -= 1
+        super().shutdown_request(request)
+
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Report an error in uqpen with its traceback; ignore a client that disconnects."""
         if not isinstance(sys.exception(), OSError):
             super().handle_error(request, client_address)
 
     def answer(self, what: str, request: dict[str, Any]) -> dict[str, Any]:
-        """Return the response to a request; a `_RefusedError` stands for an error."""
+        """Return the response to a request; a `RefusedError` stands for an error."""
         name = request.get("name")
         if not isinstance(name, str) or name not in self.offers:
             message = f"no model {json.dumps(name)}; known: {', '.join(self.offers)}"
-            raise _RefusedError("ModelNotFound", message)
+            raise RefusedError("ModelNotFound", message)
         offer = self.offers[name]
         if what == "ModelInfo":
             return {"support": {"Evaluate": True, **dict.fromkeys(_DERIVATIVES, False)}}
         if what not in _SUPPORTED:
-            raise _RefusedError("UnsupportedFeature", f"{what} is not supported")
+            raise RefusedError("UnsupportedFeature", f"{what} is not supported")
         if request.get("config"):
-            raise _RefusedError("InvalidInput", f"{offer.name} takes no config")
+            raise RefusedError("InvalidInput", f"{offer.name} takes no config")
         if what == "InputSizes":
             return {"inputSizes": [len(offer.inputs)]}
         if what == "OutputSizes":
             return {"outputSizes": [len(offer.outputs)]}
-        values = _only_vector(request.get("input"), len(offer.inputs))
+        values = only_vector(request.get("input"), len(offer.inputs))
         with self.turn:
             return {"output": [offer.run(values)]}
 
 
-def _only_vector(vectors: Any, size: int) -> list[float]:
-    """Return the only vector of an input; refuse one of another size."""
-    match vectors:
-        case [[*vector]] if len(vector) == size and {*map(type, vector)} <= {int, float}:
-            try:
-                return [float(value) for value in vector]
-            except OverflowError:
-                raise _RefusedError("InvalidInput", "a number is too large") from None
-    raise _RefusedError("InvalidInput", f"expected one vector of {size} numbers")
+def _plain_name(host: str) -> str:
+    """Return the name of a host in lower case, without brackets and a last dot."""
+    return host.lower().removeprefix("[").removesuffix("]").removesuffix(".")
+
+
+def _is_address(name: str) -> bool:
+    """Check that a name of a host is an IP address."""
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -188,6 +169,11 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Respond to a request for the list of models."""
+        try:
+            self._check_sender()
+        except RefusedError as refused:
+            self._send_refusal(refused)
+            return
         if self.path.strip("/") == "Info":
             models = list(self.server.offers)
             self._send(HTTPStatus.OK, {"protocolVersion": PROTOCOL, "models": models})
@@ -198,13 +184,43 @@ class _Handler(BaseHTTPRequestHandler):
         """Respond to a request for information on a model, or for a run of it."""
         try:
             content = self._content()
+            self._check_sender()
+            if self.headers.get_content_type() != "application/json":
+                message = "the content of a request is application/json"
+                code = HTTPStatus.UNSUPPORTED_MEDIA_TYPE
+                raise RefusedError("UnsupportedMediaType", message, code)
             what = self.path.strip("/")
             if what not in _REQUESTS:
-                raise _RefusedError("NotFound", f"{self.path} is not known", HTTPStatus.NOT_FOUND)
+                raise RefusedError("NotFound", f"{self.path} is not known", HTTPStatus.NOT_FOUND)
             self._send(HTTPStatus.OK, self.server.answer(what, _parse_request(content)))
-        except _RefusedError as refused:
-            error = {"type": refused.kind, "message": str(refused)}
-            self._send(refused.code, {"error": error})
+        except RefusedError as refused:
+            self._send_refusal(refused)
+
+    def _send_refusal(self, refused: RefusedError) -> None:
+        error = {"type": refused.kind, "message": str(refused)}
+        self._send(refused.code, {"error": error})
+
+    def _check_sender(self) -> None:
+        """Refuse a request that a page in a browser sends, or that is meant for another server.
+
+        Clients of UM-Bridge are programs. A page that its user only looks at must not have runs
+        made: browsers state its origin with every request that could.
+        """
+        if self.server.is_busy:
+            self.close_connection = True
+            message = f"all {_MOST_CONNECTIONS} connections are in use"
+            raise RefusedError("ServiceUnavailable", message, HTTPStatus.SERVICE_UNAVAILABLE)
+        if "Origin" in self.headers:
+            message = "pages in a browser are not served"
+            raise RefusedError("Forbidden", message, HTTPStatus.FORBIDDEN)
+        host = self.headers.get_all("Host", [])
+        name = re.sub(r":[0-9]*\Z", "", host[0].strip()) if len(host) == 1 else ""
+        if not name:
+            raise RefusedError("BadRequest", "the request does not tell its one host")
+        if not self.server.is_named(name):
+            message = f"this server is not {name}; it is known by its address"
+            code = HTTPStatus.MISDIRECTED_REQUEST
+            raise RefusedError("MisdirectedRequest", message, code)
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
         """Respond to a request outside the protocol with an error in the form of the protocol."""
@@ -221,12 +237,12 @@ class _Handler(BaseHTTPRequestHandler):
         if not (length.isascii() and length.isdecimal()):
             self.close_connection = True
             message = "the length of the request is not told"
-            raise _RefusedError("LengthRequired", message, HTTPStatus.LENGTH_REQUIRED)
+            raise RefusedError("LengthRequired", message, HTTPStatus.LENGTH_REQUIRED)
         if len(length) > 9 or int(length) > _LARGEST:
             self.close_connection = True
             self._discard(int(length[:12]))
             code = HTTPStatus.REQUEST_ENTITY_TOO_LARGE
-            raise _RefusedError("TooLarge", f"a request has at most {_LARGEST} bytes", code)
+            raise RefusedError("TooLarge", f"a request has at most {_LARGEST} bytes", code)
         return self.rfile.read(int(length))
 
     def _discard(self, length: int) -> None:
@@ -253,5 +269,5 @@ def _parse_request(content: bytes) -> dict[str, Any]:
     except (ValueError, RecursionError):
         request = None
     if not isinstance(request, dict):
-        raise _RefusedError("InvalidInput", "the request is no JSON object")
+        raise RefusedError("InvalidInput", "the request is no JSON object")
     return request

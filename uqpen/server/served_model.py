@@ -1,0 +1,94 @@
+"""Models that a server offers, and the runs that clients ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from typing import Any
+
+import numpy as np
+
+from uqpen.core.errors import ModelError
+from uqpen.core.model import Input, Model, Output
+from uqpen.core.status import Status
+from uqpen.execution import Evaluator
+
+__all__ = ["RefusedError", "ServedModel", "only_vector"]
+
+
+class RefusedError(Exception):
+    """Error: a request that gets an error as its response."""
+
+    def __init__(self, kind: str, message: str, code: HTTPStatus = HTTPStatus.BAD_REQUEST) -> None:
+        super().__init__(message)
+        self.kind = kind
+        self.code = code
+
+
+@dataclass(frozen=True)
+class ServedModel:
+    """A model of a server, with one vector of inputs and one of outputs, in SI units.
+
+    Parameters
+    ----------
+    name : str
+        Its name for the clients.
+    evaluator : Evaluator
+        Makes the runs.
+    varied_inputs : tuple of str
+        The inputs that make up the vector, in its order.
+    fixed_inputs : mapping of str to float
+        The values of others, in SI units.
+    """
+
+    name: str
+    evaluator: Evaluator
+    varied_inputs: tuple[str, ...]
+    fixed_inputs: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        model, given = self.model, {*self.varied_inputs, *self.fixed_inputs}
+        for name in self.varied_inputs:
+            model.input(name)
+        if len(set(self.varied_inputs)) < len(self.varied_inputs):
+            names = ", ".join(self.varied_inputs)
+            raise ModelError(f"{self.name}: an input is given twice: {names}")
+        if missing := list(model.missing_inputs(given)):
+            raise ModelError(f"{self.name} also needs {', '.join(missing)}")
+
+    @property
+    def model(self) -> Model:
+        """Model that is run."""
+        return self.evaluator.model
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """Inputs that make up the input vector."""
+        return tuple(self.model.input(name) for name in self.varied_inputs)
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """Outputs that make up the output vector."""
+        return self.model.outputs
+
+    def run(self, values: Sequence[float]) -> list[float]:
+        """Return the outputs of one run; a `RefusedError` says that it failed."""
+        given = {**self.fixed_inputs, **dict(zip(self.varied_inputs, values, strict=True))}
+        results = self.evaluator({name: np.array([value]) for name, value in given.items()})
+        status = Status(int(results.status[0]))
+        if status is not Status.OK:
+            kind = status.meaning.title().replace("_", "")
+            raise RefusedError(kind, results.reasons[0], HTTPStatus.INTERNAL_SERVER_ERROR)
+        return [float(results.outputs[output.name][0]) for output in self.outputs]
+
+
+def only_vector(vectors: Any, size: int) -> list[float]:
+    """Return the only vector of an input; refuse one of another size."""
+    match vectors:
+        case [[*vector]] if len(vector) == size and {*map(type, vector)} <= {int, float}:
+            try:
+                return [float(value) for value in vector]
+            except OverflowError:
+                raise RefusedError("InvalidInput", "a number is too large") from None
+    raise RefusedError("InvalidInput", f"expected one vector of {size} numbers")
