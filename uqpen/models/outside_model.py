@@ -22,8 +22,9 @@ from uqpen.core.limits import Limits
 from uqpen.core.model import Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.models.function_source import FunctionSource
+from uqpen.models.python_function import load_module
 from uqpen.models.surroundings import ModelFolder
-from uqpen.models.user_code import error_text, load_module
+from uqpen.models.user_code import error_text
 
 if TYPE_CHECKING:
     import xarray as xr
