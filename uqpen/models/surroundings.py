@@ -48,6 +48,8 @@ class ModelFolder:
         # Modules known to lie outside the folder, in their order: more than a thousand, checked at
         # every batch.
         self._outside: dict[str, ModuleType] = {}
+        # Number of modules, and the last one, when none of them was of the folder.
+        self._checked: tuple[int, tuple[str, ModuleType] | None] = (0, None)
 
     @contextlib.contextmanager
     def on_import_path(self) -> Iterator[None]:
@@ -97,7 +99,13 @@ class ModelFolder:
     def _remove_modules(self) -> dict[str, ModuleType]:
         """Remove the modules of the folder from the imported ones, and return them."""
         inside = f"{self.folder}{os.sep}"
-        found = {}
+        found = {
+            name: sys.modules.pop(name)
+            for name, module in self._modules.items()
+            if sys.modules.get(name) is module
+        }
+        if self._checked == _extent():
+            return found
         imported = list(sys.modules.items())
         # What is imported later stands after what has been looked at, unless it was replaced.
         known = len(self._outside)
@@ -108,9 +116,15 @@ class ModelFolder:
             self._outside = {}
         for name, module in imported:
             file = str(getattr(module, "__file__", None) or "")
-            is_ours = name == "__main__" or name.partition(".")[0] == "uqpen"
+            is_ours = name in ("__main__", "__mp_main__") or name.partition(".")[0] == "uqpen"
             if file.startswith(inside) and not file.startswith(_INSTALLED) and not is_ours:
                 found[name] = sys.modules.pop(name)
             else:
                 self._outside[name] = module
+        self._checked = _extent()
         return found
+
+
+def _extent() -> tuple[int, tuple[str, ModuleType] | None]:
+    """Return the number of imported modules, and the last one: an import changes them."""
+    return len(sys.modules), next(reversed(sys.modules.items()), None)
