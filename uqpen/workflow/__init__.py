@@ -1,0 +1,92 @@
+"""Workflow: from a study to the tree of datasets of its archive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import xarray as xr
+
+from uqpen.archive.files import FILES, files_group
+from uqpen.core.errors import TooManyFailedError
+from uqpen.core.labels import MODELS
+from uqpen.core.streams import Stream
+from uqpen.execution import Map, Progress
+from uqpen.execution.checkpoint import Checkpoint
+from uqpen.study.study import ValidatedStudy
+from uqpen.workflow.design_runs import Runs, run_design
+from uqpen.workflow.model_groups import difference_groups, model_groups
+from uqpen.workflow.root_attributes import root_attributes
+
+__all__ = ["Checkpoints", "Progress", "analyse_runs", "root_attributes", "run", "run_design"]
+
+Checkpoints = Callable[[str, str, int], Checkpoint]
+
+
+def run(
+    study: ValidatedStudy,
+    *,
+    map: Map = map,
+    progress: Progress | None = None,
+    checkpoints: Checkpoints = lambda design, model, number: Checkpoint(),
+) -> xr.DataTree:
+    """Make all the runs of a study and analyse them.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        Result of `load_study`.
+    map : callable
+        Like the built-in; it makes the batches of runs. It cannot change a result.
+    progress : Progress, optional
+        Receives reports of progress.
+    checkpoints : callable
+        Returns the checkpoint of the runs of a design, a model and a round, given the names of the
+        design and the model and the number of the round. It may contain runs already.
+
+    Returns
+    -------
+    DataTree
+        The archive's content: ``/runs/<design>``, ``/statistics/<source>/<output>`` and so on. In a
+        study with several models, these groups are below ``/models/<name>``.
+    """
+    progress = progress or Progress()
+    for variant in study.models.values():
+        progress.start_preparation(variant.model.name)
+        variant.model.prepare()
+    runs = _run_designs(study, map, progress, checkpoints)
+    progress.start_analysis()
+    return analyse_runs(study, runs)
+
+
+def analyse_runs(study: ValidatedStudy, runs: Mapping[str, Runs]) -> xr.DataTree:
+    """Analyse runs, given by model and design, and return the content of an archive."""
+    groups = {"/": xr.Dataset(attrs=root_attributes(study))}
+    for name, variant in study.models.items():
+        root = f"/{MODELS}/{name}" if study.has_several_models else ""
+        for path, dataset in model_groups(study, variant, runs[name]):
+            groups[f"{root}{path}"] = dataset
+    groups |= dict(difference_groups(study, runs))
+    if files := files_group(study.files(), study.folder):
+        groups[f"/{FILES}"] = files
+    return xr.DataTree.from_dict(groups)
+
+
+def _run_designs(
+    study: ValidatedStudy, map: Map, progress: Progress, checkpoints: Checkpoints
+) -> dict[str, Runs]:
+    """Make the runs of every design, by model, at common points."""
+    runs_by_model: dict[str, Runs] = {name: {} for name in study.models}
+    for name, design in study.designs.items():
+        progress.start_design(name, design.run_count(study.joint) * len(study.models))
+        stream = Stream(study.seed, "designs", name)
+        round_checkpoint = partial(checkpoints, name)
+        try:
+            runs = run_design(
+                study, design, stream, map=map, progress=progress, round_checkpoint=round_checkpoint
+            )
+        except TooManyFailedError as error:
+            raise TooManyFailedError(f"{name}: {error}") from None
+        for model in study.models:
+            runs_by_model[model][name] = runs[model]
+    return runs_by_model

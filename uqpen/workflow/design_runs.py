@@ -1,0 +1,88 @@
+"""Runs of the designs of a study, by its models."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import xarray as xr
+
+from uqpen.core.errors import TooManyFailedError
+from uqpen.core.labels import SAMPLING
+from uqpen.core.streams import Stream
+from uqpen.designs.design import Design
+from uqpen.designs.rounds import run_rounds
+from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds
+from uqpen.execution.checkpoint import Checkpoint
+from uqpen.statistics.running_estimates import RunningEstimates
+from uqpen.study.study import ValidatedStudy
+
+__all__ = ["Runs", "run_design"]
+
+# Runs by the name of a design, or of a model.
+Runs = dict[str, xr.Dataset]
+
+
+def run_design(
+    study: ValidatedStudy,
+    design: Design,
+    stream: Stream,
+    *,
+    map: Map,
+    progress: Progress,
+    round_checkpoint: Callable[[str, int], Checkpoint] = lambda model, number: Checkpoint(),
+) -> Runs:
+    """Make the runs of one design by model, at common points.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        Provides the models and the inputs.
+    design : Design
+        The study's own, or another in its place.
+    stream : Stream
+        Source of the design's random numbers.
+    map, progress
+        As in `run`.
+    round_checkpoint : callable
+        Returns the checkpoint of a model's runs in a round, given the model's name and the number
+        of the round.
+    """
+
+    def model_runs(name: str, points: xr.Dataset, number: int) -> xr.Dataset:
+        variant = study.models[name]
+        try:
+            return evaluate(
+                Evaluator(variant.model, study.constraints),
+                points.assign(variant.given),
+                _display_units(study),
+                map=map,
+                progress=progress,
+                checkpoint=round_checkpoint(name, number),
+                failures=study.failures,
+            )
+        except TooManyFailedError as error:
+            raise TooManyFailedError(f"by {name}, {error}" if name else str(error)) from None
+
+    quantities = {
+        name: study.model_quantities(variant.model) for name, variant in study.models.items()
+    }
+    rounds = run_rounds(
+        design,
+        study.joint,
+        stream,
+        lambda points, number: {name: model_runs(name, points, number) for name in study.models},
+        lambda made: RunningEstimates(made, design.sampling, quantities, study.analyses),
+    )
+    sampling = {SAMPLING: str(design.sampling)}
+    return {
+        model: join_rounds([runs[model] for runs in rounds]).assign_attrs(sampling)
+        for model in study.models
+    }
+
+
+def _display_units(study: ValidatedStudy) -> dict[str, str]:
+    """Return the display unit of each input and output."""
+    units = {entry.variable.name: entry.display_unit for entry in study.joint.inputs}
+    return units | {
+        quantity.output.name: quantity.display_unit for quantity in study.quantities_of_interest
+    }

@@ -1,0 +1,103 @@
+"""Groups of an archive that belong to a model, or to the difference of two."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import xarray as xr
+
+from uqpen.archive.estimates import pack
+from uqpen.core.errors import TrajectoryError
+from uqpen.core.labels import (
+    CITED,
+    DIFFERENCES,
+    FAILURES_GROUP,
+    LARGEST_CONTRIBUTION,
+    RUN,
+    RUNS,
+    RUNS_SPENT,
+    SOURCE_KIND,
+    STATISTICS_GROUP,
+    SURROGATES,
+    TRAJECTORY,
+)
+from uqpen.statistics.analyze import analyze, analyze_failures
+from uqpen.statistics.model_differences import model_differences
+from uqpen.statistics.published import Publication, published_estimates
+from uqpen.study.study import ValidatedStudy, Variant
+from uqpen.workflow.design_runs import Runs
+from uqpen.workflow.root_attributes import model_identity
+from uqpen.workflow.source import Groups, Source
+from uqpen.workflow.surrogate_source import surrogate_source
+
+__all__ = ["difference_groups", "model_groups"]
+
+
+def model_groups(study: ValidatedStudy, variant: Variant, runs: Runs) -> Groups:
+    """Yield the groups of one model: runs, failures, surrogates, statistics, its trajectory."""
+    quantities = study.model_quantities(variant.model)
+    fields = [quantity.output.name for quantity in quantities if quantity.output.dims]
+    sources: dict[str, Source] = {}
+    for design, design_runs in runs.items():
+        attributes: dict[str, str | int] = {
+            SOURCE_KIND: "design",
+            RUNS_SPENT: design_runs.sizes[RUN],
+        }
+        outputs = analyze(design_runs, quantities, outside=study.analyses)
+        sources[design] = Source(attributes, outputs, fields)
+        failures = analyze_failures(design_runs)
+        yield f"/{RUNS}/{design}", design_runs
+        if failures:
+            yield f"/{FAILURES_GROUP}/{design}", pack(failures)
+    for name in study.surrogates:
+        fitted, sources[name] = surrogate_source(study, variant, name, runs, sources, quantities)
+        for node in fitted.subtree:
+            path = f"/{SURROGATES}/{name}{node.path}".rstrip("/")
+            yield path, node.to_dataset(inherit=False)
+    for name, source in sources.items():
+        yield from source.groups(f"/{STATISTICS_GROUP}/{name}")
+    for name, publication in study.published.items():
+        yield from _publication_groups(publication, f"/{STATISTICS_GROUP}/{name}")
+    trajectory = _trajectory(study, variant)
+    if trajectory is not None:
+        yield f"/{TRAJECTORY}", trajectory
+    if study.has_several_models:
+        yield "/", xr.Dataset(attrs=model_identity(variant.model))
+
+
+def _publication_groups(publication: Publication, path: str) -> Groups:
+    """Yield the groups of a publication's estimates for a model."""
+    yield path, xr.Dataset(attrs={SOURCE_KIND: "publication", CITED: publication.source})
+    statistics = published_estimates(publication)
+    for estimates in publication.estimates:
+        name, largest = estimates.output.name, estimates.largest_contribution
+        attributes = {LARGEST_CONTRIBUTION: largest} if largest else {}
+        yield f"{path}/{name}", pack(statistics[name]).assign_attrs(attributes)
+
+
+def difference_groups(study: ValidatedStudy, runs: Mapping[str, Runs]) -> Groups:
+    """Yield the groups of each model's differences from the first, on common points."""
+    first, *others = study.models
+    for other in others:
+        quantities = study.model_quantities(study.models[other].model)
+        for design in study.designs:
+            pair = runs[first][design], runs[other][design]
+            for output, statistics in model_differences(*pair, quantities).items():
+                path = f"/{DIFFERENCES}/{other}/{design}/{output}"
+                yield path, pack(statistics).assign_attrs({"minus": first})
+
+
+def _trajectory(study: ValidatedStudy, variant: Variant) -> xr.Dataset | None:
+    """Return the model's trajectory at the nominal inputs, if it has one and all are given."""
+    known = {variable.name for variable in variant.model.inputs}
+    given = {**study.joint.nominal(), **variant.given}
+    nominal = {name: value for name, value in given.items() if name in known}
+    if next(variant.model.missing_inputs(nominal), None) is not None:
+        return None
+    try:
+        trajectory = variant.model.trajectory(nominal)
+    except TrajectoryError as error:
+        # The run at the nominal inputs failed, which is data as that of any run.
+        trajectory = xr.Dataset(attrs={"reason": str(error)})
+    attributes = {f"nominal_{name}": value for name, value in nominal.items()}
+    return None if trajectory is None else trajectory.assign_attrs(attributes)

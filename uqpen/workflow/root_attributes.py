@@ -1,0 +1,32 @@
+"""Attributes of the root of an archive, which determine its numbers."""
+
+from __future__ import annotations
+
+from uqpen.archive.provenance import CONVENTIONS, SCHEMA, of_python_functions, provenance
+from uqpen.archive.read import SCHEMA_ATTRIBUTE
+from uqpen.core.model import Model
+from uqpen.study.study import ValidatedStudy
+
+__all__ = ["model_identity", "root_attributes"]
+
+
+def root_attributes(study: ValidatedStudy) -> dict[str, str | int]:
+    """Return the attributes of an archive's root, which determine its numbers."""
+    return {
+        "title": study.title,
+        "Conventions": CONVENTIONS,
+        SCHEMA_ATTRIBUTE: SCHEMA,
+        "study_name": study.name,
+        "study_text": study.text,
+        "study_sha256": study.sha256,
+        # As text: a seed may be larger than any integer of NetCDF.
+        "seed": str(study.seed),
+        **({} if study.has_several_models else model_identity(study.model)),
+        **provenance(),
+        **of_python_functions(),
+    }
+
+
+def model_identity(model: Model) -> dict[str, str]:
+    """Return the identity of a model as attributes of its group."""
+    return {f"model_{key}": value for key, value in model.identity().items()}

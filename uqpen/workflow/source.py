@@ -1,0 +1,35 @@
+"""A source of statistics: a design or a surrogate, with its estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import xarray as xr
+
+from uqpen.archive.estimates import pack
+from uqpen.core.labels import NOT_ESTIMATED
+from uqpen.statistics import texts
+from uqpen.statistics.analyze import OutputStatistics
+
+__all__ = ["Groups", "Source"]
+
+Groups = Iterator[tuple[str, xr.Dataset]]
+
+
+class Source(NamedTuple):
+    """A design or a surrogate: attributes of its group, and its estimate arrays by output."""
+
+    attributes: dict[str, str | int]
+    outputs: Mapping[str, OutputStatistics]
+    # Fields, of which there are no statistics.
+    fields: Sequence[str] = ()
+
+    def groups(self, path: str) -> Groups:
+        """Yield its groups of an archive, below a path."""
+        yield path, xr.Dataset(attrs=self.attributes)
+        for output, statistics in self.outputs.items():
+            if statistics:
+                yield f"{path}/{output}", pack(statistics)
+            elif output in self.fields:
+                yield f"{path}/{output}", xr.Dataset(attrs={NOT_ESTIMATED: texts.SCALARS_ONLY})

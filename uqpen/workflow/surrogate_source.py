@@ -1,0 +1,82 @@
+"""A surrogate as a source: its fit, its estimates, and their validation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import xarray as xr
+
+from uqpen.core.labels import RUN, RUNS_SPENT, SOURCE_KIND
+from uqpen.core.streams import Stream
+from uqpen.models.user_code import error_text
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
+from uqpen.statistics.surrogate.surrogate_statistics import (
+    SurrogateStatistics,
+    surrogate_statistics,
+)
+from uqpen.study.study import ValidatedStudy, Variant
+from uqpen.surrogates.fitting import fit_surrogate, is_built_in
+from uqpen.surrogates.output_surrogate import unfitted
+from uqpen.trust import ValidationRuns, validate_surrogate
+from uqpen.workflow.design_runs import Runs
+from uqpen.workflow.source import Source
+
+__all__ = ["surrogate_source"]
+
+
+def surrogate_source(
+    study: ValidatedStudy,
+    variant: Variant,
+    name: str,
+    runs: Runs,
+    sources: Mapping[str, Source],
+    quantities: Sequence[QuantityOfInterest],
+) -> tuple[xr.DataTree, Source]:
+    """Fit a surrogate to its design, and compare its estimates with those of other designs."""
+    surrogate = study.surrogates[name]
+    validation_runs = study.validation_designs(surrogate)
+    check = runs[validation_runs[0]] if validation_runs else None
+    training = runs[surrogate.design]
+    try:
+        tree, statistics = _surrogate_results(study, variant, name, training, check, quantities)
+    except (Exception, SystemExit) as error:
+        if is_built_in(surrogate):
+            raise
+        # Runs of the model are not lost by a mistake in a surrogate of the user's own.
+        reason = f"its predictions fail: {error_text(error)}"
+        fitted = unfitted(surrogate, name, training, variant.model, study.joint, reason)
+        tree, statistics = fitted.to_tree(), SurrogateStatistics({}, {})
+    outputs = validate_surrogate(
+        statistics.outputs,
+        [ValidationRuns(validation, sources[validation].outputs) for validation in validation_runs],
+        statistics.training_ranges,
+    )
+    used = [surrogate.design, *validation_runs[:1]]
+    attributes: dict[str, str | int] = {
+        RUNS_SPENT: sum(runs[design].sizes[RUN] for design in used),
+        "check": validation_runs[0] if validation_runs else "none",
+    }
+    source = Source({SOURCE_KIND: "surrogate", **attributes}, outputs)
+    if name in study.surrogate_origins:
+        tree.attrs["kind"] = study.surrogate_origins[name].kind
+    tree.attrs |= attributes
+    return tree, source
+
+
+def _surrogate_results(
+    study: ValidatedStudy,
+    variant: Variant,
+    name: str,
+    training: xr.Dataset,
+    check: xr.Dataset | None,
+    quantities: Sequence[QuantityOfInterest],
+) -> tuple[xr.DataTree, SurrogateStatistics]:
+    """Return the group of a fitted surrogate and its statistics, before their validation."""
+    stream = Stream(study.seed, "surrogates", name)
+    surrogate = study.surrogates[name]
+    fitted = fit_surrogate(surrogate, name, training, variant.model, study.joint, stream)
+    checked = fitted if check is None else fitted.with_check(check)
+    draws = SurrogateDraws(checked, study.joint, study.constraints, variant.given, stream)
+    statistics = surrogate_statistics(draws, quantities)
+    return checked.to_tree(), statistics
