@@ -70,7 +70,7 @@ class TestCompare:
     def test_it_tells_what_is_to_come(self, uqpen: Command) -> None:
         # Two budgets for three methods, ten times.
         told = uqpen("compare", "small.toml", *SHORT).err
-        assert "1\u202f952 runs, of which the reference's 512" in told
+        assert "1\u202f952 runs, 512 of them for the reference" in told
         assert "repeat 1 of 10: about" in told
         assert "repeat 10 of 10: done" in told
 

@@ -103,7 +103,8 @@ def test_workers_and_an_object_of_python_give_the_same_archive(folder: Path) -> 
         folder=folder / "none",
     )
     assert 'object = "Spring"' in made.to_toml()
-    tree = uqpen.make_archive(made, folder / "object.nc", workers=2)
+    with pytest.warns(RuntimeWarning, match='"Spring" is a class of your own, so another version'):
+        tree = uqpen.make_archive(made, folder / "object.nc", workers=2)
     runs = uqpen.open_archive(folder / "1.nc")["runs/some"]["deflection"]
     assert np.array_equal(tree["runs/some"]["deflection"], runs)
     unchecked = _outcomes(folder / "object.nc")

@@ -195,8 +195,11 @@ def _is_installed(value: Any) -> bool:
     """Check that something comes with Python or with an installed package."""
     if isinstance(value, BuiltinFunctionType | np.ufunc):
         return True
+    # The main program may be installed, such as that of a kernel, and what it executes is not.
+    if getattr(value, "__module__", value.__name__) == "__main__":
+        return False
     try:
         file = inspect.getfile(value)
-    except (OSError, TypeError):  # compiled into the interpreter, or defined in a notebook
-        return getattr(value, "__module__", value.__name__) != "__main__"
+    except (OSError, TypeError):  # compiled into the interpreter
+        return True
     return file.startswith(_INSTALLED)
