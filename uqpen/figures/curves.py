@@ -1,4 +1,4 @@
-"""One distribution function, and how it is drawn."""
+"""A distribution function, and its drawing."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ _WIDTHS = {1: 4.6, 2: 7.2, 3: 9.2, 4: 11.4}
 _TITLE = {1: 52, 2: 44, 3: 36, 4: 34}
 _CHARACTERS = 17
 _HEAD = 0.3
-# Of more panels a page shows the first, and says so.
+# A page shows the first of more panels, with a note.
 _MOST_PANELS = 24
 
 

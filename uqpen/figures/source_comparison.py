@@ -33,7 +33,7 @@ _AXES = {"exceedance": "probability", "share": "share"}
 
 
 def source_panels(view: ArchiveView) -> Iterator[Panel]:
-    """Means, quantiles, probabilities: what each source says."""
+    """Means, quantiles and probabilities by each source."""
     for output in (*view.numeric_outputs, *view.categorical_outputs):
         found = list(compared_statistics(view, output))
         rows = tuple(

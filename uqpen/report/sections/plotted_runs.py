@@ -19,7 +19,7 @@ from uqpen.results.digits import grouped_number
 __all__ = ["PlottedRuns"]
 
 
-# Runs in a chart at the most, and lost ones besides.
+# Runs in a chart at the most, and failed ones besides.
 _MOST_RUNS, _MOST_LOST = 400, 100
 
 
@@ -64,10 +64,10 @@ class PlottedRuns:
     def thinning_note(self) -> str:
         """Number of the runs that are shown."""
         whole = int(self.completed.sum())
-        counts = [_count_text(self.shown_completed, whole, "that came back")]
+        counts = [_count_text(self.shown_completed, whole, "completed")]
         if failed := len(self.completed) - whole:
-            counts.append(_count_text(self.shown_failed, failed, "that were lost"))
-        return f"Runs of {self.design} that are shown: {', '.join(counts)}."
+            counts.append(_count_text(self.shown_failed, failed, "failed"))
+        return f"Runs of {self.design} in the charts: {', '.join(counts)}."
 
     def values(self, name: str, runs: xr.Dataset) -> FloatArray:
         """Of an input or an output that is a number, in the unit that is shown."""
@@ -81,8 +81,8 @@ def _sample_runs(runs: xr.Dataset, which: BoolArray, most: int) -> xr.Dataset:
     return runs.isel({RUN: thin_runs(places, most)["place"].values})
 
 
-def _count_text(shown: xr.Dataset, whole: int, what: str) -> str:
+def _count_text(shown: xr.Dataset, whole: int, status: str) -> str:
     number = shown.sizes[RUN]
     if number == whole:
-        return f"{'all' if whole > 1 else 'the'} {grouped_number(whole)} {what}"
-    return f"{grouped_number(number)} of {grouped_number(whole)} {what}"
+        return f"{'all' if whole > 1 else 'the'} {grouped_number(whole)} {status}"
+    return f"{grouped_number(number)} of {grouped_number(whole)} {status}"

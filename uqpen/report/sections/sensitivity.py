@@ -51,7 +51,7 @@ def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
         tables.setdefault(name, []).append(table)
     every = measure_series(view, output, INDICES)
     if found := best_sources(view, every):
-        left_out = "First order by plain samples stands in the table alone."
+        left_out = "First-order indices by plain samples are in the table only."
         notes = (left_out,) if len(found) < len(every) else ()
         spec = MeasureChartSpec(
             "Shares of its variance", _SHARE, identity, _SUMMARY_ORDER, notes=notes

@@ -43,10 +43,10 @@ def source_comparison(view: ArchiveView) -> Iterator[Block]:
             yield _comparison_charts(view, output, found, rows)
             yield from interval_costs(view, output, found)
         else:
-            yield Text(f"There is one source only, {rows[0]}, so nothing stands beside it.")
+            yield Text(f"Only {rows[0]} has estimates, so there is nothing to compare.")
             yield from _tables(view, output)
     if left := outputs[_MOST_OUTPUTS:]:
-        yield Text(f"Without charts, as there are so many outputs: {', '.join(left)}.")
+        yield Text(f"Without charts, as there are many outputs: {', '.join(left)}.")
         for output in left:
             yield from _tables(view, output, is_folded=True)
 
