@@ -30,11 +30,11 @@ __all__ = [
     "thresholds",
 ]
 
-# An asked probability below which probabilities are shown by their logarithms.
+# Requested probabilities below this need a logarithmic axis.
 _SMALL = 0.02
-# Widths of an axis by which it is made longer, at the most, for a value that is asked for.
+# Widths of an axis by which it is made longer, at the most, for a requested value.
 _FAR = 1.5
-# The part of an axis that a value takes which is written upright.
+# The part of an axis that an upright label takes.
 _ROOM = 0.03
 
 

@@ -26,7 +26,7 @@ __all__ = ["bin_values", "histogram", "marked_estimates"]
 _MOST_BINS, _FEWEST_BINS = 70, 8
 # A bin's opacity and that of an interval's shade, which is seen on top of it.
 _LIGHT, _SHADE = 0.45, 0.2
-# Colours and dashes of the lines at what is marked; of others, dots.
+# Colours and dashes of the lines at marked estimates; other lines are dotted.
 _LINES: dict[str, tuple[str, object]] = {
     "mean": (VERMILION, (0, (5, 1.5))),
     "median": (BLACK, "-"),

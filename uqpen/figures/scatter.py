@@ -58,7 +58,7 @@ def scatter_panels(view: ArchiveView) -> Iterator[Panel]:
 
 
 def thin_runs(runs: xr.Dataset, most: int) -> xr.Dataset:
-    """Some of the runs, the same ones each time; in order, as a table's need not be at random."""
+    """A random part of the runs, the same each time, in order; the first runs may not be random."""
     size = runs.sizes[RUN]
     if size <= most:
         return runs

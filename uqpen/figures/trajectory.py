@@ -27,7 +27,7 @@ __all__ = [
 
 # Quantities of one unit share a panel unless one is this much smaller than the other.
 _ALIKE = 8.0
-# Smaller units, for what is less than a fiftieth of the larger.
+# Smaller units, for values below a fiftieth of the larger unit.
 _SMALLER = {"m": ("mm", 1e3), "s": ("ms", 1e3)}
 _FEW = 0.02
 

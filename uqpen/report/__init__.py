@@ -1,4 +1,4 @@
-"""The report: one page for a person, made of an archive alone.
+"""The report: one page for a person, made from an archive alone.
 
 A page is made of sections. Each is a family member: it takes a part of an archive, and yields the
 blocks that this part has content for. The sections of a study are in `sections`, those of a

@@ -12,7 +12,7 @@ from uqpen.report.counting import count_text
 
 __all__ = ["page_facts", "page_heading"]
 
-# Of a title, or another text at the head.
+# Most characters of a title, or of another text at the head.
 _LONGEST = 1000
 
 

@@ -37,7 +37,7 @@ from uqpen.results.table import OutputTable
 __all__ = ["convergence_rates"]
 
 
-# Of Monte Carlo.
+# Slope of Monte Carlo.
 _MONTE_CARLO_SLOPE = -0.5
 _NO_INTERVAL = "no interval, as few of the repeats decide one of its errors"
 _NO_SLOPE = "a slope needs errors at two numbers of runs, none of them 0"

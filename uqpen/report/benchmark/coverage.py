@@ -38,7 +38,7 @@ from uqpen.results.table import NOTHING, OutputTable
 __all__ = ["coverage"]
 
 
-# Of intervals that do not say themselves.
+# Confidence level if the archive states none.
 _LEVEL = 0.95
 
 

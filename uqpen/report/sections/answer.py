@@ -106,7 +106,7 @@ def _leading_reason(view: ArchiveView, design: str) -> str:
 
 
 def _agreement_remarks(shown: Sequence[OutputSentences], design: str) -> Iterator[str]:
-    """Yield the agreement of other designs, for the first quantities of the answer."""
+    """Yield the agreement of other designs, for the first quantities of the main results."""
     for quantity in [each for entry in shown for each in entry.quantities][:_MOST_COMPARED]:
         others = other_design_estimates(quantity, design)
         own = quantity.estimate(design)

@@ -1,4 +1,4 @@
-"""The study's text, and what made the archive."""
+"""The study's text, and the provenance of the archive."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ uqpen diff ARCHIVE AGAIN
 
 
 def archive(view: ArchiveView) -> Iterator[Block]:
-    """The study's text, inputs and designs of each model, and what made the archive."""
+    """The study's text, inputs and designs of each model, and the archive's provenance."""
     yield from study_blocks(view)
     for each in view.model_views:
         if each.model:

@@ -150,7 +150,7 @@ def _model_attributes(attributes: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def provenance_table(view: ArchiveView) -> OutputTable:
-    """Return a table of what made the archive: study, seed, model, versions, platform."""
+    """Return a table of the provenance: study, seed, model, versions, platform."""
     table = OutputTable("Provenance", ["value"])
     attributes = view.archive.attrs
     known = {text: attributes[name] for name, text in _NAMES.items() if name in attributes}

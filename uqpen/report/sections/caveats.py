@@ -1,4 +1,4 @@
-"""Caveats of every answer of a design."""
+"""Caveats on all estimates of a design."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _GENERAL = (
 
 
 def caveats(view: ArchiveView, design: str) -> Iterator[str]:
-    """Yield the caveats on the answers of a design, one or two sentences each."""
+    """Yield the caveats on the estimates of a design, a few sentences each."""
     accounts = sample_account(view, design)
     runs = read_group(view.tree, RUNS, design)
     if CONDITIONAL in accounts:

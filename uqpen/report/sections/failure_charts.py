@@ -1,4 +1,4 @@
-"""Charts of failed runs: how likely they are, and where among the inputs they lie."""
+"""Charts of failed runs: their probability, and their inputs."""
 
 from __future__ import annotations
 

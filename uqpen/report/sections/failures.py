@@ -1,4 +1,4 @@
-"""Number of failed runs, the reasons, and where among the inputs they lie."""
+"""Failed runs: their number, their reasons, and their inputs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _MOST_CHARTS = 6
 
 
 def failures(view: ArchiveView) -> Iterator[Block]:
-    """Yield the failed runs, the reasons, and where among the inputs they lie."""
+    """Yield the failed runs, their reasons, and their inputs."""
     failed = [design for design in view.designs if failed_run_counts(view, design)]
     if not failed:
         yield Text(_no_failure_text(view))

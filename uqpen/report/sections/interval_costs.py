@@ -45,7 +45,7 @@ _HALF = "± is half of an interval's length, also if its ends are not symmetric.
 
 
 class _Width(NamedTuple):
-    """Half the length of a source's interval, in the unit that is shown, and what it took."""
+    """Half the length of a source's interval, in the unit that is shown, and its runs."""
 
     runs: int
     half: float

@@ -41,7 +41,7 @@ class PlottedRuns:
 
     @cached_property
     def completed(self) -> BoolArray:
-        """Which of them did."""
+        """Completed runs, as a mask of the sample."""
         is_ok: BoolArray = self.runs[STATUS].values == Status.OK
         return is_ok
 
@@ -52,7 +52,7 @@ class PlottedRuns:
 
     @cached_property
     def shown_failed(self) -> xr.Dataset:
-        """Some of those that did not."""
+        """Some of the failed runs."""
         return _sample_runs(self.runs, ~self.completed, _MOST_LOST)
 
     @property
@@ -70,7 +70,7 @@ class PlottedRuns:
         return f"Runs of {self.design} in the charts: {', '.join(counts)}."
 
     def values(self, name: str, runs: xr.Dataset) -> FloatArray:
-        """Of an input or an output that is a number, in the unit that is shown."""
+        """Values of an input or a numeric output, in the unit that is shown."""
         found: FloatArray = self.view.scale(name).from_si(runs[name].values)
         return found
 

@@ -1,4 +1,4 @@
-"""Quantities that sentences are made of: which they are, and who estimates them."""
+"""Quantities in sentences, with their estimates by design."""
 
 from __future__ import annotations
 

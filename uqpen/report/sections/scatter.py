@@ -32,7 +32,7 @@ _MOST_CHARTS = 24
 _LONGEST, _HIGHEST = 36, 26
 _HEIGHT = 230
 
-# What tells how an output goes along with an input: for the table, and to choose inputs by.
+# Measures of association, shown in the table.
 _ASSOCIATIONS = (("spearman", "Spearman"), ("pearson", "Pearson"), ("first_order", "first order"))
 _CHOICE_TEXTS = (
     ("spearman", "the strongest rank correlations"),

@@ -1,4 +1,4 @@
-"""Sentences on an output, each complete by itself, and what must be known with them."""
+"""Sentences on an output, each complete by itself, and remarks on them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from uqpen.results.texts import capitalized, plain_text
 
 __all__ = ["OutputSentences", "output_sentences"]
 
-# Sentences on an output that something was asked of, and kinds that one names.
+# Sentences on an output with requested statistics, and categories in a sentence.
 _MOST_SENTENCES = 3
 _MOST_CATEGORIES = 4
 

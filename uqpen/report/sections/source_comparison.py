@@ -30,7 +30,7 @@ _ROW, _FRAME = 22, 66
 
 
 def source_comparison(view: ArchiveView) -> Iterator[Block]:
-    """The statistics of each output by all sources, and what their intervals cost."""
+    """The statistics of each output by all sources, and the cost of their intervals."""
     outputs = [
         each
         for each in (*view.numeric_outputs, *view.categorical_outputs)

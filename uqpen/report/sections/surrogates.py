@@ -1,4 +1,4 @@
-"""Accuracy of surrogates, by runs that they have not seen."""
+"""Accuracy of surrogates in independent runs."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from uqpen.surrogates.restoring import is_restorable
 __all__ = ["surrogates"]
 
 
-# Runs in a chart, and runs that differences are told of, at the most.
+# Runs in a chart, and runs in the table of differences, at the most.
 _MOST_RUNS, _MOST_COMPARED = 400, 100_000
-# Runs that are shown besides, as they differ most.
+# Runs that are shown besides: those with the largest differences.
 _WORST = 10
 
 

@@ -1,4 +1,4 @@
-"""The course of the model at the nominal inputs."""
+"""The trajectory of the model at the nominal inputs."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def failure_probabilities(view: ArchiveView, design: str) -> xr.DataArray | None
 
 
 def sample_account(view: ArchiveView, design: str) -> Mapping[Any, Any]:
-    """Return attributes on the runs of a design: their number, their condition, what is missing."""
+    """Return attributes on the runs of a design: their number, condition and missing runs."""
     probability = failure_probabilities(view, design)
     return {} if probability is None else probability.attrs
 
