@@ -1,4 +1,4 @@
-"""The table of coverage: between its files, and as the page that the docs have of it."""
+"""The table of coverage: read and written as files, and as a page of the docs."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ __all__ = ["FEWEST_SEEDS", "LOWEST", "markdown", "read", "write"]
 Row = Mapping[str, Any]
 
 LOWEST = 0.92
-# Fewer seeds than this tell too little of a cell to judge it.
+# A cell with fewer seeds has too large an error to be judged.
 FEWEST_SEEDS = 50
 LABELS = ("nominal", "discrete", "conservative")
 
 _KEY = ("problem", "design", "runs", "statistic")
 
-# What the statistics of a cell begin with, and what a reader calls them.
+# Beginnings of the statistics of a cell, and their names on the page.
 _FAMILIES = {
     "mean": "mean",
     "std": "standard deviation",
     "half_spread": "half the 16–84 % range",
     "quantile": "quantiles 0.05, 0.5, 0.95, 0.99",
-    "hold": "values not exceeded, 0.95 and 0.99",
-    "P(": "probabilities from 0.5 to 0.00014",
-    "share": "shares",
+    "hold": "tolerance limits of 0.95 and 0.99",
+    "P(": "exceedance probabilities from 0.5 to 0.00014",
+    "share": "category probabilities",
     "cdf at": "cdf at a value",
     "cdf band": "cdf, simultaneous band",
     "first_order": "first-order index",
@@ -41,58 +41,70 @@ _FAMILIES = {
 _HEAD = """\
 # How often the intervals cover
 
-Lowest and highest coverage, in per cent, of intervals that should cover 95 %: over {seeds} seeds of
-each problem, design and size{fewer}.
-One cell of them has an error of {error:.1f} points. Intervals called *nominal* are to cover in 92
-to 98 %; *discrete* and *conservative* ones may cover more. What carries a note is not in this table
-but in those below it, and so are exceptions. Made by `benchmarks/interval_coverage.py`.
+The coverage of an interval is the share of seeds in which it contains the true value. The tables
+give the lowest and the highest coverage, in per cent, of intervals with a level of 95 %. Each
+problem, design and size has {seeds} seeds{fewer}.
+The standard error of a single coverage is {error:.1f} points.
 
-The problems: the penetration depth of the concrete study, whose tail is heavy (kurtosis 111); the
-Ishigami function; a sum of three normal inputs; a step across a diagonal plus the square of an
-input; jumps along two axes, the second of which needs the first; one uniform input as it is; and a
-sum of two uniform inputs of which half the draws are inadmissible. The sizes: about 100, 1 000 and
-10 000 runs. Of `saltelli` these are the runs of all blocks, in 8, 16 and 16 replicates; its
-moments, quantiles and probabilities are of the points A and B alone. Its indices are from the
-blocks; those of the other designs are from given data, which tell no total-order index.
+*Nominal* intervals should have a coverage of 92 to 98 %. *Discrete* and *conservative* ones may
+have more. The first table leaves out intervals with a note, and exceptions; both have tables of
+their own below. `benchmarks/interval_coverage.py` makes this page.
+
+The problems are:
+
+- the penetration depth of the concrete study, with a heavy tail (kurtosis 111);
+- the Ishigami function;
+- a sum of three normal inputs (`additive`);
+- a step across a diagonal plus the square of an input;
+- jumps along two axes, where the second jump needs the first;
+- one uniform input as it is;
+- a sum of two uniform inputs with half of the draws inadmissible (`half lost`).
+
+The sizes are about 100, 1 000 and 10 000 runs. For `saltelli` they count the runs of all blocks,
+in 8, 16 and 16 replicates. Its moments, quantiles and probabilities use the points A and B alone,
+and its indices the blocks. The indices of the other designs are from given data, which give no
+total-order index.
 """
 
 _FAILING = """\
 ## Exceptions
 
-Cells outside these limits whose intervals carry no note, as nothing in the runs tells them apart.
-Of a single input, most scrambled Sobol' replicates are exact, and the interval holds the few that
-err. The quantile 0.05 of the jumps, of 512 points, covers in 92.6 % over 3 000 seeds.
+These cells are outside the limits above. Their intervals carry no note, as nothing in the runs
+distinguishes them. For a single input, most scrambled Sobol' replicates are exact, and the
+interval contains the few others. The quantile 0.05 of the jumps, with 512 points, has a coverage
+of 92.6 % over 3 000 seeds.
 """
 
 _NO_EXCEPTIONS = "There are none.\n"
 
 _UNCOVERED = """\
-## Named as uncovered
+## With a note, below 92 %
 
-These carry a note, and cover in less than 92 %: lowest and highest over inputs, or over the
-statistics of the row, of those seeds whose interval carries the note (all, unless said; below 50
-of them tell nothing).
+These intervals carry a note, and their coverage is below 92 %. A cell gives the lowest and the
+highest coverage over inputs, or over the statistics of the row. It counts the seeds with the
+note: all seeds, unless the cell gives a number. Cells with fewer than 50 such seeds are left out.
 """
 
 _NOTED = """\
-## What else carries a note
+## With a note, 92 % or more
 
-The same of all other cells with a note, by design. They cover here, but need not where a tail is
-heavier than the runs show.
+All other cells with a note, by design. Their coverage suffices here. It may be lower if extreme
+values are more frequent than in the runs.
 """
 
 _NONE = """\
-## What has no interval
+## Without an interval
 
-Skewness, delta, Morris's sigma and responses have none. Nor have the figures of a surrogate: mean
-and standard deviation of a polynomial chaos have verdicts (checked, refused, unchecked) in their
-place. The standard deviation has none below 200 runs or where the runs show a heavy tail, and a
-quantile none that no order statistic bounds. See [what the statistics mean](statistics.md).
+Skewness, delta, Morris's sigma and responses have no interval. Nor have the estimates of a
+surrogate: mean and standard deviation of a polynomial chaos have verdicts (checked, refused,
+unchecked) instead. The standard deviation has no interval below 200 runs or where the runs show a
+heavy tail. A quantile has none if no order statistic bounds it. See [what the statistics
+mean](statistics.md).
 """
 
 
 def read(paths: Iterable[Path]) -> list[dict[str, Any]]:
-    """The rows of several tables; of those that are of the same, the last."""
+    """The rows of several tables; the last one of equal cells."""
     rows: dict[tuple[str, ...], dict[str, Any]] = {}
     for path in paths:
         with path.open(newline="", encoding="utf-8") as file:
@@ -110,7 +122,7 @@ def _number(text: str) -> str | int | float:
 
 
 def write(path: Path, table: Sequence[Row]) -> None:
-    """A file that `read` reads."""
+    """Write a file that `read` reads."""
     if not table:
         return
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -120,7 +132,7 @@ def write(path: Path, table: Sequence[Row]) -> None:
 
 
 def markdown(table: Sequence[Row], designs: Sequence[str]) -> str:
-    """Coverage by statistic and design, over all problems and sizes, and what is warned of."""
+    """Coverage by statistic and design, over all problems and sizes, and the noted cells."""
     designs = [each for each in designs if any(row["design"] == each for row in table)]
     failing = [row for row in table if row["verdict"] == "FAILS"]
     noted = [row for row in table if _is_noted(row)]
@@ -134,7 +146,7 @@ def markdown(table: Sequence[Row], designs: Sequence[str]) -> str:
 
 
 def _head(table: Sequence[Row]) -> str:
-    """What the table is of: how many seeds, and where there were fewer."""
+    """The head of the page, with the number of seeds and the cells with fewer."""
     seeds = max(row["seeds"] for row in table)
     fewer = {
         f"{_counted(row['seeds'])} of {row['problem']} with {row['design']}"
@@ -149,7 +161,7 @@ def _head(table: Sequence[Row]) -> str:
 
 
 def _is_noted(row: Row) -> bool:
-    """Whether a note stands in so many seeds that they tell a coverage."""
+    """True if enough seeds carry a note to give a coverage."""
     return round(row["warned"] * row["seeds"]) >= FEWEST_SEEDS
 
 
@@ -158,13 +170,13 @@ def _counted(number: int) -> str:
 
 
 def _family(statistic: str) -> str:
-    """What a reader calls a statistic: by the longest beginning that fits."""
+    """The name of a statistic on the page: by the longest beginning that fits."""
     prefix = max((prefix for prefix in _FAMILIES if statistic.startswith(prefix)), key=len)
     return _FAMILIES[prefix]
 
 
 def _lines(rows: Iterable[Sequence[str]]) -> str:
-    """A table, its head first."""
+    """A table in Markdown, its head first."""
     head, *rest = rows
     between = "|" + "---|" * len(head)
     return "\n".join([_line(head), between, *map(_line, rest)]) + "\n"
@@ -188,7 +200,7 @@ def _grid(
 
 
 def _certain(rows: Sequence[Row]) -> str:
-    """The coverage of what carries no note: of nominal intervals, and of those of other labels."""
+    """Coverage of intervals without a note: of nominal ones, and of other labels."""
     certain = [row for row in rows if row["verdict"] == "ok"]
     if not certain:
         return "only with a note" if any(row["verdict"] == "warns" for row in rows) else "–"
@@ -200,7 +212,7 @@ def _certain(rows: Sequence[Row]) -> str:
 
 
 def _labels(rows: Sequence[Row]) -> str:
-    """Which of them there are; for one cell may have one label in some seeds, one in others."""
+    """The labels that occur; the label of a cell may differ between seeds."""
     return "/".join(label for label in LABELS if any(label in row["labels"] for row in rows))
 
 
@@ -228,7 +240,7 @@ def _by_size(rows: Sequence[Row], figure: str) -> Iterator[list[str]]:
 
 
 def _with_seeds(rows: Sequence[Row], figure: str) -> str:
-    """A span, and of how many seeds it is if not of all."""
+    """A span, with the number of its seeds if these are not all."""
     if not rows:
         return "–"
     share = "warned" if figure == "coverage_warned" else "given"

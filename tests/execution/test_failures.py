@@ -117,7 +117,7 @@ def test_more_losses_than_allowed_end_a_study_that_can_go_on(
     outcome = command_line("study", "study.toml")
     assert outcome.code == 0
     assert "of 50 runs already done" in outcome.err
-    assert "some: where the lost runs lie" in outcome.out
+    assert "some: inputs of failed runs" in outcome.out
     assert len((tmp_path / "calls").read_text().split()) <= 50 + 2 * 4
 
 

@@ -116,7 +116,7 @@ class TestMany:
         assert len(first.lines[0].get_xdata()) == 1000
         assert histogram.patches[0].get_data().values.sum() == 200_000
         notes = page.legends[0].get_title().get_text()
-        assert "1 000 of 200 000 runs that came back" in notes
+        assert "1 000 of 200 000 completed runs" in notes
         assert len(figure_bytes(page, "svg")) < 800_000
 
     def test_of_many_panels_a_page_shows_some(self, study_of: Any) -> None:

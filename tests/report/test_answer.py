@@ -1,4 +1,4 @@
-"""The answer: sentences with the archive's numbers, where they come from, what limits them."""
+"""The main results: sentences with the archive's numbers, their design, their caveats."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from uqpen.study.study import ValidatedStudy
 pytestmark = pytest.mark.slow
 
 GENERAL = (
-    "An interval on this page tells the error of sampling alone: not how far the model is from "
-    "reality, nor whether the inputs have the laws that the study assumes.",
-    "Each of them holds by itself, at the level that it names; that all hold at once is less "
-    "likely. A tail that no run has met cannot be seen in any.",
+    "An interval on this page covers the sampling error alone. It contains neither the error of "
+    "the model nor that of the assumed distributions of the inputs.",
+    "The confidence level is that of each interval by itself; all of them together are right less "
+    "often. No interval can include a tail that is missing in the runs.",
 )
 
 DESIGNS = {
@@ -54,23 +54,22 @@ def _told(tree: xr.DataTree, model: str = "") -> list[str]:
 def test_every_sentence_stands_by_itself(archives: Mapping[str, xr.DataTree]) -> None:
     tree = archives["schema_2"]
     assert _told(tree) == [
-        "With 95 % confidence, y stays at or below 11.5 in at least 80 % of all admissible cases "
-        "(the estimate of that value is 5.9).",
+        "With 95 % confidence, y is at most 11.5 in at least 80 % of all admissible cases. The "
+        "best estimate of this limit is 5.9.",
         "The probability that y exceeds 10, given admissible inputs, is 5 % (0 % to 26 %, 95 % "
         "interval).",
-        "The median of y is 3.6 (0.9 to 5.9, 95 % interval): half of all admissible cases stay at "
-        "or below it.",
-        "This comes from monte_carlo: the first design of the study whose runs are a sample of "
-        "the inputs. It was chosen by its place in the study, not by what it says. Of its 20 runs "
-        "of the model ishigami 0.1.0, 19 came back.",
-        "What other designs estimate, by runs of their own (with their intervals further down)",
-        "y, value not exceeded in 80 % of cases: 5.5 to 7.2 by 2 other designs, 5.9 by "
-        "monte_carlo.",
+        "The median of y is 3.6 (0.9 to 5.9, 95 % interval): half of all admissible cases have at "
+        "most this value.",
+        "These estimates are by monte_carlo, the first design of the study that is a sample of "
+        "the inputs. Its place in the study decides, not its results. Of its 20 runs of the model "
+        "ishigami 0.1.0, 19 completed.",
+        "Estimates by other designs, from runs of their own (intervals are further down)",
+        "y, limit for 80 % of cases: 5.5 to 7.2 by 2 other designs, 5.9 by monte_carlo.",
         "y, P(> 10): 0 % to 6 % by 2 other designs, 5 % by monte_carlo.",
         "y, median: 2.8 to 4.5 by 2 other designs, 3.6 by monte_carlo.",
         "What to keep in mind",
         "1 of the 20 points of monte_carlo was inadmissible, so outside of what the model or the "
-        "study allows, the probability of which is 5 % (0 % to 25 %, 95 % interval). All figures "
+        "study allows. The probability of this is 5 % (0 % to 25 %, 95 % interval). All estimates "
         "are conditional on admissible inputs.",
         *GENERAL,
     ]
@@ -84,18 +83,19 @@ def test_lost_runs_and_notes_are_told(archives: Mapping[str, xr.DataTree]) -> No
     said = _told(archives["beam"])
     assert said[:2] == [
         "The probability that deflection exceeds 2 mm is 100 % (73 % to 100 %, 95 % interval). "
-        "The estimate leaves out 18.3 % of the admissible runs, which did not come back; the "
-        "interval allows for whatever they would have given.",
+        "The estimate leaves out 18.3 % of the admissible runs, which did not complete; the "
+        "interval includes every result that they could have had.",
         # Nothing is claimed of cases in which there is no result.
         "The median of deflection is 3.66 mm (3.52 mm to 3.91 mm, 95 % interval): half of all "
-        "cases in which the model gives a result stay at or below it. This leaves out 18.3 % of "
-        "the admissible runs, which did not come back.",
+        "cases in which the model gives a result have at most this value. This leaves out 18.3 % "
+        "of the admissible runs, which did not complete.",
     ]
     assert said[3:] == [
         "What to keep in mind",
         "Deflection, P(> 2 mm): allows for any outcome of the missing runs (22).",
-        "18.3 % of the admissible runs did not come back (22 failed). All estimates are of those "
-        "that did, and are off as far as the others would have given other results.",
+        "18.3 % of the admissible runs did not complete (22 failed). All estimates use the "
+        "completed runs. If the others would have given different results, the estimates are "
+        "biased.",
         *GENERAL,
     ]
 
@@ -104,18 +104,18 @@ def test_a_single_run_is_told_in_the_singular(study_of: Callable[..., ValidatedS
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 1'
     told = _told(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0))))
     assert told[1].endswith(
-        "It was chosen by its place in the study, not by what it says. It is a single run of the "
-        "model line.py:f."
+        "Its place in the study decides, not its results. It is a single run of the model "
+        "line.py:f."
     )
 
 
 def test_where_no_run_came_back_there_is_no_answer(archives: Mapping[str, xr.DataTree]) -> None:
     (block,) = answer(ArchiveView(archives["lost"], ""))
     assert block == Text(
-        "No run came back: there is no answer. All 120 were lost. The reason: “ValueError: too "
-        "heavy” (failed, 120 runs). Once the model is mended, or its time limit raised, or the "
-        "inputs are within what it allows, run the study again; the archive keeps the inputs of "
-        "every lost run, so that one can be tried alone."
+        "No run completed, so there are no estimates. All 120 runs failed. The reason: "
+        "“ValueError: too heavy” (failed, 120 runs). Mend the model, raise its time limit, or "
+        "change the inputs to values that it allows; then run the study again. The archive has "
+        "the inputs of every failed run, so you can try a single one."
     )
 
 
@@ -142,9 +142,9 @@ def test_of_several_models_each_has_its_answer(archives: Mapping[str, xr.DataTre
         (
             "morris",
             [
-                "No design of this study is a sample of its inputs: nothing is told of how the "
-                "outputs are distributed, and no probability. What its designs were made for "
-                "stands below."
+                "No design of this study is a sample of its inputs, so the distributions of the "
+                "outputs and all probabilities are unknown. The results of its designs are "
+                "further down."
             ],
         ),
         (
@@ -157,17 +157,18 @@ def test_of_several_models_each_has_its_answer(archives: Mapping[str, xr.DataTre
         (
             "saltelli",
             [
-                "This comes from some: it was made for sensitivity indices, but two of its "
-                "matrices are a sample of the inputs, and the study has no other sample of which "
-                "any run came back."
+                "These estimates are by some, a design for sensitivity indices; two of its "
+                "matrices are a sample of the inputs, and no other sample of the study has a "
+                "completed run."
             ],
         ),
         (
             "monte_carlo",
             [
-                "In 99 % of all cases y stays at or below",
-                "by estimate, which has no upper bound: an upper bound needs at least 299 runs.",
-                "What the archive tells of 1 more figure of these outputs stands below.",
+                "In 99 % of all cases y is at most",
+                "by estimate. This limit has no upper bound: an upper bound needs at least 299 "
+                "runs.",
+                "Further down: 1 more estimate of these outputs.",
             ],
         ),
     ],
@@ -201,7 +202,7 @@ def test_only_some_of_many_outputs_have_sentences(tmp_path: Path) -> None:
     # What was asked comes first.
     assert told[0].startswith("The probability that y7 exceeds 0.5 is ")
     assert sum(text.startswith("The median of ") for text in told) == 6
-    assert "What the archive tells of 2 more outputs stands below." in told
+    assert "Further down: 2 more outputs." in told
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ def test_the_study_comes_first_word_for_word(archives: Mapping[str, xr.DataTree]
 def test_inputs_are_told_as_run_and_as_written(archives: Mapping[str, xr.DataTree]) -> None:
     tree = archives["beam"]
     table = _tables(archive(ArchiveView(tree, "")))[
-        "Inputs, over the runs of only, lost ones among them"
+        "Inputs, over the runs of only, failed ones included"
     ]
     loads = read_group(tree, "runs", "only")["load"].values / 1e3
     assert table.rows == [
@@ -54,7 +54,7 @@ def test_inputs_are_told_as_run_and_as_written(archives: Mapping[str, xr.DataTre
 
 def test_designs_say_what_they_are_for(archives: Mapping[str, xr.DataTree]) -> None:
     table = _tables(archive(ArchiveView(archives["schema_2"], "")))["Designs"]
-    assert table.columns == ["points", "runs", "came back", "replicates", "made for"]
+    assert table.columns == ["points", "runs", "completed", "replicates", "purpose"]
     told = {name: [cells[0], *cells[1:3], cells[-1]] for name, cells in table.rows}
     assert told == {
         "monte_carlo": ["independent", "20", "19", "a sample of the inputs; checks chaos"],
@@ -83,7 +83,7 @@ def test_designs_say_what_they_are_for(archives: Mapping[str, xr.DataTree]) -> N
 def test_what_made_it_is_told_whole(archives: Mapping[str, xr.DataTree]) -> None:
     tree = archives["schema_2"]
     blocks = list(archive(ArchiveView(tree, "")))
-    told = {name: cells[0] for name, cells in _tables(blocks)["What made this archive"].rows}
+    told = {name: cells[0] for name, cells in _tables(blocks)["Provenance"].rows}
     assert told["seed"] == "11"
     assert told["SHA-256 of the study's text"] == tree.attrs["study_sha256"]
     assert told["model name"] == "ishigami"
@@ -102,15 +102,15 @@ def test_what_several_models_share_is_told_once(archives: Mapping[str, xr.DataTr
     headings = [block.text for block in blocks if isinstance(block, Heading)]
     assert headings == ["one", "other", "The archive of all models"]
     titles = [block.table.title for block in blocks if isinstance(block, Table)]
-    of_model = ["Model", "Inputs, over the runs of monte_carlo, lost ones among them", "Designs"]
+    of_model = ["Model", "Inputs, over the runs of monte_carlo, failed ones included", "Designs"]
     assert titles == [
         "Files that the study names",
         *of_model,
         *of_model,
-        "What made this archive",
+        "Provenance",
     ]
     # A model may be given an input of its own.
-    other = _tables(blocks)["Inputs, over the runs of monte_carlo, lost ones among them"]
+    other = _tables(blocks)["Inputs, over the runs of monte_carlo, failed ones included"]
     assert other.rows[0] == ("x1", ["x1", "0.5", "–", "0.5"])
     files = _tables(blocks)["Files that the study names"]
     assert [label for label, _ in files.rows] == [
@@ -131,14 +131,14 @@ def test_what_several_models_share_is_told_once(archives: Mapping[str, xr.DataTr
 
 def test_warnings_are_counted(archives: Mapping[str, xr.DataTree]) -> None:
     assert archive_notes(archives["beam"])[:3] == (
-        "only: 18.3 % of the admissible runs did not come back.",
-        "4 figures: only 98 runs: the coverage may be below nominal",
-        "4 figures: fewer than 200 runs are too few to detect a heavy tail; "
+        "only: 18.3 % of the admissible runs did not complete.",
+        "4 estimates: only 98 runs: the coverage may be below nominal",
+        "4 estimates: fewer than 200 runs are too few to detect a heavy tail; "
         "see the rank correlations",
     )
     told = archive_notes(archives["schema_2"])
-    assert told[0] == "38 figures: 16 runs are too few"
-    assert "10 figures: refused: outside the training range of the surrogate" in told
+    assert told[0] == "38 estimates: 16 runs are too few"
+    assert "10 estimates: refused: outside the training range of the surrogate" in told
     # What is published elsewhere, and what vouches for a surrogate, is no warning.
     assert not any("published" in line or "inside" in line for line in told)
 
@@ -148,7 +148,7 @@ def test_warnings_come_before_provenance(archives: Mapping[str, xr.DataTree]) ->
     (place,) = [n for n, block in enumerate(blocks) if isinstance(block, Remarks)]
     after = blocks[place + 1]
     assert isinstance(after, Table)
-    assert after.table.title == "What made this archive"
+    assert after.table.title == "Provenance"
 
 
 @pytest.mark.parametrize("text", ["no TOML [", 'inputs = "none"', "a = " + "[" * 9_999])
@@ -159,7 +159,7 @@ def test_a_study_that_cannot_be_read_is_shown_all_the_same(
     tree.attrs = {**tree.attrs, "study_text": text}
     blocks = list(archive(ArchiveView(tree, "")))
     assert blocks[0] == Listing("The study: study", text)
-    inputs = _tables(blocks)["Inputs, over the runs of only, lost ones among them"]
+    inputs = _tables(blocks)["Inputs, over the runs of only, failed ones included"]
     assert [cells[-1] for _, cells in inputs.rows] == ["–", "–"]
 
 

@@ -1,4 +1,4 @@
-"""The report of methods head to head, from archives that real comparisons have made."""
+"""The report of a benchmark of methods, from archives of real benchmarks."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ class TestAnswer:
 
     def test_what_must_be_known_is_counted(self, tree: xr.DataTree) -> None:
         known = blocks_of(tree, "answer", Remarks)[0]
-        assert known.head == "What must be known"
+        assert known.head == "What to keep in mind"
         assert (
             "For 2 of 22 verdicts: the reference has no interval here, so how far it is off is "
             "not known." in known.lines
@@ -207,9 +207,9 @@ class TestRates:
     def test_coverage_is_told_with_what_chance_does(self, tree: xr.DataTree) -> None:
         (block,) = blocks_of(tree, "coverage", Charts)
         assert block.notes[0] == (
-            "Each marker is of one number of runs. Shaded: shares from 80 %, which 10 intervals "
-            "that cover 95 % may well show by chance. Estimates without an interval do not "
-            "count, so a share may be of fewer than 10."
+            "Each marker is for one number of runs. Shaded: shares from 80 %, which 10 intervals "
+            "with a coverage of 95 % may well have by chance. Estimates without an interval do "
+            "not count, so a share may be from fewer than 10."
         )
         shares = tree["benchmark/y/mean/coverage"].values
         label, cells = block.charts[0].tables[0].rows[0]
@@ -222,13 +222,11 @@ class TestReference:
         (table,) = blocks_of(tree, "cost", Table)
         assert table.table.rows[2] == ("\u00a0\u00a0\u00a0replicated", ["8 × 2", "8 × 8"])
         (text,) = blocks_of(tree, "cost", Text)
-        assert text.text == (
-            "All repeats together are charged 2\u202f400 runs, and the reference 512."
-        )
+        assert text.text == ("All repeats together cost 2\u202f400 runs, and the reference 512.")
 
     def test_values_that_errors_are_held_to(self, tree: xr.DataTree) -> None:
         (text,) = blocks_of(tree, "reference", Text)
-        assert text.text == "It made 512 runs, all of which came back."
+        assert text.text == "Of its 512 runs, all completed."
         values = blocks_of(tree, "reference", Table)[0].table
         label, (value, own, relative, how) = values.rows[0]
         assert (label, how) == ("mean", "Student t over replicates")
@@ -253,7 +251,7 @@ class TestPage:
     ) -> None:
         text = report_page(tree)
         assert text == report_page(tree)
-        title = "Two &lt;/script&gt;&lt;b&gt;methods&lt;/b&gt;: methods head to head"
+        title = "Two &lt;/script&gt;&lt;b&gt;methods&lt;/b&gt;: benchmark of methods"
         assert f"<h1>{title}</h1>" in text
         assert re.findall(r'<section id="(\w+)"', text) == list(BENCHMARK_SECTIONS)
         data = re.search(r'id="data">(.*?)</script>', text, re.DOTALL)
@@ -263,7 +261,7 @@ class TestPage:
     def test_a_reference_that_lost_all_of_its_runs(self, tmp_path: Path) -> None:
         lost = compared(tmp_path, "a * np.nan", "b * np.nan")
         (known,) = blocks_of(lost, "answer")
-        assert known.lines == ("The reference lost all of its runs, so no error can be told.",)
+        assert known.lines == ("All runs of the reference failed, so all errors are unknown.",)
         names = re.findall(r'<section id="(\w+)"', report_page(lost))
         assert names == ["answer", "cost", "reference", "tables", "archive"]
 
@@ -274,8 +272,7 @@ class TestPage:
         used = int(some["reference/y/mean"].attrs["runs_used"])
         assert 0 < used < 512
         assert lines[0] == (
-            f"The reference lost {512 - used} of its 512 runs; errors are held to what the "
-            "others tell."
+            f"{512 - used} of 512 runs of the reference failed; its estimates use the others."
         )
         assert not blocks_of(some, "rates")
         assert report_page(some)
@@ -287,7 +284,7 @@ class TestPage:
                 statistic["lead"].values[...] = np.nan
                 for name in ("winner", "runner_up", "level", "verdict", "remark"):
                     statistic[name].values[...] = ""
-        assert blocks_of(alone, "answer")[0] == Text("No two methods have figures to compare.")
+        assert blocks_of(alone, "answer")[0] == Text("No two methods have estimates to compare.")
         assert report_page(alone)
 
     @pytest.mark.parametrize(

@@ -52,16 +52,15 @@ def of(design: str) -> xr.DataTree:
 def test_which_design_it_is_of_and_how_to_read_it(concrete: xr.DataTree) -> None:
     text, remarks, heading, *_ = told(concrete)
     assert text == Text(
-        "By monte_carlo, the design that the answers come from, the first of the study whose runs "
-        "are a sample of the input law. Its 400 runs are independent draws, and each part is the "
-        "first so many of these."
+        "By monte_carlo, the design of the main results, the first of the study that is a sample "
+        "of the inputs. Its 400 runs are independent draws. Each part has the first few of these."
     )
     assert isinstance(remarks, Remarks)
     assert remarks.lines == (
-        "Each point's runs are among those of the next, so points are not independent of each "
-        "other: they stray less than separate samples would.",
-        "An interval covers at its level for a number of runs that is fixed beforehand. Making "
-        "runs until it looks good is another procedure, and with that it covers less often.",
+        "The runs of each point are among those of the next. So points are not independent of "
+        "each other, and vary less than separate samples would.",
+        "An interval has its nominal coverage for a number of runs that is fixed beforehand. If "
+        "you make runs until it looks good, its coverage is lower.",
     )
     assert heading == Heading("depth of penetration (penetration_depth)")
 
@@ -102,10 +101,9 @@ def test_the_table_has_the_same_figures(concrete: xr.DataTree, archives: Archive
 def test_replicates_are_not_divided(archives: Archives) -> None:
     text, *_ = blocks = told(archives["rods"], "smoothed")
     assert text == Text(
-        "By latin, the design that the answers come from, the first of the study whose runs are a "
-        "sample of the input law. Its 100 runs are 10 independent replicates, and each part is the "
-        "first so many of these: less than a whole replicate would not be a sample of the same "
-        "kind."
+        "By latin, the design of the main results, the first of the study that is a sample of the "
+        "inputs. Its 100 runs are 10 independent replicates. Each part has the first few of these: "
+        "less than a whole replicate would not be a sample of the same type."
     )
     depth = charts(blocks)[0].charts[0]
     assert depth.traces[0]["x"] == [20, 30, 40, 50, 70, 100]
@@ -125,7 +123,7 @@ def test_an_axis_cuts_off_what_is_far_too_wide() -> None:
     # Twelve half-widths on either side of the last one at the most, and a margin.
     half = drawn[-1, 2] - drawn[-1, 0]
     assert upper - lower < 1.101 * 24 * half
-    assert mean.notes == ("The widest intervals go on beyond the axis; the table has their ends.",)
+    assert mean.notes == ("The widest intervals extend beyond the axis; the table has their ends.",)
 
 
 @pytest.mark.parametrize(
@@ -140,10 +138,7 @@ def test_an_axis_cuts_off_what_is_far_too_wide() -> None:
 )
 def test_what_cannot_be_divided_says_why(design: str, reason: str) -> None:
     assert told(of(design)) == [
-        Text(
-            "How the answers settle cannot be shown by some, the design that they come from: "
-            + reason
-        )
+        Text("Convergence cannot be shown for some, the design of the main results: " + reason)
     ]
 
 
@@ -153,8 +148,8 @@ def test_an_archive_without_convergence_says_so() -> None:
     group.dataset = group.to_dataset().drop_dims(["runs_so_far", "percent"])
     assert told(tree) == [
         Text(
-            "How the answers settle cannot be shown by some, the design that they come from: the "
-            "archive has no estimates from parts of its runs."
+            "Convergence cannot be shown for some, the design of the main results: the archive "
+            "has no estimates from parts of its runs."
         )
     ]
     tables = [
@@ -168,10 +163,9 @@ def test_an_archive_without_convergence_says_so() -> None:
 def test_pick_freeze_blocks_are_told_where_there_is_no_other_sample() -> None:
     text, *_ = told(of('kind = "saltelli"\nbase = 64'))
     assert text == Text(
-        "By some, the design that the answers come from, as no other design's runs are a sample "
-        "of the input law. Its 128 runs that are a sample are 16 independent replicates, and each "
-        "part is the first so many of these: less than a whole replicate would not be a sample "
-        "of the same kind."
+        "By some, the design of the main results, as no other design is a sample of the inputs. "
+        "Its 128 runs that are a sample are 16 independent replicates. Each part has the first few "
+        "of these: less than a whole replicate would not be a sample of the same type."
     )
 
 

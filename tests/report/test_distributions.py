@@ -90,7 +90,7 @@ def test_the_tail_is_drawn_run_by_run(archives: Archives, beam: list[Block]) -> 
 
 def test_what_is_lost_is_told_with_the_curves(beam: list[Block]) -> None:
     cdf, _, tail = find_charts(beam)
-    note = "Curve and band are of the runs that came back; 18.3 % of the admissible runs did not."
+    note = "Curve and band use the completed runs; 18.3 % of the admissible runs failed."
     assert note in cdf.notes
     assert note in tail.notes
 
@@ -104,9 +104,9 @@ class TestThresholdsFarAway:
         return list(find_charts(distributions(ArchiveView(tree, ""))))
 
     def test_the_tail_can_be_seen_all_the_same(self, told: list[Chart]) -> None:
-        (asked,) = (trace for trace in told[2].traces if trace.get("name") == "asked")
+        (asked,) = (trace for trace in told[2].traces if trace.get("name") == "requested")
         assert asked["x"] == [1.5]
-        assert told[2].notes[-1] == "In the table alone: P(> 1e9), P(> -1e9)."
+        assert told[2].notes[-1] == "In the table only: P(> 1e9), P(> -1e9)."
         assert [label for label, _ in told[2].tables[0].rows] == [
             "P(> 1e9)",
             "P(> 1.5)",
@@ -162,7 +162,7 @@ class TestSeveralModels:
         assert headings[0] == "depth of penetration (penetration_depth)"
         depth = next(find_charts(blocks))
         assert [key.text for key in depth.keys] == ["original", "smoothed", "rigid"]
-        assert "By rigid half lies at or below 102.5 cm." in depth.summary
+        assert "By rigid, the median is 102.5 cm." in depth.summary
         depths = archives["rods"]["models/rigid/runs/latin"]["penetration_depth"].values
         assert np.mean(depths <= 1.0225) >= 0.5 > np.mean(depths <= 1.0215)
         titles = [block.table.title for block in blocks if isinstance(block, Table)]

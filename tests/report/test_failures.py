@@ -1,4 +1,4 @@
-"""Runs that were lost: to what, how likely that is, and where among the inputs."""
+"""Failed runs: their reasons, their probability, and their inputs."""
 
 from __future__ import annotations
 
@@ -43,17 +43,20 @@ def test_losses_are_told_by_reason_and_design(archives: Mapping[str, xr.DataTree
 def test_inputs_that_go_with_losses_are_drawn(archives: Mapping[str, xr.DataTree]) -> None:
     *_, chart = failures(ArchiveView(archives["beam"], ""))
     assert isinstance(chart, Chart)
-    assert chart.title == "Which inputs go with the lost runs of only"
+    assert chart.title == "Inputs associated with the failed runs of only"
     assert chart.y.rows == ("load", "span")
     assert chart.summary == (
-        "The input that goes with the losses most is load: P(larger) 1, P(further out) 0.888 "
+        "The input with the strongest association is load: P(larger) 1, P(further out) 0.888 "
         "(0.812 … 0.935)."
     )
     # All lost runs have larger loads than the others, which no interval can be told of.
     larger, further = chart.traces
     assert larger["marker"]["symbol"] == ["circle-open", "circle"]
     assert further["marker"]["symbol"] == ["square", "square"]
-    assert chart.notes[-2:] == ("Bars: 95 % intervals.", "Hollow: no interval; the table says why.")
+    assert chart.notes[-2:] == (
+        "Bars: 95 % intervals.",
+        "Hollow: no interval; the table gives the reason.",
+    )
     assert chart.tables[0].notes == ["the failed runs are completely separated from the others"]
 
 
@@ -68,8 +71,8 @@ def test_where_all_are_lost_no_input_goes_with_it(archives: Mapping[str, xr.Data
 def test_where_none_is_lost_a_bound_is_told(archives: Mapping[str, xr.DataTree]) -> None:
     (block,) = failures(ArchiveView(archives["schema_2_several"], "one"))
     assert block == Text(
-        "None of the 16 runs was lost. By monte_carlo, the probability that the model fails at a "
-        "random point is at most 27 %, the upper end of its 95 % interval."
+        "All 16 runs completed. By monte_carlo, the model fails at a random point with a "
+        "probability of at most 27 %, the upper end of its 95 % interval."
     )
 
 
@@ -82,8 +85,8 @@ def test_what_is_no_sample_has_a_share_without_an_interval(
     assert isinstance(chart, Chart)
     (table,) = chart.tables
     assert table.rows == [("some", ["0.25 ¹"])]
-    assert table.notes == ["the share of its runs, which are no sample of the inputs: no interval"]
-    assert chart.notes == ("Hollow: no interval; the table says why.",)
+    assert table.notes == ["no interval: a share of its runs, which are no sample of the inputs"]
+    assert chart.notes == ("Hollow: no interval; the table gives the reason.",)
 
 
 def test_rare_reasons_are_counted_together(study_of: Callable[..., ValidatedStudy]) -> None:

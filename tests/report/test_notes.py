@@ -29,4 +29,4 @@ def test_what_is_no_estimate_is_not_hollow() -> None:
     rows = np.array([[1, 0.5, 1.5], [NONE, NONE, NONE]])
     assert list(hollow_note(rows)) == []
     rows[1, 0] = 2
-    assert list(hollow_note(rows)) == ["Hollow: no interval; the table says why."]
+    assert list(hollow_note(rows)) == ["Hollow: no interval; the table gives the reason."]

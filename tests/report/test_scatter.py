@@ -41,10 +41,8 @@ def test_runs_stand_where_the_archive_has_them(archives: Archives) -> None:
     assert came_back["hovertemplate"] == (
         "run %{customdata}<br>load %{x:.4~g} kN<br>deflection %{y:.4~g} mm<extra></extra>"
     )
-    assert group.notes == (
-        "Runs of only that are shown: all 98 that came back, all 22 that were lost.",
-    )
-    assert [key.text for key in group.keys] == ["run", "lost run, at the foot"]
+    assert group.notes == ("Runs of only in the charts: all 98 completed, all 22 failed.",)
+    assert [key.text for key in group.keys] == ["run", "failed run, at the foot"]
 
 
 def test_the_numbers_behind_are_measures_of_association(archives: Archives) -> None:
@@ -75,8 +73,8 @@ def test_many_runs_are_thinned_and_many_inputs_chosen(study_of: Any) -> None:
     assert "against x29" in [chart.title for chart in group.charts]
     assert len(group.charts[0].traces[0]["x"]) == 400
     assert group.notes == (
-        "Runs of some that are shown: 400 of 1\u202f000 that came back.",
-        "Shown are the 24 of 30 inputs that have the strongest rank correlations by some.",
+        "Runs of some in the charts: 400 of 1\u202f000 completed.",
+        "Shown are the 24 of 30 inputs with the strongest rank correlations by some.",
     )
     assert len(group.tables[0].rows) == 30
 

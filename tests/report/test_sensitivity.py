@@ -48,13 +48,13 @@ def test_the_largest_is_named_with_its_interval(archives: Archives) -> None:
     (chart,) = charts(archives["beam"])
     told = archives["beam"]["statistics/only/deflection"]["first_order"].values
     assert chart.summary == (
-        f"By only, load has the largest first order: {estimate_text(*told[0])}; that of span comes "
-        f"next: {estimate_text(*told[1])}. Its interval overlaps with no other's. "
-        "Of it must be known: only 98 runs: the coverage may be below nominal."
+        f"By only, load has the largest first order: {estimate_text(*told[0])}; span comes next: "
+        f"{estimate_text(*told[1])}. Its interval overlaps with no other's. "
+        "Note on this interval: only 98 runs: the coverage may be below nominal."
     )
     assert chart.notes == (
-        "Bars: 95 % intervals, of each estimate by itself.",
-        "Of the intervals of first order by only: only 98 runs: the coverage may be below nominal.",
+        "Bars: 95 % intervals, for each estimate by itself.",
+        "Note on first order by only: only 98 runs: the coverage may be below nominal.",
     )
 
 
@@ -62,7 +62,7 @@ def test_intervals_that_overlap_leave_the_order_open(study_of: Any) -> None:
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 200'
     (chart,) = charts(uqpen.run(study_of("a + b", text, a=(0, 1), b=(0, 1.01))))
     assert "Its interval overlaps with that of" in chart.summary
-    assert ", which leaves open which is larger." in chart.summary
+    assert ", so this order is uncertain." in chart.summary
 
 
 def test_a_surrogate_is_hollow_and_what_is_refused_is_crossed_out(study_of: Any) -> None:
@@ -101,9 +101,9 @@ def test_plain_samples_are_left_to_the_table_where_blocks_tell_more(archives: Ar
         "total order by blocks",
     ]
     assert "first order\nlatin_hypercube" in chart.tables[0].columns
-    assert chart.summary.endswith("None has an interval, so nothing tells how sure this order is.")
+    assert chart.summary.endswith("None has an interval, so this order is uncertain.")
     assert chart.notes[0] == (
-        "Hollow, without an interval: first order by blocks, total order by blocks "
+        "Hollow, no interval: first order by blocks, total order by blocks "
         "(fewer than ten blocks contribute to it)."
     )
 

@@ -103,9 +103,9 @@ def test_a_refused_figure_is_crossed_out(archives: Archives) -> None:
 def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> None:
     widths = groups(told)[1]
     assert [each.title for each in widths.charts] == [
-        "How wide the interval is: mean",
-        "How wide the interval is: median",
-        "How wide the interval is: P(> 60 cm)",
+        "Width of the interval: mean",
+        "Width of the interval: median",
+        "Width of the interval: P(> 60 cm)",
     ]
     guide, *dots = widths.charts[0].traces
     assert [trace["name"] for trace in dots] == SOURCES
@@ -119,7 +119,7 @@ def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> 
     assert guide["y"] == pytest.approx(expected, rel=1e-4)
     assert widths.keys[-1].text == "as 1/√runs, from monte_carlo"
     assert widths.notes == (
-        "± is half of an interval's length, also where its ends lie unevenly.",
+        "± is half of an interval's length, also if its ends are not symmetric.",
         "No interval, so not shown: polynomial_chaos, report.",
     )
 
@@ -128,7 +128,7 @@ def test_a_table_says_how_many_draws_give_as_narrow_an_interval(
     concrete: xr.DataTree, told: list[Block]
 ) -> None:
     table = next(block.table for block in told if isinstance(block, Table))
-    assert table.title == "What an interval costs: its ±, and as many independent draws"
+    assert table.title == "Cost of an interval: its ±, and the independent draws needed for it"
     assert table.columns[:4] == ["runs", "mean ± [m]", "draws", "median ± [m]"]
     rows = dict(table.rows)
     assert list(rows) == SOURCES
@@ -141,16 +141,16 @@ def test_a_table_says_how_many_draws_give_as_narrow_an_interval(
     mark = rows["latin_hypercube"][2].split()[-1]
     assert rows["latin_hypercube"][2] == f"≈ {draws} {mark}"
     assert table.notes["¹²³⁴⁵".index(mark)] == (
-        "so many independent draws would give as narrow an interval; a rough figure, the square of "
-        "the ratio of two widths, without an interval as nothing tells how far off these are"
+        "independent draws needed for as narrow an interval: a rough estimate, the square of the "
+        "ratio of two widths, without an interval"
     )
-    assert "128 of them are a sample; the others serve its indices" in table.notes
+    assert "128 of them are a sample; the others are for its indices" in table.notes
 
 
 def test_one_source_has_a_table(archives: Archives) -> None:
     heading, text, table = source_comparison(ArchiveView(archives["beam"], ""))
     assert heading == Heading("deflection")
-    assert text == Text("There is one source only, only, so nothing stands beside it.")
+    assert text == Text("Only only has estimates, so there is nothing to compare.")
     assert isinstance(table, Table)
     assert table.table.columns == ["only"]
 
@@ -196,7 +196,7 @@ def test_of_many_outputs_the_last_have_tables_only(
     blocks = list(source_comparison(ArchiveView(tree, "")))
     assert sum(isinstance(block, Heading) for block in blocks) == 6
     *_, text, one, other = blocks
-    assert text == Text("Without charts, as there are so many outputs: y6, y7.")
+    assert text == Text("Without charts, as there are many outputs: y6, y7.")
     assert isinstance(one, Table)
     assert isinstance(other, Table)
     assert [one.table.title, other.table.title] == ["y6 [m]", "y7 [m]"]

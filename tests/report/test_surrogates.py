@@ -69,8 +69,8 @@ def test_points_are_the_model_and_its_surrogate(tree: xr.DataTree) -> None:
     off = np.abs(guess - runs["y"].values)
     assert worst["customdata"] == np.sort(np.argsort(-off)[:10]).tolist()
     assert charts.notes == (
-        "Shown are 400 of 2\u202f000 runs of many, and the 10 with the largest differences; "
-        "it was not fitted to them.",
+        "Shown are 400 of 2\u202f000 runs of many, and the 10 with the largest differences "
+        "(not training runs).",
     )
     q2 = float(tree["surrogates/flat/y"].attrs["check_q2_of_output"])
     assert chart.title == f"y: Q² {q2:.5g} (check runs)"
@@ -102,9 +102,10 @@ def test_verdicts_are_counted_and_refusals_listed(tree: xr.DataTree) -> None:
     counts = {label: labels.count(label) for label in ("checked", "refused", "unchecked")}
     assert counts["refused"] > 0
     assert one(tree, Text).text == (
-        f"Figure by figure, flat was held against independent runs. Of {sum(counts.values())}: "
-        f"{counts['checked']} checked, as the runs' own interval agrees; {counts['refused']} "
-        f"refused; {counts['unchecked']} unchecked, as no runs tell an interval."
+        f"{sum(counts.values())} estimates by flat were compared with independent runs. "
+        f"{counts['checked']} are checked: inside the interval of the runs. "
+        f"{counts['refused']} are refused. "
+        f"{counts['unchecked']} are unchecked: no runs have an interval."
     )
     lines = one(tree, Remarks).lines
     assert any(line.startswith("distribution function of y: outside the simul") for line in lines)
@@ -114,16 +115,14 @@ def test_the_fit_stands_open_and_the_counts_are_folded(tree: xr.DataTree) -> Non
     fit, verdicts = (block for block in blocks(tree) if isinstance(block, Table))
     assert fit.table.title == "flat: fit to 30 runs, check by many"
     assert not fit.is_folded
-    assert verdicts.table.title == "flat: verdicts on its figures"
+    assert verdicts.table.title == "flat: verdicts on its estimates"
     assert verdicts.is_folded
 
 
 def test_without_others_it_is_held_against_the_runs_it_was_fitted_to(study_of: Any) -> None:
     text = FLAT[FLAT.index("[designs.few]") :]
     tree = uqpen.run(study_of("a + b", text, a=(0, 1), b=(0, 1)))
-    assert one(tree, Charts).notes == (
-        "Shown are 30 of 30 runs of few; it was fitted to these very runs.",
-    )
+    assert one(tree, Charts).notes == ("Shown are 30 of 30 runs of few (its training runs).",)
 
 
 def test_an_archive_without_surrogates_has_none(archives: Archives) -> None:

@@ -1,4 +1,4 @@
-"""The course at the nominal inputs, of one model or of several."""
+"""The trajectory at the nominal inputs, of one model or of several."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_all_models_share_the_charts(archives: Archives) -> None:
         np.testing.assert_allclose([trace["y"][0], trace["y"][-1]], ends, rtol=1e-5)
         assert len(trace["x"]) <= 300
     assert [table.title for table in group.tables] == [
-        f"Course of {name}, by depth of the projectile's nose, z [cm]" for name in told
+        f"Trajectory of {name}, by depth of the projectile's nose, z [cm]" for name in told
     ]
     assert all(len(table.rows) == 11 for table in group.tables)
     assert group.notes[0] == (

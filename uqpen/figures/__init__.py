@@ -1,4 +1,4 @@
-"""Figures of an archive: what it holds, drawn from the archive alone.
+"""Figures of an archive: its results, drawn from the archive alone.
 
 A figure is made of panels. Each member of the family takes the part of an archive that is asked
 for, and yields the panels that this has something for; nothing is drawn before all are known.

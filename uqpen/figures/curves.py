@@ -1,4 +1,4 @@
-"""One distribution function, and how it is drawn."""
+"""A distribution function, and its drawing."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ __all__ = ["CUT", "Curve", "axis_span", "draw_band", "draw_curve"]
 
 # Fewer runs or different values than this are drawn as steps.
 _FEW = 500
-# Of what is drawn with a thin line, every so many ranks are shown, the first and the last too.
+# A thin line shows one rank in this many, and the first and the last.
 _STRIDE = 4
-# How much further than 99 % of all values a tail may go before the axis leaves it out.
+# Longest tail beyond 99 % of all values that an axis includes, relative to their range.
 _LONG = 0.35
 # The note on such an axis.
 CUT = "axes end where all but 1 % lies inside"
@@ -102,7 +102,7 @@ class Curve:
 
     @property
     def is_stepped(self) -> bool:
-        """True if the distinct values are so few that steps between them can be seen."""
+        """True if steps can be seen, as there are few distinct values."""
         return self.runs < _FEW or np.unique(self.values).size < _FEW
 
     @property

@@ -30,11 +30,11 @@ __all__ = [
     "thresholds",
 ]
 
-# An asked probability below which probabilities are shown by their logarithms.
+# Requested probabilities below this need a logarithmic axis.
 _SMALL = 0.02
-# Widths of an axis by which it is made longer, at the most, for a value that is asked for.
+# Widths of an axis by which it is made longer, at the most, for a requested value.
 _FAR = 1.5
-# The part of an axis that a value takes which is written upright.
+# The part of an axis that an upright label takes.
 _ROOM = 0.03
 
 
@@ -46,7 +46,7 @@ def cdf(view: ArchiveView) -> Iterator[Panel]:
 
 
 def exceedance(view: ArchiveView) -> Iterator[Panel]:
-    """Probability of exceeding each value, and those asked for."""
+    """Probability of exceeding each value, with the requested ones."""
     for output in view.numeric_outputs:
         if curves := distribution_curves(view, output):
             title = view.title(f"{output}, by {curves[0].name}")
@@ -73,7 +73,7 @@ def model_curves(view: ArchiveView, output: str, source: str) -> list[Curve]:
 
 
 def distribution_curves(view: ArchiveView, output: str) -> list[Curve]:
-    """Return the functions of all sources; first that of the one asked for, or a design."""
+    """Return the functions of all sources; first that of the requested one, or a design."""
     statistics, measure = view.statistics, view.scale(output)
     curves = (
         Curve.from_source(source, statistics, source, output, measure)
@@ -145,7 +145,7 @@ def _draw_exceedance(view: ArchiveView, output: str, curve: Curve, axes: Axes) -
 def _draw_thresholds(
     axes: Axes, probabilities: xr.DataArray, view: ArchiveView, output: str
 ) -> None:
-    """Draw the probabilities of exceeding the values that the study asks for."""
+    """Draw the probabilities of exceeding the requested values."""
     places = _thresholds(view, output, probabilities)
     for (written, place), estimate in zip(places, probabilities, strict=True):
         error = error_bar_lengths(estimate.values)
@@ -177,7 +177,7 @@ def _thresholds(
 
 
 def _mark(axes: Axes, view: ArchiveView, output: str, *, at_foot: bool) -> Iterator[str]:
-    """A line at each value asked for, with the value as it was written where there is room."""
+    """A line at each requested value, with its text in the study where there is room."""
     lower, upper = axes.get_xlim()
     beyond, last = [], -np.inf
     for written, place in sorted(thresholds(view, output).items(), key=lambda each: each[1]):
@@ -203,7 +203,7 @@ def _mark(axes: Axes, view: ArchiveView, output: str, *, at_foot: bool) -> Itera
 
 
 def exceedance_span(view: ArchiveView, output: str, curve: Curve) -> tuple[float, float, bool]:
-    """Return the ends of the axis, past most of the tail and past the values asked for.
+    """Return the ends of the axis, past most of the tail and past the requested values.
 
     Not after those so far away that nothing could be seen of the rest.
     """

@@ -1,4 +1,4 @@
-"""A figure that knows how it is shown in a notebook, and how it is kept."""
+"""A figure that notebooks show, and that can be written to a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The number of failed runs, their reasons, and where they lie among the inputs."""
+"""Panels of failed runs: their number by status, and their inputs."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from uqpen.results.table import identity
 
 __all__ = ["ASSOCIATIONS", "failed_run_counts", "failure_panels"]
 
-# The statistics of the inputs of lost runs, and their names in a legend.
+# The statistics of the inputs of failed runs, and their names in a legend.
 ASSOCIATIONS = (("larger", "larger"), ("further_out", "further out"))
 
 
 def failure_panels(view: ArchiveView) -> Iterator[Panel]:
-    """Runs lost to what, and which inputs go with that."""
+    """Probability of each way to fail, and the inputs of failed runs."""
     designs = [name for name in view.designs if view.source in (None, name)]
     failed = [design for design in designs if failed_run_counts(view, design)]
     if failed:
-        title = view.title("runs that were lost")
+        title = view.title("failed runs")
         height = 0.9 + 0.3 * len(failed)
         yield Panel(title, partial(_draw_shares, view, failed), height, tuple(failed))
     for design in designs:
@@ -37,7 +37,7 @@ def failure_panels(view: ArchiveView) -> Iterator[Panel]:
         associations = {name: failures[name] for name, _ in ASSOCIATIONS if name in failures}
         if any(np.isfinite(each.values[:, 0]).any() for each in associations.values()):
             inputs = tuple(map(str, next(iter(associations.values()))[INPUT].values))
-            title = view.title(f"{design}: inputs of lost runs")
+            title = view.title(f"{design}: inputs of failed runs")
             height = 0.9 + 0.3 * len(inputs)
             yield Panel(title, partial(_draw_associations, associations), height, inputs)
 
@@ -66,7 +66,7 @@ def _draw_shares(view: ArchiveView, designs: list[str], axes: Axes) -> Iterator[
                 share = count / read_group(view.tree, RUNS, design).sizes[RUN]
                 alone = np.array([share, np.nan, np.nan])
                 dots.append(EstimateDot(alone, place, style, label))
-    axes.set_xlabel("probability of losing a run")
+    axes.set_xlabel("probability of a failed run")
     yield from draw_dots(axes, dots)
     axes.set_xlim(left=0)
 
@@ -80,6 +80,6 @@ def _draw_associations(associations: Mapping[str, xr.DataArray], axes: Axes) -> 
                 place, style = row + 0.3 * (number - 0.5), source_style(number)
                 legend = "" if row else label
                 dots.append(EstimateDot.from_array(chance, identity, place, style, legend))
-    axes.set(xlabel="P(a lost run's input is so)", xlim=(-0.02, 1.02))
+    axes.set(xlabel="P(failed run's input is so)", xlim=(-0.02, 1.02))
     yield from draw_dots(axes, dots)
-    yield "0.5: the input does not go with the losses"
+    yield "0.5: the input is not associated with failure"

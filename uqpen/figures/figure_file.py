@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FORMATS", "figure_bytes", "figure_format"]
 
-# What a file says of itself; no time, no version.
+# Metadata of a file: no time, no version.
 FORMATS: dict[str, dict[str, Any]] = {
     "svg": {"Date": None, "Creator": "uqpen"},
     "pdf": {"CreationDate": None, "Creator": "uqpen", "Producer": None},

@@ -26,7 +26,7 @@ __all__ = ["bin_values", "histogram", "marked_estimates"]
 _MOST_BINS, _FEWEST_BINS = 70, 8
 # A bin's opacity and that of an interval's shade, which is seen on top of it.
 _LIGHT, _SHADE = 0.45, 0.2
-# Colours and dashes of the lines at what is marked; of others, dots.
+# Colours and dashes of the lines at marked estimates; other lines are dotted.
 _LINES: dict[str, tuple[str, object]] = {
     "mean": (VERMILION, (0, (5, 1.5))),
     "median": (BLACK, "-"),
@@ -85,7 +85,7 @@ def _draw(
 def marked_estimates(
     view: ArchiveView, output: str, design: str
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """Yield the names of what is marked, and its estimates along ``bound``, in SI units."""
+    """Yield the marked estimates along ``bound``, in SI units, each with its name."""
     statistics = view.statistics.statistics(design, output)
     if "mean" in statistics:
         yield "mean", statistics["mean"]
@@ -94,7 +94,7 @@ def marked_estimates(
 
 
 def _mark(axes: Axes, name: str, bounds: FloatArray) -> str:
-    """A line at an estimate, its interval shaded; the name of one that has none."""
+    """Draw a line at an estimate and shade its interval; return its name if it has none."""
     colour, line = _LINES.get(name, (BLACK, (0, (1, 1.2))))
     axes.axvline(bounds[0], color=colour, linestyle=line, linewidth=1.2, label=plain_text(name))
     if not np.isfinite(bounds[1:]).all():

@@ -28,11 +28,11 @@ __all__ = ["available", "check_archive", "figure", "panels"]
 
 # Inches, and characters to an inch of the notes.
 _WIDTHS = {1: 4.6, 2: 7.2, 3: 9.2, 4: 11.4}
-# Of a panel's title in a line, by the number of columns.
+# Characters of a panel's title in a line, by the number of columns.
 _TITLE = {1: 52, 2: 44, 3: 36, 4: 34}
 _CHARACTERS = 17
 _HEAD = 0.3
-# Of more panels a page shows the first, and says so.
+# A page shows the first of more panels, with a note.
 _MOST_PANELS = 24
 
 
@@ -75,7 +75,7 @@ def figure(
         If the archive has nothing for it, or matplotlib is not installed; or if a function of
         one's own fails.
     ArchiveError
-        If it lacks what figures go by.
+        If it lacks data that figures need.
     """
     found = [
         panel

@@ -1,4 +1,4 @@
-"""A panel of a figure: a title, and how the rest is drawn onto axes."""
+"""A panel of a figure: a title, and a function that draws the rest onto axes."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ __all__ = ["category_labels", "jitter", "scatter_panels", "thin_runs"]
 
 # Runs that are drawn in a panel at the most, and in all panels together.
 _MOST_RUNS, _MOST_IN_ALL = 1000, 8000
-_MOST_LOST = 100
+_MOST_FAILED = 100
 _FEWEST_RUNS = 250
 
 
@@ -42,12 +42,12 @@ def scatter_panels(view: ArchiveView) -> Iterator[Panel]:
     is_ok = every[STATUS].values == Status.OK
     most = max(_FEWEST_RUNS, min(_MOST_RUNS, _MOST_IN_ALL // panels))
     parts, counts = [], []
-    for which, limit, end in ((is_ok, most, "that came back"), (~is_ok, _MOST_LOST, "lost")):
+    for which, limit, end in ((is_ok, most, "completed"), (~is_ok, _MOST_FAILED, "failed")):
         whole = every.isel({RUN: np.flatnonzero(which)})
         parts.append(thin_runs(whole, limit))
         if whole.sizes[RUN]:
             shown = grouped_number(parts[-1].sizes[RUN])
-            counts.append(f"{shown} of {grouped_number(whole.sizes[RUN])} runs {end}")
+            counts.append(f"{shown} of {grouped_number(whole.sizes[RUN])} {end} runs")
     note = f"drawn of {design}: {'; '.join(counts)}"
     colour = view.look(design).colour
     for output in outputs:
@@ -58,7 +58,7 @@ def scatter_panels(view: ArchiveView) -> Iterator[Panel]:
 
 
 def thin_runs(runs: xr.Dataset, most: int) -> xr.Dataset:
-    """Some of the runs, the same ones each time; in order, as a table's need not be at random."""
+    """A random part of the runs, the same each time, in order; the first runs may not be random."""
     size = runs.sizes[RUN]
     if size <= most:
         return runs
@@ -95,14 +95,14 @@ def _draw(
             color=VERMILION,
             markersize=4,
             transform=axes.get_xaxis_transform(),
-            label="lost runs, at the foot",
+            label="failed runs, at the foot",
             clip_on=False,
         )
     yield note
 
 
 def _vertical_positions(axes: Axes, view: ArchiveView, output: str, runs: xr.Dataset) -> FloatArray:
-    """Return the height of each run; runs of one kind are spread so that they can be seen."""
+    """Return the height of each run; runs of one category are spread so that they can be seen."""
     if output in view.numeric_outputs:
         heights: FloatArray = view.scale(output).from_si(runs[output].values)
         return heights
@@ -113,7 +113,7 @@ def _vertical_positions(axes: Axes, view: ArchiveView, output: str, runs: xr.Dat
 
 
 def category_labels(output: xr.DataArray) -> dict[int, str]:
-    """Return the labels of an output's kinds by code, without the kind of failed runs."""
+    """Return the labels of an output's categories by code, without that of failed runs."""
     attributes: dict[Any, Any] = dict(output.attrs)
     codes = np.asarray(attributes["flag_values"]).tolist()
     labels = np.atleast_1d(attributes.get("flag_labels", attributes["flag_meanings"].split()))

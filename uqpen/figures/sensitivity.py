@@ -56,7 +56,7 @@ def response_panels(view: ArchiveView) -> Iterator[Panel]:
 
 
 def best_sources(view: ArchiveView, found: list[MeasureSeries]) -> list[MeasureSeries]:
-    """Leave plain samples out, unless one is asked for or there is nothing else."""
+    """Leave plain samples out, unless one is selected or there is nothing else."""
     if view.source is not None and all(view.is_sample_design(each.source) for each in found):
         return found
     shown = best_source_names(view.tree, ((each.source, each.array) for each in found))

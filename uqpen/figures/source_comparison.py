@@ -22,7 +22,7 @@ _ROW, _FRAME = 0.19, 0.75
 
 # The statistics that are compared as a whole, and their labels in the tables.
 _SINGLE = {"mean": "mean", "std": "sd"}
-# Those that are compared entry by entry: the coordinate that names an entry, and its label.
+# Statistics that are compared by entry: the coordinate that names an entry, and its label.
 _BY_ENTRY: dict[str, tuple[str, Callable[[Any], str]]] = {
     "quantile": (PROBABILITY, quantile_label),
     "exceedance": (THRESHOLD, exceedance_label),
@@ -33,7 +33,7 @@ _AXES = {"exceedance": "probability", "share": "share"}
 
 
 def source_panels(view: ArchiveView) -> Iterator[Panel]:
-    """Means, quantiles, probabilities: what each source says."""
+    """Means, quantiles and probabilities by each source."""
     for output in (*view.numeric_outputs, *view.categorical_outputs):
         found = list(compared_statistics(view, output))
         rows = tuple(

@@ -45,7 +45,7 @@ def surrogate_panels(view: ArchiveView) -> Iterator[Panel]:
 
 
 def test_design(view: ArchiveView, made: xr.DataTree) -> str:
-    """The design that a surrogate is compared with: its check, or that it was fitted to."""
+    """The design that a surrogate is compared with: its check, or else its training runs."""
     check = str(made.attrs.get("check", ""))
     return check if check in view.designs else str(made.attrs["design"])
 
@@ -63,9 +63,9 @@ def _draw(view: ArchiveView, name: str, design: str, output: str, axes: Axes) ->
     axes.set_xlabel(title_with_unit("run of the model", view.unit(output)))
     axes.set_ylabel(title_with_unit("surrogate", view.unit(output)))
     is_fitted_to = design == str(made.attrs["design"])
-    whose = "the very runs it was fitted to" if is_fitted_to else "which it was not fitted to"
+    role = "its training runs" if is_fitted_to else "not training runs"
     counted = f"{grouped_number(shown.sizes[RUN])} of {grouped_number(runs.sizes[RUN])}"
-    yield f"{name}: {counted} runs of {design}, {whose}"
+    yield f"{name}: {counted} runs of {design}, {role}"
 
 
 def predict(made: xr.DataTree, name: str, runs: xr.Dataset, output: str) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The course of a model at the nominal inputs; several models' together."""
+"""Trajectories at the nominal inputs; several models' together."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ __all__ = [
 
 # Quantities of one unit share a panel unless one is this much smaller than the other.
 _ALIKE = 8.0
-# Smaller units, for what is less than a fiftieth of the larger.
+# Smaller units, for values below a fiftieth of the larger unit.
 _SMALLER = {"m": ("mm", 1e3), "s": ("ms", 1e3)}
 _FEW = 0.02
 
 
 def trajectory_panels(view: ArchiveView) -> Iterator[Panel]:
-    """The course at the nominal inputs; several models' together."""
+    """Trajectory at the nominal inputs; several models' together."""
     trajectories = find_trajectories(view)
     if not trajectories:
         return
@@ -44,7 +44,7 @@ def trajectory_panels(view: ArchiveView) -> Iterator[Panel]:
 
 
 def find_trajectories(view: ArchiveView) -> dict[str, xr.Dataset]:
-    """Return the course of each model that has one."""
+    """Return the trajectory of each model that has one."""
     return {
         each.model: trajectory
         for each in (view.model_views if view.model else [view])
@@ -73,12 +73,12 @@ def _largest_value(array: xr.DataArray) -> float:
 
 
 def quantity_name(array: xr.DataArray) -> str:
-    """Return the name of a quantity of a course."""
+    """Return the name of a quantity of a trajectory."""
     return str(array.attrs.get("long_name", array.name))
 
 
 def quantity_symbol(array: xr.DataArray) -> str:
-    """The short symbol that ends what a quantity is called, or all of that without one."""
+    """The short symbol at the end of a quantity's name, or the whole name without one."""
     text, _, short = quantity_name(array).rpartition(", ")
     return short if text and len(short) <= 2 else quantity_name(array)
 
@@ -121,7 +121,7 @@ def _label(course: xr.Dataset, model: str, names: list[str], number: int) -> str
 
 
 def readable_unit(array: xr.DataArray) -> tuple[str, float]:
-    """The unit to show a quantity in, and how many of it are one SI unit."""
+    """The unit to show a quantity in, and the factor to it from SI."""
     unit = str(array.attrs.get("units", DIMENSIONLESS))
     if unit in _SMALLER and _largest_value(array) < _FEW:
         return _SMALLER[unit]

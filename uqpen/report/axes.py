@@ -18,13 +18,13 @@ _STEPS = ((1, 2, 5), (1, 3), (1,))
 
 
 def padded_limits(lower: float, upper: float, share: float = 0.03) -> tuple[float, float]:
-    """The ends of an axis that goes beyond two values, by a share of what lies between them."""
+    """Return the ends of an axis: two values, extended by a share of their distance."""
     margin = share * (upper - lower) or 0.05 * abs(upper) or 1.0
     return lower - margin, upper + margin
 
 
 def logarithmic_axis(title: str, values: Iterable[float]) -> Axis:
-    """A logarithmic axis that holds some values, all of them above zero."""
+    """Return a logarithmic axis that includes some values, all of them above zero."""
     powers = [math.log10(value) for value in values]
     lower, upper = min(powers), max(powers)
     margin = max(_MARGIN * (upper - lower), (_SHORTEST - (upper - lower)) / 2, 0.05)
@@ -47,7 +47,7 @@ def _ticks_between(lower: float, upper: float, steps: Sequence[int]) -> Iterator
 
 
 def _tick_text(step: int, power: int) -> str:
-    """A number as it is read: written out as long as it is short."""
+    """Write out a short number; others as a power of ten."""
     if 0 <= power < 6:
         return grouped_number(step * 10**power)
     if -5 < power < 0:

@@ -27,7 +27,7 @@ __all__ = [
 
 
 class Block:
-    """A part of a section; its class's name chooses how the template sets it."""
+    """A part of a section; the template sets it by the name of its class."""
 
     @property
     def kind(self) -> str:
@@ -37,7 +37,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Heading(Block):
-    """A heading below that of the section; what follows is of one output, or one model."""
+    """A heading within a section, for the blocks of one output or one model."""
 
     text: str
     level: int = 3  # as HTML counts: 4 below another
@@ -59,7 +59,7 @@ class Quote(Block):
 
 @dataclass(frozen=True)
 class Remarks(Block):
-    """A list of what must be known, one line each, below a few words that say of what."""
+    """A list of remarks, one line each, below a short head."""
 
     head: str
     lines: tuple[str, ...]
@@ -77,7 +77,7 @@ class Listing(Block):
 
 @dataclass(frozen=True)
 class Table(Block):
-    """A table with its notes; folded, a line that opens it stands in its place."""
+    """A table with its notes; if folded, a line opens it."""
 
     table: OutputTable
     is_folded: bool = False
@@ -99,34 +99,34 @@ class LegendKey:
     """An entry of a legend."""
 
     text: str
-    series: int | str  # what gives its colour, see `marks`
+    series: int | str  # chooses its colour, see `marks`
     mark: str  # "line", "band", "bar", or the name of a marker
     dash: str = "solid"
 
 
 @dataclass(frozen=True)
 class ThresholdReadout:
-    """A threshold that is moved over a distribution function, and what is read off there."""
+    """A threshold that a reader moves over a distribution function, and the values there."""
 
     output: str
     unit: str
     source: str
     level: float  # of the simultaneous band; NaN where there is none
-    note: str  # why there is none
+    note: str  # the reason why there is no band
     first: float
     step: float
     decimals: int
-    start: int  # which threshold is shown first
+    start: int  # position of the threshold that is shown first
     # At each threshold, the probability of lying at or below, and the ends of the band or None.
     bounds: Sequence[Sequence[float | None]]
 
 
 @dataclass(frozen=True)
 class Chart(Block):
-    """A chart, drawn by the page's script, with what it says to who cannot see it."""
+    """A chart, drawn by the page's script, with a summary for readers who cannot see it."""
 
     title: str
-    summary: str  # what is seen in it, for those who do not see it
+    summary: str  # its content in words, for readers who cannot see it
     x: Axis
     y: Axis
     traces: tuple[Trace, ...]

@@ -16,7 +16,7 @@ _SHORT = 50
 
 
 def charts_json(charts: Sequence[Chart]) -> str:
-    """All charts of a page; a text that ends no script, whatever it holds."""
+    """All charts of a page, as a text that cannot end a script."""
     content = _deduplicate_lists([_chart_content(chart) for chart in charts])
     text = json.dumps(content, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("-->", "--\\u003e")

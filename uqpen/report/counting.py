@@ -1,4 +1,4 @@
-"""Numbers as sentences have them: of things, and in per cent."""
+"""Numbers in sentences: counts with their noun, and per cent."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def count_text(number: int, noun: str) -> str:
 
 
 def percent_texts(estimate: float, lower: float, upper: float, *others: float) -> tuple[str, ...]:
-    """A probability, the ends of its interval, and others, in the very digits of the tables.
+    """A probability, the ends of its interval, and others, in the same digits as the tables.
 
     A hundred times the number would be rounded anew, and differ where it ends in a five.
 
@@ -37,7 +37,7 @@ def percent_texts(estimate: float, lower: float, upper: float, *others: float) -
 
 
 def _times_hundred(text: str) -> str:
-    """A number as it is written, its point two places further on."""
+    """Move the point of a number two places, in its text."""
     mantissa, times, power = text.partition("×10")
     exponent = int(power.translate(_PLAIN)) if times else 0
     try:

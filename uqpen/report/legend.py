@@ -5,7 +5,7 @@ from __future__ import annotations
 __all__ = ["OUTLINES", "STROKES", "colour_name"]
 
 # SVG paths of markers and dashes of lines, by Plotly's names, in the order in which sources take
-# them; the cross is for what is lost or refused.
+# them; the cross is for failed runs and refused estimates.
 OUTLINES = {
     "circle": "M-5,0a5,5 0 1,0 10,0a5,5 0 1,0 -10,0z",
     "square": "M-4.5,-4.5h9v9h-9z",

@@ -34,15 +34,15 @@ __all__ = [
     "series_marker",
 ]
 
-# As Plotly takes them; all are made by the functions below.
+# Traces in Plotly's form, made by the functions below.
 Trace = dict[str, Any]
 Numbers = Sequence[float] | FloatArray | IntArray
 
-# By the position of a source; as many as there are colours. A legend has all of them.
+# By the position of a source, one for each colour. A legend can draw all of them.
 MARKERS = tuple(marker for marker in OUTLINES if marker != "x")
 DASHES = tuple(STROKES)
 
-# Digits of what has an interval, which may be narrow.
+# Digits of estimates with an interval, which may be narrow.
 _EXACT = 9
 
 # Plotly reads these in a text; so they are written in the way that it writes them back from.
@@ -93,7 +93,7 @@ def line_trace(
     name : str
         What a test or a reader finds it by.
     beside : sequence of array_like
-        What the placeholders ``customdata`` stand for.
+        Values of the placeholders ``customdata``.
     width : float
         In CSS pixels.
     is_stepped : bool
@@ -146,7 +146,7 @@ def point_trace(
     Parameters
     ----------
     texts : sequence of str
-        Plain texts, one for each point: what the placeholder ``text`` stands for.
+        Plain texts, one for each point: values of the placeholder ``text``.
     numbers : sequence of int
         Likewise ``customdata``, such as the place of a run among all.
     marker : str
@@ -245,7 +245,7 @@ def _bar_lengths(sides: Numbers) -> list[float | str]:
 
 
 def bar_trace(edges: Numbers, counts: Numbers, series: int | str, *, hover: str) -> Trace:
-    """Counts of what lies between edges."""
+    """Counts between the edges."""
     edges = np.asarray(edges, dtype=np.float64)
     return {
         "type": "bar",

@@ -12,18 +12,18 @@ from uqpen.report.counting import count_text
 
 __all__ = ["page_facts", "page_heading"]
 
-# Of a title, or another text at the head.
+# Most characters of a title, or of another text at the head.
 _LONGEST = 1000
 
 
 def page_heading(tree: xr.DataTree) -> str:
     """The title of an archive's page."""
     title = _cut_text(str(tree.attrs.get("title", "")).strip()) or "A study without a title"
-    return f"{title}: methods head to head" if _is_comparison(tree) else title
+    return f"{title}: benchmark of methods" if _is_comparison(tree) else title
 
 
 def page_facts(tree: xr.DataTree) -> list[str]:
-    """Which study, which model, how many runs, and what made them."""
+    """Study, model, number of runs, and version of uqpen."""
     return [_cut_text(text) for text in _all_facts(tree) if text.strip()]
 
 
@@ -58,7 +58,7 @@ def _methods(tree: xr.DataTree) -> Iterator[str]:
 
 
 def _cut_text(text: str) -> str:
-    """A text that a browser can set: of a megabyte it would make minutes of work."""
+    """Shorten a text; a browser would need minutes for a megabyte."""
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
 
 

@@ -1,4 +1,4 @@
-"""Notes that stand below several charts, in the same words."""
+"""Notes that several charts have in common."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ def has_interval(bounds: FloatArray) -> BoolArray:
 
 
 def all_bounded(bounds: FloatArray) -> bool:
-    """Return whether each of some estimates has an interval; what is no estimate does not count."""
+    """Return whether each estimate has an interval; a missing estimate does not count."""
     return bool(has_interval(bounds)[np.isfinite(bounds[..., 0])].all())
 
 
 def hollow_note(bounds: FloatArray) -> Iterator[str]:
     """A note on estimates without an interval, if there are any, for a chart that has a table."""
     if not all_bounded(bounds):
-        yield f"{capitalized(HOLLOW)}; the table says why."
+        yield f"{capitalized(HOLLOW)}; the table gives the reason."
 
 
 def interval_notes(estimates: Iterable[xr.DataArray], each: str = "") -> Iterator[str]:
-    """A note for each level of the intervals that are drawn as bars, with more words on each."""
+    """Yield a note for each level of the intervals drawn as bars, followed by a text."""
     levels = {
         float(estimate.attrs[INTERVAL_LEVEL])
         for estimate in estimates

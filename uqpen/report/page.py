@@ -1,4 +1,4 @@
-"""Sections put together into one page, which needs nothing but itself."""
+"""Sections put together into one self-contained page."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from uqpen.results.texts import plain_text
 __all__ = ["report_page", "write_report"]
 
 _ASSETS = files("uqpen.report") / "assets"
-# So that no study or archive is overwritten by a slip.
+# Required, so that a mistyped name does not overwrite a study or an archive.
 _ENDINGS = (".html", ".htm")
 _LIBRARY = files("uqpen.report") / "vendored" / "plotly-basic.min.js"
 
-# Control characters, what turns texts around, halves of pairs, and what is no character.
+# Control characters, marks of text direction, lone surrogates, and noncharacters.
 _UNFIT = re.compile(
     "[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u061c\\u200e\\u200f\\u202a-\\u202e\\u2066-\\u2069"
     "\\ud800-\\udfff\\ufdd0-\\ufdef\\ufffe\\uffff]"
@@ -46,7 +46,7 @@ _UNFIT = re.compile(
 
 
 class _FilledSection(NamedTuple):
-    """A section, by the name that links have, and what an archive has for it."""
+    """A section with its name in links, and its blocks for an archive."""
 
     name: str
     section: ReportSection
@@ -106,7 +106,7 @@ def report_page(tree: xr.DataTree, sections: Sequence[str | SectionFunction] = (
 
 def _render(tree: xr.DataTree, sections: Sequence[_FilledSection], lacks: Sequence[str]) -> str:
     charts = [chart for filled in sections for chart in find_charts(filled.blocks)]
-    # By identity, as what a chart holds has no hash.
+    # By identity, as the content of a chart has no hash.
     numbers = {id(chart): number for number, chart in enumerate(charts)}
     style, script = ((_ASSETS / name).read_text("utf-8") for name in ("page.css", "page.js"))
     library = _LIBRARY.read_text("utf-8")

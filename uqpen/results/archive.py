@@ -1,4 +1,4 @@
-"""Archive in memory, as a user of the library holds it."""
+"""Archive in memory, for a user of the library."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class ArchiveView:
     model : str
         Which of several models; empty of a single one.
     output, source : str or None
-        The only ones that are asked for; None for what suits the figure.
+        The selected ones; None for those that suit the figure.
     """
 
     archive: xr.DataTree
@@ -76,7 +76,7 @@ class ArchiveView:
 
     @property
     def sample_designs(self) -> list[str]:
-        """The designs that sample the input distribution, the one asked for alone if any."""
+        """The designs that sample the input distribution; only the selected one, if any."""
         return [
             name
             for name in self.designs
@@ -88,7 +88,7 @@ class ArchiveView:
         return source_style(self.sources.index(source))
 
     def estimates(self, output: str, statistic: str) -> dict[str, xr.DataArray]:
-        """Return a statistic by source, of the one asked for alone if any."""
+        """Return a statistic by source; only that of the selected one, if any."""
         sources = None if self.source is None else [self.source]
         return self.statistics.by_source(output, statistic, sources)
 
@@ -103,7 +103,7 @@ class ArchiveView:
 
     @property
     def numeric_outputs(self) -> list[str]:
-        """The outputs that are numbers, the one asked for alone if any."""
+        """The outputs that are numbers; only the selected one, if any."""
         return [
             name
             for name in self._selected
@@ -112,7 +112,7 @@ class ArchiveView:
 
     @property
     def categorical_outputs(self) -> list[str]:
-        """The outputs that have kinds, likewise."""
+        """The categorical outputs; only the selected one, if any."""
         return [name for name in self._selected if "flag_meanings" in self.attributes(name)]
 
     def _is_field(self, name: str) -> bool:

@@ -32,10 +32,10 @@ __all__ = [
 WINS, IS_LEVEL, IS_DOUBTFUL = "*", "=", "?"
 
 LEGEND = (
-    "Figures are root mean squares of errors in % of the reference (of the standard deviation, "
-    f"where that is about 0). {WINS} leads all other single sets by more than the noise, "
-    f"{IS_LEVEL} is level with the best, {IS_DOUBTFUL} is ahead for reasons that leave a doubt; "
-    "a factor's 95 % interval is in brackets."
+    "Numbers are root mean square errors in % of the reference (of the standard deviation, where "
+    f"the reference is about 0). {WINS} leads all other single sets by more than the noise, "
+    f"{IS_LEVEL} is level with the best, {IS_DOUBTFUL} is ahead without certainty. Brackets "
+    "contain the 95 % interval of a factor."
 )
 
 
@@ -63,7 +63,7 @@ class EntryComparison:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """All of them, as they stand below the table."""
+        """All sentences below the table, in order."""
         return (*self.verdicts, *self.notes, *self.replicated_verdicts)
 
 

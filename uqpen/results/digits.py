@@ -1,4 +1,4 @@
-"""Figures in the digits that their intervals leave a meaning."""
+"""Numbers with as many digits as their intervals justify."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def estimate_text(estimate: float, lower: float, upper: float) -> str:
 
     Two digits of the half-width, and the estimate to the same place; both ends where they lie
     unevenly; four digits where there is no interval. The end of an interval to one side is rounded
-    outward, so that it bounds what it bounded before.
+    outward, so that it remains a bound.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def estimate_text(estimate: float, lower: float, upper: float) -> str:
 
 
 def tolerance_limit_text(estimate: float, upper: float) -> str:
-    """A value that holds, with its upper bound in the same digits, rounded up.
+    """A tolerance limit, with its upper bound in the same digits, rounded up.
 
     >>> tolerance_limit_text(13.4812, 13.7612)
     '13.48, at most 13.77'
@@ -110,10 +110,10 @@ def _text_without_interval(estimate: float) -> str:
 
 
 class _NumberFormat:
-    """Writes figures to one place, given by the uncertainty, and out of one power of ten."""
+    """Writes numbers to one place, given by the uncertainty, with one power of ten."""
 
     def __init__(self, estimate: float, half: float) -> None:
-        # Of the least numbers of all, the power of ten would be 0.
+        # Below 1e-300, ten to the exponent would be 0.
         exponent = max(-300, math.floor(math.log10(max(abs(estimate), half))))
         self.exponent = 0 if -3 <= exponent < 6 else exponent
         self._power = 10.0**self.exponent
@@ -145,5 +145,5 @@ class _NumberFormat:
         return f"{text}{self._power_text}"
 
     def write(self, body: str) -> str:
-        """The body with the power of ten that its figures leave out."""
+        """The body with the power of ten that its numbers leave out."""
         return f"({body}){self._power_text}" if self.exponent else body

@@ -1,4 +1,4 @@
-"""Tables of where the failed runs lie among the inputs."""
+"""Tables of the inputs of failed runs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["ASSOCIATIONS", "ENDS", "failure_tables"]
 
 # Statistics of the inputs of failed runs: estimates, and the range of their values.
 ASSOCIATIONS, ENDS = ("larger", "further_out"), ("lowest", "highest")
-_COLUMNS = ("lost from", "to", "P(larger)", "P(further out)")
+_COLUMNS = ("failed from", "to", "P(larger)", "P(further out)")
 
 
 def failure_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
@@ -30,7 +30,7 @@ def failure_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
         failures, runs = statistics.failures(design), read_group(tree, RUNS, design)
         if not all(name in failures for name in (*ASSOCIATIONS, *ENDS)):
             continue
-        table = OutputTable(f"{design}: where the lost runs lie", list(_COLUMNS))
+        table = OutputTable(f"{design}: inputs of failed runs", list(_COLUMNS))
         measures = np.stack([failures[name].values[:, 0] for name in ASSOCIATIONS])
         strength = np.nan_to_num(np.abs(measures - 0.5)).max(axis=0)
         names = list(map(str, failures[ASSOCIATIONS[0]][INPUT].values))

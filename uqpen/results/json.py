@@ -1,4 +1,4 @@
-"""An archive as JSON for scripts: SI units, every figure with its bounds."""
+"""An archive as JSON for scripts: SI units, every estimate with its bounds."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _FAMILIES = {
     "shares": "share",
 }
 
-# How many runs a tolerance limit of each content takes.
+# Number of runs that a tolerance limit of each content needs.
 _RUNS_NEEDED = "content_runs_needed"
 
 
@@ -67,7 +67,7 @@ def archive_json(tree: xr.DataTree) -> dict[str, Any]:
         ``designs.<name>`` with ``runs``, ``status.<meaning>`` and ``outputs.<output>``, and
         ``surrogates.<name>`` likewise; each figure ``{estimate, lower, upper}`` in SI units, None
         where there is none, with how its interval was made. Of several models, all that under
-        ``models.<name>``, and what they differ by under ``differences.<name>``.
+        ``models.<name>``, and their differences under ``differences.<name>``.
     """
     head = archive_identity(tree)
     if MODELS not in tree.children:

@@ -31,14 +31,14 @@ __all__ = [
 
 
 def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[OutputTable]:
-    """Yield tables for each output of each model, with those of the inputs' part in it.
+    """Yield the tables of each output of each model, with its sensitivity tables.
 
     Parameters
     ----------
     tree : DataTree
         An archive.
     everything : bool
-        Whether to show all that it has on the inputs' part.
+        Whether to show all sensitivity measures of the archive.
     """
     for name, model in model_trees(tree).items():
         head = f"{name}: " if name else ""
@@ -124,7 +124,7 @@ def _shown_unit(described: Mapping[Any, Any]) -> str:
 
 
 def fit_table(name: str, made: xr.DataTree) -> OutputTable:
-    """Return the fit of a surrogate to each output, or why it could not be fitted."""
+    """Return the fit of a surrogate to each output, or the reason if there is none."""
     title = f"{name}: fit to {made.attrs['runs_used']} runs, check by {made.attrs['check']}"
     fits = {output: shown_diagnostics(made.children[output]) for output in fitted_outputs(made)}
     columns = shown_titles(made.children[output] for output in fits)

@@ -15,8 +15,8 @@ from uqpen.results.measure_labels import CATEGORY_INDICES, EXCEEDANCE_INDICES, I
 
 __all__ = ["sensitivity_json"]
 
-# By key, the statistics that do not lie along inputs alone, and their names there. Indices of an
-# event are called like those of the output itself.
+# Statistics with a dimension besides the inputs, by JSON key, and their names there. Indices of
+# an event have the same names as those of the output itself.
 _OTHER_MEASURES = {
     key: {measure.statistic: name.statistic for measure, name in zip(measures, names, strict=True)}
     for key, measures, names in (

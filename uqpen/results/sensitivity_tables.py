@@ -29,10 +29,10 @@ __all__ = ["named_tables"]
 def named_tables(
     tree: xr.DataTree, output: str, unit: str, *, everything: bool = False
 ) -> Iterator[tuple[str, OutputTable]]:
-    """Yield a table for each kind of measure of an output in the unit that is shown.
+    """Yield a table for each type of measure of an output in the unit that is shown.
 
     First order indices from plain samples are shown where no other source has them. The other
-    measures of any sample are shown only where everything is asked for.
+    measures of any sample are shown only with `everything`.
 
     Parameters
     ----------

@@ -116,7 +116,7 @@ def _qualifications(statistics: SourceStatistics, design: str) -> Iterator[str]:
     if CONDITIONAL in accounts:
         yield f"statistics are conditional on {accounts[CONDITIONAL]}"
     if MISSING in accounts:
-        yield f"statistics are of the runs that came back; {accounts[MISSING]} did not"
+        yield f"statistics use the completed runs; {accounts[MISSING]} failed"
 
 
 def add_shares(table: OutputTable, tree: xr.DataTree, name: str) -> None:

@@ -1,4 +1,4 @@
-"""Fits of a surrogate to its outputs, and what it was made of.
+"""Fits of a surrogate to its outputs, and their diagnostics.
 
 A surrogate is its group of an archive, a DataTree.
 """

@@ -32,7 +32,7 @@ __all__ = [
 
 Conversion = Callable[[Any], Any]
 
-# A sensitivity measure below it is what rounding left of 0: closed forms give 2e-20 or -4e-8.
+# A smaller sensitivity measure is 0 but for rounding: closed forms give 2e-20 or -4e-8.
 _ROUNDING = 1e-6
 
 # The cell of a source that has no estimate.

@@ -1,4 +1,4 @@
-"""Texts of an archive as they stand in a figure: plain, short, and with units as they are set."""
+"""Texts of an archive for figures and tables: plain, short, with typeset units."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from uqpen.core.sampling import Sampling
 
 __all__ = ["ANALYSES", "ANALYSES_OF_DESIGNS", "FIELD_ANALYSES", "WEIGHTED_ANALYSES"]
 
-# The group that the answers stand in, and who gives them.
+# The functions that estimate statistics, by the group of their results.
 ANALYSES = {
     "moments": ["uqpen.statistics.moments.sample_moments:sample_moments"],
     "quantiles": ["uqpen.statistics.distribution_function.quantiles:quantile_estimates"],

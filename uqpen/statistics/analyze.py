@@ -47,7 +47,7 @@ def analyze(
     Parameters
     ----------
     runs : Dataset
-        With ``status(run)``, and attributes that say how the points were drawn.
+        With ``status(run)``, and attributes on the sampling of the points.
     quantities : sequence of QuantityOfInterest
         One for each output.
     only : collection of str, optional

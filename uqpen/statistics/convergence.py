@@ -1,4 +1,4 @@
-"""Estimates from growing parts of a design's runs, each part a smaller sample of the same kind."""
+"""Estimates from growing parts of a design's runs, each part a smaller sample of the same type."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _STRATIFIED = "its points are one stratified set, of which no part is a stratifi
 
 
 def reason_without_parts(runs: xr.Dataset) -> str:
-    """Reason why no part of a design's runs is a sample of the same kind; empty if some are."""
+    """Reason why no part of a design's runs is a sample of the same type; empty if some are."""
     if not Sampling(runs.attrs[SAMPLING]).is_sample:
         return "its points are not a sample of the input distribution"
     return _reason(Sample.from_statuses(input_sample(runs)))

@@ -19,7 +19,7 @@ from uqpen.statistics.sensitivity.input_measures import input_array, input_coord
 __all__ = ["FAILURES", "failure_analysis"]
 
 
-# The group that the answers stand in.
+# The archive group of the results.
 FAILURES = "losses"
 
 # Least number of failed and of completed runs to estimate the spread of both.
@@ -82,7 +82,7 @@ def _superiority_probability(sample: Sample, values: FloatArray, is_failed: Bool
     within = np.empty(len(values))
     for kind in (is_failed, ~is_failed):
         within[kind] = _ranks(values[kind])
-    # Of each run, the share of the other kind that lies below it.
+    # The share of the other group below each run: completed runs for a failed one, and vice versa.
     below = np.where(is_failed, (ranks - within) / others, (ranks - within) / failed)
     value = float(below[is_failed].mean())
     if reason := sample.reason_without_intervals or _reason_without_bounds(failed, others, value):
@@ -92,7 +92,7 @@ def _superiority_probability(sample: Sample, values: FloatArray, is_failed: Bool
     half = student_quantile(min(failed, others) - 1, LEVEL) * math.sqrt(sum(variances)) / slope
     centre = math.log(value / (1 - value))
     ends = (1 / (1 + math.exp(half - centre)), 1 / (1 + math.exp(-half - centre)))
-    # Points that fill the distribution evenly scatter less than the formula says.
+    # The formula is for independent draws; points spread evenly scatter less.
     label = "nominal" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
     return Estimate(value, *ends, texts.DELONG, label)
 

@@ -95,10 +95,10 @@ def ratio_jackknife_error(
 def additive_residual_error(influence: FloatArray, inputs: FloatArray) -> tuple[float, float]:
     """Standard error of a mean over one Latin hypercube.
 
-    Stratification removes what is additive in the inputs from the mean's variance; what is left
-    is the variance about an additive fit (Stein 1987, Technometrics 29, 143-151; Owen 1992, J. R.
-    Statist. Soc. B 54, 541-551). The fit is piecewise constant over √n bins of each input's ranks,
-    by backfitting.
+    Stratification removes the part that is additive in the inputs from the mean's variance. The
+    rest is the variance about an additive fit (Stein 1987, Technometrics 29, 143-151; Owen 1992, J.
+    R. Statist. Soc. B 54, 541-551). The fit is piecewise constant over √n bins of each input's
+    ranks, by backfitting.
 
     Parameters
     ----------

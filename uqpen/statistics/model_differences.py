@@ -1,4 +1,4 @@
-"""Differences between models on common points, which share what the draw decides."""
+"""Differences between models at common points, where the random draw affects all alike."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ Analysis = Callable[[Sample, QuantityOfInterest], Iterable[tuple[str, xr.DataArr
 
 _UNIT_RULES = ("value", "difference")
 
-# The entries of these are what the study asks for, the same for all sources of an output.
+# The study requests the entries of these, the same for all sources of an output.
 _ASKED = (PROBABILITY, CONTENT_LEVEL, THRESHOLD, CATEGORY)
 
 # A dimension is a column of the long table, beside its own.
@@ -67,7 +67,7 @@ class OutsideAnalysis:
 
     @property
     def takes_weights(self) -> bool:
-        """True if the function says, by an attribute of this name, that it counts by weights."""
+        """True if the function uses weights, as its attribute of this name states."""
         return bool(getattr(self.function, "takes_weights", False))
 
     def files(self) -> tuple[FileSnapshot, ...]:
@@ -91,7 +91,7 @@ class OutsideAnalysis:
             raise self.error(quantity, found, "statistics") from None
 
     def error(self, quantity: QuantityOfInterest, found: str, expected: str) -> StudyError:
-        """Return the error that says what is wrong with its statistics of an output."""
+        """Return the error for invalid statistics of an output."""
         what = f"{self.reference} of {quantity.output.name}: {found}"
         problem = Problem(("analyses",), what, expected)
         return StudyError(str(problem), [problem])

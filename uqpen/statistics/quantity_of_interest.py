@@ -22,7 +22,7 @@ class Threshold:
     Parameters
     ----------
     text : str
-        As its author wrote it; what the answer is called by.
+        Its text in the study, which names the estimate.
     value : float
         In the output's SI unit.
     """

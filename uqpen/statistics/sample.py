@@ -32,7 +32,7 @@ from uqpen.statistics.weights import effective_size, weighted_mean
 __all__ = ["ErrorModel", "Sample", "input_sample"]
 
 
-# With a smaller effective size, intervals of weighted draws covered less than they say.
+# With a smaller effective size, the coverage of intervals of weighted draws was below nominal.
 _SMALLEST_EFFECTIVE_SIZE = 20
 
 

@@ -1,4 +1,4 @@
-"""The shape of a sample's tail: how much of its spread hangs on how few runs."""
+"""The shape of a sample's tail: whether a few runs decide its spread."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from uqpen.statistics.weights import effective_size
 __all__ = ["SampleShape"]
 
 
-# Where the standard deviation's interval stopped covering in simulations: a tail so heavy that
-# only a few runs decide the variance. With few runs a heavy tail need not show in them: below the
-# first number it did not as a rule, up to the second now and then.
+# Limits for the interval of the standard deviation, from its coverage in simulations. Beyond the
+# first two, the tail is so heavy that only a few runs decide the variance. With few runs, a heavy
+# tail can remain hidden: usually below the third limit, sometimes up to the fourth.
 _HEAVY_KURTOSIS = 6.0
 _FEWEST_EFFECTIVE_RUNS = 1000.0
 _FEWEST_RUNS_FOR_TAILS = 200
@@ -29,7 +29,7 @@ _DOUBTFUL_KURTOSIS = 4.5
 
 @dataclass(frozen=True)
 class SampleShape:
-    """A sample's deviations from its mean, and how much of them hangs on how few runs."""
+    """A sample's deviations from its mean, and the influence of few runs on them."""
 
     sample: Sample
 
@@ -45,7 +45,7 @@ class SampleShape:
 
     @cached_property
     def scale(self) -> float:
-        """The largest deviation: powers of what is divided by it neither overflow nor vanish."""
+        """The largest deviation; powers of values divided by it neither overflow nor vanish."""
         if not self.sample.size:
             return math.nan
         return float(np.abs(self.sample.values - self.mean).max())
@@ -72,7 +72,7 @@ class SampleShape:
 
     @property
     def effective_runs(self) -> float:
-        """(Σd²)²/Σd⁴ of the deviations d, times the weights: how many runs decide the variance."""
+        """(Σd²)²/Σd⁴ of the deviations d, times the weights: the runs that decide the variance."""
         if self.sample.run_weights is None:
             return self.sample.size / self.kurtosis
         return effective_size((self.sample.run_weights * self.deviations) ** 2)

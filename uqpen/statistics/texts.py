@@ -1,4 +1,4 @@
-"""Texts of estimates in archives: how an interval was made, why there is none, what weakens it.
+"""Texts of estimates in archives: methods of intervals, reasons for none, and warnings.
 
 Names in braces are placeholders of `str.format`. Where a text is reworded, its earlier wording goes
 into `uqpen.archive.reworded`: `uqpen verify` compares the texts of earlier archives, too.
@@ -33,10 +33,10 @@ WIDER_OF_TWO = "the wider of jackknife over replicates and delta method over blo
 DELONG = "DeLong on the logit"
 SURROGATE_SAMPLING = "sampling of the surrogate"
 
-# Why an output with dimensions has no statistics.
+# The reason why an output with dimensions has no statistics.
 SCALARS_ONLY = "statistics take only scalar outputs"
 
-# How the points were drawn, and how many runs completed.
+# Reasons from the sampling, and from the number of completed runs.
 NOT_A_SAMPLE = "the points are not a sample of the input distribution"
 NOT_DECLARED_INDEPENDENT = "the points are not declared independent (independent = true)"
 NO_RUN = "no run completed"
@@ -57,7 +57,7 @@ TOO_ONE_SIDED = "fewer than ten runs lie on one side"
 FEW_WEIGHTED_BEYOND = "weights: fewer than ten effective runs lie on one side"
 MISSING_RUNS = "allows for any outcome of the missing runs ({runs})"
 
-# What does not vary, or shows no scatter.
+# Reasons from a lack of variation or scatter.
 CONSTANT_OUTPUT = "the output does not vary"
 CONSTANT_INPUT = "the input does not vary"
 CONSTANT_EVENT = "the event occurs in all runs or in none"

@@ -28,7 +28,7 @@ __all__ = [
 
 
 def effective_size(weights: FloatArray) -> float:
-    """Effective sample size (Σw)²/Σw²: as many equally weighted draws have the same error.
+    """Effective sample size (Σw)²/Σw²: the equally weighted draws with the same error.
 
     >>> effective_size(np.array([1.0, 1.0, 0.0]))
     2.0

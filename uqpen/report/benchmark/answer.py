@@ -1,4 +1,4 @@
-"""Which method wins for which statistic, at which number of runs, and what must be known of it."""
+"""Best methods by statistic and number of runs, and the caveats on them."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ from uqpen.results.digits import grouped_number
 
 __all__ = ["answer"]
 
-# What a method's standing is called in a sentence, at first and further on.
+# Texts of a method's standing in a sentence: at first, and further on.
 _STANDING_TEXTS = {
     WINS: ("leads all others by more than the noise in {}", "leads in {}"),
     IS_LEVEL: ("is level with the best in {}", "is level in {}"),
-    IS_DOUBTFUL: ("is ahead, but in doubt, in {}", "is ahead, in doubt, in {}"),
+    IS_DOUBTFUL: ("is ahead, but not with certainty, in {}", "is ahead, not with certainty, in {}"),
 }
 
 # Sizes of the markers, and how far apart those are that share a place, in rows or columns.
@@ -51,14 +51,14 @@ _ROW, _FRAME = 30, 70
 
 
 def answer(tree: xr.DataTree) -> Iterator[Block]:
-    """Who leads, in sentences to be quoted, and by output and statistic."""
+    """The leading methods: in sentences to quote, and by output and statistic."""
     sentences = tuple(_standing_sentences(tree))
     if sentences:
         yield Quote(sentences)
     elif has_reference(tree):
-        yield Text("No two methods have figures to compare.")
+        yield Text("No two methods have estimates to compare.")
     if caveats := tuple(_caveat_sentences(tree)):
-        yield Remarks("What must be known", caveats)
+        yield Remarks("What to keep in mind", caveats)
     if not sentences:
         return
     yield Table(standings_table(tree))
@@ -66,14 +66,14 @@ def answer(tree: xr.DataTree) -> Iterator[Block]:
     omitted = []
     if len(outputs) > MOST_CHARTS:
         count = len(outputs)
-        omitted = [f"The first {MOST_CHARTS} of {count} outputs; the verdicts below are of all."]
+        omitted = [f"The first {MOST_CHARTS} of {count} outputs; the verdicts below cover all."]
     yield Charts(
         tuple(_leaders(tree, *each) for each in islice(outputs.items(), MOST_CHARTS)),
         keys=method_keys(plotted_methods(tree, SINGLE)),
         notes=(
-            "One filled marker: it leads all others by more than the noise. Several side by side: "
-            "they are level. A hollow one: it is ahead, but the lead is in doubt and has no "
-            "interval. None: no two methods have figures to compare.",
+            "One filled marker: this method leads all others by more than the noise. Several side "
+            "by side: they are level. A hollow one: this method is ahead, but its lead is "
+            "uncertain and has no interval. None: no two methods have estimates to compare.",
             *omitted,
         ),
     )
@@ -81,7 +81,7 @@ def answer(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _standing_sentences(tree: xr.DataTree) -> Iterator[str]:
-    """A sentence for each number of runs at which there is a verdict."""
+    """Yield a sentence for each number of runs with a verdict."""
     found = [entry.single_set_standings for entry in entries(tree)]
     of = f"{len(found)} statistic{'s' if len(found) > 1 else ''}"
     for column, budget in enumerate(benchmark_budgets(tree)):
@@ -117,13 +117,13 @@ def _caveat_sentences(tree: xr.DataTree) -> Iterator[str]:
     marks = [_is_doubtful(*contest) for each in found for contest in each.single_set_standings]
     if any(marks):
         yield (
-            f"In {sum(marks)} of {len(marks)} contests the lead is in doubt: few of the repeats "
-            "decide it, or the errors are no larger than the reference's own."
+            f"In {sum(marks)} of {len(marks)} comparisons the lead is uncertain: few of the "
+            "repeats decide it, or the errors are no larger than the reference's own."
         )
     yield from _absent_methods(tree)
     if without := sum(map(_count_without_error, found)):
         yield (
-            f"{without} {'error is' if without == 1 else 'errors are'} not told, as some repeat "
+            f"{without} {'error is' if without == 1 else 'errors are'} unknown, as some repeat "
             "has no estimate, or the reference has none."
         )
     yield from dict.fromkeys(
@@ -134,10 +134,10 @@ def _caveat_sentences(tree: xr.DataTree) -> Iterator[str]:
 def _reference_caveats(tree: xr.DataTree) -> Iterator[str]:
     run_count, used = reference_run_counts(tree)
     if not used:
-        yield "The reference lost all of its runs, so no error can be told."
+        yield "All runs of the reference failed, so all errors are unknown."
     elif used < run_count:
-        lost = f"{grouped_number(run_count - used)} of its {grouped_number(run_count)} runs"
-        yield f"The reference lost {lost}; errors are held to what the others tell."
+        failed = f"{grouped_number(run_count - used)} of {grouped_number(run_count)} runs"
+        yield f"{failed} of the reference failed; its estimates use the others."
 
 
 def _is_doubtful(level: str, lowest: float) -> bool:
@@ -162,7 +162,7 @@ def _count_without_error(entry: BenchmarkEntry) -> int:
 
 
 def _leaders(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> Chart:
-    """Who leads, a row for each statistic and a column for each number of runs."""
+    """The leading methods: a row for each statistic, a column for each number of runs."""
     budgets = benchmark_budgets(tree)
     rows = tuple(entry.label for entry in found)
     ends = (-0.5, len(budgets) - 0.5)
@@ -172,7 +172,7 @@ def _leaders(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> Cha
     return Chart(
         title=f"Who leads in {output_heading(tree, output)}",
         summary=f"Nearest to the reference at {grouped_number(budgets[-1])} runs: "
-        f"{'; '.join(texts) or 'none'}. Sentences below tell the others.",
+        f"{'; '.join(texts) or 'none'}. The other numbers of runs are in the sentences below.",
         x=Axis("runs", ends, ticks=ticks),
         y=Axis("", rows=rows),
         traces=tuple(_leader_markers(method, found) for method in plotted_methods(tree, SINGLE)),

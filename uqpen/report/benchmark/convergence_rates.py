@@ -37,10 +37,10 @@ from uqpen.results.table import OutputTable
 __all__ = ["convergence_rates"]
 
 
-# Of Monte Carlo.
+# Slope of Monte Carlo.
 _MONTE_CARLO_SLOPE = -0.5
-_NO_INTERVAL = "no interval, as few of the repeats decide an error that it is of"
-_NO_SLOPE = "a slope takes errors at two numbers of runs, none of them 0"
+_NO_INTERVAL = "no interval, as few of the repeats decide one of its errors"
+_NO_SLOPE = "a slope needs errors at two numbers of runs, none of them 0"
 
 
 def convergence_rates(tree: xr.DataTree) -> Iterator[Block]:
@@ -90,7 +90,7 @@ def _slope_chart(
 
 
 def _axis_limits(slopes: FloatArray, has_interval: BoolArray) -> tuple[float, float]:
-    """An axis that holds all intervals, a slope of 0, and that of Monte Carlo."""
+    """Return the limits of an axis with all intervals, a slope of 0, and that of Monte Carlo."""
     shown = slopes[has_interval] if has_interval.any() else slopes[np.isfinite(slopes[..., 0]), :1]
     lower, upper = min(float(shown.min()), _MONTE_CARLO_SLOPE), max(float(shown.max()), 0.0)
     return padded_limits(lower, upper, 0.05)

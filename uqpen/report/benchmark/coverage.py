@@ -1,4 +1,4 @@
-"""Share of the methods' own intervals that held the reference."""
+"""Share of the methods' own intervals that contain the reference."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ from uqpen.results.table import NOTHING, OutputTable
 __all__ = ["coverage"]
 
 
-# Of intervals that do not say themselves.
+# Confidence level if the archive states none.
 _LEVEL = 0.95
 
 
 def coverage(tree: xr.DataTree) -> Iterator[Block]:
-    """In what share of the repeats a method's own interval held the reference."""
+    """Share of the repeats in which a method's own interval contains the reference."""
     repeats = int(read_group(tree, METHODS).attrs["repeats"])
     charts = [
         _coverage_chart(tree, output, variant, found, repeats)
@@ -74,9 +74,9 @@ def _expected_coverage_note(tree: xr.DataTree, repeats: int) -> str:
     level = _nominal_level(tree)
     least = f"{100 * lowest_expected_coverage(level, repeats):.0f} %"
     return (
-        f"Each marker is of one number of runs. Shaded: shares from {least}, which {repeats} "
-        f"intervals that cover {percent_text(level)} may well show by chance. Estimates without an "
-        f"interval do not count, so a share may be of fewer than {repeats}."
+        f"Each marker is for one number of runs. Shaded: shares from {least}, which {repeats} "
+        f"intervals with a coverage of {percent_text(level)} may well have by chance. Estimates "
+        f"without an interval do not count, so a share may be from fewer than {repeats}."
     )
 
 
@@ -90,7 +90,7 @@ def _methods_without_intervals(tree: xr.DataTree) -> Iterator[str]:
             has_coverage[method.source] |= bool(np.isfinite(shares[:, at]).any())
     for source, has_intervals in has_coverage.items():
         if not has_intervals:
-            yield f"{source} tells no intervals of its own."
+            yield f"{source} has no intervals of its own."
 
 
 def _coverage_chart(
@@ -107,9 +107,9 @@ def _coverage_chart(
     )
     return Chart(
         title=f"Intervals of {output_heading(tree, output)}{variant_text(tree, variant)}",
-        summary=f"The shares of intervals that held lie between {lowest} and {highest}; they "
-        f"should be {percent_text(level)}.",
-        x=Axis("intervals that held [%]", (min(78.0, 100 * known.min()) - 2, 102)),
+        summary=f"The coverage is between {lowest} and {highest}; it should be "
+        f"{percent_text(level)}.",
+        x=Axis("coverage [%]", (min(78.0, 100 * known.min()) - 2, 102)),
         y=Axis("", rows=tuple(entry.label for entry in found)),
         traces=tuple(
             _points(
@@ -134,7 +134,7 @@ def _points(
     budgets = benchmark_budgets(tree)
     texts = [
         f"{method.source}, {found[row].label}, {grouped_number(budgets[column])} runs: "
-        f"{100 * shares[row, column]:.1f} % of its intervals held"
+        f"coverage {100 * shares[row, column]:.1f} %"
         for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
     ]
     return point_trace(
@@ -153,7 +153,7 @@ def _coverage_table(
     tree: xr.DataTree, methods: list[PlottedMethod], shares: FloatArray, found: list[BenchmarkEntry]
 ) -> OutputTable:
     columns = [*map(grouped_number, benchmark_budgets(tree))]
-    table = OutputTable("Intervals that held the reference, in %", columns)
+    table = OutputTable("Coverage of the reference, in %", columns)
     for entry, rows in zip(found, shares, strict=True):
         for method, row in zip(methods, rows.tolist(), strict=True):
             cells = [NOTHING if math.isnan(share) else f"{100 * share:.0f}" for share in row]

@@ -1,4 +1,4 @@
-"""Errors of each method, over the number of runs that it is given."""
+"""Errors of each method, over its number of runs."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _variant_charts(tree: xr.DataTree, variant: str) -> Iterator[Block]:
         yield Text(f"Not drawn, as no error is above 0: {'; '.join(without)}.")
     if drawn + len(without) < count:
         first = f"These are the first {drawn} of {count} statistics"
-        yield Text(f"{first}; the tables further down are of all.")
+        yield Text(f"{first}; the tables further down have all.")
 
 
 def _keys(charts: list[Chart]) -> Iterator[LegendKey]:
@@ -128,9 +128,9 @@ def _chart(comparison: EntryComparison, variant: str) -> Chart | None:
 
 
 def _bounds(entry: BenchmarkEntry, method: PlottedMethod) -> FloatArray:
-    """Errors in per cent with their intervals, along budget and bound; NaN for what is not shown.
+    """Errors in per cent with their intervals, along budget and bound; NaN for those not shown.
 
-    One that is exact has no place on a logarithmic axis.
+    An error of 0 has no place on a logarithmic axis.
     """
     found: FloatArray = 100 * entry.variable("error").values[method.position].astype(np.float64)
     return np.where(np.isfinite(found) & (found > 0), found, np.nan)
@@ -170,13 +170,13 @@ def _error_text(bounds: FloatArray) -> str:
 
 
 def _summary(
-    entry: BenchmarkEntry, methods: list[PlottedMethod], told: dict[PlottedMethod, FloatArray]
+    entry: BenchmarkEntry, methods: list[PlottedMethod], bounds: dict[PlottedMethod, FloatArray]
 ) -> str:
     most = grouped_number(benchmark_budgets(entry.tree)[-1])
     found = [
-        f"{method.source} {estimate_text(*map(float, told[method][-1]))} %"
+        f"{method.source} {estimate_text(*map(float, bounds[method][-1]))} %"
         for method in methods
-        if math.isfinite(told[method][-1, 0])
+        if math.isfinite(bounds[method][-1, 0])
     ]
     return f"Errors at {most} runs: {'; '.join(found) or 'none'}."
 
@@ -184,27 +184,27 @@ def _summary(
 def _notes(
     comparison: EntryComparison,
     variant: str,
-    told: dict[PlottedMethod, FloatArray],
+    bounds: dict[PlottedMethod, FloatArray],
     own: float,
     lower: float,
 ) -> Iterator[str]:
     entry = comparison.entry
     yield from (f"{capitalized(note)}." for note in _scale_note(entry))
     if any(
-        (np.isfinite(b[:, 0]) & ~np.isfinite(b[:, 1:]).all(axis=1)).any() for b in told.values()
+        (np.isfinite(b[:, 0]) & ~np.isfinite(b[:, 1:]).all(axis=1)).any() for b in bounds.values()
     ):
         yield "Hollow: no interval, as few of the repeats decide the error."
-    for method in told:
+    for method in bounds:
         values = entry.variable("error").values[method.position, :, 0]
         if where := [
             n for n, v in zip(benchmark_budgets(entry.tree), values, strict=True) if v == 0
         ]:
             runs = ", ".join(map(grouped_number, where))
-            yield f"{method.source} is exact at {runs} runs, which has no place on this axis."
+            yield f"{method.source} is exact at {runs} runs; this axis has no place for 0."
     shown = f"The reference's own error, {percentage_text(own / 100)} %,"
     if math.isfinite(own) and own <= lower:
-        yield f"{shown} lies below this axis."
-    elif own >= max(float(np.nanmax(b[:, 0], initial=0.0)) for b in told.values()):
+        yield f"{shown} is below this axis."
+    elif own >= max(float(np.nanmax(b[:, 0], initial=0.0)) for b in bounds.values()):
         yield f"{shown} is as large as any of these."
     if variant == REPLICATED:
         yield from (f"{capitalized(note)}." for note in comparison.replicated_verdicts)
@@ -228,7 +228,7 @@ def _table(entry: BenchmarkEntry, variant: str) -> OutputTable:
     budgets = benchmark_budgets(entry.tree)
     title = "Errors in %, with their 95 % intervals"
     if variant == SINGLE:
-        title += f"; {WINS} leads, {IS_LEVEL} is level with the best, {IS_DOUBTFUL} leads in doubt"
+        title += f"; {WINS} leads, {IS_LEVEL} is level with the best, {IS_DOUBTFUL} is uncertain"
     table = OutputTable(title, [*map(grouped_number, budgets)])
     array = entry.variable("error")
     for method in plotted_methods(entry.tree, variant):

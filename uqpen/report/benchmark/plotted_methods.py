@@ -42,7 +42,7 @@ __all__ = [
     "variants",
 ]
 
-# Of more charts in a section the first are shown, and a note says so.
+# A section shows the first of more charts, with a note.
 MOST_CHARTS = 24
 
 # Beside the fewest and the most runs, as a power of ten.
@@ -142,7 +142,7 @@ def method_keys(methods: Sequence[PlottedMethod]) -> tuple[LegendKey, ...]:
 
 
 def indent_labels(table: OutputTable) -> OutputTable:
-    """A table whose labels keep the room before them on a page."""
+    """Return a table with labels that stay indented on a page."""
     rows = [
         (label.replace("  ", "\u00a0\u00a0\u00a0"), [cell.strip() for cell in cells])
         for label, cells in table.rows

@@ -38,13 +38,13 @@ def cost(tree: xr.DataTree) -> Iterator[Block]:
     methods = read_group(tree, METHODS)
     charged = int(methods["runs"].sum()) * int(methods.attrs["repeats"])
     yield Text(
-        f"All repeats together are charged {grouped_number(charged)} runs, and the reference "
+        f"All repeats together cost {grouped_number(charged)} runs, and the reference "
         f"{grouped_number(int(methods.attrs['reference_runs']))}."
     )
     if (methods["runs"] < methods[BUDGET]).where(methods["runs"] > 0, other=False).any():
         yield Text(
-            "Where a method makes fewer runs than it is given, no more of its blocks or replicates "
-            "fit. Its errors stand at the number that it is given; slopes are over the runs made."
+            "Some methods make fewer runs than the budget, as no further block or replicate fits. "
+            "Their errors are drawn at the budget; slopes are over the runs made."
         )
 
 
@@ -56,17 +56,16 @@ def tables(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def reference(tree: xr.DataTree) -> Iterator[Block]:
-    """The values that errors are held to, and how sure they are."""
+    """The reference values, and their own errors."""
     run_count, used = reference_run_counts(tree)
-    some = f"of which {grouped_number(used)} came back and count"
-    returned = some if used < run_count else "all of which came back"
-    yield Text(f"It made {grouped_number(run_count)} runs, {returned}.")
+    completed = grouped_number(used) if used < run_count else "all"
+    yield Text(f"Of its {grouped_number(run_count)} runs, {completed} completed.")
     for output, found in entries_by_output(tree).items():
         yield Table(_values(tree, output, found))
 
 
 def _values(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> OutputTable:
-    columns = ["value", "its own error", "errors are relative to", "how its interval was made"]
+    columns = ["value", "its own error", "errors are relative to", "method of its interval"]
     table = OutputTable(f"Reference of {output_heading(tree, output)}", columns)
     for entry in found:
         truth = entry.reference
@@ -88,7 +87,7 @@ def _error_scale_text(entry: BenchmarkEntry) -> str:
 
 
 def provenance(tree: xr.DataTree) -> Iterator[Block]:
-    """The study's text, and what made the archive."""
+    """The study's text, and the provenance of the archive."""
     view = ArchiveView(tree, "")
     yield from study_blocks(view)
     yield Table(provenance_table(view))

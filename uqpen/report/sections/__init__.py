@@ -1,1 +1,1 @@
-"""Content of the page of a study, section by section, and what the sections share."""
+"""Content of the page of a study, section by section, and their common parts."""

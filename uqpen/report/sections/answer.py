@@ -1,4 +1,4 @@
-"""The answer: sentences that a decision can be quoted on, and what must be known with them."""
+"""The main results: sentences to quote for a decision, and their caveats."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from uqpen.results.texts import plain_text
 
 __all__ = ["answer"]
 
-# Outputs that sentences are on, quantities that other designs are compared in, reasons told.
+# Outputs with sentences, quantities with a comparison of designs, and reasons shown.
 _MOST_OUTPUTS = 6
 _MOST_COMPARED = 3
 _MOST_REASONS = 3
 
-_OTHERS = "What other designs estimate, by runs of their own (with their intervals further down)"
+_OTHERS = "Estimates by other designs, from runs of their own (intervals are further down)"
 
 
 def answer(view: ArchiveView) -> Iterator[Block]:
-    """Sentences on each output, where they come from, and what must be known with them."""
+    """Sentences on each output, the design behind them, and their caveats."""
     design = leading_design(view)
     if design is None:
         yield from _blocks_without_sample(view)
@@ -61,7 +61,7 @@ def answer(view: ArchiveView) -> Iterator[Block]:
 
 
 def _ordered_outputs(view: ArchiveView, design: str) -> list[str]:
-    """All outputs, those first that the study asked something of."""
+    """All outputs, those with requested statistics first."""
     numbers = sorted(
         view.numeric_outputs, key=lambda output: not requested_statistics(view, output, design)
     )
@@ -72,10 +72,10 @@ def _omissions_note(shown: Sequence[OutputSentences], outputs: int) -> str:
     omitted = sum(entry.omitted for entry in shown)
     parts = []
     if omitted:
-        parts.append(f"{count_text(omitted, 'more figure')} of these outputs")
+        parts.append(f"{count_text(omitted, 'more estimate')} of these outputs")
     if outputs > 0:
         parts.append(count_text(outputs, "more output"))
-    return f"What the archive tells of {' and of '.join(parts)} stands below." if parts else ""
+    return f"Further down: {' and '.join(parts)}." if parts else ""
 
 
 def _origin_sentence(view: ArchiveView, design: str) -> str:
@@ -84,29 +84,29 @@ def _origin_sentence(view: ArchiveView, design: str) -> str:
     known = [str(view.tree.attrs.get(name, "")) for name in ("model_name", "model_version")]
     model = plain_text(" ".join(filter(None, known)))
     some = "all" if completed == every else grouped_number(completed)
-    returned = f"Of its {grouped_number(every)} runs of the model {model}, {some} came back."
+    returned = f"Of its {grouped_number(every)} runs of the model {model}, {some} completed."
     if every == 1:
         returned = f"It is a single run of the model {model}."
     return (
-        f"This comes from {design}: {_leading_reason(view, design)}. It was chosen by its place in "
-        f"the study, not by what it says. {returned}"
+        f"These estimates are by {design}, {_leading_reason(view, design)}. Its place in the study "
+        f"decides, not its results. {returned}"
     )
 
 
 def _leading_reason(view: ArchiveView, design: str) -> str:
     if not view.is_sample_design(design):
         return (
-            "it was made for sensitivity indices, but two of its matrices are a sample of the "
-            "inputs, and the study has no other sample of which any run came back"
+            "a design for sensitivity indices; two of its matrices are a sample of the inputs, and "
+            "no other sample of the study has a completed run"
         )
     earlier = [each for each in view.sample_designs if view.is_sample_design(each)]
-    text = "" if earlier[0] == design else " and of which any came back"
-    taken = " taken for" if view.sampling(design) is Sampling.USER_SUPPLIED else ""
-    return f"the first design of the study whose runs are{taken} a sample of the inputs{text}"
+    text = "" if earlier[0] == design else " with completed runs"
+    taken = "presumed " if view.sampling(design) is Sampling.USER_SUPPLIED else ""
+    return f"the first design of the study that is a {taken}sample of the inputs{text}"
 
 
 def _agreement_remarks(shown: Sequence[OutputSentences], design: str) -> Iterator[str]:
-    """Yield the agreement of other designs, for the first quantities of the answer."""
+    """Yield the agreement of other designs, for the first quantities of the main results."""
     for quantity in [each for entry in shown for each in entry.quantities][:_MOST_COMPARED]:
         others = other_design_estimates(quantity, design)
         own = quantity.estimate(design)
@@ -127,18 +127,21 @@ def _blocks_without_sample(view: ArchiveView) -> Iterator[Block]:
         return
     if view.sample_designs:
         yield Text(
-            f"No run of {', '.join(view.sample_designs)} came back: nothing is told of how the "
-            f"outputs are distributed. {_failure_reasons(failed)}"
+            f"No run of {', '.join(view.sample_designs)} completed, so the distributions of the "
+            f"outputs are unknown. {_failure_reasons(failed)}"
         )
     else:
         yield Text(
-            "No design of this study is a sample of its inputs: nothing is told of how the outputs "
-            "are distributed, and no probability. What its designs were made for stands below."
+            "No design of this study is a sample of its inputs, so the distributions of the "
+            "outputs and all probabilities are unknown. The results of its designs are further "
+            "down."
         )
     if means:
         yield Quote(tuple(means))
     if SURROGATES in view.tree.children:
-        yield Text("What surrogates say has no interval of its own, so it is not quoted here.")
+        yield Text(
+            "Estimates by surrogates have no interval of their own, so they are not quoted here."
+        )
 
 
 def _quadrature_means(view: ArchiveView) -> Iterator[str]:
@@ -156,12 +159,12 @@ def _quadrature_means(view: ArchiveView) -> Iterator[str]:
 
 def _no_completed_runs_text(view: ArchiveView, failed: Sequence[FailedRuns]) -> str:
     runs = sum(read_group(view.tree, RUNS, design).sizes[RUN] for design in view.designs)
-    lost = "The only one was lost." if runs == 1 else f"All {grouped_number(runs)} were lost."
+    count = "The only run failed." if runs == 1 else f"All {grouped_number(runs)} runs failed."
     return (
-        f"No run came back: there is no answer. {lost} {_failure_reasons(failed)} "
-        "Once the model is mended, or its time limit raised, or the inputs are within what it "
-        "allows, run the study again; the archive keeps the inputs of every lost run, so that one "
-        "can be tried alone."
+        f"No run completed, so there are no estimates. {count} {_failure_reasons(failed)} "
+        "Mend the model, raise its time limit, or change the inputs to values that it allows; then "
+        "run the study again. The archive has the inputs of every failed run, so you can try a "
+        "single one."
     )
 
 

@@ -1,4 +1,4 @@
-"""The study's text, and what made the archive."""
+"""The study's text, and the provenance of the archive."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ _LONGEST = 20_000
 _MOST_FILES = 10
 
 _COMMANDS = """\
-# Hashes, a sample of the runs, and all statistics, worked out again:
+# Check the hashes, repeat a sample of the runs, and compute all statistics again:
 uqpen verify ARCHIVE
-# The whole study once more, into an archive of its own, and what the two do not share:
+# Repeat the whole study into another archive, and list the differences of the two:
 uqpen rerun ARCHIVE -o AGAIN
 uqpen diff ARCHIVE AGAIN
 """
 
 
 def archive(view: ArchiveView) -> Iterator[Block]:
-    """The study's text, inputs and designs of each model, and what made the archive."""
+    """The study's text, inputs and designs of each model, and the archive's provenance."""
     yield from study_blocks(view)
     for each in view.model_views:
         if each.model:
@@ -47,15 +47,15 @@ def archive(view: ArchiveView) -> Iterator[Block]:
         yield Table(inputs_table(each))
         yield Table(designs_table(each))
     if fields := tuple(map(plain_text, field_lines(view.archive))):
-        yield Remarks("Outputs with dimensions, which the archive holds run by run", fields)
+        yield Remarks("Outputs with dimensions, run by run in the archive", fields)
     if view.model:
         yield Heading("The archive of all models")
     if found := archive_notes(view.archive):
-        yield Remarks("Warnings that this archive holds, and how many figures bear each", found)
+        yield Remarks("Notes in this archive, and the number of estimates with each", found)
     yield Table(provenance_table(view))
     yield Text(
-        "With these commands the archive that this page was made of is checked and repeated. A "
-        "model or an analysis of its author's own is executed only if they are given --trust."
+        "These commands check the archive of this page, and repeat it. A model or an analysis of "
+        "its author's own is executed only with --trust."
     )
     yield Listing("Commands", _COMMANDS)
     if recorded_hashes(view.archive):

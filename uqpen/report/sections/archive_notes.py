@@ -1,4 +1,4 @@
-"""Warnings of an archive: notes of its figures, and the number of figures with each."""
+"""Notes of an archive, and the number of estimates with each."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ __all__ = ["archive_notes"]
 # Distinct notes that are listed.
 _MOST_NOTES = 20
 
-# These tell of other figures, and have notes that say so.
+# Diagnostics of other estimates, which have notes of their own.
 _DIAGNOSES = ("kurtosis", "effective_runs")
 # Heavy tails are one warning, however heavy.
 _NUMBERS = re.compile(r" \(kurtosis [^()]*\)")
 
 
 def archive_notes(tree: xr.DataTree) -> tuple[str, ...]:
-    """The distinct notes of an archive's figures, the most frequent first, one line each."""
+    """The distinct notes of an archive's estimates, the most frequent first, one line each."""
     counts: Counter[tuple[str, str]] = Counter()
     for model in model_trees(tree).values():
         counts.update(_estimate_notes(SourceStatistics(model)))
@@ -52,12 +52,12 @@ def archive_notes(tree: xr.DataTree) -> tuple[str, ...]:
     first = counts.most_common(_MOST_NOTES)
     lines = [_note_line(label, note, count) for (label, note), count in first]
     if more := counts.total() - sum(count for _, count in first):
-        lines.append(f"{grouped_number(more)} more figures bear other notes.")
+        lines.append(f"{grouped_number(more)} more estimates have other notes.")
     return (*_model_notes(tree), *lines)
 
 
 def _estimate_notes(statistics: SourceStatistics) -> Iterator[tuple[str, str]]:
-    # What is published elsewhere has no interval, and says so in its place.
+    # A published estimate has no interval, and its own note on that.
     sources = [name for name in statistics.sources if not statistics.citation(name)]
     outputs = statistics.outputs
     every = [statistics.statistics(source, output) for source in sources for output in outputs]
@@ -90,7 +90,7 @@ def _notes(array: xr.DataArray, *, is_whole: bool = False) -> Iterator[tuple[str
 
 def _note_line(label: str, note: str, count: int) -> str:
     verdict = f"{label}: " if label else ""
-    return f"{count_text(count, 'figure')}: {verdict}{plain_text(note, 240)}"
+    return f"{count_text(count, 'estimate')}: {verdict}{plain_text(note, 240)}"
 
 
 def _model_notes(tree: xr.DataTree) -> Iterator[str]:
@@ -101,7 +101,7 @@ def _model_notes(tree: xr.DataTree) -> Iterator[str]:
         for design in statistics.sources:
             ends = statistics.failures(design).get("probability")
             if ends is not None and (missing := ends.attrs.get(MISSING)):
-                yield f"{head}{design}: {missing} did not come back."
+                yield f"{head}{design}: {missing} did not complete."
         for surrogate in group_names(model, SURROGATES):
             group = model.children[SURROGATES].children[surrogate]
             for output, reason in unfitted_outputs(group).items():

@@ -1,4 +1,4 @@
-"""Tables of what an archive was made of: inputs, designs, models, versions."""
+"""Tables of inputs, designs, models and versions of an archive."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from uqpen.study.document import parse_document
 
 __all__ = ["designs_table", "inputs_table", "model_table", "provenance_table"]
 
-# What designs of a kind are made for, where it is more than a sample of the inputs.
+# Purposes of designs, by their sampling.
 _PURPOSES = {
     Sampling.INDEPENDENT: "a sample of the inputs",
     Sampling.STRATIFIED: "a sample of the inputs, spread evenly",
-    Sampling.USER_SUPPLIED: "points of the user's own, taken for a sample of the inputs",
+    Sampling.USER_SUPPLIED: "points of the user's own, presumed to be a sample of the inputs",
     Sampling.PICK_FREEZE: "Sobol' indices; two of its matrices are a sample of the inputs",
-    Sampling.QUADRATURE: "sums with weights for mean and standard deviation; no sample",
+    Sampling.QUADRATURE: "weighted sums for mean and standard deviation; no sample",
     Sampling.TRAJECTORIES: "a screening of the inputs by elementary effects; no sample",
     Sampling.ONE_AT_A_TIME: "responses at the nominal point; no sample",
 }
 
-# Attributes of the root that are shown, and what a person reads; others are shown after them.
+# Attributes of the root that are shown, and their labels; others are shown after them.
 _NAMES = {
     "study_name": "study",
     "title": "title",
@@ -54,13 +54,13 @@ _SHOWN_ELSEWHERE = ("study_text", CONTENT, "Conventions")
 
 
 def inputs_table(view: ArchiveView) -> OutputTable:
-    """Each input: its value, or what the leading design drew; and what the study says of it."""
+    """Each input: its value, or the draws of the leading design; and its text in the study."""
     design = leading_design(view) or next(iter([*view.sample_designs, *view.designs]))
     runs = read_group(view.tree, RUNS, design)
     written = _inputs_as_written(view)
     table = OutputTable(
-        f"Inputs, over the runs of {design}, lost ones among them",
-        ["meaning", "value or median", "from … to", "as the study says"],
+        f"Inputs, over the runs of {design}, failed ones included",
+        ["meaning", "value or median", "from … to", "in the study"],
     )
     for key, values in runs.data_vars.items():
         name = str(key)
@@ -74,7 +74,7 @@ def inputs_table(view: ArchiveView) -> OutputTable:
 
 
 def _spread(values: FloatArray) -> list[str]:
-    """The value of a constant; median and range of what varies."""
+    """The value of a constant; median and range of a variable."""
     if not values.ndim or not values.size:
         return [f"{values:.6g}" if values.size else NOTHING, NOTHING]
     return [f"{np.median(values):.4g}", f"{values.min():.4g} … {values.max():.4g}"]
@@ -111,8 +111,8 @@ def _nested(value: Any) -> str:
 
 
 def designs_table(view: ArchiveView) -> OutputTable:
-    """Each design: how its points were chosen, how many runs it made, and what it is for."""
-    table = OutputTable("Designs", ["points", "runs", "came back", "replicates", "made for"])
+    """Each design: its sampling, its number of runs, and its purpose."""
+    table = OutputTable("Designs", ["points", "runs", "completed", "replicates", "purpose"])
     for name in view.designs:
         runs = read_group(view.tree, RUNS, name)
         sampling = view.sampling(name)
@@ -150,8 +150,8 @@ def _model_attributes(attributes: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def provenance_table(view: ArchiveView) -> OutputTable:
-    """Return a table of what made the archive: study, seed, model, versions, platform."""
-    table = OutputTable("What made this archive", ["value"])
+    """Return a table of the provenance: study, seed, model, versions, platform."""
+    table = OutputTable("Provenance", ["value"])
     attributes = view.archive.attrs
     known = {text: attributes[name] for name, text in _NAMES.items() if name in attributes}
     _add(table, known | _model_attributes(attributes))

@@ -1,4 +1,4 @@
-"""Caveats of every answer of a design."""
+"""Caveats on all estimates of a design."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ from uqpen.results.texts import capitalized
 __all__ = ["caveats"]
 
 _GENERAL = (
-    "An interval on this page tells the error of sampling alone: not how far the model is from "
-    "reality, nor whether the inputs have the laws that the study assumes.",
-    "Each of them holds by itself, at the level that it names; that all hold at once is less "
-    "likely. A tail that no run has met cannot be seen in any.",
+    "An interval on this page covers the sampling error alone. It contains neither the error of "
+    "the model nor that of the assumed distributions of the inputs.",
+    "The confidence level is that of each interval by itself; all of them together are right less "
+    "often. No interval can include a tail that is missing in the runs.",
 )
 
 
 def caveats(view: ArchiveView, design: str) -> Iterator[str]:
-    """Yield the caveats on the answers of a design, one or two sentences each."""
+    """Yield the caveats on the estimates of a design, a few sentences each."""
     accounts = sample_account(view, design)
     runs = read_group(view.tree, RUNS, design)
     if CONDITIONAL in accounts:
         yield _inadmissible_caveat(view, design, str(accounts[CONDITIONAL]))
     if MISSING in accounts:
         yield (
-            f"{capitalized(str(accounts[MISSING]))} did not come back "
-            f"({', '.join(_missing_run_counts(view, design))}). All estimates are of those that "
-            "did, and are off as far as the others would have given other results."
+            f"{capitalized(str(accounts[MISSING]))} did not complete "
+            f"({', '.join(_missing_run_counts(view, design))}). All estimates use the completed "
+            "runs. If the others would have given different results, the estimates are biased."
         )
     if view.sampling(design) is Sampling.USER_SUPPLIED:
         yield (
-            f"The points of {design} are the user's own; that they are a sample of the inputs' "
-            "laws is taken for granted."
+            f"The points of {design} are the user's own. They are presumed to be a sample of the "
+            "distribution of the inputs."
         )
     if dependence := str(runs.attrs.get(DEPENDENCE, "")):
         yield f"The inputs depend on each other, as the study says: {dependence}."
@@ -81,10 +81,10 @@ def _inadmissible_caveat(view: ArchiveView, design: str, condition: str) -> str:
     probability = status_probability(view, design, Status.INADMISSIBLE)
     likely = ""
     if probability is not None:
-        likely = f", the probability of which is {_probability_text(probability)}"
+        likely = f" The probability of this is {_probability_text(probability)}."
     return (
-        f"{some} {were} inadmissible, so outside of what the model or the study allows{likely}. "
-        f"All figures are conditional on {condition}."
+        f"{some} {were} inadmissible, so outside of what the model or the study allows.{likely} "
+        f"All estimates are conditional on {condition}."
     )
 
 
@@ -97,6 +97,6 @@ def _measured_input_caveats(view: ArchiveView, design: str) -> Iterator[str]:
     ]
     if measured:
         yield (
-            "Laws made of measurements, whose number stands in brackets, are taken as they came "
-            f"out: {', '.join(measured)}. How uncertain they are is in no interval."
+            "Some distributions of inputs are fitted to measurements (in brackets the number of "
+            f"these): {', '.join(measured)}. No interval includes the uncertainty of these fits."
         )

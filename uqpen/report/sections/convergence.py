@@ -36,20 +36,20 @@ from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
 __all__ = ["convergence"]
 
 
-# Outputs that are drawn, and kinds of one.
-_MOST_OUTPUTS, _MOST_KINDS = 6, 3
+# Outputs that are drawn, and categories of one.
+_MOST_OUTPUTS, _MOST_CATEGORIES = 6, 3
 # Widths of the last interval that an axis goes to on either side; wider ones are cut off.
 _WIDEST = 12
 
 _SHARED = (
-    "Each point's runs are among those of the next, so points are not independent of each other: "
-    "they stray less than separate samples would."
+    "The runs of each point are among those of the next. So points are not independent of each "
+    "other, and vary less than separate samples would."
 )
 _FIXED = (
-    "An interval covers at its level for a number of runs that is fixed beforehand. Making runs "
-    "until it looks good is another procedure, and with that it covers less often."
+    "An interval has its nominal coverage for a number of runs that is fixed beforehand. If you "
+    "make runs until it looks good, its coverage is lower."
 )
-_CUT = "The widest intervals go on beyond the axis; the table has their ends."
+_CUT = "The widest intervals extend beyond the axis; the table has their ends."
 
 
 class _EstimateHistory(NamedTuple):
@@ -85,8 +85,7 @@ def convergence(view: ArchiveView) -> Iterator[Block]:
         reason = reason or "the archive has no estimates from parts of its runs"
     if reason:
         yield Text(
-            f"How the answers settle cannot be shown by {design}, the design that they come from: "
-            f"{reason}."
+            f"Convergence cannot be shown for {design}, the design of the main results: {reason}."
         )
         return
     yield Text(_design_sentence(view, design))
@@ -96,7 +95,7 @@ def convergence(view: ArchiveView) -> Iterator[Block]:
             yield Heading(output_heading(view, output))
             yield _history_charts(view, output, design, histories)
     if left := outputs[_MOST_OUTPUTS:]:
-        yield Text(f"Left out, as there are so many outputs: {', '.join(left)}.")
+        yield Text(f"Left out, as there are many outputs: {', '.join(left)}.")
 
 
 def _design_sentence(view: ArchiveView, design: str) -> str:
@@ -106,21 +105,19 @@ def _design_sentence(view: ArchiveView, design: str) -> str:
     if drawn.sizes[RUN] < runs.sizes[RUN]:
         runs_text += " that are a sample"
     place = (
-        "the first of the study whose runs are a sample of the input law"
+        "the first of the study that is a sample of the inputs"
         if view.is_sample_design(design)
-        else "as no other design's runs are a sample of the input law"
+        else "as no other design is a sample of the inputs"
     )
     if REPLICATE in drawn.coords:
         count = len(np.unique(drawn[REPLICATE].values))
         parts = (
-            f"{count} independent replicates, and each part is the first so many of these: less "
-            "than a whole replicate would not be a sample of the same kind."
+            f"{count} independent replicates. Each part has the first few of these: less than a "
+            "whole replicate would not be a sample of the same type."
         )
     else:
-        parts = "independent draws, and each part is the first so many of these."
-    return (
-        f"By {design}, the design that the answers come from, {place}. Its {runs_text} are {parts}"
-    )
+        parts = "independent draws. Each part has the first few of these."
+    return f"By {design}, the design of the main results, {place}. Its {runs_text} are {parts}"
 
 
 def _estimate_histories(
@@ -139,7 +136,9 @@ def _estimate_histories(
         first = array[{THRESHOLD: 0}]
         probabilities[exceedance_label(str(first[THRESHOLD].values))] = first
     if (array := statistics.get("convergence_share")) is not None:
-        for position, label in enumerate(array["category_label"].values.tolist()[:_MOST_KINDS]):
+        for position, label in enumerate(
+            array["category_label"].values.tolist()[:_MOST_CATEGORIES]
+        ):
             probabilities[share_label(label)] = array[{CATEGORY: position}]
     found = [_EstimateHistory(label, unit, convert, each) for label, each in values.items()]
     found += [
@@ -167,25 +166,25 @@ def _history_charts(
     )
 
 
-def _chart(view: ArchiveView, output: str, design: str, course: _EstimateHistory) -> Chart:
+def _chart(view: ArchiveView, output: str, design: str, history: _EstimateHistory) -> Chart:
     position = view.sources.index(design)
     marker = series_marker(position)
-    bounds, runs, unit = course.bounds, course.runs, unit_suffix(course.unit)
+    bounds, runs, unit = history.bounds, history.runs, unit_suffix(history.unit)
     lower, upper, is_cut = _axis_limits(bounds)
     texts = [
-        f"{count_text(size, 'run')}: {estimate_with_verdict(estimate, course.convert)}{unit}"
-        for size, estimate in zip(runs, course.estimates, strict=True)
+        f"{count_text(size, 'run')}: {estimate_with_verdict(estimate, history.convert)}{unit}"
+        for size, estimate in zip(runs, history.estimates, strict=True)
     ]
     trace = dot_trace(
-        bounds, runs, position, hovers=texts, name=course.label, marker=marker, along="y"
+        bounds, runs, position, hovers=texts, name=history.label, marker=marker, along="y"
     )
     middle = len(texts) // 2
     return Chart(
-        title=course.label,
+        title=history.label,
         summary=f"{capitalized(output_title(view, output))} by {design}, "
         f"{texts[0]}; {texts[middle]}; {texts[-1]}.",
         x=logarithmic_axis("runs so far", runs),
-        y=Axis(title_with_unit(course.label, course.unit), (lower, upper)),
+        y=Axis(title_with_unit(history.label, history.unit), (lower, upper)),
         traces=(trace,),
         shapes=(horizontal_line(float(bounds[-1, 0]), "quiet", "dot"),),
         notes=(_CUT,) if is_cut else (),

@@ -31,7 +31,7 @@ class Grid(NamedTuple):
 
     @classmethod
     def between(cls, lower: float, upper: float) -> Grid:
-        """As few as there can be with a step of 1, 2 or 5 times a power of ten."""
+        """Return the coarsest suitable grid with a step of 1, 2 or 5 times a power of ten."""
         widest = (upper - lower) / _FEWEST
         power = 10.0 ** math.floor(math.log10(widest))
         step = next(factor * power for factor in (5, 2, 1) if factor * power <= widest)
@@ -53,7 +53,7 @@ def curve_at(view: ArchiveView, output: str, curve: Curve, grid: Grid) -> Curve:
 
 
 def curve_quantile(curve: Curve, p: float) -> float:
-    """A quantile as the archive's ranks have it, which are equally spaced."""
+    """A quantile by the equally spaced ranks of the archive."""
     return float(curve.values[round(p * (curve.values.size - 1))])
 
 

@@ -1,4 +1,4 @@
-"""Probability that an output exceeds a value: its tail, by logarithms."""
+"""Probability that an output exceeds a value: its tail, on a logarithmic axis."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from uqpen.results.texts import unit_suffix
 __all__ = ["exceedance"]
 
 
-# How far below the least probability that runs can tell the axis goes on.
+# Lower end of the axis, as a multiple of the smallest share of the runs.
 _BELOW = 0.3
-# Widths of the axis by which it is made longer, at the most, for a value that is asked for.
+# Widths of the axis by which it is made longer, at the most, for a requested value.
 _FAR = 1.5
 # Points of the line, at the most.
 _MOST = 200
@@ -41,19 +41,21 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
     traces, keys = _tail_traces(view, output, curve, values, np.maximum(tail, least))
     probabilities = view.statistics.get(curve.name, output, "exceedance")
     notes = missing_runs_note(view, curve.name)
-    summary = f"It falls from 1 to what {count_text(curve.runs, 'run')} of {curve.name} can tell."
+    summary = (
+        f"It falls from 1 to the smallest share of {count_text(curve.runs, 'run')} of {curve.name}."
+    )
     tables: tuple[OutputTable, ...] = ()
     if probabilities is not None:
         rows = _rows(probabilities)
         summary = "; ".join(f"{label}: {cells[0]}" for label, cells in rows) + "."
-        tables = (OutputTable(f"Probabilities asked for, by {curve.name}", [curve.name], rows),)
+        tables = (OutputTable(f"Requested probabilities, by {curve.name}", [curve.name], rows),)
         is_shown = _is_threshold_shown(view, output, probabilities, values)
         if is_shown.any():
             traces.append(_threshold_trace(view, output, probabilities[is_shown]))
-            keys.append(LegendKey("asked for beforehand", "ink", "circle"))
+            keys.append(LegendKey("requested in the study", "ink", "circle"))
         notes = [*interval_notes([probabilities[is_shown]]), *notes]
         if hidden := [label for label, _ in _rows(probabilities[~is_shown])]:
-            notes.append(f"In the table alone: {', '.join(hidden)}.")
+            notes.append(f"In the table only: {', '.join(hidden)}.")
     yield Chart(
         title=f"Probability that {output_title(view, output)} is more than x",
         summary=summary,
@@ -83,7 +85,7 @@ def _tail_traces(
     key = LegendKey(curve.name, series, "line")
     if not curve.has_band:
         return [function], [key]
-    # What is left above a value is least where the function is greatest.
+    # The probability of exceeding is least where the distribution function is greatest.
     banded = band_traces(values, tail[:, 2], tail[:, 1], series, is_stepped=curve.is_stepped)
     text = f"simultaneous {percent_text(curve.level)} band"
     return [*banded, function], [LegendKey(text, series, "band"), key]
@@ -123,7 +125,7 @@ def _threshold_trace(view: ArchiveView, output: str, probabilities: xr.DataArray
     hovers = [f"{label} = {cells[0]}" for label, cells in _rows(probabilities)]
     # An end at 0 has no logarithm.
     bounds = np.where(probabilities.values > 0, probabilities.values, np.nan)
-    return dot_trace(bounds, places, "ink", hovers=hovers, name="asked", along="y")
+    return dot_trace(bounds, places, "ink", hovers=hovers, name="requested", along="y")
 
 
 def _rows(probabilities: xr.DataArray) -> list[tuple[str, list[str]]]:

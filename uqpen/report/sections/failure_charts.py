@@ -1,4 +1,4 @@
-"""Charts of failed runs: how likely they are, and where among the inputs they lie."""
+"""Charts of failed runs: their probability, and their inputs."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from uqpen.results.table import OutputTable, identity
 __all__ = ["failure_association_chart", "failure_probability_chart"]
 
 
-# Inputs in a chart, and designs in what is said of one.
+# Inputs in a chart, and designs in its summary.
 _MOST_INPUTS = 15
 _MOST_NAMED = 6
 
-_NO_SAMPLE = "the share of its runs, which are no sample of the inputs: no interval"
+_NO_SAMPLE = "no interval: a share of its runs, which are no sample of the inputs"
 
 
 def failure_probability_chart(view: ArchiveView, designs: Sequence[str]) -> Chart:
     """Return the chart of the probability of each status of failed runs, by design."""
     every = [failed_run_counts(view, design) for design in designs]
     statuses = [status for status in Status if any(status in each for each in every)]
-    table = OutputTable("Probability of losing a run", [STATUS_TEXT[each] for each in statuses])
+    table = OutputTable("Probability of a failed run", [STATUS_TEXT[each] for each in statuses])
     rows = [
         [_failure_probability(view, design, status, table) for status in statuses]
         for design in designs
@@ -52,9 +52,9 @@ def failure_probability_chart(view: ArchiveView, designs: Sequence[str]) -> Char
     last = 1.05 * float(np.nanmax(bounds))
     found = [failure_probabilities(view, name) for name in designs]
     return Chart(
-        title="How likely a run is lost",
+        title="How likely a run fails",
         summary=_probability_sentence(designs, statuses, bounds),
-        x=Axis("probability of losing a run", (-0.02 * last, last)),
+        x=Axis("probability of a failed run", (-0.02 * last, last)),
         y=Axis("", rows=tuple(designs)),
         traces=tuple(_status_traces(designs, statuses, bounds)),
         keys=tuple(LegendKey(STATUS_TEXT[each], *_status_style(each)) for each in statuses),
@@ -121,7 +121,7 @@ def _sample_notes(view: ArchiveView, designs: Sequence[str]) -> Iterator[str]:
         used = sample_account(view, design).get("runs")
         if used is not None and used != read_group(view.tree, RUNS, design).sizes[RUN]:
             count = grouped_number(int(used))
-            yield f"{design}: of those {count} runs that are a sample of the inputs."
+            yield f"{design}: from the {count} runs that are a sample of the inputs."
 
 
 def failure_association_chart(view: ArchiveView, design: str, table: OutputTable) -> Chart | None:
@@ -143,9 +143,9 @@ def failure_association_chart(view: ArchiveView, design: str, table: OutputTable
         for (_, label), each in zip(ASSOCIATIONS, bounds[:, 0], strict=True)
     )
     return Chart(
-        title=f"Which inputs go with the lost runs of {design}",
-        summary=f"The input that goes with the losses most is {rows[0]}: {', '.join(strongest)}.",
-        x=Axis("P(a lost run's input is so)", (-0.02, 1.02)),
+        title=f"Inputs associated with the failed runs of {design}",
+        summary=f"The input with the strongest association is {rows[0]}: {', '.join(strongest)}.",
+        x=Axis("P(failed run's input is so)", (-0.02, 1.02)),
         y=Axis("", rows=rows),
         traces=tuple(_measure_traces(rows, bounds)),
         shapes=(vertical_line(0.5, "quiet", "dot"),),
@@ -153,8 +153,8 @@ def failure_association_chart(view: ArchiveView, design: str, table: OutputTable
             LegendKey(label, n, series_marker(n)) for n, (_, label) in enumerate(ASSOCIATIONS)
         ),
         notes=(
-            "Larger, further out: than in a run that came back; further out is from the median.",
-            "0.5: the input does not go with the losses.",
+            "Larger: than in a completed run. Further out: further from the median than in one.",
+            "0.5: the input is not associated with failure.",
             *interval_notes(associations[name] for name, _ in ASSOCIATIONS),
             *hollow_note(bounds),
             *([f"{left_out} more inputs are in the table."] if left_out else []),

@@ -1,4 +1,4 @@
-"""Number of failed runs, the reasons, and where among the inputs they lie."""
+"""Failed runs: their number, their reasons, and their inputs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _MOST_CHARTS = 6
 
 
 def failures(view: ArchiveView) -> Iterator[Block]:
-    """Yield the failed runs, the reasons, and where among the inputs they lie."""
+    """Yield the failed runs, their reasons, and their inputs."""
     failed = [design for design in view.designs if failed_run_counts(view, design)]
     if not failed:
         yield Text(_no_failure_text(view))
@@ -45,16 +45,16 @@ def failures(view: ArchiveView) -> Iterator[Block]:
 
 def _no_failure_text(view: ArchiveView) -> str:
     runs = sum(read_group(view.tree, RUNS, design).sizes[RUN] for design in view.designs)
-    text = f"None of the {grouped_number(runs)} runs was lost."
+    text = f"All {grouped_number(runs)} runs completed."
     if runs == 1:
-        text = "The only run came back."
+        text = "The only run completed."
     for design in view.sample_designs:
         chance = status_probability(view, design, Status.FAILED)
         if chance is not None and np.isfinite(chance.values[2]):
             upper = percent_texts(*chance.values)[2]
             level = percent_text(float(chance.attrs[INTERVAL_LEVEL]))
             return (
-                f"{text} By {design}, the probability that the model fails at a random point is at "
+                f"{text} By {design}, the model fails at a random point with a probability of at "
                 f"most {upper}, the upper end of its {level} interval."
             )
     return text
@@ -70,7 +70,7 @@ def _reason_table(view: ArchiveView, designs: Sequence[str]) -> OutputTable:
         f"{name}\nof {count_text(read_group(view.tree, RUNS, name).sizes[RUN], 'run')}"
         for name in designs
     ]
-    table = OutputTable("Runs lost, by status and reason", columns)
+    table = OutputTable("Failed runs, by status and reason", columns)
     for (status, reason), found in ordered[:_MOST_REASONS]:
         label = f"{STATUS_TEXT[status]}: {plain_text(reason, 200)}"
         _add(table, label, [found[each] for each in designs])
@@ -93,5 +93,5 @@ def _association_blocks(view: ArchiveView) -> Iterator[Block]:
     for design, table in pairs[:_MOST_CHARTS]:
         yield failure_association_chart(view, design, table) or Table(table)
     if more := pairs[_MOST_CHARTS:]:
-        yield Text(f"Of {len(more)} more designs there are tables alone.")
+        yield Text(f"The other {len(more)} designs have tables only.")
         yield from (Table(table, is_folded=True) for _, table in more)

@@ -1,4 +1,4 @@
-"""Runs of one design: in bins, by kinds, with their statistics."""
+"""Runs of one design: in bins, by category, with their statistics."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
         notes.append(f"{count_text(outside, 'run')} {verb} outside of the axis.")
     if len(lacks) < len(marked):
         level = max(float(e.attrs.get(INTERVAL_LEVEL, 0)) for _, e in marked)
-        notes.append(f"Shades: {percent_text(level)} intervals of what the lines mark.")
+        notes.append(f"Shades: {percent_text(level)} intervals of the marked estimates.")
     if lacks:
-        notes.append(f"No interval with two ends, so no shade: {', '.join(lacks)}.")
+        notes.append(f"No two-sided interval, so no shade: {', '.join(lacks)}.")
     highest = int(np.argmax(counts))
     series = view.sources.index(design)
     return Chart(
@@ -58,7 +58,7 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
 def _estimate_marks(
     view: ArchiveView, output: str, marked: list[tuple[str, xr.DataArray]]
 ) -> tuple[list[Shape], list[LegendKey], list[str]]:
-    """Lines at estimates and shades of their intervals; what has none."""
+    """Lines at estimates, shades of their intervals, and the names of those without one."""
     shapes: list[Shape] = []
     keys: list[LegendKey] = []
     lacks: list[str] = []
@@ -76,17 +76,17 @@ def _estimate_marks(
 
 
 def shares(view: ArchiveView, output: str, design: str, probabilities: xr.DataArray) -> Chart:
-    """Return a chart of how likely each kind of an output is, by its shares along ``category``."""
+    """Return a chart of the probabilities of an output's categories, along ``category``."""
     title = capitalized(output_title(view, output))
     labels = tuple(map(str, probabilities["category_label"].values))
-    table = OutputTable(f"Shares by {design}", [design])
+    table = OutputTable(f"Category probabilities by {design}", [design])
     add_shares(table, view.tree, output)
     texts = [f"{label}: {cells[0]}" for label, cells in table.rows]
     places, series = np.arange(len(labels)), view.sources.index(design)
     return Chart(
-        title=f"{title}: how often each kind comes about, by {design}",
+        title=f"{title}: probability of each category, by {design}",
         summary="; ".join(texts),
-        x=Axis("share", (0.0, 1.0)),
+        x=Axis("probability", (0.0, 1.0)),
         y=Axis("", rows=labels),
         traces=(dot_trace(probabilities.values, places, series, hovers=texts, name=design),),
         tables=(table,),

@@ -38,14 +38,14 @@ __all__ = ["interval_costs"]
 _MOST_SHARES = 2
 
 _ROUGH = (
-    "so many independent draws would give as narrow an interval; a rough figure, the square of the "
-    "ratio of two widths, without an interval as nothing tells how far off these are"
+    "independent draws needed for as narrow an interval: a rough estimate, the square of the ratio "
+    "of two widths, without an interval"
 )
-_HALF = "± is half of an interval's length, also where its ends lie unevenly."
+_HALF = "± is half of an interval's length, also if its ends are not symmetric."
 
 
 class _Width(NamedTuple):
-    """Half the length of a source's interval, in the unit that is shown, and what it took."""
+    """Half the length of a source's interval, in the unit that is shown, and its runs."""
 
     runs: int
     half: float
@@ -160,7 +160,7 @@ def _chart(view: ArchiveView, output: str, compared: _ComparedWidths, plain: str
             )
         )
     return Chart(
-        title=f"How wide the interval is: {statistic.label}",
+        title=f"Width of the interval: {statistic.label}",
         summary=f"{'; '.join(texts)}.",
         x=logarithmic_axis("runs spent", runs),
         y=logarithmic_axis(title_with_unit("half-width", unit), heights),
@@ -185,7 +185,7 @@ def _table(
     sources: Sequence[str],
     plain: str,
 ) -> OutputTable:
-    title = "What an interval costs: its ±, and as many independent draws"
+    title = "Cost of an interval: its ±, and the independent draws needed for it"
     table = OutputTable(title, ["runs"])
     for statistic, _ in compared:
         unit = _unit(view, output, statistic)
@@ -199,17 +199,17 @@ def _table(
 
 
 def _runs(view: ArchiveView, source: str, table: OutputTable) -> str:
-    """The runs of a source, and how many of them are the sample."""
+    """The runs of a source, and the number of those in the sample."""
     spent = runs_spent(view.tree, source) or 0
     sampled = spent
     if source in view.designs:
         sampled = view.runs(source).sizes[RUN]
-    note = f"{grouped_number(sampled)} of them are a sample; the others serve its indices"
+    note = f"{grouped_number(sampled)} of them are a sample; the others are for its indices"
     return grouped_number(spent) + table.note_mark(note * (sampled < spent))
 
 
 def _cells(width: _Width | None, plain: _Width | None, table: OutputTable) -> list[str]:
-    """A half-width, and how many independent draws would give as narrow an interval."""
+    """A half-width, and the number of independent draws for as narrow an interval."""
     if width is None:
         return [NOTHING, NOTHING]
     half = f"{_two_digits(width.half)}{table.note_mark(estimate_remark(width.estimate))}"

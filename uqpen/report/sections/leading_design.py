@@ -1,4 +1,4 @@
-"""Basis of the page's answers: the design, and its runs as a sample."""
+"""Basis of the page's main results: a design, and its runs as a sample."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["leading_design", "missing_runs_note", "output_heading", "output_titl
 
 
 def leading_design(view: ArchiveView) -> str | None:
-    """Return the design that answers come from; None where no run of a sample completed.
+    """Return the design of the main results; None where no run of a sample completed.
 
     It is the first design of the study whose runs are a sample. So its place decides, not its
     results. A design that is made for another purpose is chosen only where there is no other.
@@ -24,7 +24,7 @@ def leading_design(view: ArchiveView) -> str | None:
 def missing_runs_note(view: ArchiveView, design: str) -> list[str]:
     """Return a note on the runs that a distribution function and its band leave out, if any."""
     missing = sample_account(view, design).get(MISSING)
-    return [f"Curve and band are of the runs that came back; {missing} did not."] if missing else []
+    return [f"Curve and band use the completed runs; {missing} failed."] if missing else []
 
 
 def output_title(view: ArchiveView, output: str) -> str:

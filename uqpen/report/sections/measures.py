@@ -156,17 +156,17 @@ def _keys(every: Sequence[_PlottedSeries]) -> Iterator[LegendKey]:
 
 def _notes(every: Sequence[_PlottedSeries]) -> Iterator[str]:
     named = [(each.name, one) for each in every for one in each.estimates]
-    yield from interval_notes((each.of.array for each in every), ", of each estimate by itself")
+    yield from interval_notes((each.of.array for each in every), ", for each estimate by itself")
     barred = [(name, one) for name, one in named if one.has_interval]
     for text, names in _names_by_text((name, one.note) for name, one in barred if one.note).items():
-        yield f"Of the intervals of {', '.join(names)}: {text}."
+        yield f"Note on {', '.join(names)}: {text}."
     hollow = ((name, _missing_interval_reason(one)) for name, one in named if not one.has_interval)
     reasons = _names_by_text(hollow)
     if len(reasons) > _MOST_REASONS:
-        yield "Hollow: no interval; the notes of the table say why."
+        yield "Hollow: no interval; the reasons are notes of the table."
     else:
         for text, names in reasons.items():
-            yield f"Hollow, without an interval: {', '.join(names)} ({text})."
+            yield f"Hollow, no interval: {', '.join(names)} ({text})."
     if any(one.label == REFUSED for _, one in named):
         yield "Crossed out: refused, as independent runs contradict it."
 
@@ -184,7 +184,7 @@ def _names_by_text(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
 def _missing_interval_reason(one: _InputEstimate) -> str:
     if one.label in _VERDICTS:
         return f"{one.label}: {one.note}"
-    return one.note or "none is told"
+    return one.note or "no reason is known"
 
 
 def _summary(every: Sequence[_PlottedSeries], spec: MeasureChartSpec) -> str:
@@ -193,7 +193,7 @@ def _summary(every: Sequence[_PlottedSeries], spec: MeasureChartSpec) -> str:
     first, *others = sorted(each.estimates, key=lambda one: -float(one.bounds[0]))
     text = f"By {each.of.source}, {first.name} has the largest {label}: {first.text(spec.unit)}"
     if others:
-        text += f"; that of {others[0].name} comes next: {others[0].text(spec.unit)}"
+        text += f"; {others[0].name} comes next: {others[0].text(spec.unit)}"
     verdict = " It is refused, as independent runs contradict it." * (first.label == REFUSED)
     return f"{text}.{verdict}{_order_certainty(first, others)}"
 
@@ -218,14 +218,12 @@ def _order_certainty(first: _InputEstimate, others: Sequence[_InputEstimate]) ->
     if not others:
         return ""
     if not any(one.has_interval for one in every):
-        return " None has an interval, so nothing tells how sure this order is."
+        return " None has an interval, so this order is uncertain."
     if not all(np.isfinite(one.bounds).all() for one in every):
-        return " Not all have an interval, so nothing tells how sure this order is."
+        return " Not all have an interval, so this order is uncertain."
     near = [one.name for one in others if one.bounds[2] >= first.bounds[1]]
-    remark = f" Of it must be known: {first.note}." if first.note else ""
+    remark = f" Note on this interval: {first.note}." if first.note else ""
     if not near:
         return f" Its interval overlaps with no other's.{remark}"
     names = ", ".join(near)
-    return (
-        f" Its interval overlaps with that of {names}, which leaves open which is larger.{remark}"
-    )
+    return f" Its interval overlaps with that of {names}, so this order is uncertain.{remark}"

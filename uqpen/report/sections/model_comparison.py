@@ -48,13 +48,13 @@ def _chart(view: ArchiveView, output: str, design: str, curves: list[Curve]) -> 
     notes = [f"no band of {curve.name}: {curve.note}" for curve in curves if not curve.has_band]
     if banded := [curve for curve in curves if curve.has_band]:
         notes.append(
-            f"Shades: simultaneous {percent_text(banded[0].level)} bands, each for itself."
+            f"Shades: simultaneous {percent_text(banded[0].level)} bands, for each model by itself."
         )
     notes += [f"{capitalized(CUT)}."] if is_cut else []
     return Chart(
         title=f"Probability that {output_title(view, output)} is at most x, by {design}",
         summary=" ".join(
-            f"By {curve.name} half lies at or below "
+            f"By {curve.name}, the median is "
             f"{curve_quantile(curve, 0.5):.4g}{unit_suffix(view.unit(output))}."
             for curve in curves
         ),

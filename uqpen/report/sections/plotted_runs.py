@@ -19,7 +19,7 @@ from uqpen.results.digits import grouped_number
 __all__ = ["PlottedRuns"]
 
 
-# Runs in a chart at the most, and lost ones besides.
+# Runs in a chart at the most, and failed ones besides.
 _MOST_RUNS, _MOST_LOST = 400, 100
 
 
@@ -41,7 +41,7 @@ class PlottedRuns:
 
     @cached_property
     def completed(self) -> BoolArray:
-        """Which of them did."""
+        """Completed runs, as a mask of the sample."""
         is_ok: BoolArray = self.runs[STATUS].values == Status.OK
         return is_ok
 
@@ -52,7 +52,7 @@ class PlottedRuns:
 
     @cached_property
     def shown_failed(self) -> xr.Dataset:
-        """Some of those that did not."""
+        """Some of the failed runs."""
         return _sample_runs(self.runs, ~self.completed, _MOST_LOST)
 
     @property
@@ -64,13 +64,13 @@ class PlottedRuns:
     def thinning_note(self) -> str:
         """Number of the runs that are shown."""
         whole = int(self.completed.sum())
-        counts = [_count_text(self.shown_completed, whole, "that came back")]
+        counts = [_count_text(self.shown_completed, whole, "completed")]
         if failed := len(self.completed) - whole:
-            counts.append(_count_text(self.shown_failed, failed, "that were lost"))
-        return f"Runs of {self.design} that are shown: {', '.join(counts)}."
+            counts.append(_count_text(self.shown_failed, failed, "failed"))
+        return f"Runs of {self.design} in the charts: {', '.join(counts)}."
 
     def values(self, name: str, runs: xr.Dataset) -> FloatArray:
-        """Of an input or an output that is a number, in the unit that is shown."""
+        """Values of an input or a numeric output, in the unit that is shown."""
         found: FloatArray = self.view.scale(name).from_si(runs[name].values)
         return found
 
@@ -81,8 +81,8 @@ def _sample_runs(runs: xr.Dataset, which: BoolArray, most: int) -> xr.Dataset:
     return runs.isel({RUN: thin_runs(places, most)["place"].values})
 
 
-def _count_text(shown: xr.Dataset, whole: int, what: str) -> str:
+def _count_text(shown: xr.Dataset, whole: int, status: str) -> str:
     number = shown.sizes[RUN]
     if number == whole:
-        return f"{'all' if whole > 1 else 'the'} {grouped_number(whole)} {what}"
-    return f"{grouped_number(number)} of {grouped_number(whole)} {what}"
+        return f"{'all' if whole > 1 else 'the'} {grouped_number(whole)} {status}"
+    return f"{grouped_number(number)} of {grouped_number(whole)} {status}"

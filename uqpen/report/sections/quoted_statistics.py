@@ -1,4 +1,4 @@
-"""Quantities that sentences are made of: which they are, and who estimates them."""
+"""Quantities in sentences, with their estimates by design."""
 
 from __future__ import annotations
 
@@ -74,18 +74,18 @@ class QuotedStatistic:
             return f"({lower} to {upper}, {level})"
         if has_lower or has_upper:
             end = f"at least {lower}" if has_lower else f"at most {upper}"
-            return f"({end} by its {level}, which has one end: {estimate_remark(array)})"
+            return f"({end} by its one-sided {level}: {estimate_remark(array)})"
         return f"(without an interval: {estimate_remark(array)})"
 
     @property
     def heading(self) -> str:
-        """Which quantity it is, to stand before a colon."""
+        """Name of the quantity, to stand before a colon."""
         return f"{capitalized(output_name(self.view, self.output))}, {self._label}"
 
     @property
     def _label(self) -> str:
         if self.statistic == "tolerance_limit":
-            return f"value not exceeded in {no_break(percent_text(self.entry))} of cases"
+            return f"limit for {no_break(percent_text(self.entry))} of cases"
         if self.statistic == "quantile":
             return quantile_label(self.entry)
         if self.statistic == "exceedance":
@@ -115,7 +115,7 @@ def share_label(category: str) -> str:
 
 
 def no_break(text: str) -> str:
-    """A number and what belongs to it, not to be parted at the end of a line."""
+    """Replace the spaces of a text by ones at which no line ends."""
     return text.replace(" ", "\u00a0")
 
 

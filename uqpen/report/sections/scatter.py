@@ -32,7 +32,7 @@ _MOST_CHARTS = 24
 _LONGEST, _HIGHEST = 36, 26
 _HEIGHT = 230
 
-# What tells how an output goes along with an input: for the table, and to choose inputs by.
+# Measures of association, shown in the table.
 _ASSOCIATIONS = (("spearman", "Spearman"), ("pearson", "Pearson"), ("first_order", "first order"))
 _CHOICE_TEXTS = (
     ("spearman", "the strongest rank correlations"),
@@ -51,7 +51,7 @@ def scatter(view: ArchiveView) -> Iterator[Block]:
     most = max(1, _MOST_CHARTS // len(outputs))
     keys = [LegendKey("run", view.sources.index(design), "circle")]
     if cloud.shown_failed.sizes[RUN]:
-        keys.append(LegendKey("lost run, at the foot", "ink", "x"))
+        keys.append(LegendKey("failed run, at the foot", "ink", "x"))
     for output in outputs:
         inputs, note = _chosen_inputs(cloud, output, most)
         if inputs:
@@ -65,15 +65,15 @@ def scatter(view: ArchiveView) -> Iterator[Block]:
 
 
 def _chosen_inputs(cloud: PlottedRuns, output: str, most: int) -> tuple[list[str], str]:
-    """The inputs that have a chart, in the study's order, and what is said if not all do."""
+    """The inputs with a chart, in the study's order, and a note if some have none."""
     every = cloud.inputs
     if len(every) <= most:
         return every, ""
-    sizes, why = _input_importance(cloud, output)
-    if not why:
+    sizes, reason = _input_importance(cloud, output)
+    if not reason:
         return every[:most], f"Shown are the first {most} of {len(every)} inputs."
     kept = sorted(every, key=lambda name: -sizes.get(name, 0.0))[:most]
-    note = f"Shown are the {most} of {len(every)} inputs that have {why} by {cloud.design}."
+    note = f"Shown are the {most} of {len(every)} inputs with {reason} by {cloud.design}."
     return [name for name in every if name in kept], note
 
 
@@ -166,8 +166,8 @@ def _failed_run_trace(cloud: PlottedRuns, name: str, axis: Axis) -> Trace:
         x,
         np.full(x.size, foot),
         "ink",
-        hover=f"run %{{customdata}}, lost: %{{text}}<br>{_hover_line(cloud.view, name, 'x')}",
-        name=f"lost, {name}",
+        hover=f"run %{{customdata}}, failed: %{{text}}<br>{_hover_line(cloud.view, name, 'x')}",
+        name=f"failed, {name}",
         texts=[STATUS_TEXT[status] for status in statuses],
         numbers=cloud.shown_failed["number"].values.tolist(),
         marker="x",
@@ -213,9 +213,9 @@ def _table(cloud: PlottedRuns, output: str) -> OutputTable:
 
 
 def _range_table(cloud: PlottedRuns, output: str) -> OutputTable:
-    """Return a table of ranges: in all completed runs, and by the output's kind if it has any."""
+    """Return a table of ranges: in all completed runs, and by category of the output."""
     view = cloud.view
-    which = {"all runs that came back": cloud.completed}
+    which = {"all completed runs": cloud.completed}
     names: Sequence[str] = [*cloud.inputs, output]
     if output in view.categorical_outputs:
         codes = cloud.runs[output].values

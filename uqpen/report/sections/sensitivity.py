@@ -22,16 +22,16 @@ from uqpen.results.texts import capitalized, title_with_unit
 
 __all__ = ["sensitivity"]
 
-# Of which the summary of a chart speaks, the first that is told.
+# Measures for the summary of a chart; it takes the first that exists.
 _SUMMARY_ORDER = ("total order", "first order", "Shapley effect")
 _SHARE = "share of the variance"
-# The same shares where an output has kinds: of whether it is of one. Name, words and marker.
+# Indices of a categorical output being in a category: statistic, label and marker.
 _CATEGORY_INDICES = (
     ("category_first_order", "first order", "o"),
     ("category_total_order", "total order", "s"),
     ("category_shapley", "Shapley effect", "D"),
 )
-# Kinds of an output that have a chart of their own.
+# Categories of an output with a chart of their own.
 _MOST_CATEGORIES = 6
 
 
@@ -51,7 +51,7 @@ def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
         tables.setdefault(name, []).append(table)
     every = measure_series(view, output, INDICES)
     if found := best_sources(view, every):
-        left_out = "First order by plain samples stands in the table alone."
+        left_out = "First-order indices by plain samples are in the table only."
         notes = (left_out,) if len(found) < len(every) else ()
         spec = MeasureChartSpec(
             "Shares of its variance", _SHARE, identity, _SUMMARY_ORDER, notes=notes
@@ -82,7 +82,7 @@ def _responses(view: ArchiveView, output: str) -> Iterator[Chart]:
 
 
 def _categorical_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
-    """Shares of the variance of whether an output is of a kind."""
+    """Shares of the variance of an output being in a category."""
     every = _category_series(view, output)
     charts = []
     for names, found in _group_categories(view, every)[:_MOST_CATEGORIES]:
@@ -98,24 +98,24 @@ def _categorical_output_blocks(view: ArchiveView, output: str) -> Iterator[Block
 
 
 def _category_series(view: ArchiveView, output: str) -> dict[tuple[int, str], list[MeasureSeries]]:
-    """Return the measures of all sources for each kind, by its position and label."""
+    """Return the measures of all sources for each category, by its position and label."""
     found: dict[tuple[int, str], list[MeasureSeries]] = {}
     statistics = view.statistics
     for source in view.sources if view.source is None else [view.source]:
         for statistic, words, marker in _CATEGORY_INDICES:
             if (array := statistics.get(source, output, statistic)) is not None:
-                for kind in enumerate(map(str, array["category_label"].values.tolist())):
-                    series = MeasureSeries(source, words, marker, array[{CATEGORY: kind[0]}])
-                    found.setdefault(kind, []).append(series)
+                for category in enumerate(map(str, array["category_label"].values.tolist())):
+                    series = MeasureSeries(source, words, marker, array[{CATEGORY: category[0]}])
+                    found.setdefault(category, []).append(series)
     return found
 
 
 def _group_categories(
     view: ArchiveView, every: Mapping[tuple[int, str], Sequence[MeasureSeries]]
 ) -> list[tuple[list[str], list[MeasureSeries]]]:
-    """Return kinds and their measures; kinds with the same measures are grouped.
+    """Return categories and their measures; categories with equal measures are grouped.
 
-    Where there are two kinds, one occurs whenever the other does not.
+    Of two categories, one occurs whenever the other does not.
     """
     kept: list[tuple[list[str], list[MeasureSeries]]] = []
     for (_, label), series in every.items():

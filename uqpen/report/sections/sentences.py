@@ -1,4 +1,4 @@
-"""Sentences on an output, each complete by itself, and what must be known with them."""
+"""Sentences on an output, each complete by itself, and remarks on them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from uqpen.results.texts import capitalized, plain_text
 
 __all__ = ["OutputSentences", "output_sentences"]
 
-# Sentences on an output that something was asked of, and kinds that one names.
+# Sentences on an output with requested statistics, and categories in a sentence.
 _MOST_SENTENCES = 3
 _MOST_CATEGORIES = 4
 
@@ -67,7 +67,7 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, of: _Population) -
         return f"{_tolerance_limit_sentence(quantity, array, name, of)}{of.omission_sentence}"
     stated = f"{quantity.texts(array)[0]} {quantity.interval(array)}"
     if quantity.statistic == "quantile":
-        half = f"half of {of.name} stay at or below it"
+        half = f"half of {of.name} have at most this value"
         return f"The median of {name} is {stated}: {half}.{of.omission_sentence}"
     if quantity.statistic == "exceedance":
         event = f"{name} exceeds {no_break(plain_text(quantity.entry))}{of.condition}"
@@ -83,17 +83,17 @@ def _tolerance_limit_sentence(
     if np.isfinite(array.values[2]):
         level = no_break(percent_text(array.attrs.get(INTERVAL_LEVEL, np.nan)))
         return (
-            f"With {level} confidence, {name} stays at or below {bound} in at least {share} of "
-            f"{of.name} (the estimate of that value is {value})."
+            f"With {level} confidence, {name} is at most {bound} in at least {share} of {of.name}. "
+            f"The best estimate of this limit is {value}."
         )
     return (
-        f"In {share} of {of.name} {name} stays at or below {value} by estimate, which has no "
-        f"upper bound: {estimate_remark(array)}."
+        f"In {share} of {of.name} {name} is at most {value} by estimate. This limit has no upper "
+        f"bound: {estimate_remark(array)}."
     )
 
 
 class _Population(NamedTuple):
-    """Population of a design's figures, in the words of a sentence that stands by itself."""
+    """Population of a design's estimates, in the words of a sentence that stands by itself."""
 
     name: str  # the cases with a result, which quantiles and tolerance limits refer to
     every: str  # all cases, which the interval of a probability allows for
@@ -115,23 +115,23 @@ class _Population(NamedTuple):
 
     @property
     def omission_sentence(self) -> str:
-        """A sentence that says what an estimate and its interval leave out."""
-        return f" This leaves out {self.missing}, which did not come back." * bool(self.missing)
+        """A sentence on the runs that an estimate and its interval leave out."""
+        return f" This leaves out {self.missing}, which did not complete." * bool(self.missing)
 
     def missing_run_sentence(self, array: xr.DataArray) -> str:
         """Return the sentence for a probability, whose interval counts failed runs both ways."""
         if not self.missing or not has_interval(array.values):
             return self.omission_sentence
         return (
-            f" The estimate leaves out {self.missing}, which did not come back; the interval "
-            "allows for whatever they would have given."
+            f" The estimate leaves out {self.missing}, which did not complete; the interval "
+            "includes every result that they could have had."
         )
 
 
 def _category_sentences(view: ArchiveView, output: str, design: str) -> OutputSentences | None:
-    """One sentence on an output that has kinds, the most frequent first."""
+    """Return a sentence on a categorical output, its most frequent category first."""
     found = sorted(
-        _category_statistics(view, output, design), key=lambda kind: -float(kind[2].values[0])
+        _category_statistics(view, output, design), key=lambda each: -float(each[2].values[0])
     )
     shown = found[:_MOST_CATEGORIES]
     if not shown:

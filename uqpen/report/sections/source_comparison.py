@@ -30,7 +30,7 @@ _ROW, _FRAME = 22, 66
 
 
 def source_comparison(view: ArchiveView) -> Iterator[Block]:
-    """The statistics of each output by all sources, and what their intervals cost."""
+    """The statistics of each output by all sources, and the cost of their intervals."""
     outputs = [
         each
         for each in (*view.numeric_outputs, *view.categorical_outputs)
@@ -43,10 +43,10 @@ def source_comparison(view: ArchiveView) -> Iterator[Block]:
             yield _comparison_charts(view, output, found, rows)
             yield from interval_costs(view, output, found)
         else:
-            yield Text(f"There is one source only, {rows[0]}, so nothing stands beside it.")
+            yield Text(f"Only {rows[0]} has estimates, so there is nothing to compare.")
             yield from _tables(view, output)
     if left := outputs[_MOST_OUTPUTS:]:
-        yield Text(f"Without charts, as there are so many outputs: {', '.join(left)}.")
+        yield Text(f"Without charts, as there are many outputs: {', '.join(left)}.")
         for output in left:
             yield from _tables(view, output, is_folded=True)
 

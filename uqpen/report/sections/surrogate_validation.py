@@ -21,15 +21,15 @@ __all__ = ["surrogate_validation"]
 # Refusals that are listed at the most.
 _MOST_LISTED = 12
 
-_LOSSES, _SENSITIVITY = "probabilities of losses", "measures of sensitivity"
-# What is told of a surrogate, as a person reads it.
+_LOSSES, _SENSITIVITY = "probabilities of failure", "measures of sensitivity"
+# Families of a surrogate's estimates, by their names in the table.
 _FAMILIES = (
     *(family for family in STATISTIC_FAMILIES if family != _SENSITIVITY),
     _LOSSES,
     _SENSITIVITY,
 )
 _VERDICTS = (CHECKED, REFUSED, UNCHECKED)
-# The same function, point by point; and what only says how heavy a tail is.
+# The same function point by point, and a measure of heavy tails.
 _NOT_COUNTED = ("cdf", "effective_runs")
 
 
@@ -58,9 +58,9 @@ def surrogate_validation(view: ArchiveView, name: str) -> Iterator[Block]:
     counts = [sum(each.verdict == label for each in every) for label in _VERDICTS]
     whole, checked, refused, unchecked = map(grouped_number, (len(every), *counts))
     yield Text(
-        f"Figure by figure, {name} was held against independent runs. Of {whole}: {checked} "
-        f"checked, as the runs' own interval agrees; {refused} refused; {unchecked} unchecked, as "
-        "no runs tell an interval."
+        f"{whole} estimates by {name} were compared with independent runs. {checked} are checked: "
+        f"inside the interval of the runs. {refused} are refused. {unchecked} are unchecked: no "
+        "runs have an interval."
     )
     lines = [f"{each.name}: {each.note}." for each in every if each.verdict == REFUSED]
     if more := lines[_MOST_LISTED:]:
@@ -112,7 +112,7 @@ def _estimate_name(array: xr.DataArray, place: tuple[int, ...]) -> str:
 
 
 def _validation_table(name: str, every: list[_ValidatedEstimate]) -> OutputTable:
-    table = OutputTable(f"{name}: verdicts on its figures", list(_VERDICTS))
+    table = OutputTable(f"{name}: verdicts on its estimates", list(_VERDICTS))
     for family in _FAMILIES:
         found = [each.verdict for each in every if each.family == family]
         if found:

@@ -1,4 +1,4 @@
-"""Accuracy of surrogates, by runs that they have not seen."""
+"""Accuracy of surrogates in independent runs."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from uqpen.surrogates.restoring import is_restorable
 __all__ = ["surrogates"]
 
 
-# Runs in a chart, and runs that differences are told of, at the most.
+# Runs in a chart, and runs in the table of differences, at the most.
 _MOST_RUNS, _MOST_COMPARED = 400, 100_000
-# Runs that are shown besides, as they differ most.
+# Runs that are shown besides: those with the largest differences.
 _WORST = 10
 
 
 def surrogates(view: ArchiveView) -> Iterator[Block]:
-    """Yield the accuracy of surrogates, by runs that they have not seen."""
+    """Yield the accuracy of surrogates in independent runs."""
     for name in group_names(view.tree, SURROGATES):
         made = view.tree.children[SURROGATES].children[name]
         yield Heading(name)
@@ -80,7 +80,7 @@ def _comparison(view: ArchiveView, name: str, design: str, outputs: list[str]) -
         for output in outputs
     }
     is_fitted_to = design == str(made.attrs["design"])
-    whose = "it was fitted to these very runs" if is_fitted_to else "it was not fitted to them"
+    role = "its training runs" if is_fitted_to else "not training runs"
     drawn = f"{grouped_number(int(shown.sum()))} of {grouped_number(places.size)} runs of {design}"
     keys = [LegendKey("run", view.sources.index(name), "circle")]
     if has_worst:
@@ -89,7 +89,7 @@ def _comparison(view: ArchiveView, name: str, design: str, outputs: list[str]) -
     return Charts(
         tuple(_chart(view, name, output, each, shown) for output, each in compared.items()),
         keys=(*keys, LegendKey("surrogate = model", "quiet", "line")),
-        notes=(f"Shown are {drawn}; {whose}.",),
+        notes=(f"Shown are {drawn} ({role}).",),
         tables=(_difference_table(view, design, places.size, compared),),
     )
 
@@ -170,7 +170,7 @@ def _difference_table(
     title = f"Surrogate minus model, in {of} runs of {design}"
     columns = ["mean", "root mean square", "95 % differ at most by", "largest", "sd of the runs"]
     table = OutputTable(title, columns)
-    note = table.note_mark("of these very runs, not estimates of others; so they have no intervals")
+    note = table.note_mark("numbers of these runs, not estimates; so they have no intervals")
     for output, each in compared.items():
         off = each.differences
         values = (

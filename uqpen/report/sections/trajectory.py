@@ -1,4 +1,4 @@
-"""The course of the model at the nominal inputs."""
+"""The trajectory of the model at the nominal inputs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _MOST_POINTS, _ROWS = 300, 11
 
 
 def trajectory(view: ArchiveView) -> Iterator[Block]:
-    """The course of the model at the nominal inputs; of several models, all together."""
+    """The trajectory at the nominal inputs; of several models, all together."""
     trajectories = find_trajectories(view)
     if not trajectories:
         return
@@ -38,7 +38,7 @@ def trajectory(view: ArchiveView) -> Iterator[Block]:
     every = [each.model for each in view.model_views]
     notes = ["One run at the nominal inputs: it has no scatter, so there are no intervals."]
     if lacking := [name for name in every if name not in trajectories]:
-        notes.append(f"No course is told by {', '.join(lacking)}.")
+        notes.append(f"Without a trajectory: {', '.join(lacking)}.")
     yield Charts(
         tuple(_chart(view, trajectories, names) for names in shared_panels(first)),
         keys=tuple(LegendKey(name, every.index(name), "line") for name in trajectories if name),
@@ -75,15 +75,15 @@ def _chart(view: ArchiveView, trajectories: Trajectories, names: list[str]) -> C
 
 
 def _line(
-    view: ArchiveView, told: xr.Dataset, name: str, of: tuple[str, int], number: int
+    view: ArchiveView, dataset: xr.Dataset, name: str, of: tuple[str, int], number: int
 ) -> Trace:
     """A quantity of a model, in a colour and with dashes."""
     model, series = of
-    along = str(next(iter(told.dims)))
-    x, y, unit = _shown_values(view, told, name)
+    along = str(next(iter(dataset.dims)))
+    x, y, unit = _shown_values(view, dataset, name)
     chosen = _spread_positions(x.size, _MOST_POINTS)
     head = f"{escape_text(model, 40)}<br>" if model else ""
-    where, what = (escape_text(quantity_name(told[each]), 50) for each in (along, name))
+    where, what = (escape_text(quantity_name(dataset[each]), 50) for each in (along, name))
     here = f"{where} %{{x:.4~g}}{escape_text(unit_suffix(view.unit(along)))}"
     return line_trace(
         x[chosen],
@@ -96,13 +96,13 @@ def _line(
 
 
 def _shown_values(
-    view: ArchiveView, told: xr.Dataset, name: str
+    view: ArchiveView, dataset: xr.Dataset, name: str
 ) -> tuple[FloatArray, FloatArray, str]:
     """Return the values along the axis, those of a quantity, and the suffix of its unit."""
-    along = str(next(iter(told.dims)))
-    unit, factor = readable_unit(told[name])
-    x = np.asarray(view.scale(along).from_si(told[along].values), dtype=np.float64)
-    return x, np.asarray(told[name].values * factor, dtype=np.float64), unit_suffix(unit)
+    along = str(next(iter(dataset.dims)))
+    unit, factor = readable_unit(dataset[name])
+    x = np.asarray(view.scale(along).from_si(dataset[along].values), dtype=np.float64)
+    return x, np.asarray(dataset[name].values * factor, dtype=np.float64), unit_suffix(unit)
 
 
 def _spread_positions(size: int, most: int) -> IntArray:
@@ -110,28 +110,28 @@ def _spread_positions(size: int, most: int) -> IntArray:
     return np.unique(np.round(np.linspace(0, size - 1, min(size, most))).astype(np.int64))
 
 
-def _ends_sentence(view: ArchiveView, model: str, told: xr.Dataset, names: list[str]) -> str:
+def _ends_sentence(view: ArchiveView, model: str, dataset: xr.Dataset, names: list[str]) -> str:
     texts = []
-    for name in (each for each in names if each in told):
-        _, y, unit = _shown_values(view, told, name)
+    for name in (each for each in names if each in dataset):
+        _, y, unit = _shown_values(view, dataset, name)
         known = y[np.isfinite(y)]
         if known.size:
             goes = f"goes from {known[0]:.4g} to {known[-1]:.4g}{unit}"
-            texts.append(f"{quantity_name(told[name])} {goes}, and is {known.max():.4g} at most")
+            texts.append(f"{quantity_name(dataset[name])} {goes}, and is {known.max():.4g} at most")
     text = "; ".join(texts) or "no values"
     return f"By {model}, {text}." if model else f"{capitalized(text)}."
 
 
-def _table(view: ArchiveView, model: str, told: xr.Dataset) -> OutputTable:
-    along = str(next(iter(told.dims)))
-    title = f"Course of {model}" if model else "Course"
-    where = title_with_unit(quantity_name(told[along]), view.unit(along))
+def _table(view: ArchiveView, model: str, dataset: xr.Dataset) -> OutputTable:
+    along = str(next(iter(dataset.dims)))
+    title = f"Trajectory of {model}" if model else "Trajectory"
+    where = title_with_unit(quantity_name(dataset[along]), view.unit(along))
     table = OutputTable(f"{title}, by {where}", [])
     columns = []
-    for name in map(str, told.data_vars):
-        unit, _ = readable_unit(told[name])
-        table.columns.append(title_with_unit(quantity_name(told[name]), unit))
-        x, y, _ = _shown_values(view, told, name)
+    for name in map(str, dataset.data_vars):
+        unit, _ = readable_unit(dataset[name])
+        table.columns.append(title_with_unit(quantity_name(dataset[name]), unit))
+        x, y, _ = _shown_values(view, dataset, name)
         columns.append(y)
     for position in _spread_positions(x.size, _ROWS).tolist():
         values = (y[position] for y in columns)

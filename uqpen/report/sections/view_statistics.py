@@ -1,4 +1,4 @@
-"""The statistics of the model that a page is of, as its sections take them."""
+"""The statistics of a page's model, in the form that its sections take."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from uqpen.results.archive_view import ArchiveView
 
 __all__ = ["STATISTIC_FAMILIES", "failure_probabilities", "sample_account", "status_probability"]
 
-# The families of estimates, by the words of a table, in the order that they are told in.
+# The families of estimates, by their names in a table, in their order there.
 STATISTIC_FAMILIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "moments": ("mean", "std", "half_spread", "skewness", "kurtosis", "effective_runs"),
         "quantiles": ("quantile",),
-        "values that hold": ("tolerance_limit",),
-        "probabilities of exceeding": ("exceedance",),
+        "tolerance limits": ("tolerance_limit",),
+        "exceedance probabilities": ("exceedance",),
         "distribution functions": ("cdf", "cdf_band"),
-        "shares of kinds": ("share",),
+        "category probabilities": ("share",),
         "measures of sensitivity": tuple(
             name for name, each in CATALOGUE.items() if not {INPUT, PAIR}.isdisjoint(each.dims)
         ),
@@ -37,7 +37,7 @@ def failure_probabilities(view: ArchiveView, design: str) -> xr.DataArray | None
 
 
 def sample_account(view: ArchiveView, design: str) -> Mapping[Any, Any]:
-    """Return attributes on the runs of a design: their number, their condition, what is missing."""
+    """Return attributes on the runs of a design: their number, condition and missing runs."""
     probability = failure_probabilities(view, design)
     return {} if probability is None else probability.attrs
 

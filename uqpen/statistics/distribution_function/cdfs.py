@@ -134,7 +134,7 @@ def _pointwise(sample: Sample, counts: IntArray, estimate: FloatArray) -> _Band:
 
 
 def _errors(sample: Sample, counts: IntArray) -> FloatArray:
-    """Standard errors over replicates at all values at once, as `ratio_error` has them at one."""
+    """Standard errors over replicates at all values at once; `ratio_error` gives them at one."""
     sizes = np.bincount(sample.replicate)
     excess = counts - np.outer(sizes, counts.sum(axis=0) / sample.size)
     replicates = len(sizes)

@@ -1,4 +1,4 @@
-"""Probabilities: of exceeding a value, of each kind of an output, of losing a run."""
+"""Probabilities: of exceeding a value, of each category of an output, of a failed run."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def _weighted_probability(sample: Sample, weights: FloatArray, events: BoolArray
 
 
 def _probability_with_missing(sample: Sample, events: BoolArray) -> Estimate:
-    """Probability of an event, its interval widened by what the missing runs could have been."""
+    """Probability of an event, its interval widened for any outcome of the missing runs."""
     estimate = _probability(sample, events)
     if not sample.missing.size or estimate.label == "none":
         return estimate

@@ -20,7 +20,7 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 __all__ = ["quadrature_moments"]
 
 
-# What rounding leaves of a sum of weighted terms, relative to their size.
+# Rounding error of a sum of weighted terms, relative to their size.
 _ROUNDING = 1e-12
 
 
@@ -108,7 +108,7 @@ class _Integrals:
 
     @cached_property
     def scale(self) -> float:
-        """The largest deviation: powers of what is divided by it neither overflow nor vanish."""
+        """The largest deviation; powers of values divided by it neither overflow nor vanish."""
         return float(np.abs(self.values - self.mean).max())
 
     def _moment(self, power: int) -> float:

@@ -1,4 +1,4 @@
-"""Mean, spread, skewness and kurtosis, and what the tail allows to say of them."""
+"""Mean, spread, skewness and kurtosis, with intervals as far as the tail permits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from uqpen.statistics.weights import effective_size
 __all__ = ["sample_moments"]
 
 
-# Means over replicates covered less than said on heavy tails below this many runs.
+# With fewer runs, means over replicates had less than nominal coverage on heavy tails.
 _FEWEST_RUNS_FOR_HEAVY_MEANS = 5000
 # With fewer effective runs than this, the distribution may have no variance, or not even a mean.
 _FEWEST_RUNS_FOR_A_MEAN = 20
@@ -63,7 +63,7 @@ def sample_moments(
         return
     title = quantity.output.title
     shape = SampleShape(sample)
-    # Each is computed when it is asked for: some want the mean alone.
+    # Each is computed on demand, since some callers need the mean alone.
     for statistic, estimated, long_name in (
         ("mean", partial(_mean, sample, shape), "mean"),
         ("std", partial(_std, sample, shape), "standard deviation"),
@@ -114,8 +114,8 @@ def _mean_warning(sample: Sample, shape: SampleShape) -> str:
         return f"{shape.hidden_tail}; {texts.IF_HEAVY_TAIL}"
     if shape.effective_runs < _FEWEST_RUNS_FOR_A_MEAN:
         return texts.MEAN_MAY_NOT_EXIST.format(heavy_tail=shape.tail_note)
-    # Of 256 runs of the concrete study one sample in seven looks light, and replicates of those
-    # covered in 61 %.
+    # With 256 runs of the concrete study, one sample in seven looks light-tailed. The coverage of
+    # means over replicates of such samples is 61 %.
     return texts.DOUBTFUL_TAIL if may_hide and shape.is_doubtful else ""
 
 
@@ -126,8 +126,8 @@ def _std(sample: Sample, shape: SampleShape) -> Estimate:
         return Estimate.without_bounds(value, reason)
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(_unbiased_std(sample, shape) * shape.scale, reason)
-    # What the sample's mean takes from the squares is its own variance, which over strata is
-    # less than that of independent draws; for those it makes the divisor one run less.
+    # The squares about the sample's mean are too small by the variance of that mean. Independent
+    # draws correct for it by a divisor of one run less. Over strata the variance is smaller.
     error, freedom = standard_error(sample, shape.deviations)
     std = math.hypot(_biased_std(sample, shape), error)
     if shape.hidden_tail:

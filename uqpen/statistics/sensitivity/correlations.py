@@ -163,7 +163,7 @@ class _CorrelatedColumns:
         level = self.levels[k]
         at = np.bincount(level, target)
         above = np.cumsum(at[::-1])[::-1] - at
-        # Half of what is equal lies above.
+        # Of equal values, half count as above.
         return (above + at / 2)[level] / mean_ranks(level).std()
 
     def _with_bounds(self, value: float, influence: FloatArray) -> Estimate:

@@ -1,4 +1,4 @@
-"""Borgonovo's delta: how far knowing an input moves the whole distribution of an output."""
+"""Borgonovo's delta: effect of a known input on the whole distribution of an output."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _estimate(sample: Sample, cells: IntArray, column: int) -> Estimate:
     if reason := reason_without_measure(sample, column, _FEWEST_RUNS):
         return Estimate.without_bounds(math.nan, reason)
     counts = _counts(sample.points[sample.used, column], cells)
-    # What noise adds to the distances, resampling adds once more.
+    # Noise enlarges the distances. Resampling adds the same amount of noise once more.
     resampled = np.mean([_distance(drawn) for drawn in _resampled(counts)])
     value = float(np.clip(2 * _distance(counts) - resampled, 0.0, 1.0))
     reason = sample.reason_without_intervals or texts.NO_INTERVAL_OF_DELTA
@@ -121,8 +121,8 @@ def _distance(counts: FloatArray) -> float:
     mean = (shares * centres).sum(axis=1)
     spread = np.sqrt(np.maximum((shares * centres**2).sum(axis=1) - mean**2, 0.0))
     bandwidth = spread * sizes**-0.2
-    # Along the frequencies of a function continued evenly beyond both ends, to smooth is to damp,
-    # and no share is lost.
+    # Smoothing is damping of frequencies. The function is continued evenly beyond both ends, so
+    # that its integral stays the same.
     difference = shares - counts.sum(axis=0) / sizes.sum()
     mirrored = np.concatenate([difference, difference[:, ::-1]], axis=1)
     frequency = np.pi * np.arange(_CELLS + 1) / _CELLS / width

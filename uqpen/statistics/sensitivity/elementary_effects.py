@@ -1,4 +1,4 @@
-"""Elementary effects: what moving one input does, over random places of the input space."""
+"""Elementary effects: changes of an output with one input, at random points of the inputs."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from uqpen.statistics.sensitivity.input_measures import input_array
 __all__ = ["effects_by_input", "elementary_effects", "mean_effect"]
 
 
-# With fewer, intervals covered from 89 % to 100 % in simulations; from here on, 93 % to 98 %.
+# With fewer effects the coverage in simulations was 89 % to 100 %, else 93 % to 98 %.
 _FEWEST_EFFECTS = 10
-# Where fewer effects than this differ from all the others, 84 % were seen.
+# With fewer effects that differ from all the others, a coverage of 84 % occurred.
 _FEWEST_DISTINCT = 5
 
 # Differences of outputs are exact to this, relative to the largest.
@@ -91,7 +91,7 @@ def mean_effect(effects: FloatArray) -> Estimate:
     if effects.size == 1:
         return Estimate.without_bounds(mean, texts.SINGLE_EFFECT)
     largest = float(np.abs(effects).max())
-    # What differs by less than this is the same but for rounding.
+    # Effects that differ by less than the 12th digit differ by rounding only.
     _, counts = np.unique(np.round(effects / (largest or 1.0), 12), return_counts=True)
     distinct = effects.size - int(counts.max())
     if not distinct:
@@ -111,7 +111,7 @@ def _sigma(effects: FloatArray) -> Estimate:
     if effects.size < 2:
         return Estimate.without_bounds(math.nan, texts.TOO_FEW_EFFECTS)
     std = _deviation(effects)
-    # Of an effect that is the same everywhere, rounding leaves a trace.
+    # The standard deviation of equal effects can differ from 0 by rounding.
     is_rounding = std <= _ROUNDING * float(np.abs(effects).max())
     return Estimate.without_bounds(0.0 if is_rounding else std, texts.NO_INTERVAL)
 

@@ -36,10 +36,10 @@ __all__ = ["first_order"]
 
 # Three bins: with fewer, a curved mean cannot be distinguished from noise.
 _FEWEST_RUNS = 48
-# Below, what a jump of the output hides in a bin is little beside the error.
+# Below this, the part that a jump hides in a bin is small compared with the error.
 _LARGE = 0.5
-# Above, what lines through bins leave may be all their own: of an output that is one input as it
-# is, they left 1e-8 to 1e-3 of the variance, and the interval held 1 in 0 to 84 % of the seeds.
+# Above this, the residuals may come from the lines alone. For an output equal to one input, they
+# were 1e-8 to 1e-3 of the variance, and the interval contained 1 in 0 to 84 % of the seeds.
 _NEARLY_ALL = 0.995
 # An error below this, in standard deviations of the output, is that of rounding.
 _ROUNDING = 1e-12
@@ -108,7 +108,7 @@ class _LocalRegressions:
     def event_indices(
         self, events: Sequence[BoolArray], coordinates: Mapping[str, Any], prefix: str, title: str
     ) -> tuple[str, xr.DataArray]:
-        """Indices of what happened in which runs, a row for each event."""
+        """Indices of events, given the runs in which each event occurs."""
         samples = [replace(self.sample, values=event.astype(np.float64)) for event in events]
         rows = [self._indices(_Variable(sample, is_event=True)) for sample in samples]
         array = event_array(rows, coordinates, self.sample.inputs, self._long_name(title))
@@ -134,7 +134,7 @@ class _LocalRegressions:
             return estimate
         if estimate.value > _NEARLY_ALL:
             return replace(estimate, upper=1.0, label="conservative")
-        # Where an output jumps, the bin that holds the jump hides part of what the input explains.
+        # If the output jumps along the input, the bin with the jump hides a part of the index.
         hidden = variable.explained_share(self.halved_bins[column]) - estimate.value
         return replace(estimate, upper=min(estimate.upper + 2 * max(hidden, 0.0), 1.0))
 

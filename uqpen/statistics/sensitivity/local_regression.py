@@ -1,4 +1,4 @@
-"""Runs that lie near each other in an input, and what a straight line leaves of an output there."""
+"""Local regression: bins of neighbouring runs, and residuals from a straight line in each."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uqpen.statistics.sample import ErrorModel, Sample
 __all__ = ["RegressionBins", "ResidualVariance"]
 
 
-# Runs in a bin. More leave less noise, fewer less of what no straight line follows.
+# Runs in a bin. More runs reduce the noise; fewer runs reduce the bias from curvature.
 _RUNS_IN_A_BIN = 16
 # With fewer the mean takes the place of a straight line.
 _FEWEST_RUNS_FOR_A_SLOPE = 4
@@ -65,7 +65,7 @@ class RegressionBins:
         else:
             in_a_bin, block = _RUNS_IN_A_BIN / (2 if halved else 1), rank
         count = np.bincount(block[sample.used], minlength=len(rank))
-        # Where runs failed, strata are merged until they fill a bin.
+        # Failed runs leave gaps in strata, so these are merged until they fill a bin.
         full = np.floor((np.cumsum(count) - count) / in_a_bin + 1e-9).astype(np.int64)
         label = full[block[sample.used]]
         label = _separate_atoms(label, values[sample.used], in_a_bin)
@@ -78,7 +78,7 @@ class RegressionBins:
 
     @cached_property
     def freedom(self) -> FloatArray:
-        """Degrees of freedom of what the line leaves in each bin."""
+        """Degrees of freedom of the residuals in each bin."""
         return self.size - 1 - np.where(self.size >= _FEWEST_RUNS_FOR_A_SLOPE, 1.0, 0.0)
 
     @cached_property
@@ -129,13 +129,13 @@ class ResidualVariance:
     @cached_property
     def influence(self) -> FloatArray:
         """Each run's influence on it, but for a constant."""
-        # A run counts by its bin's scale, of which the rest of the bin bears what is above 1.
+        # Each run has the scale of its bin. The mean over the bin compensates for a scale above 1.
         scale, mean = self._scale[self.bins.label], (self._sums / self.bins.size)[self.bins.label]
         return scale * self._leave_one_out_products - (scale - 1) * mean
 
     @cached_property
     def pair_noise(self) -> float:
-        """The part of its standard error that comes of the products of pairs of runs in a bin."""
+        """The part of its standard error from the products of pairs of runs in a bin."""
         bins, squares = self.bins, self._leave_one_out_products
         # The squares of 1 / size + place · place, the elements of the projection on the lines.
         all_pairs = (

@@ -27,7 +27,7 @@ from uqpen.statistics.sensitivity import salib_estimators
 __all__ = ["BlockVariable", "PickFreezeBlocks"]
 
 
-# Of an event that happens in a seventh of the runs, indices were covered in 91 % with 128 blocks.
+# For an event in a seventh of the runs, the coverage of indices was 91 % with 128 blocks.
 _ENOUGH_FOR_EVENTS = 500
 # With fewer blocks that contribute to an index, replicates do not show its error: for a threshold
 # exceeded in 0.8 % of the runs, the coverage of first-order indices was 28 % with 2 048 blocks.
@@ -233,7 +233,7 @@ class BlockVariable:
 
     @property
     def _reservation(self) -> str:
-        """Warning of an effect that may do so but does not show in the runs; empty for none."""
+        """Warning of a similar effect that may be hidden in the runs; empty for none."""
         if self.is_event:
             # It has no tail that could be hidden.
             is_small = self.blocks.count < _ENOUGH_FOR_EVENTS

@@ -69,7 +69,7 @@ def second_order(
 
 
 def _check_values(*values: FloatArray) -> None:
-    """Refuse what SALib would answer wrongly; what calls it is to have sorted that out."""
+    """Refuse values for which SALib gives wrong results; callers exclude them beforehand."""
     if len({column.shape for column in values}) > 1 or values[0].ndim != 1:
         raise ValueError(f"columns of unlike shapes: {[column.shape for column in values]}")
     if not all(np.isfinite(column).all() for column in values):

@@ -1,4 +1,4 @@
-"""Sobol' indices from pick-freeze blocks: which inputs an output's variance comes from."""
+"""Sobol' indices from pick-freeze blocks: shares of the inputs in an output's variance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draws of a surrogate: as many as one likes, for it costs next to nothing."""
+"""Draws of a surrogate, in any number, since an evaluation costs almost nothing."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class SurrogateDraws:
 
     @property
     def estimand(self) -> str:
-        """Text on the joint distribution of the indices, and on what first-order ones include."""
+        """Text on the distribution of the indices, and on first-order ones with dependence."""
         estimand = texts.ESTIMAND if self.all_are_admissible else texts.ESTIMAND_IF_ADMISSIBLE
         if self.joint.is_independent:
             return estimand

@@ -28,7 +28,7 @@ Index = tuple[float, float]
 # First-order, total-order indices and Shapley effects, each along the inputs; None for none.
 Indices = list[list[Index] | None]
 
-# How their names end, in that order.
+# The endings of their names, in that order.
 _ORDERS = {
     "first_order": "first-order Sobol' indices",
     "total_order": "total-order Sobol' indices",
@@ -96,7 +96,7 @@ class _SurrogateIndices:
         found: Indices = []
         for measure in _ORDERS:
             values = getattr(shares, measure)
-            # With dependent inputs, what the others leave is no part of the variance.
+            # With dependent inputs, the rest beyond the others is no part of the variance.
             if values is None or (measure == "total_order" and not self.draws.joint.is_independent):
                 found.append(None)
             else:
@@ -138,7 +138,7 @@ class _SurrogateIndices:
 
 
 def _estimate_with_noise(value: float, error: float, note: str) -> Estimate:
-    """An index with what sampling leaves it; how far the surrogate is off is another matter."""
+    """An index with its sampling error, which does not include the surrogate's own error."""
     if math.isnan(error):
         return Estimate.without_bounds(value, note)
     half = 2 * error
