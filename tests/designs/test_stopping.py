@@ -225,6 +225,23 @@ def test_a_target_that_makes_no_sense_is_told_before_any_run(
     assert re.search(r"study\.toml:14 ", str(caught.value))
 
 
+@pytest.mark.parametrize("wanted", [{"mean": "1 %"}, {"exceeds": {"1 m": 0.1}}])
+def test_a_field_has_no_precision(wanted: dict[str, Any]) -> None:
+    height = uqpen.OutputSpec("m", along={"time": {"unit": "s", "values": [0, 1]}})
+    with pytest.raises(StudyError) as caught:
+        uqpen.Study(
+            model=lambda speed: {"height": [speed, 2 * speed]},
+            inputs={"speed": uqpen.Normal(mean="2 m/s", std="1 m/s")},
+            outputs={"height": height},
+            designs={"one": uqpen.MonteCarlo(until=Precision({"height": wanted}), at_most=2_000)},
+            seed=1,
+        )
+    (problem,) = caught.value.problems
+    assert problem.key.endswith("until.height")
+    assert problem.found == "an output with dimensions"
+    assert problem.expected == "an output that is a number"
+
+
 @pytest.mark.parametrize(
     ("make", "key", "expected"),
     [

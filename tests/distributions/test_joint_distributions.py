@@ -164,6 +164,8 @@ def test_a_file_of_a_sample_is_kept_and_verified(tmp_path: Path) -> None:
         ('a = "m"', 'a = "kg"', 'column "a" is in "mm"'),
         ("c = {", "a = 1\nc = {", "a, which [inputs] has"),
         ('sample = "posterior.csv"', 'inputs = ["a", "b"]', "no distribution"),
+        ('"posterior.csv"', '"posterior.csv"\ninputs = [["a"], "b"]', "a list is no input"),
+        ('"posterior.csv"', '"posterior.csv"\ninputs = ["a", "a"]', '"a" stands twice in inputs'),
         ("[designs.mc]", "[joint.other]\nsample = 'posterior.csv'\n[designs.mc]", "[joint.post"),
         (
             "[designs.mc]",
@@ -191,7 +193,10 @@ def test_a_mistake_is_met_with_its_line(old: str, new: str, found: str, tmp_path
         ("a [mm],b\n1,2\n3,x\n", 'line 3, column "b": found "x", expected a number'),
         ("a [mm],a\n1,2\n", 'column "a" stands twice'),
         ("a [mm],b,weight\n1,2,1\n3,4,0\n", "above 0 in fewer than two rows"),
-        ("a [mm],b,weight\n1,2,1\n3,4,-1\n", 'column "weight" is below 0'),
+        ("a [mm],b,weight\n1,2,1\n3,4,-1\n", 'column "weight" is below 0: -1'),
+        ("a [mm],b,weight,weight\n1,2,1,1\n3,4,1,2\n", 'column "weight" stands twice'),
+        ("a [mm],b\n", "number of rows: 0, expected two or more"),
+        ("a [mm],b\n1,2\n", "number of rows: 1, expected two or more"),
     ],
 )
 def test_a_mistake_in_a_sample_is_met(text: str, found: str, tmp_path: Path) -> None:
