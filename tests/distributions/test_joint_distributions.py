@@ -14,6 +14,7 @@ import pytest
 import uqpen
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.distributions.sample_distribution import SampleDistribution
 from uqpen.testing import check_joint, example_joint_distribution
 
 FACTOR = chaospy.Uniform(1, 2)
@@ -297,3 +298,44 @@ def test_an_expansion_needs_the_distributions_of_single_inputs() -> None:
             {("a", "b"): JOINTS["multivariate normal"], "c": 1.0},
             surrogates={"pce": uqpen.PolynomialChaos(design="mc", order=2)},
         )
+
+
+class Batched(SampleDistribution):
+    """Values that depend on the other points of a design."""
+
+    def values(self, unit: np.ndarray) -> np.ndarray:
+        return super().values(unit) + len(unit)
+
+
+class Inverted(SampleDistribution):
+    """Draws that do not follow the weights of the rows."""
+
+    def values(self, unit: np.ndarray) -> np.ndarray:
+        return super().values(unit**3)
+
+
+class Infinite(SampleDistribution):
+    """Draws of which some are not finite."""
+
+    def values(self, unit: np.ndarray) -> np.ndarray:
+        return np.where(unit < 0.01, np.inf, super().values(unit))
+
+
+@pytest.mark.parametrize(
+    ("broken", "reason"),
+    [
+        (Batched, "depends on others"),
+        (Inverted, "follow its own distribution"),
+        (Infinite, "are finite"),
+    ],
+)
+def test_the_contract_tells_a_broken_group(
+    broken: type[SampleDistribution], reason: str, tmp_path: Path
+) -> None:
+    write(tmp_path)
+    joint = from_text(tmp_path).joint
+    (group,) = joint.groups
+    assert isinstance(group, SampleDistribution)
+    other = broken(group.inputs, group.rows, group.weights)
+    with pytest.raises(AssertionError, match=reason):
+        check_joint(replace(joint, groups=(other,)))
