@@ -15,6 +15,7 @@ import uqpen
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.distributions.sample_distribution import SampleDistribution
+from uqpen.results.output_tables import output_tables
 from uqpen.testing import check_joint, example_joint_distribution
 
 FACTOR = chaospy.Uniform(1, 2)
@@ -176,6 +177,11 @@ def test_a_file_of_a_sample_is_kept_and_verified(tmp_path: Path) -> None:
         ),
         ('kind = "monte-carlo"\nruns = 50', 'kind = "saltelli"\nbase = 64', "([joint])"),
         ('kind = "monte-carlo"\nruns = 50', 'kind = "one-at-a-time"', "which has single values"),
+        (
+            'kind = "monte-carlo"\nruns = 50',
+            'kind = "full-factorial"\nlevels = 3',
+            "levels of a, b, which are rows of a sample",
+        ),
     ],
 )
 def test_a_mistake_is_met_with_its_line(old: str, new: str, found: str, tmp_path: Path) -> None:
@@ -229,6 +235,10 @@ def test_an_expansion_is_fitted_over_a_sample() -> None:
     total = tree["statistics/pce/y"]["total_order"]
     assert np.isnan(total).all()
     assert total.attrs["note"].startswith("its draws are whole rows of a sample")
+    # So the indices of the larger design stand beside.
+    (shares,) = (each for each in output_tables(tree) if "shares" in each.title)
+    assert shares.columns[:2] == ["first order\nmc", "first order\npce"]
+    assert all("±" in cells[0] or "…" in cells[0] for _, cells in shares.rows)
 
 
 def test_data_of_chaospy_stand_in_the_text() -> None:
