@@ -144,7 +144,7 @@ def test_a_name_that_is_unknown_is_told_with_the_nearest() -> None:
         heard[0].estimates("", "z")
     with pytest.raises(UnknownNameError, match="no model 'other'"):
         heard[0].estimates("other", "y")
-    with pytest.raises(UnknownNameError, match="no analysis 'mean'; .*moments"):
+    with pytest.raises(UnknownNameError, match=r"no analysis 'mean'; .*moments"):
         heard[0].estimates("", "y", only=["mean"])
 
 
