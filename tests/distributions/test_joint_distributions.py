@@ -168,6 +168,7 @@ def test_a_file_of_a_sample_is_kept_and_verified(tmp_path: Path) -> None:
         ('sample = "posterior.csv"', 'inputs = ["a", "b"]', "no distribution"),
         ('"posterior.csv"', '"posterior.csv"\ninputs = [["a"], "b"]', "a list is no input"),
         ('"posterior.csv"', '"posterior.csv"\ninputs = ["a", "a"]', '"a" stands twice in inputs'),
+        ('"posterior.csv"', '"posterior.csv"\nunits = ["mm", "1"]', "known: sample, inputs"),
         ("[designs.mc]", "[joint.other]\nsample = 'posterior.csv'\n[designs.mc]", "[joint.post"),
         (
             "[designs.mc]",
@@ -349,3 +350,11 @@ def test_the_contract_tells_a_broken_group(
     other = broken(group.inputs, group.rows, group.weights)
     with pytest.raises(AssertionError, match=reason):
         check_joint(replace(joint, groups=(other,)))
+
+
+def test_an_input_in_two_entries_is_refused_in_python() -> None:
+    with pytest.raises(uqpen.StudyError) as caught:
+        study({("a", "b"): JOINTS["independent"], "b": 1.0, "c": 1.0})
+    (problem,) = caught.value.problems
+    assert problem.found == "b, which [inputs] has"
+    assert problem.key == "joint.a_b"

@@ -221,7 +221,7 @@ def _read_sample(section: TableReader, model: Model) -> tuple[InputGroup, tuple[
     """Read the rows of a file, or of lists in the study, as a joint distribution."""
     noted = len(section.problems)
     written = section.take("sample")
-    names = section.entries("inputs") if "inputs" in section else None
+    names = section.entries("inputs") if "inputs" in section else section.take("inputs")
     section.check_unknown_keys()
     file: FileSnapshot | None = None
     try:
