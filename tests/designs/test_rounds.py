@@ -20,6 +20,7 @@ from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.rounds import no_estimates
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics import running_estimates
+from uqpen.testing import check_design
 
 pytestmark = pytest.mark.processor
 
@@ -143,6 +144,28 @@ def test_a_name_that_is_unknown_is_told_with_the_nearest() -> None:
         heard[0].estimates("", "z")
     with pytest.raises(UnknownNameError, match="no model 'other'"):
         heard[0].estimates("other", "y")
+    with pytest.raises(UnknownNameError, match=r"no analysis 'mean'; .*moments"):
+        heard[0].estimates("", "y", only=["mean"])
+
+
+@dataclass(frozen=True)
+class Altering(Listening):
+    """Rounds of which the second alone has a coordinate."""
+
+    name: ClassVar[str] = "replicate"
+
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        points = joint.points(stream.generator("points").random((5, len(joint.random))), {})
+        yield points
+        yield points.assign_coords({self.name: ("run", np.ones(5))})
+
+
+def test_rounds_with_other_coordinates_are_refused() -> None:
+    study = uqpen.parse_study(STUDY.format(model='[model]\nuse = "ishigami"'))
+    with pytest.raises(uqpen.StudyError, match="some of its rounds have a replicate, others none"):
+        uqpen.run(replace(study, designs={"one": Altering()}))
+    with pytest.raises(uqpen.StudyError, match="some of its rounds have a replicate, others none"):
+        check_design(Altering())
 
 
 def test_a_plain_design_is_asked_once() -> None:

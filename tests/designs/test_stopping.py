@@ -25,6 +25,11 @@ from uqpen.designs.stopping.doubling import doubling_looks
 from uqpen.designs.stopping.precision import Precision
 from uqpen.execution import Progress
 from uqpen.execution.processes import processes
+from uqpen.report.blocks import Remarks
+from uqpen.report.sections.convergence import convergence
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.json import archive_json
+from uqpen.results.output_tables import statistics_tables
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.study.summary import design_rows, runs_text
 from uqpen.testing import check_design, check_stopping_rule, example_joint_distribution
@@ -77,7 +82,7 @@ class TestWhenItStops:
         tree = uqpen.run(study())
         plain = uqpen.run(study(f"runs = {tree['runs/one'].sizes['run']}"))
         runs = tree["runs/one"].to_dataset().drop_vars("round")
-        for name in ("stopping_rule", "stopping_note"):
+        for name in ("stopping_rule", "stopping_note", "stopping_at_most"):
             assert runs.attrs.pop(name)
         assert runs.identical(plain["runs/one"].to_dataset())
         for path in ("statistics/one", "statistics/one/y", "failures/one"):
@@ -225,6 +230,23 @@ def test_a_target_that_makes_no_sense_is_told_before_any_run(
     assert re.search(r"study\.toml:14 ", str(caught.value))
 
 
+@pytest.mark.parametrize("wanted", [{"mean": "1 %"}, {"exceeds": {"1 m": 0.1}}])
+def test_a_field_has_no_precision(wanted: dict[str, Any]) -> None:
+    height = uqpen.OutputSpec("m", along={"time": {"unit": "s", "values": [0, 1]}})
+    with pytest.raises(StudyError) as caught:
+        uqpen.Study(
+            model=lambda speed: {"height": [speed, 2 * speed]},
+            inputs={"speed": uqpen.Normal(mean="2 m/s", std="1 m/s")},
+            outputs={"height": height},
+            designs={"one": uqpen.MonteCarlo(until=Precision({"height": wanted}), at_most=2_000)},
+            seed=1,
+        )
+    (problem,) = caught.value.problems
+    assert problem.key.endswith("until.height")
+    assert problem.found == "an output with dimensions"
+    assert problem.expected == "an output that is a number"
+
+
 @pytest.mark.parametrize(
     ("make", "key", "expected"),
     [
@@ -289,3 +311,47 @@ def test_the_summary_of_a_study_says_that_it_may_end_earlier() -> None:
     assert design_rows(study()) == [("one", "monte-carlo", "at most 20000")]
     assert runs_text(study()) == "at most 20000 runs"
     assert runs_text(study("runs = 300")) == "300 runs"
+
+
+class TestShown:
+    """What a reader is told of a rule: in the tables, in JSON and on the page."""
+
+    EARLY = "until = { y = { mean = 0.4 } }\nat_most = 20_000"
+    NEVER = "until = { y = { mean = 1e-6 } }\nat_most = 1_500"
+
+    @pytest.mark.parametrize(
+        ("settings", "note"),
+        [
+            (EARLY, "until the mean of y within 0.4; at most 20000 runs"),
+            (
+                NEVER,
+                "until the mean of y within 1e-06; at most 1500 runs; that number ended it, so the "
+                "precision may not be reached",
+            ),
+        ],
+    )
+    def test_the_number_of_runs_has_a_note(self, settings: str, note: str) -> None:
+        (table,) = statistics_tables(uqpen.run(study(settings)))
+        name, (cell,) = table.rows[0]
+        assert name == "runs"
+        assert cell.endswith(" ¹")
+        assert table.notes[0] == note
+
+    def test_a_fixed_number_has_none(self) -> None:
+        (table,) = statistics_tables(uqpen.run(study("runs = 600")))
+        assert table.rows[0] == ("runs", ["600"])
+
+    def test_in_json(self) -> None:
+        found = archive_json(uqpen.run(study(self.NEVER)))["designs"]["one"]
+        assert found["stopping_rule"].startswith("until the mean of y within 1e-06")
+        assert found["stopping_at_most"] == found["runs"] == 1_500
+        assert "as looks double from 512 runs" in found["stopping_note"]
+
+    def test_the_page_does_not_say_that_such_intervals_cover_less_often(self) -> None:
+        (remarks,) = (
+            block
+            for block in convergence(ArchiveView(uqpen.run(study(self.EARLY)), ""))
+            if isinstance(block, Remarks)
+        )
+        assert not any("a number of runs that is fixed" in text for text in remarks.lines)
+        assert any(text.startswith("The runs decided their own number") for text in remarks.lines)

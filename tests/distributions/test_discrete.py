@@ -10,6 +10,7 @@ import pytest
 from scipy import stats
 
 import uqpen
+from uqpen.core.errors import SettingsError
 from uqpen.distributions.discrete import Discrete
 from uqpen.distributions.frozen import FrozenDistribution
 from uqpen.distributions.orthogonal_polynomials import recurrence
@@ -113,3 +114,11 @@ def test_steps_of_single_values_are_refused(study_of: Callable[..., uqpen.Study]
         study_of(
             "a", '[designs.some]\nkind = "one-at-a-time"', a="{ discrete = { values = [1, 2] } }"
         )
+
+
+@pytest.mark.parametrize("values", [{1: 0.3, 2: 0.7}, {1, 2}])
+def test_values_without_an_order_are_refused(values: Any) -> None:
+    with pytest.raises(SettingsError, match="expected a list of quantities"):
+        uqpen.Discrete(values)
+    with pytest.raises(SettingsError, match="expected a list of numbers"):
+        uqpen.Discrete([1, 2], weights=values)

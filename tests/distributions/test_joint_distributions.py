@@ -14,6 +14,8 @@ import pytest
 import uqpen
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.distributions.sample_distribution import SampleDistribution
+from uqpen.results.output_tables import output_tables
 from uqpen.testing import check_joint, example_joint_distribution
 
 FACTOR = chaospy.Uniform(1, 2)
@@ -164,6 +166,9 @@ def test_a_file_of_a_sample_is_kept_and_verified(tmp_path: Path) -> None:
         ('a = "m"', 'a = "kg"', 'column "a" is in "mm"'),
         ("c = {", "a = 1\nc = {", "a, which [inputs] has"),
         ('sample = "posterior.csv"', 'inputs = ["a", "b"]', "no distribution"),
+        ('"posterior.csv"', '"posterior.csv"\ninputs = [["a"], "b"]', "a list is no input"),
+        ('"posterior.csv"', '"posterior.csv"\ninputs = ["a", "a"]', '"a" stands twice in inputs'),
+        ('"posterior.csv"', '"posterior.csv"\nunits = ["mm", "1"]', "known: sample, inputs"),
         ("[designs.mc]", "[joint.other]\nsample = 'posterior.csv'\n[designs.mc]", "[joint.post"),
         (
             "[designs.mc]",
@@ -173,6 +178,11 @@ def test_a_file_of_a_sample_is_kept_and_verified(tmp_path: Path) -> None:
         ),
         ('kind = "monte-carlo"\nruns = 50', 'kind = "saltelli"\nbase = 64', "([joint])"),
         ('kind = "monte-carlo"\nruns = 50', 'kind = "one-at-a-time"', "which has single values"),
+        (
+            'kind = "monte-carlo"\nruns = 50',
+            'kind = "full-factorial"\nlevels = 3',
+            "levels of a, b, which are rows of a sample",
+        ),
     ],
 )
 def test_a_mistake_is_met_with_its_line(old: str, new: str, found: str, tmp_path: Path) -> None:
@@ -191,7 +201,10 @@ def test_a_mistake_is_met_with_its_line(old: str, new: str, found: str, tmp_path
         ("a [mm],b\n1,2\n3,x\n", 'line 3, column "b": found "x", expected a number'),
         ("a [mm],a\n1,2\n", 'column "a" stands twice'),
         ("a [mm],b,weight\n1,2,1\n3,4,0\n", "above 0 in fewer than two rows"),
-        ("a [mm],b,weight\n1,2,1\n3,4,-1\n", 'column "weight" is below 0'),
+        ("a [mm],b,weight\n1,2,1\n3,4,-1\n", 'column "weight" is below 0: -1'),
+        ("a [mm],b,weight,weight\n1,2,1,1\n3,4,1,2\n", 'column "weight" stands twice'),
+        ("a [mm],b\n", "number of rows: 0, expected two or more"),
+        ("a [mm],b\n1,2\n", "number of rows: 1, expected two or more"),
     ],
 )
 def test_a_mistake_in_a_sample_is_met(text: str, found: str, tmp_path: Path) -> None:
@@ -223,6 +236,10 @@ def test_an_expansion_is_fitted_over_a_sample() -> None:
     total = tree["statistics/pce/y"]["total_order"]
     assert np.isnan(total).all()
     assert total.attrs["note"].startswith("its draws are whole rows of a sample")
+    # So the indices of the larger design stand beside.
+    (shares,) = (each for each in output_tables(tree) if "shares" in each.title)
+    assert shares.columns[:2] == ["first order\nmc", "first order\npce"]
+    assert all("±" in cells[0] or "…" in cells[0] for _, cells in shares.rows)
 
 
 def test_data_of_chaospy_stand_in_the_text() -> None:
@@ -292,3 +309,52 @@ def test_an_expansion_needs_the_distributions_of_single_inputs() -> None:
             {("a", "b"): JOINTS["multivariate normal"], "c": 1.0},
             surrogates={"pce": uqpen.PolynomialChaos(design="mc", order=2)},
         )
+
+
+class Batched(SampleDistribution):
+    """Values that depend on the other points of a design."""
+
+    def values(self, unit: np.ndarray) -> np.ndarray:
+        return super().values(unit) + len(unit)
+
+
+class Inverted(SampleDistribution):
+    """Draws that do not follow the weights of the rows."""
+
+    def values(self, unit: np.ndarray) -> np.ndarray:
+        return super().values(unit**3)
+
+
+class Infinite(SampleDistribution):
+    """Draws of which some are not finite."""
+
+    def values(self, unit: np.ndarray) -> np.ndarray:
+        return np.where(unit < 0.01, np.inf, super().values(unit))
+
+
+@pytest.mark.parametrize(
+    ("broken", "reason"),
+    [
+        (Batched, "depends on others"),
+        (Inverted, "follow its own distribution"),
+        (Infinite, "are finite"),
+    ],
+)
+def test_the_contract_tells_a_broken_group(
+    broken: type[SampleDistribution], reason: str, tmp_path: Path
+) -> None:
+    write(tmp_path)
+    joint = from_text(tmp_path).joint
+    (group,) = joint.groups
+    assert isinstance(group, SampleDistribution)
+    other = broken(group.inputs, group.rows, group.weights)
+    with pytest.raises(AssertionError, match=reason):
+        check_joint(replace(joint, groups=(other,)))
+
+
+def test_an_input_in_two_entries_is_refused_in_python() -> None:
+    with pytest.raises(uqpen.StudyError) as caught:
+        study({("a", "b"): JOINTS["independent"], "b": 1.0, "c": 1.0})
+    (problem,) = caught.value.problems
+    assert problem.found == "b, which [inputs] has"
+    assert problem.key == "joint.a_b"

@@ -24,6 +24,7 @@ from uqpen.designs.design import Design, Rounds
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
+from uqpen.results.output_tables import statistics_tables
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.estimate import Estimate
@@ -271,6 +272,31 @@ def test_weights_of_stratified_points_are_refused(tmp_path: Path) -> None:
 
     with pytest.raises(uqpen.StudyError, match="weights are of independent draws"):
         uqpen.run(study_with(Stratified(10, 1.0), tmp_path))
+
+
+@dataclass(frozen=True)
+class WeightAsVariable(DefensiveShift):
+    """Adds the weights as a variable, which would be ignored."""
+
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        for points in super().rounds(joint, stream):
+            yield points.reset_coords("weight")
+
+
+def test_a_weight_that_is_no_coordinate_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(uqpen.StudyError, match=r"its weight is a variable .* a coordinate"):
+        uqpen.run(study_with(WeightAsVariable(runs=50, shift=3.0), tmp_path))
+
+
+def test_the_effective_size_stands_in_the_table(tmp_path: Path) -> None:
+    tree = uqpen.run(study_with(DefensiveShift(runs=500, shift=3.0), tmp_path))
+    table = next(statistics_tables(tree))
+    rows = dict(table.rows)
+    (cell,) = rows["effective runs"]
+    (source,) = table.columns
+    found = float(tree[f"statistics/{source}/y"]["effective_size"][0])
+    assert cell.startswith(f"{found:.4g}")
+    assert texts.DIAGNOSTIC_OF_WEIGHTS in table.notes
 
 
 def test_an_input_may_be_a_weight(study_of: Callable[..., uqpen.Study]) -> None:

@@ -77,6 +77,7 @@ DEPENDENCE = "dependence"
 # The rule by which a design decided how many runs it makes, and what that means for intervals.
 STOPPING_RULE = "stopping_rule"
 STOPPING_NOTE = "stopping_note"
+STOPPING_AT_MOST = "stopping_at_most"
 # The criterion by which points were moved apart.
 OPTIMIZED_BY = "points_optimized_by"
 # Moved inputs whose nominal value is 0, so that no step is relative to it.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -391,7 +391,8 @@ def _convert_quantities(owner: Any) -> Iterator[Problem]:
 
 def _convert_each(sequence: Any, declared: Setting) -> Any:
     """Convert a sequence to a tuple of floats, quantities given as text to SI units."""
-    if isinstance(sequence, str) or not isinstance(sequence, Iterable):
+    # A mapping would lose its values, and a set has no order.
+    if isinstance(sequence, str | Mapping | Set) or not isinstance(sequence, Iterable):
         return sequence
 
     def convert(value: Any) -> Any:

@@ -35,7 +35,7 @@ class Estimates(Protocol):
         Raises
         ------
         UnknownNameError
-            If there is no such model or output.
+            If there is no such model, output or analysis.
         """
 
 

@@ -16,6 +16,7 @@ from uqpen.designs.design import Design, Rounds
 from uqpen.designs.grids import tensor_grid, too_many_nodes
 from uqpen.designs.quadrature import WEIGHT_ATTRIBUTES
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.distributions.sample_distribution import SampleDistribution
 
 __all__ = ["FullFactorial"]
 
@@ -38,8 +39,13 @@ class FullFactorial(Design):
     levels: int = count(minimum=2)
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
+        for group in joint.groups:
+            if isinstance(group, SampleDistribution):
+                # Levels of the probability that selects a row are rows of any kind.
+                found = f"levels of {', '.join(group.inputs)}, which are rows of a sample"
+                yield Problem((), found, "a sample, such as monte-carlo or latin-hypercube")
         inputs = len(joint.random)
-        return too_many_nodes("levels", self.levels, self.levels**inputs, inputs)
+        yield from too_many_nodes("levels", self.levels, self.levels**inputs, inputs)
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         medians = (np.arange(self.levels) + 0.5) / self.levels

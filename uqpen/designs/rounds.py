@@ -105,14 +105,22 @@ def _fault(points: object, joint: JointDistribution) -> str:
     absent = [name for name in names if name not in points]
     if RUN not in points.dims or absent:
         return f"its points lack {', '.join(absent) or 'the dimension run'}"
+    is_input = any(each.variable.name == WEIGHT for each in joint.inputs)
+    if WEIGHT in points.data_vars and not is_input:
+        return f"its {WEIGHT} is a variable of its points, expected a coordinate (assign_coords)"
     return ""
 
 
 def _round_fault(points: xr.Dataset, before: xr.Dataset | None) -> str:
     """Return why a round cannot follow the one before; empty where it can."""
-    if before is None or (WEIGHT in points.coords) == (WEIGHT in before.coords):
+    if before is None:
         return ""
-    return f"some of its rounds have a {WEIGHT}, others none"
+    along_run = [
+        {name for name, each in of.coords.items() if RUN in each.dims} - {RUN}
+        for of in (before, points)
+    ]
+    differing = sorted(map(str, along_run[0] ^ along_run[1]))
+    return f"some of its rounds have a {differing[0]}, others none" if differing else ""
 
 
 def weight_fault(points: xr.Dataset, sampling: Sampling) -> str:

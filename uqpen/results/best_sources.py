@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_group
@@ -25,7 +26,8 @@ def is_sample_design(tree: xr.DataTree, source: str) -> bool:
 def best_sources(tree: xr.DataTree, found: Iterable[tuple[str, xr.DataArray]]) -> list[str]:
     """Return the sources whose indices of an output are shown: all but plain samples.
 
-    Where there are only these, the largest of them is shown, the first of equals.
+    Where there are only these, or no other has a value, the largest of them is shown, the first of
+    equals.
 
     Parameters
     ----------
@@ -35,7 +37,14 @@ def best_sources(tree: xr.DataTree, found: Iterable[tuple[str, xr.DataArray]]) -
         A source and an array of its indices, which has their number of runs.
     """
     runs: dict[str, int] = {}
+    with_values = set()
     for source, array in found:
         runs.setdefault(source, int(array.attrs.get("runs", 0)))
-    dedicated = [source for source in runs if not is_sample_design(tree, source)]
-    return dedicated or sorted(runs, key=lambda source: -runs[source])[:1]
+        if np.isfinite(array.values).any():
+            with_values.add(source)
+    samples = [source for source in runs if is_sample_design(tree, source)]
+    dedicated = [source for source in runs if source not in samples]
+    if dedicated and not with_values.isdisjoint(dedicated):
+        return dedicated
+    # Those without a value stay, as they say why.
+    return dedicated + sorted(samples, key=lambda source: -runs[source])[:1]

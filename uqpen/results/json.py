@@ -17,6 +17,9 @@ from uqpen.core.labels import (
     RUN,
     RUNS,
     RUNS_SPENT,
+    STOPPING_AT_MOST,
+    STOPPING_NOTE,
+    STOPPING_RULE,
     SURROGATES,
 )
 from uqpen.core.units import DIMENSIONLESS
@@ -40,6 +43,9 @@ __all__ = ["archive_identity", "archive_json", "estimate_json"]
 
 # The statistics of an output that have no dimension.
 _SINGLE = tuple(each.name for each in CATALOGUE.values() if not each.dims)
+
+# Attributes of the runs of a design that stopped at a precision.
+_STOPPING = (STOPPING_RULE, STOPPING_AT_MOST, STOPPING_NOTE)
 
 # The statistics that have one, by their keys in JSON.
 _FAMILIES = {
@@ -184,6 +190,7 @@ def _design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
         },
         "where_lost": _failure_json(failures),
         **statistics.run_accounts(design),
+        **{key: json_value(runs.attrs[key]) for key in _STOPPING if key in runs.attrs},
         "outputs": _outputs_json(statistics, design, runs),
     }
 

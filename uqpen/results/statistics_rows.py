@@ -10,7 +10,16 @@ import xarray as xr
 
 from uqpen.archive.read import read_group
 from uqpen.core.catalogue import CONTENT_LEVEL, PROBABILITY, THRESHOLD
-from uqpen.core.labels import CONDITIONAL, MISSING, RUN, RUNS, RUNS_SPENT, SURROGATES
+from uqpen.core.labels import (
+    CONDITIONAL,
+    MISSING,
+    RUN,
+    RUNS,
+    RUNS_SPENT,
+    STOPPING_AT_MOST,
+    STOPPING_RULE,
+    SURROGATES,
+)
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import Scale
 from uqpen.execution import status_counts
@@ -25,7 +34,14 @@ from uqpen.results.table import (
     quantile_label,
 )
 
-__all__ = ["StatisticsRows", "add_failed_runs", "add_runs", "add_shares", "runs_spent"]
+__all__ = [
+    "StatisticsRows",
+    "add_failed_runs",
+    "add_runs",
+    "add_shares",
+    "runs_spent",
+    "stopping_text",
+]
 
 
 @dataclass(frozen=True)
@@ -39,6 +55,7 @@ class StatisticsRows:
 
     def add(self) -> None:
         """Add all rows that the archive has an estimate for."""
+        self._add_row("effective runs", "effective_size", self._arrays("effective_size"))
         self._add_row("mean", "mean", self._arrays("mean"))
         stds = self._arrays("std")
         self._add_row("sd", "std", stds)
@@ -84,9 +101,25 @@ def runs_spent(tree: xr.DataTree, source: str) -> int | None:
 
 def add_runs(table: OutputTable, tree: xr.DataTree) -> None:
     """Add a row of the number of runs that each source took."""
-    spent = [runs_spent(tree, source) for source in table.columns]
-    cells = [NOTHING if runs is None else grouped_number(runs) for runs in spent]
+    cells = []
+    for source in table.columns:
+        spent = runs_spent(tree, source)
+        text = NOTHING if spent is None else grouped_number(spent)
+        cells.append(text + table.note_mark(stopping_text(read_group(tree, RUNS, source))))
     table.rows.append(("runs", cells))
+
+
+def stopping_text(runs: xr.Dataset) -> str:
+    """Return by which rule a design has ended, and whether at its largest number of runs.
+
+    Empty for a design whose number of runs was fixed.
+    """
+    if STOPPING_RULE not in runs.attrs:
+        return ""
+    text = str(runs.attrs[STOPPING_RULE])
+    if runs.sizes[RUN] == runs.attrs.get(STOPPING_AT_MOST):
+        text += "; that number ended it, so the precision may not be reached"
+    return text
 
 
 def add_failed_runs(table: OutputTable, tree: xr.DataTree) -> None:

@@ -13,6 +13,7 @@ from uqpen.core.labels import SAMPLING
 from uqpen.core.lookup import choices
 from uqpen.core.sampling import Sampling
 from uqpen.execution import join_rounds
+from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS
 from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -52,6 +53,10 @@ class RunningEstimates:
         asked = {quantity.output.name: quantity for quantity in self.quantities[model]}
         if output not in asked:
             raise UnknownNameError(f"no output {output!r}; {choices(output, asked)}")
+        known = {*ANALYSES, *ANALYSES_OF_DESIGNS.get(self.sampling, {})}
+        for name in only or ():
+            if name not in known:
+                raise UnknownNameError(f"no analysis {name!r}; {choices(name, sorted(known))}")
         outside = self.outside if only is None else ()
         return analyze(self._joined(model), [asked[output]], only=only, outside=outside)[output]
 

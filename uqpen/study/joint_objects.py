@@ -29,7 +29,9 @@ def with_joint_tables(arguments: Mapping[str, Any]) -> dict[str, Any]:
         if not isinstance(names, tuple):
             continue
         margins = list(value) if is_joint(value) and not value.stochastic_dependent else []
-        if len(margins) == len(names) and all(len(margin) == 1 for margin in margins):
+        # An input with another entry stays in its table, whose reader refuses it.
+        is_new = len({*names} - single.keys()) == len(names)
+        if is_new and len(margins) == len(names) and all(len(each) == 1 for each in margins):
             single |= dict(zip(names, margins, strict=True))
         else:
             tables[joint_path(names)[1]] = _table({"inputs": list(names), "chaospy": value})

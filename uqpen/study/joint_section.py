@@ -11,7 +11,7 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.columns import Column, columns_of_table, read_columns
-from uqpen.core.errors import QuantityError, TableError
+from uqpen.core.errors import QuantityError, TableError, toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import WEIGHT
 from uqpen.core.lookup import choices
@@ -221,7 +221,7 @@ def _read_sample(section: TableReader, model: Model) -> tuple[InputGroup, tuple[
     """Read the rows of a file, or of lists in the study, as a joint distribution."""
     noted = len(section.problems)
     written = section.take("sample")
-    names = section.entries("inputs") if "inputs" in section else None
+    names = section.entries("inputs") if "inputs" in section else section.take("inputs")
     section.check_unknown_keys()
     file: FileSnapshot | None = None
     try:
@@ -260,6 +260,8 @@ def _rows(
         return None
     taken = [columns[headings.index(name)] for name in wanted]
     rows = np.column_stack([column.values(known[column.name].unit) for column in taken])
+    if len(rows) < 2:
+        raise TableError(f"number of rows: {len(rows)}, expected two or more")
     weights = np.ones(len(rows)) if WEIGHT in known else _weights(columns, len(rows))
     for column, values in zip(taken, rows[weights > 0].T, strict=True):
         bounds = known[column.name].bounds
@@ -273,19 +275,27 @@ def _rows(
 def _check_wanted(wanted: list[Any], headings: list[str], known: Mapping[str, Input]) -> None:
     """Raise an error if the columns of a sample are not those of two inputs or more."""
     for name in wanted:
-        if name not in known:
-            raise TableError(f'"{name}" is no input; {choices(str(name), known)}')
+        if not isinstance(name, str) or name not in known:
+            raise TableError(f"{toml_text(name)} is no input; {choices(str(name), known)}")
         if headings.count(name) != 1:
             found = "stands twice" if name in headings else "is not there"
             raise TableError(f'column "{name}" {found}')
+        if wanted.count(name) > 1:
+            raise TableError(f'"{name}" stands twice in inputs')
     if len(wanted) < 2:
         raise TableError(f"columns of {len(wanted)} inputs: two or more depend on each other")
 
 
 def _weights(columns: tuple[Column, ...], rows: int) -> FloatArray:
     """Return the weights of the rows, which are equal where no column has them."""
-    column = next((each for each in columns if each.name == WEIGHT), None)
-    weights = np.ones(rows) if column is None else column.values(DIMENSIONLESS)
-    if (weights < 0).any() or (weights > 0).sum() < 2:
-        raise TableError(f'column "{WEIGHT}" is below 0, or above 0 in fewer than two rows')
+    found = [column for column in columns if column.name == WEIGHT]
+    if not found:
+        return np.ones(rows)
+    if len(found) > 1:
+        raise TableError(f'column "{WEIGHT}" stands twice')
+    weights = found[0].values(DIMENSIONLESS)
+    if weights.min() < 0:
+        raise TableError(f'column "{WEIGHT}" is below 0: {weights.min():g}')
+    if (weights > 0).sum() < 2:
+        raise TableError(f'column "{WEIGHT}" is above 0 in fewer than two rows')
     return weights

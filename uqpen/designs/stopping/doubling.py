@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator, Iterator
 
 import xarray as xr
 
-from uqpen.core.labels import STOPPING_NOTE, STOPPING_RULE
+from uqpen.core.labels import STOPPING_AT_MOST, STOPPING_NOTE, STOPPING_RULE
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.stopping_rule import StoppingRule
 
@@ -58,6 +58,7 @@ def doubling_rounds(
     attributes = {
         STOPPING_RULE: f"{rule}; at most {at_most} runs",
         STOPPING_NOTE: _NOTE.format(first=FIRST_LOOK),
+        STOPPING_AT_MOST: at_most,
     }
     start = 0
     for look in doubling_looks(at_most):

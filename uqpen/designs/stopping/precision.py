@@ -118,10 +118,11 @@ class Precision(StoppingRule):
         for name in self.targets:
             if name not in known:
                 yield Problem((name,), "an unknown output", choices(name, known))
-            elif known[name].output.categories:
-                yield Problem((name,), "an output with categories", "an output that is a number")
+            elif not known[name].output.is_number:
+                found = "categories" if known[name].output.categories else "dimensions"
+                yield Problem((name,), f"an output with {found}", "an output that is a number")
         for target in self._targets():
-            if target.output not in known or known[target.output].output.categories:
+            if target.output not in known or not known[target.output].output.is_number:
                 continue
             thresholds = [each.text for each in known[target.output].thresholds]
             if target.threshold is not None and target.threshold not in thresholds:

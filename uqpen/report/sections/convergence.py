@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATEGORY, PROBABILITY, RUNS_SO_FAR, THRESHOLD
-from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUN, RUNS
+from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUN, RUNS, STOPPING_NOTE
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.report.axes import logarithmic_axis, padded_limits
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Remarks, Text
@@ -89,7 +89,8 @@ def convergence(view: ArchiveView) -> Iterator[Block]:
         )
         return
     yield Text(_design_sentence(view, design))
-    yield Remarks("How to read it", (_SHARED, _FIXED))
+    note = read_group(view.tree, RUNS, design).attrs.get(STOPPING_NOTE)
+    yield Remarks("How to read it", (_SHARED, f"{capitalized(note)}." if note else _FIXED))
     for output, arrays in statistics.items():
         if histories := list(_estimate_histories(view, output, arrays)):
             yield Heading(output_heading(view, output))
