@@ -184,3 +184,25 @@ def test_a_trajectory_is_a_dataset() -> None:
     model = OutsideModel(type("Other", (Bar,), other)(), "own")
     with pytest.raises(TrajectoryError, match=r"returned dict, not an xarray\.Dataset"):
         model.trajectory({"x": 1.0})
+
+
+def test_without_trust_the_fields_of_an_archive_are_data(tmp_path: Path) -> None:
+    (tmp_path / "bar.py").write_text(Path(__file__).read_text(encoding="utf-8"))
+    text = """\
+seed = 1
+[model]
+use = "bar.py:Bar"
+[inputs]
+x = { uniform = { lower = "0 m", upper = "2 m" } }
+[designs.some]
+kind = "monte-carlo"
+runs = 20
+"""
+    uqpen.write(uqpen.run(uqpen.parse_study(text, folder=tmp_path)), tmp_path / "a.nc")
+    checks = {check.name: check for check in uqpen.verify(tmp_path / "a.nc")}
+    assert "they execute code" in checks["runs"].text
+    assert checks["statistics"].verdict.name == "EQUAL"
+    (with_trust,) = [
+        each for each in uqpen.verify(tmp_path / "a.nc", trust=True) if each.name == "runs"
+    ]
+    assert with_trust.verdict.name == "EQUAL"
