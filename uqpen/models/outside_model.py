@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import functools
 import hashlib
-import importlib.metadata
 import os
 import pickle
 from collections.abc import Iterator, Mapping
@@ -21,6 +19,7 @@ from uqpen.core.errors import ModelError, TrajectoryError, UqpenError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.interrupts import is_user_interrupt
 from uqpen.core.limits import Limits
+from uqpen.core.lookup import package_version
 from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.status import Status
 from uqpen.models.function_outputs import UnusableOutputError, extract_outputs
@@ -123,7 +122,8 @@ class OutsideModel(Model):
         if self.source is not None:
             return known | {"source_sha256": self.source.sha256 or "unknown"}
         if self.surroundings is None:
-            return known | _package(type(self.model).__module__)
+            version = package_version(type(self.model).__module__)
+            return known | ({"version": version} if version else {})
         sources = self.surroundings.sources()
         return known | {"source_sha256": hashlib.sha256(sources).hexdigest()}
 
@@ -241,14 +241,6 @@ def _settings(model: Model) -> dict[str, Any]:
     """Return the settings of a model whose class is a dataclass; none of another class."""
     fields = getattr(model, "__dataclass_fields__", {}).values()
     return {each.name: getattr(model, each.name) for each in fields if each.init}
-
-
-@functools.cache
-def _package(module: str) -> dict[str, str]:
-    """Return the version of the installed package of a module, where it has one."""
-    top = module.partition(".")[0]
-    names = importlib.metadata.packages_distributions().get(top, [])
-    return {"version": importlib.metadata.version(names[0])} if names else {}
 
 
 def _pickle_by_value(model: Model) -> bytes:
