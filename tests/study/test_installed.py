@@ -9,11 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import uqpen
-from uqpen.core.errors import StudyError
+from uqpen.core.errors import ModelError, StudyError
 from uqpen.core.lookup import package_version
 from uqpen.study.fingerprint import run_fingerprint
+from uqpen.surrogates.restoring import restore_surrogate
 from uqpen.verification.check_result import CheckOutcome
 
 PAGES = Path(__file__).parents[2] / "docs" / "extending"
@@ -183,3 +185,12 @@ def test_a_study_without_them_loads_none(install: Install, tmp_path: Path) -> No
         'x3 = { uniform = { lower = 0, upper = 1 } }\n[designs.mc]\nkind = "monte-carlo"\nruns = 9'
     )
     assert uqpen.parse_study(text, folder=tmp_path).runs == 9
+
+
+def test_a_broken_package_of_an_archived_surrogate_is_named(
+    install: Install, tmp_path: Path
+) -> None:
+    tree = xr.DataTree(xr.Dataset(attrs={"kind": "kriging"}))
+    install("broken", "1 / 0\n", "[uqpen.surrogates]\nkriging = uqpen_test_broken:Thing\n")
+    with pytest.raises(ModelError, match='"uqpen-test-broken", which provides "kriging"'):
+        restore_surrogate(tree, "gp")

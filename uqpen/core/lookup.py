@@ -21,6 +21,7 @@ __all__ = [
     "class_version",
     "family_name",
     "installed_members",
+    "installed_packages",
     "load_installed",
     "nearest",
     "package_version",
@@ -63,6 +64,20 @@ def installed_members(group: str) -> dict[str, str]:
     import importlib.metadata
 
     return {point.name: point.value for point in importlib.metadata.entry_points(group=group)}
+
+
+def installed_packages(group: str) -> dict[str, str]:
+    """Return the installed package, with its version, of each of the `installed_members`.
+
+    None of them is imported.
+    """
+    import importlib.metadata
+
+    points = importlib.metadata.entry_points(group=group)
+    return {
+        point.name: f"{point.dist.name} {point.dist.version}" if point.dist else point.value
+        for point in points
+    }
 
 
 def load_installed(group: str, name: str) -> Any:
