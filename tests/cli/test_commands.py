@@ -247,7 +247,7 @@ class TestModels:
     ) -> None:
         page = Path(__file__).parents[2] / "docs" / "extending" / "model.md"
         source = re.findall(r"```python\n(# my_model.py.*?)```", page.read_text(), re.DOTALL)[0]
-        unmade = "class Unmade(Spring):\n    inputs = ()\n    def __post_init__(self): 1 / 0\n"
+        unmade = "class Unmade(Spring):\n    def __init__(self): 1 / 0\n"
         points = "[uqpen.models]\n" + "".join(
             f"{name.lower()} = uqpen_test_members:{name}\n"
             for name in ("Spring", "Unmade", "Faulty")

@@ -67,9 +67,10 @@ def _unit_faults(variable: Variable) -> Faults:
 def _value_faults(variable: Input) -> Faults:
     """Yield what is wrong with the default value and the bounds of an input."""
     what = _text(variable)
-    if not isinstance(variable.bounds, Bounds):
-        yield f"{what} with bounds={variable.bounds!r}", "an object of uqpen.core.model.Bounds"
-    default = variable.default
+    bounds: object = variable.bounds
+    if not isinstance(bounds, Bounds):
+        yield f"{what} with bounds={bounds!r}", "an object of uqpen.core.model.Bounds"
+    default: object = variable.default
     is_number = isinstance(default, numbers.Real) and not isinstance(default, bool)
     if default is not None and not (is_number and math.isfinite(default)):
         yield f"{what} with default={default!r}", f"a number in its SI unit, {variable.unit}"
