@@ -21,7 +21,7 @@ def find_variable_faults(model: Model) -> Faults:
     """Yield what is wrong with the attributes of a model, and what is expected."""
     if not isinstance(getattr(model, "name", None), str):
         yield "no name", 'an attribute such as name = "my-model"'
-    if not isinstance(model.enforced_limits, Limits):
+    if not _is(model.enforced_limits, Limits):
         yield (
             f"enforced_limits = {model.enforced_limits!r}",
             "an object of uqpen.core.limits.Limits",
@@ -67,13 +67,13 @@ def _unit_faults(variable: Variable) -> Faults:
 def _value_faults(variable: Input) -> Faults:
     """Yield what is wrong with the default value and the bounds of an input."""
     what = _text(variable)
-    bounds: object = variable.bounds
-    if not isinstance(bounds, Bounds):
-        yield f"{what} with bounds={bounds!r}", "an object of uqpen.core.model.Bounds"
-    default: object = variable.default
-    is_number = isinstance(default, numbers.Real) and not isinstance(default, bool)
-    if default is not None and not (is_number and math.isfinite(default)):
-        yield f"{what} with default={default!r}", f"a number in its SI unit, {variable.unit}"
+    if not _is(variable.bounds, Bounds):
+        yield f"{what} with bounds={variable.bounds!r}", "an object of uqpen.core.model.Bounds"
+    if variable.default is not None and not _is_finite(variable.default):
+        yield (
+            f"{what} with default={variable.default!r}",
+            f"a number in its SI unit, {variable.unit}",
+        )
 
 
 def _alternative_faults(model: Model, known: set[str]) -> Faults:
@@ -99,6 +99,17 @@ def _dimension_faults(model: Model, known: set[str]) -> Faults:
                 found = f"{_text(dimension)} with other coordinates in {output.name}"
                 yield found, "the same in all outputs along it"
             seen.setdefault(dimension.name, dimension)
+
+
+def _is(value: object, kind: type) -> bool:
+    """Check the class of an attribute: a user's class can have anything in its place."""
+    return isinstance(value, kind)
+
+
+def _is_finite(value: object) -> bool:
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return False
+    return math.isfinite(value)
 
 
 def _are(values: object, kind: type) -> bool:
