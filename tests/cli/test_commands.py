@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -224,6 +225,42 @@ class TestModels:
         for word in ("projectile_density", "kg m-3", "penetration_depth", "v = u, u = 0, rigid"):
             assert word in done.out
         assert max(map(len, done.out.splitlines())) <= 80
+
+    def test_installed_ones_are_listed_without_being_imported(
+        self, uqpen: Command, install: Callable[..., Path]
+    ) -> None:
+        points = "[uqpen.models]\nown = uqpen_test_{0}:Own\nishigami = uqpen_test_{0}:Own\n"
+        install("broken", "import sys; sys.exit(4)", points.format("broken"))
+        done = uqpen("models")
+        assert done.code == 0
+        assert "own                          of the installed package uqpen-test-broken 1.2" in (
+            done.out
+        )
+        assert done.out.count("ishigami") == 1
+        named = uqpen("models", "own")
+        assert named.code == 2
+        assert 'the installed package "uqpen-test-broken", which provides "own"' in named.err
+        assert uqpen("models", "ishigami").code == 0
+
+    def test_an_installed_one_is_described(
+        self, uqpen: Command, install: Callable[..., Path]
+    ) -> None:
+        page = Path(__file__).parents[2] / "docs" / "extending" / "model.md"
+        source = re.findall(r"```python\n(# my_model.py.*?)```", page.read_text(), re.DOTALL)[0]
+        unmade = "class Unmade(Spring):\n    def __init__(self): 1 / 0\n"
+        points = "[uqpen.models]\n" + "".join(
+            f"{name.lower()} = uqpen_test_members:{name}\n"
+            for name in ("Spring", "Unmade", "Faulty")
+        )
+        faulty = f"{unmade}class Faulty(Spring):\n    outputs = ()\n"
+        install("members", source + faulty, points)
+        done = uqpen("models", "spring")
+        assert done.code == 0
+        assert "Static deflection of a mass on a spring that hardens." in done.out
+        assert "hardening" in done.out
+        assert '"unmade" without settings: ZeroDivisionError' in uqpen("models", "unmade").err
+        assert '"faulty" has no outputs' in uqpen("models", "faulty").err
+        assert "known: walker-anderson" in uqpen("models", "sprung").err
 
     def test_an_unknown_one_is_told(self, uqpen: Command) -> None:
         done = uqpen("models", "walker")

@@ -12,7 +12,7 @@ import pytest
 
 import uqpen
 from uqpen.core.errors import ModelError, StudyError
-from uqpen.core.model import Arrays, Input, Model, Output, Results
+from uqpen.core.model import Arrays, Dimension, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.study.fingerprint import run_fingerprint
 from uqpen.testing import check_model
@@ -242,6 +242,37 @@ def test_a_condition_that_raises_names_the_class_and_the_method(folder: Path) ->
         ({"inputs": (Input("x", "mm"),)}, "Own, which has Input('x', 'mm')"),
         ({"outputs": ()}, "Own, which has no outputs"),
         ({"name": None}, "Own, which has no name"),
+        (
+            {"outputs": (Output("y", "m", display_unit="kg"),)},
+            "Own, which has Output('y', 'm') with display_unit='kg'",
+        ),
+        (
+            {"inputs": (Input("x", "m", default="5 mm"),)},  # type: ignore[arg-type]
+            "Own, which has Input('x', 'm') with default='5 mm'",
+        ),
+        (
+            {"inputs": (Input("x", "m", bounds=(0, 1)),)},  # type: ignore[arg-type]
+            "Own, which has Input('x', 'm') with bounds=(0, 1)",
+        ),
+        ({"enforced_limits": 3}, "Own, which has enforced_limits = 3"),
+        ({"alternatives": (("x", "z"),)}, "Own, which has alternatives = (('x', 'z'),)"),
+        (
+            {"outputs": (Output("y", "m", dims=(Dimension("x", "m", values=(1.0,)),)),)},
+            "Own, which has Dimension('x', 'm') with the name of a variable",
+        ),
+        (
+            {"outputs": (Output("y", "m", dims=(Dimension("t", "ms", values=(1.0,)),)),)},
+            "Own, which has Dimension('t', 'ms')",
+        ),
+        (
+            {
+                "outputs": tuple(
+                    Output(name, "m", dims=(Dimension("t", "s", values=(end,)),))
+                    for name, end in (("y", 1.0), ("z", 2.0))
+                )
+            },
+            "Own, which has Dimension('t', 's') with other coordinates in z",
+        ),
     ],
 )
 def test_a_mistake_of_an_object_names_the_argument(

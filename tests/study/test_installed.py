@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import uqpen
-from uqpen.core.errors import StudyError
+from uqpen.core.errors import ModelError, StudyError
+from uqpen.core.lookup import package_version
 from uqpen.study.fingerprint import run_fingerprint
+from uqpen.surrogates.restoring import restore_surrogate
 from uqpen.verification.check_result import CheckOutcome
 
 PAGES = Path(__file__).parents[2] / "docs" / "extending"
@@ -78,6 +82,33 @@ def test_a_study_names_them(install: Install, tmp_path: Path) -> None:
     assert tree.attrs["model_name"] == "spring"
     assert tree.attrs["model_version"] == "1.2"
     assert run_fingerprint(study, "", "mine")["model version"] == "1.2"
+
+
+def test_the_version_of_a_package_decides_the_runs(install: Install, tmp_path: Path) -> None:
+    def fingerprint() -> dict[str, str]:
+        study = uqpen.parse_study(STUDY, folder=tmp_path / "none")
+        return run_fingerprint(study, "", "mine")
+
+    site = install("members", SOURCE, POINTS)
+    before = fingerprint()
+    metadata = site / "uqpen_test_members-1.2.dist-info" / "METADATA"
+    metadata.write_text(metadata.read_text().replace("1.2", "1.3"))
+    importlib.invalidate_caches()
+    package_version.cache_clear()
+    upgraded = fingerprint()
+    changed = {key for key in upgraded if upgraded[key] != before[key]}
+    assert changed == {
+        "model version",
+        "design mine version",
+        "dependence version",
+        "distribution of mass version",
+    }
+    install("members", f"{SOURCE}# edited\n", POINTS)
+    package_version.cache_clear()
+    edited = fingerprint()
+    changed = {key for key in edited if edited[key] != before[key]}
+    assert "design mine source_sha256" in changed
+    package_version.cache_clear()
 
 
 def test_they_need_no_trust(install: Install, tmp_path: Path) -> None:
@@ -154,3 +185,12 @@ def test_a_study_without_them_loads_none(install: Install, tmp_path: Path) -> No
         'x3 = { uniform = { lower = 0, upper = 1 } }\n[designs.mc]\nkind = "monte-carlo"\nruns = 9'
     )
     assert uqpen.parse_study(text, folder=tmp_path).runs == 9
+
+
+def test_a_broken_package_of_an_archived_surrogate_is_named(
+    install: Install, tmp_path: Path
+) -> None:
+    tree = xr.DataTree(xr.Dataset(attrs={"kind": "kriging"}))
+    install("broken", "1 / 0\n", "[uqpen.surrogates]\nkriging = uqpen_test_broken:Thing\n")
+    with pytest.raises(ModelError, match='"uqpen-test-broken", which provides "kriging"'):
+        restore_surrogate(tree, "gp")

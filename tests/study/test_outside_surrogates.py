@@ -196,7 +196,7 @@ class TestChecked:
             "not checked: gp; it follows from code that the archive names "
             "(my_surrogates.py:Kriging)"
         )
-        with pytest.raises(ModelError, match=r"names: my_surrogates\.py:Kriging"):
+        with pytest.raises(ModelError, match=r"code that it names: my_surrogates\.py:Kriging"):
             refuse_external_names(tree, written, trust=False)
         assert not trace.exists()
         refuse_external_names(tree, written, trust=True)

@@ -1,8 +1,10 @@
-"""``uqpen models``: the built-in models, and what one of them takes and gives."""
+"""``uqpen models``: built-in and installed models, and what one of them takes and gives."""
 
 from __future__ import annotations
 
 import inspect
+from collections.abc import Collection
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -13,19 +15,64 @@ if TYPE_CHECKING:
 __all__ = ["models"]
 
 
-@click.command(short_help="List the built-in models, or describe one.")
+@click.command(short_help="List the models, or describe one.")
 @click.argument("name", required=False)
 def models(name: str | None) -> None:
-    """List the built-in models; with NAME, that model's inputs, outputs, units and defaults."""
-    from uqpen.cli.screen import plain_table, standard_output
-    from uqpen.core.lookup import resolve, resolve_name
-    from uqpen.models import MODELS
+    """List the built-in and installed models; with NAME, what that model takes and gives.
 
+    Of a model, these are its inputs, outputs, units, settings and defaults.
+    """
+    from uqpen.cli.screen import plain_table, standard_output
+    from uqpen.core.lookup import installed_packages, resolve
+    from uqpen.models import MODELS
+    from uqpen.study.outside_members import MODEL
+
+    if name in MODELS:
+        _show_model(resolve(MODELS[name])())
+        return
+    installed = installed_packages(MODEL.group)
     if name is not None:
-        _show_model(resolve_name(MODELS, name, "model")())
+        _show_model(_installed_model(name, installed))
         return
     rows = [(known, _paragraphs(resolve(reference))[0]) for known, reference in MODELS.items()]
+    # They are not imported: that can take long, or fail.
+    rows += [
+        (known, f"of the installed package {package}")
+        for known, package in installed.items()
+        if known not in MODELS
+    ]
     standard_output().print(plain_table(["model", "what it is"], rows))
+
+
+def _installed_model(name: str, installed: Collection[str]) -> Model:
+    """Return a model of an installed package, with its default settings.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such model.
+    ModelError
+        If its package cannot be imported, or it cannot be made or described.
+    """
+    from uqpen.core.errors import ModelError, UnknownNameError
+    from uqpen.core.lookup import choices
+    from uqpen.models import MODELS
+    from uqpen.models.user_code import error_text
+    from uqpen.study.model_variables import find_variable_faults
+    from uqpen.study.outside_members import MODEL, load_class
+
+    if name not in installed:
+        raise UnknownNameError(f'no model "{name}"; {choices(name, [*MODELS, *installed])}')
+    cls, _ = load_class(name, Path(), MODEL)
+    try:
+        model: Model = cls()
+        faults = list(find_variable_faults(model))
+    except (Exception, SystemExit) as error:  # a foreign class can raise anything
+        raise ModelError(f'"{name}" without settings: {error_text(error)}') from None
+    if faults:
+        found, expected = faults[0]
+        raise ModelError(f'"{name}" has {found}; expected {expected}')
+    return model
 
 
 def _paragraphs(model: type[Model]) -> list[str]:

@@ -7,7 +7,10 @@ dict from a name to a ``"module:attribute"`` reference; adding a member is one f
 from __future__ import annotations
 
 import difflib
+import functools
+import hashlib
 import importlib
+import inspect
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -15,10 +18,13 @@ from uqpen.core.errors import ModelError, UnknownNameError
 
 __all__ = [
     "choices",
+    "class_version",
     "family_name",
     "installed_members",
+    "installed_packages",
     "load_installed",
     "nearest",
+    "package_version",
     "resolve",
     "resolve_name",
 ]
@@ -60,6 +66,20 @@ def installed_members(group: str) -> dict[str, str]:
     return {point.name: point.value for point in importlib.metadata.entry_points(group=group)}
 
 
+def installed_packages(group: str) -> dict[str, str]:
+    """Return the installed package, with its version, of each of the `installed_members`.
+
+    None of them is imported.
+    """
+    import importlib.metadata
+
+    points = importlib.metadata.entry_points(group=group)
+    return {
+        point.name: f"{point.dist.name} {point.dist.version}" if point.dist else point.value
+        for point in points
+    }
+
+
 def load_installed(group: str, name: str) -> Any:
     """Import the object that an installed package adds to a family.
 
@@ -88,6 +108,34 @@ def load_installed(group: str, name: str) -> Any:
             f'the installed package "{package}", which provides "{name}", cannot be loaded: '
             f"{reason}"
         ) from None
+
+
+@functools.cache
+def package_version(module: str) -> str:
+    """Return the version of the installed package of a module; empty where it has none."""
+    import importlib.metadata
+
+    top = module.partition(".")[0]
+    names = importlib.metadata.packages_distributions().get(top, [])
+    return importlib.metadata.version(names[0]) if names else ""
+
+
+def class_version(cls: type) -> dict[str, str]:
+    """Return what distinguishes the versions of a class that is not the package's own.
+
+    They are the version of its installed package, if any, and a hash of the source of its module:
+    a package that is being worked on keeps its version. The file of a study is known by its hash,
+    an object of a script or a notebook by its text.
+    """
+    if cls.__module__.startswith(("uqpen.", "uqpen_study_")) or cls.__module__ == "__main__":
+        return {}
+    version = package_version(cls.__module__)
+    found = {"version": version} if version else {}
+    try:
+        source = inspect.getsource(importlib.import_module(cls.__module__))
+    except (ImportError, OSError, TypeError):  # of a notebook, or compiled
+        return found
+    return found | {"source_sha256": hashlib.sha256(source.encode()).hexdigest()}
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

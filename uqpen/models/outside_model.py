@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import functools
 import hashlib
-import importlib.metadata
+import os
 import pickle
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -15,16 +14,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqpen.core.arrays import Arrays, BoolArray, floats
+from uqpen.core.arrays import Arrays, BoolArray
 from uqpen.core.errors import ModelError, TrajectoryError, UqpenError
 from uqpen.core.files import FileSnapshot
+from uqpen.core.interrupts import is_user_interrupt
 from uqpen.core.limits import Limits
-from uqpen.core.model import Input, Model, Output, Results
+from uqpen.core.lookup import package_version
+from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.status import Status
+from uqpen.models.function_outputs import UnusableOutputError, extract_outputs
 from uqpen.models.function_source import FunctionSource
 from uqpen.models.python_function import load_module
+from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import ModelFolder
-from uqpen.models.user_code import error_text
+from uqpen.models.user_code import end_forked_child, error_text, restore_streams
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -83,19 +86,22 @@ class OutsideModel(Model):
 
     def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
         with self._in_context("conditions"):
-            found = list(self.model.conditions(inputs))
+            found = [
+                (_mask(mask, len(next(iter(inputs.values())))), str(text))
+                for mask, text in self.model.conditions(inputs)
+            ]
         yield from found
 
     def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset | None:
         try:
             with self._in_context("trajectory"):
-                return self.model.trajectory(inputs)
+                return _dataset(self.model.trajectory(inputs))
         except ModelError as error:
             raise TrajectoryError(str(error)) from None
 
     def evaluate(self, inputs: Arrays) -> Results:
         with self._in_context("evaluate"):
-            results = self._evaluate(inputs)
+            results = self._evaluate(inputs, len(next(iter(inputs.values()))))
         imported = self.surroundings.imported if self.surroundings else frozenset()
         return dataclasses.replace(results, files=results.files | imported)
 
@@ -116,7 +122,8 @@ class OutsideModel(Model):
         if self.source is not None:
             return known | {"source_sha256": self.source.sha256 or "unknown"}
         if self.surroundings is None:
-            return known | _package(type(self.model).__module__)
+            version = package_version(type(self.model).__module__)
+            return known | ({"version": version} if version else {})
         sources = self.surroundings.sources()
         return known | {"source_sha256": hashlib.sha256(sources).hexdigest()}
 
@@ -133,53 +140,89 @@ class OutsideModel(Model):
         Exceptions of `evaluate` itself are data of its runs, and do not come here.
         """
         place = self.surroundings.on_import_path() if self.surroundings else None
+        process = os.getpid()
         try:
-            with place or contextlib.nullcontext():
+            with restore_streams(), place or contextlib.nullcontext():
                 yield
-        except UqpenError:
+        except UqpenError as error:
+            end_forked_child(process, error)
             raise
-        except (Exception, SystemExit) as error:  # a user's method can raise anything
+        except BaseException as error:  # a user's method can raise anything
+            end_forked_child(process, error)
+            if is_user_interrupt(error):
+                raise
             raise ModelError(f"{self.name}: {method} failed: {error_text(error)}") from None
+        end_forked_child(process)
 
-    def _evaluate(self, inputs: Arrays) -> Results:
+    def _evaluate(self, inputs: Arrays, runs: int) -> Results:
         """Return the results of a batch; one bad run does not spoil it."""
-        runs = len(next(iter(inputs.values())))
+        process = os.getpid()
+        own = {name: values.copy() for name, values in inputs.items()}
         try:
-            return self._checked(self.model.evaluate(inputs), runs)
-        except KeyboardInterrupt:
-            raise
+            results = self._checked(self.model.evaluate(own), runs)
+        except UnusableOutputError as refused:
+            reason = one_line(str(refused))
         except BaseException as error:  # any exception of a black box is data
+            end_forked_child(process, error)
+            if is_user_interrupt(error):
+                raise
             reason = error_text(error)
+        else:
+            end_forked_child(process)
+            return results
+        end_forked_child(process)
         if runs == 1:
-            outputs = {output.name: np.full(1, np.nan) for output in self.outputs}
-            return Results(outputs, np.full(1, Status.FAILED, dtype=np.int8), {0: reason})
+            failed = np.full(1, Status.FAILED, dtype=np.int8)
+            return Results(empty_outputs(self.outputs, 1), failed, {0: reason})
         middle = runs // 2
+        first, second = slice(0, middle), slice(middle, runs)
         return _join(
-            *(
-                self._evaluate({name: values[part].copy() for name, values in inputs.items()})
-                for part in (slice(0, middle), slice(middle, runs))
-            )
+            self._evaluate({name: values[first] for name, values in inputs.items()}, middle),
+            self._evaluate(
+                {name: values[second] for name, values in inputs.items()}, runs - middle
+            ),
         )
 
     def _checked(self, returned: object, runs: int) -> Results:
-        """Return results with the declared outputs of each run; raise ValueError for others."""
+        """Return results with the declared outputs of each run.
+
+        Raises
+        ------
+        UnusableOutputError
+            If they are no `Results`, or differ from what the class declares.
+        """
         if not isinstance(returned, Results):
-            raise TypeError(f"evaluate returned {type(returned).__name__}, not Results")
-        outputs = {}
-        for output in self.outputs:
-            if output.name not in returned.outputs:
-                raise ValueError(f'evaluate returned no "{output.name}"')
-            outputs[output.name] = floats(returned.outputs[output.name])
-        status = np.asarray(returned.status, dtype=np.int8)
-        shapes = {name: values.shape for name, values in outputs.items()}
-        for name, shape in {**shapes, "status": status.shape}.items():
-            if shape != (runs,):
-                raise ValueError(f'evaluate returned a "{name}" of shape {shape}')
+            raise UnusableOutputError(f"returned {type(returned).__name__}, not Results")
+        outputs = extract_outputs(returned.outputs, self.outputs, runs)
+        status = np.asarray(returned.status)
+        if status.shape != (runs,):
+            raise UnusableOutputError(f"returned a status of shape {status.shape}, not {(runs,)}")
+        if unknown := sorted({*status.tolist()} - {*Status}, key=str):
+            expected = ", ".join(f"Status.{each.name}" for each in Status)
+            raise UnusableOutputError(f"returned a status {unknown[0]!r}, not one of {expected}")
         reasons = {
-            run: str(returned.reasons.get(run) or "the model gives no reason")
+            run: one_line(str(returned.reasons.get(run) or "the model gives no reason"))
             for run in np.flatnonzero(status != Status.OK).tolist()
         }
-        return Results(outputs, status, reasons, returned.files)
+        return Results(outputs, status.astype(np.int8), reasons, frozenset(returned.files))
+
+
+def _mask(satisfied: object, runs: int) -> BoolArray:
+    """Return the mask of a condition; ValueError for anything but a truth value for each run."""
+    mask = np.asarray(satisfied)
+    if mask.dtype != np.bool_ or mask.shape not in ((), (runs,)):
+        found = f"{mask.dtype} of shape {mask.shape}"
+        raise ValueError(f"a condition is {found}, not bool of shape {(runs,)}")
+    return np.broadcast_to(mask, runs)
+
+
+def _dataset(found: object) -> xr.Dataset | None:
+    """Return the trajectory of a run; TypeError for anything but a dataset or None."""
+    import xarray as xr
+
+    if found is None or isinstance(found, xr.Dataset):
+        return found
+    raise TypeError(f"it returned {type(found).__name__}, not an xarray.Dataset")
 
 
 def _join(first: Results, second: Results) -> Results:
@@ -198,14 +241,6 @@ def _settings(model: Model) -> dict[str, Any]:
     """Return the settings of a model whose class is a dataclass; none of another class."""
     fields = getattr(model, "__dataclass_fields__", {}).values()
     return {each.name: getattr(model, each.name) for each in fields if each.init}
-
-
-@functools.cache
-def _package(module: str) -> dict[str, str]:
-    """Return the version of the installed package of a module, where it has one."""
-    top = module.partition(".")[0]
-    names = importlib.metadata.packages_distributions().get(top, [])
-    return {"version": importlib.metadata.version(names[0])} if names else {}
 
 
 def _pickle_by_value(model: Model) -> bytes:

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from uqpen.archive.provenance import of_python_functions, provenance
+from uqpen.core.lookup import class_version
+from uqpen.distributions.truncated import Truncated
 from uqpen.models.outside_model import OutsideModel
 from uqpen.models.python_function import PythonFunction
 from uqpen.study.outside_members import outside_members
@@ -34,16 +36,33 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
         tables["model"] = content["model"]
     adapter = study.models[model].model
     files = [*adapter.files(), *study.joint.files, *study.design_files(design)]
+    versions = {
+        f"{member} {key}": value
+        for member, cls in _classes(study, design)
+        for key, value in class_version(cls).items()
+    }
     is_external = isinstance(adapter, PythonFunction | OutsideModel) or bool(
-        outside_members(tables)
+        versions or outside_members(tables)
     )
     return {
         **dict(_flatten(tables)),
         **{f"model {name}": value for name, value in adapter.identity().items()},
+        **versions,
         **{f"file {file.path.name}": file.sha256 for file in files},
         **provenance(),
         **(of_python_functions() if is_external else {}),
     }
+
+
+def _classes(study: ValidatedStudy, design: str) -> Iterator[tuple[str, type]]:
+    """Yield the classes that determine the points of a design, with a text for each."""
+    yield f"design {design}", type(study.designs[design])
+    if study.joint.dependence is not None:
+        yield "dependence", type(study.joint.dependence)
+    for entry in study.joint.random:
+        law = entry.distribution
+        own = law.parent if isinstance(law, Truncated) else law
+        yield f"distribution of {entry.variable.name}", type(own)
 
 
 def _flatten(table: dict[str, Any], *path: str) -> Iterator[tuple[str, str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import xarray as xr
 
 from uqpen.core.errors import ModelError
-from uqpen.core.lookup import installed_members, resolve, resolve_name
+from uqpen.core.lookup import installed_members, load_installed, resolve_name
 from uqpen.core.model import Model
 from uqpen.surrogates import ENTRY_POINTS, SURROGATES
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
@@ -39,7 +39,8 @@ def restore_surrogate(
     UnknownNameError
         If there is no such kind.
     ModelError
-        If it is a class that only the archive's code defines, and that is not loaded.
+        If it is a class that only the archive's code defines, and that is not loaded; or if its
+        installed package cannot be imported.
     """
     return (loaded or _known_class(str(tree.attrs["kind"]), name)).restore(tree, name, original)
 
@@ -53,7 +54,7 @@ def is_restorable(tree: xr.DataTree) -> bool:
 def _known_class(kind: str, name: str) -> type[Surrogate]:
     installed = {} if kind in SURROGATES else installed_members(ENTRY_POINTS)
     if kind in installed:
-        found: type[Surrogate] = resolve(installed[kind])
+        found: type[Surrogate] = load_installed(ENTRY_POINTS, kind)
         return found
     if ":" in kind:
         raise ModelError(

@@ -10,8 +10,8 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.labels import ROLE, RUNS
-from uqpen.core.model import Category, Input, Output
+from uqpen.core.labels import ROLE, RUN, RUNS
+from uqpen.core.model import Category, Dimension, Input, Output
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.object_section import OBJECT
 from uqpen.study.outside_members import is_reference
@@ -67,11 +67,22 @@ def _model(reference: str, runs: xr.Dataset) -> UnloadedModel:
         if variable.attrs.get(ROLE) == "input"
     )
     outputs = tuple(
-        Output(*_names(name, variable), categories=_categories(variable))
+        _output(name, variable, runs)
         for name, variable in variables.items()
         if variable.attrs.get(ROLE) == "output"
     )
     return UnloadedModel(reference, inputs, outputs)
+
+
+def _output(name: str, variable: xr.DataArray, runs: xr.Dataset) -> Output:
+    """Return an output with its categories or its dimensions."""
+    dims = tuple(_dimension(str(each), runs) for each in variable.dims if each != RUN)
+    return Output(*_names(name, variable), categories=_categories(variable), dims=dims)
+
+
+def _dimension(name: str, runs: xr.Dataset) -> Dimension:
+    coordinates = runs[name]
+    return Dimension(*_names(name, coordinates), values=tuple(coordinates.values.tolist()))
 
 
 def _names(name: str, variable: xr.DataArray) -> tuple[str, str, str, str]:
