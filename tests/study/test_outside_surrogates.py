@@ -171,7 +171,7 @@ class TestShown:
         page = (tmp_path / "a.html").read_text(encoding="utf-8")
         assert "correlation length, in std of inputs" in page
         assert "my_surrogates.py:Kriging is not executed here, so no predictions are shown." in page
-        assert "Figure by figure, gp was held against independent runs" in page
+        assert "estimates by gp were compared with independent runs" in page
 
     def test_its_predictions_are_in_no_figure(self, tree: xr.DataTree) -> None:
         titles = [panel.title for panel in panels(tree, "surrogate")]

@@ -25,7 +25,7 @@ ASSOCIATIONS = (("larger", "larger"), ("further_out", "further out"))
 
 
 def failure_panels(view: ArchiveView) -> Iterator[Panel]:
-    """Probability of each way to fail, and the inputs of failed runs."""
+    """Probability of each way to fail, and inputs of failed runs."""
     designs = [name for name in view.designs if view.source in (None, name)]
     failed = [design for design in designs if failed_run_counts(view, design)]
     if failed:
