@@ -46,7 +46,7 @@ class OutsideFunction:
 
     @property
     def introduction(self) -> str:
-        """Its docstring without the first line, as one paragraph."""
+        """Docstring of the function without its first line, as one paragraph."""
         return " ".join(" ".join(self._documentation[1:]).split())
 
     @property

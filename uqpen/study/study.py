@@ -44,7 +44,7 @@ class Variant:
 
 
 class SurrogateOrigin(NamedTuple):
-    """Where a surrogate from outside the package comes from.
+    """Origin of a surrogate from outside the package.
 
     Attributes
     ----------

@@ -55,7 +55,7 @@ class Diagnostic:
 
     @property
     def text(self) -> str:
-        """Its value with its unit; empty if it is unknown."""
+        """Text of the value with its unit; empty if it is unknown."""
         unit = "" if self.units == DIMENSIONLESS else f" {self.units}"
         return "" if math.isnan(self.value) else f"{self.value:.5g}{unit}"
 

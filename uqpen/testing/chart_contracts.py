@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeVar
+
 import xarray as xr
 
 from uqpen.core.errors import UqpenError
@@ -12,6 +15,8 @@ from uqpen.report.outside_sections import SectionFunction
 from uqpen.report.page import report_page
 
 __all__ = ["check_figure", "check_section"]
+
+DrawnT = TypeVar("DrawnT")
 
 
 def check_figure(function: FigureFunction, tree: xr.DataTree) -> None:
@@ -32,13 +37,7 @@ def check_figure(function: FigureFunction, tree: xr.DataTree) -> None:
     AssertionError
         If one of these is broken.
     """
-    before = tree.copy(deep=True)
-    try:
-        first, second = (figure_bytes(figure(tree, function), "svg") for _ in range(2))
-    except UqpenError as error:
-        raise AssertionError(str(error)) from None
-    assert tree.identical(before), "a figure does not change the archive"
-    assert first == second, "a figure is the same each time"
+    _check_repetition(lambda: figure_bytes(figure(tree, function), "svg"), tree, "a figure")
 
 
 def check_section(function: SectionFunction, tree: xr.DataTree) -> None:
@@ -59,11 +58,17 @@ def check_section(function: SectionFunction, tree: xr.DataTree) -> None:
     AssertionError
         If one of these is broken.
     """
+    page = _check_repetition(lambda: report_page(tree, [function]), tree, "a section")
+    assert 'id="own-1"' in page, "a section has something for this archive"
+
+
+def _check_repetition(draw: Callable[[], DrawnT], tree: xr.DataTree, what: str) -> DrawnT:
+    """Draw twice, check that both are the same and the archive is unchanged, and return one."""
     before = tree.copy(deep=True)
     try:
-        first, second = (report_page(tree, [function]) for _ in range(2))
+        first, second = draw(), draw()
     except UqpenError as error:
         raise AssertionError(str(error)) from None
-    assert 'id="own-1"' in first, "a section has something for this archive"
-    assert tree.identical(before), "a section does not change the archive"
-    assert first == second, "a section is the same each time"
+    assert tree.identical(before), f"{what} does not change the archive"
+    assert first == second, f"{what} is the same each time"
+    return first

@@ -30,10 +30,14 @@ from uqpen.models import MODELS
 from uqpen.models.source import source_sha256
 from uqpen.study.document import Objects
 from uqpen.study.study import ValidatedStudy
-from uqpen.surrogates.unloaded_surrogate import UnloadedSurrogate
+from uqpen.verification.absent_code import (
+    check_points,
+    unchecked_analyses,
+    unrepeated_runs,
+    without_absent,
+)
 from uqpen.verification.archived_study import (
     archived_runs,
-    external_members,
     external_models,
     external_names,
     find_incompatibility,
@@ -41,13 +45,8 @@ from uqpen.verification.archived_study import (
 )
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.differences import TOLERANCE
-from uqpen.verification.outside_statistics import (
-    outside_statistic_names,
-    without_distributions,
-    without_outside_statistics,
-    without_surrogates,
-)
-from uqpen.verification.repetition import Runs, repeated_points, repeated_runs, repeated_statistics
+from uqpen.verification.outside_statistics import without_outside_statistics
+from uqpen.verification.repetition import Runs, repeated_runs, repeated_statistics
 from uqpen.verification.restored_study import restored_study
 
 __all__ = ["environment_differences", "verify"]
@@ -56,8 +55,6 @@ __all__ = ["environment_differences", "verify"]
 _SOURCE = "model_source_sha256"
 _PROGRAM = "model_program_sha256"
 _VERSION_ATTRIBUTES = ("model_version", _SOURCE, _PROGRAM)
-
-_ADVICE = "if you trust its author, use --trust"
 
 
 class _Tolerances(NamedTuple):
@@ -231,124 +228,67 @@ def _repeat_checks(
             yield CheckResult("repetition", CheckOutcome.DIFFERENT, reason)
             return
         external = [] if trust else external_models(study.text)
-        if unrepeated := _reason_without_repetition(study, external):
+        if unrepeated := unrepeated_runs(study, external):
             yield unrepeated
         else:
-            for variant in study.models.values():
-                progress.start_preparation(variant.model.name)
-                variant.model.prepare()
-            tolerance = allowed.tolerance
-            if others := list(_other_programs(study, tree)):
-                tolerance = TOLERANCE
-                message = f"another than then: {', '.join(others)}"
-                yield CheckResult("program", CheckOutcome.CLOSE, message)
-            yield repeated_runs(study, runs, number, tolerance, map=map, progress=progress)
-            yield from _check_sources(study, tree)
+            yield from _repeat_runs(study, tree, runs, number, allowed, map, progress)
         progress.start_analysis()
-        besides = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES]
-        besides += _model_attributes(tree) if external else []
-        yield from _check_points(study, runs, allowed.tolerance)
-        study, tree, unchecked = _without_absent(study, tree)
-        yield from unchecked
-        if not trust and (analyses := outside_analyses(study.text)):
-            yield _unchecked_analyses(analyses, tree)
-            study, tree = replace(study, analyses=()), without_outside_statistics(tree)
-        try:
-            yield repeated_statistics(
-                study, tree, runs, allowed.tolerance, besides, is_earlier=allowed.is_earlier
-            )
-        except StudyError as error:  # an analysis of the user's own fails here
-            message = "an analysis that its study names fails"
-            yield CheckResult("statistics", CheckOutcome.IMPOSSIBLE, message, (str(error),))
+        yield from check_points(study, runs, allowed.tolerance)
+        besides = _model_attributes(tree) if external else []
+        yield from _repeat_statistics(study, tree, runs, allowed, besides, trust=trust)
 
 
-def _unchecked_analyses(analyses: list[str], tree: xr.DataTree) -> CheckResult:
-    """Return the result for statistics of the user's own analyses, which are not executed."""
-    statistics = ", ".join(outside_statistic_names(tree)) or "none"
-    named = f"they follow from code that the archive names ({', '.join(analyses)})"
-    message = f"not checked: {statistics}; {named}"
-    return CheckResult("analyses", CheckOutcome.UNCHECKED, message, (_ADVICE,))
+def _repeat_runs(
+    study: ValidatedStudy,
+    tree: xr.DataTree,
+    runs: Runs,
+    number: int | None,
+    allowed: _Tolerances,
+    map: Map,
+    progress: Progress,
+) -> Iterator[CheckResult]:
+    """Repeat runs, with the programs and sources of today."""
+    for variant in study.models.values():
+        progress.start_preparation(variant.model.name)
+        variant.model.prepare()
+    tolerance = allowed.tolerance
+    if others := list(_other_programs(study, tree)):
+        tolerance = TOLERANCE
+        message = f"another than then: {', '.join(others)}"
+        yield CheckResult("program", CheckOutcome.CLOSE, message)
+    yield repeated_runs(study, runs, number, tolerance, map=map, progress=progress)
+    yield from _check_sources(study, tree)
 
 
-def _without_absent(
-    study: ValidatedStudy, tree: xr.DataTree
-) -> tuple[ValidatedStudy, xr.DataTree, list[CheckResult]]:
-    """Leave out what follows from distributions or surrogates that are not here, with results."""
-    if study.joint.unloaded or study.unloaded_models:
-        return _without_distributions(study, tree)
-    absent = [name for name, surrogate in study.surrogates.items() if surrogate.absence]
-    if not absent:
-        return study, tree, []
-    others = {name: each for name, each in study.surrogates.items() if name not in absent}
-    kept = without_surrogates(tree, absent)
-    return replace(study, surrogates=others), kept, [_unchecked_surrogates(study, absent)]
-
-
-def _unchecked_surrogates(study: ValidatedStudy, absent: list[str]) -> CheckResult:
-    """Return the result for surrogates that cannot be fitted here."""
-    surrogates = [study.surrogates[name] for name in absent]
-    reasons = "; ".join(dict.fromkeys(surrogate.absence for surrogate in surrogates))
-    is_code = any(isinstance(each, UnloadedSurrogate) and not each.is_object for each in surrogates)
-    message = f"not checked: {', '.join(absent)}; {reasons}"
-    return CheckResult("surrogates", CheckOutcome.UNCHECKED, message, (_ADVICE,) * is_code)
-
-
-def _without_distributions(
-    study: ValidatedStudy, tree: xr.DataTree
-) -> tuple[ValidatedStudy, xr.DataTree, list[CheckResult]]:
-    """Leave out results of distributions or models that are not loaded, with a result for it."""
-    kept = without_distributions(tree)
-    named = ", ".join(dict.fromkeys([*study.joint.unloaded.values(), *study.unloaded_models]))
-    kinds = "models" if study.unloaded_models else "distributions"
-    message = f"not checked: they follow from {kinds} that are not loaded ({named})"
-    unchecked = CheckResult("surrogates", CheckOutcome.UNCHECKED, message)
-    is_changed = kept.groups != tree.groups
-    return replace(study, surrogates={}), kept, [unchecked] if is_changed else []
+def _repeat_statistics(
+    study: ValidatedStudy,
+    tree: xr.DataTree,
+    runs: Runs,
+    allowed: _Tolerances,
+    besides: list[str],
+    *,
+    trust: bool,
+) -> Iterator[CheckResult]:
+    """Repeat statistics, except those that follow from code that is not loaded."""
+    study, tree, unchecked = without_absent(study, tree)
+    yield from unchecked
+    if not trust and (analyses := outside_analyses(study.text)):
+        yield unchecked_analyses(analyses, tree)
+        study, tree = replace(study, analyses=()), without_outside_statistics(tree)
+    ignored = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES, *besides]
+    try:
+        yield repeated_statistics(
+            study, tree, runs, allowed.tolerance, ignored, is_earlier=allowed.is_earlier
+        )
+    except StudyError as error:  # an analysis of the user's own fails here
+        message = "an analysis that its study names fails"
+        yield CheckResult("statistics", CheckOutcome.IMPOSSIBLE, message, (str(error),))
 
 
 def _model_attributes(tree: xr.DataTree) -> list[str]:
     """Return the attributes that describe the models; some are known only of a loaded model."""
     found = [name for model in model_trees(tree).values() for name in map(str, model.attrs)]
     return [name for name in found if name.startswith("model_")]
-
-
-def _check_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> Iterator[CheckResult]:
-    """Draw the points again that code of the archive has drawn, if it is loaded."""
-    external = external_members(study.text)
-    unloaded = study.unloaded_members
-    named = [name for name in unloaded if name in external]
-    objects = [name for name in unloaded if name not in external]
-    if named:
-        message = f"they are drawn by code that the archive names ({', '.join(named)})"
-        yield CheckResult("points", CheckOutcome.UNCHECKED, f"not checked: {message}", (_ADVICE,))
-    elif objects:
-        message = f"{', '.join(objects)} is an object of the Python program that made the archive"
-        advice = "run that program again"
-        yield CheckResult("points", CheckOutcome.UNCHECKED, f"not checked: {message}", (advice,))
-    elif external:
-        try:
-            yield repeated_points(study, runs, tolerance)
-        except StudyError as error:  # a design of the user's own fails here
-            message = "a design that its study names fails"
-            yield CheckResult("points", CheckOutcome.IMPOSSIBLE, message, (str(error),))
-
-
-def _reason_without_repetition(study: ValidatedStudy, external: list[str]) -> CheckResult | None:
-    """Return the result for runs that cannot be repeated; None where they can.
-
-    They cannot without code that the archive names, and that may not be executed, or without a
-    function that no archive contains.
-    """
-    absent = [each.model.name for each in study.models.values() if each.model.is_absent]
-    if external:
-        what = f"they execute code that the archive names ({', '.join(external)})"
-        advice = _ADVICE
-    elif absent:
-        what = f"{', '.join(absent)} is an object of the Python program that made the archive"
-        advice = "give the function: uqpen.verify(path, model=function)"
-    else:
-        return None
-    return CheckResult("runs", CheckOutcome.UNCHECKED, f"not repeated: {what}", (advice,))
 
 
 def _other_programs(study: ValidatedStudy, tree: xr.DataTree) -> Iterator[str]:
