@@ -13,6 +13,7 @@ from uqpen.core.model import Model, violated_conditions
 from uqpen.core.settings import count, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, describe
+from uqpen.designs.design import Design
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
 from uqpen.study.analyses_section import read_analyses
@@ -117,20 +118,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     failures = tables["failures"].whole_settings(FailurePolicy) or FailurePolicy()
     designs, design_modules = read_designs(tables["designs"])
     surrogates, origins = read_surrogates(tables["surrogates"], list(tables["designs"]))
-    if "joint" in root and "inputs" not in root:
-        tables["inputs"] = root.inside({}, "inputs")
-    groups = read_groups(tables["joint"], model, tables["inputs"])
-    inputs = read_inputs(tables["inputs"], model, Stream(heading.seed, "inputs"), groups)
-    is_clear = not inputs.unclear
-    given_by_tables = None
-    if all(variable.unit is not ANY_DIMENSION for variable in model.inputs):
-        given_by_tables = check_tables(tables["designs"], designs, inputs.joint)
-    if given_by_tables is not None:
-        variants = models if models or "models" in root else {ONLY_MODEL: Variant(model, {})}
-        given = given_by_tables | groups.owners.keys()
-        missing = _note_missing(tables["inputs"], model, variants, given)
-        inputs = Inputs(inputs.joint, inputs.unclear | missing)
-    joint = read_dependence(tables["dependence"], inputs, groups.owners)
+    inputs, joint, is_clear = _read_joint(root, tables, model, models, designs, heading.seed)
     constraints = read_constraints(tables["constraints"], model, inputs)
     quantities = read_quantities_of_interest(tables["outputs"], model)
     published = read_published(
@@ -165,6 +153,39 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         design_modules=design_modules,
         surrogate_origins=origins,
     )
+
+
+def _read_joint(
+    root: TableReader,
+    tables: dict[str, TableReader],
+    model: Model,
+    models: Mapping[str, Variant],
+    designs: dict[str, Design],
+    seed: int,
+) -> tuple[Inputs, JointDistribution, bool]:
+    """Read the inputs and how they depend on each other; note those that nothing gives.
+
+    Returns
+    -------
+    inputs, joint
+        What could be read, and the joint distribution of it.
+    is_clear : bool
+        True if each input that is given could be read.
+    """
+    if "joint" in root and "inputs" not in root:
+        tables["inputs"] = root.inside({}, "inputs")
+    groups = read_groups(tables["joint"], model, tables["inputs"])
+    inputs = read_inputs(tables["inputs"], model, Stream(seed, "inputs"), groups)
+    is_clear = not inputs.unclear
+    given_by_tables = None
+    if all(variable.unit is not ANY_DIMENSION for variable in model.inputs):
+        given_by_tables = check_tables(tables["designs"], designs, inputs.joint)
+    if given_by_tables is not None:
+        variants = models if models or "models" in root else {ONLY_MODEL: Variant(model, {})}
+        given = given_by_tables | groups.owners.keys()
+        missing = _note_missing(tables["inputs"], model, variants, given)
+        inputs = Inputs(inputs.joint, inputs.unclear | missing)
+    return inputs, read_dependence(tables["dependence"], inputs, groups.owners), is_clear
 
 
 def _expected(root: TableReader, key: str) -> str:
