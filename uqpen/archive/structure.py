@@ -137,8 +137,8 @@ def _estimate_faults(tree: xr.DataTree) -> Iterator[str]:
     """Yield a fault for each estimate that does not say how its interval was made."""
     for node in tree.subtree:
         dataset = node.to_dataset(inherit=False)
-        for name, variable in dataset.data_vars.items():
-            if BOUND in variable.dims and not has_interval_texts(dataset, str(name)):
+        for name in dataset.data_vars:
+            if BOUND in dataset.variables[name].dims and not has_interval_texts(dataset, str(name)):
                 yield f"{node.path}/{name}: does not say how its interval was made"
 
 
