@@ -17,6 +17,7 @@ from uqpen.archive.layout import (
     find_statistics_faults,
     has_kind,
 )
+from uqpen.archive.requirements import find_level_faults, find_model_faults
 from uqpen.archive.tree import model_trees
 from uqpen.core.catalogue import FAILURE_STATISTICS
 from uqpen.core.labels import (
@@ -63,6 +64,7 @@ def find_faults(tree: xr.DataTree) -> Iterator[str]:
     else:
         yield f'of kind "{kind}", which this uqpen does not know'
     yield from _estimate_faults(tree)
+    yield from find_level_faults(tree)
     yield from find_file_faults(tree.children)
 
 
@@ -117,6 +119,7 @@ def _model_faults(tree: xr.DataTree) -> Iterator[str]:
             yield f"/{FAILURES_GROUP}/{name}: {fault}"
     for name, surrogate in _children(tree, SURROGATES):
         yield from (f"/{SURROGATES}/{name}: {fault}" for fault in _surrogate_faults(surrogate))
+    yield from find_model_faults(tree)
 
 
 def _children(tree: xr.DataTree, group: str) -> list[tuple[str, xr.DataTree]]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import xarray as xr
 
+from uqpen.core.errors import ArchiveError, UnknownNameError
+from uqpen.core.labels import SURROGATES as GROUP
 from uqpen.core.lookup import resolve_name
 from uqpen.core.model import Model
 from uqpen.surrogates import SURROGATES
@@ -30,6 +32,15 @@ def restore_surrogate(
     ------
     UnknownNameError
         If there is no such kind.
+    ArchiveError
+        If its group lacks what its kind needs, or contradicts itself.
     """
-    kind: type[Surrogate] = resolve_name(SURROGATES, str(tree.attrs["kind"]), "kind of surrogate")
-    return kind.fitted_class.from_tree(tree, name, original)
+    try:
+        named = str(tree.attrs["kind"])
+        kind: type[Surrogate] = resolve_name(SURROGATES, named, "kind of surrogate")
+        return kind.fitted_class.from_tree(tree, name, original)
+    except UnknownNameError:
+        raise
+    except (AttributeError, LookupError, OverflowError, TypeError, ValueError) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise ArchiveError(f"/{GROUP}/{name}: is damaged: {reason}") from None

@@ -26,6 +26,7 @@ _MOST_GROUPS = 10_000
 # outputs in a group of runs.
 _MOST_VARIABLES = 100_000
 _MOST_IN_GROUP = 2_500
+_MOST_LINKS = 10_000
 # It writes at most 30 attributes of an object.
 _MOST_ATTRIBUTES = 300
 # The deepest of uqpen's groups is /models/<name>/statistics/<source>/<output>.
@@ -113,7 +114,7 @@ class _Inspection:
             name, address = read_link(self.content, place)
             if links.setdefault(name, address) != address:
                 raise RefusedContentError(f"it has two objects by the name {path}/{name}")
-            _limit(len(links), _MOST_GROUPS, "objects in one group")
+            _limit(len(links), _MOST_LINKS, "objects in one group")
         for name, address in links.items():
             self._object(address, f"{path}/{name}", depth + 1)
         _limit(sum(self.known[each] for each in links.values()), _MOST_IN_GROUP, _IN_GROUP)
