@@ -81,7 +81,10 @@ FAULTS: dict[str, tuple[Change, str]] = {
         "/surrogates/chaos: checked by runs of no design",
     ),
     "statistics": (without("statistics", "first"), "/runs/first: without a group of statistics"),
-    "source": (without("surrogates", "chaos"), "/statistics/chaos: of what /surrogates does not have"),
+    "source": (
+        without("surrogates", "chaos"),
+        "/statistics/chaos: of what /surrogates does not have",
+    ),
     "entry": (
         entry("statistics/second/y", 0, "x9"),
         "/statistics/second/y: of x9, which is no input of the runs",
@@ -94,7 +97,10 @@ FAULTS: dict[str, tuple[Change, str]] = {
         values("runs/first", "y", np.nan),
         "/runs/first: y of a completed run is not finite",
     ),
-    "matrix": (without("runs/second", "matrix"), "/runs/second: no matrix to tell its blocks apart"),
+    "matrix": (
+        without("runs/second", "matrix"),
+        "/runs/second: no matrix to tell its blocks apart",
+    ),
 }
 
 
@@ -113,7 +119,7 @@ def test_right_hashes_do_not_hide_it(tree: xr.DataTree, tmp_path: Path) -> None:
     FAULTS["design"][0](tree)
     uqpen.write(tree, tmp_path / "study.nc")
     read_tree(tmp_path / "study.nc")
-    with pytest.raises(ArchiveError, match="study.nc: is damaged: /surrogates/chaos: fitted to"):
+    with pytest.raises(ArchiveError, match=r"study\.nc: is damaged: /surrogates/chaos: fitted to"):
         open_archive(tmp_path / "study.nc")
 
 
@@ -122,7 +128,7 @@ def test_degrees_beyond_the_polynomials_are_refused(tree: xr.DataTree, degree: i
     node = tree["surrogates/chaos/y"]
     degrees = np.full(node["degree"].shape, degree, dtype=np.int64)
     node.dataset = node.to_dataset().assign(degree=(node["degree"].dims, degrees))
-    with pytest.raises(ArchiveError, match="/surrogates/chaos: is damaged: .* terms of y that"):
+    with pytest.raises(ArchiveError, match=r"/surrogates/chaos: is damaged: .* terms of y that"):
         restore_surrogate(tree["surrogates/chaos"], "chaos")
 
 
