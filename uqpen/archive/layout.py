@@ -153,9 +153,8 @@ def _coordinate_faults(dataset: xr.Dataset, dimension: str) -> Iterator[str]:
     described = DIMENSIONS.get(dimension)
     if described is None:
         return
-    if dimension not in dataset.coords or not has_kind(
-        dataset.variables[dimension], described.kind
-    ):
+    is_there = dimension in dataset.coords
+    if not is_there or not has_kind(dataset.variables[dimension], described.kind):
         yield f"no {dimension} to tell its entries apart"
         return
     for name, kind in described.companions.items():

@@ -88,9 +88,9 @@ def _source_faults(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[str]:
     for source in sources:
         node = tree.children[STATISTICS_GROUP].children[source]
         place = f"/{STATISTICS_GROUP}/{source}"
-        group = groups.get(str(node.attrs.get(SOURCE_KIND)))
-        if group is not None and source not in group_names(tree, group):
-            yield f"{place}: of what /{group} does not have"
+        origin = groups.get(str(node.attrs.get(SOURCE_KIND)))
+        if origin is not None and source not in group_names(tree, origin):
+            yield f"{place}: of what /{origin} does not have"
         for output in node.children:
             if not known.get(str(output)):
                 yield f"{place}: of {output}, which is no output of the runs"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import NamedTuple
 
@@ -21,12 +22,9 @@ class Attribute(NamedTuple):
     address: int
 
     @property
-    def count(self) -> int:
+    def size(self) -> int:
         """Number of values."""
-        count = int(self.extent is not None)
-        for size in self.extent or ():
-            count *= size
-        return count
+        return 0 if self.extent is None else math.prod(self.extent)
 
 
 # The NetCDF library reads these into memory of the size that it expects. Each is of one kind of
@@ -69,7 +67,7 @@ def read_attribute(content: Content, start: int) -> Attribute:
         attribute = Attribute(name, read_datatype(parts[1]), read_extent(parts[2]), at)
     except RefusedContentError as error:
         raise RefusedContentError(f"its attribute {name} {error}") from None
-    if at + attribute.count * attribute.datatype.size > len(content):
+    if at + attribute.size * attribute.datatype.size > len(content):
         raise IndexError("the file ends before")
     return attribute
 
@@ -93,8 +91,8 @@ def check_attribute(attribute: Attribute, rank: int, heap: GlobalHeap) -> None:
             kind is Kind.BACK_REFERENCES and name == _BACK_REFERENCES
         )
     else:
-        is_right = kind is expected and attribute.count == (rank if along_dimensions else 1)
+        is_right = kind is expected and attribute.size == (rank if along_dimensions else 1)
     if not is_right:
         raise RefusedContentError(f"its attribute {name} has another type or number of values")
     if kind is Kind.TEXT:
-        heap.count_texts(attribute.address, attribute.count)
+        heap.count_texts(attribute.address, attribute.size)

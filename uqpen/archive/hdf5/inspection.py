@@ -126,7 +126,7 @@ class _Inspection:
         self._use(variable, path)
         for attribute in self._attributes(messages, path, len(variable.extent)):
             if attribute.name == "DIMENSION_LIST":
-                found = self.heap.object_references(attribute.address, attribute.count)
+                found = self.heap.object_references(attribute.address, attribute.size)
                 self.dimensions.extend((path, address) for address in found)
 
     def _attributes(self, messages: list[Message], path: str, rank: int) -> list[Attribute]:

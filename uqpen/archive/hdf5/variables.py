@@ -50,13 +50,9 @@ def read_variable(content: Content, messages: Iterable[Message], path: str) -> V
     try:
         if MessageKind.FILTERS in bodies:
             _check_filters(content, bodies[MessageKind.FILTERS])
-        extent, datatype = (
-            read(content[slice(*bodies[kind][1:])])
-            for kind, read in (
-                (MessageKind.DATASPACE, read_extent),
-                (MessageKind.DATATYPE, read_datatype),
-            )
-        )
+        space, described = bodies[MessageKind.DATASPACE], bodies[MessageKind.DATATYPE]
+        extent = read_extent(content[space.start : space.end])
+        datatype = read_datatype(content[described.start : described.end])
         if extent is None or datatype.kind in (Kind.REFERENCES, Kind.BACK_REFERENCES):
             raise RefusedContentError("has no values, or none that can be read")
         size = math.prod(extent) * datatype.size
