@@ -7,7 +7,7 @@ import struct
 from typing import NamedTuple
 
 from uqpen.archive.hdf5.content import Content, RefusedContentError
-from uqpen.archive.hdf5.datatypes import Datatype, Kind, read_datatype, read_extent
+from uqpen.archive.hdf5.datatypes import Datatype, ValueKind, read_datatype, read_extent
 from uqpen.archive.hdf5.global_heap import GlobalHeap
 
 __all__ = ["Attribute", "check_attribute", "read_attribute"]
@@ -30,12 +30,12 @@ class Attribute(NamedTuple):
 # The NetCDF library reads these into memory of the size that it expects. Each is of one kind of
 # values, and has one, or one for each dimension of its variable.
 _RESERVED = {
-    "CLASS": (Kind.CHARACTERS, False),
-    "NAME": (Kind.CHARACTERS, False),
-    "_Netcdf4Dimid": (Kind.INTEGER, False),
-    "_Netcdf4Coordinates": (Kind.INTEGER, True),
-    "_nc3_strict": (Kind.INTEGER, False),
-    "DIMENSION_LIST": (Kind.REFERENCES, True),
+    "CLASS": (ValueKind.CHARACTERS, False),
+    "NAME": (ValueKind.CHARACTERS, False),
+    "_Netcdf4Dimid": (ValueKind.INTEGER, False),
+    "_Netcdf4Coordinates": (ValueKind.INTEGER, True),
+    "_nc3_strict": (ValueKind.INTEGER, False),
+    "DIMENSION_LIST": (ValueKind.REFERENCES, True),
 }
 _BACK_REFERENCES = "REFERENCE_LIST"
 
@@ -87,12 +87,12 @@ def check_attribute(attribute: Attribute, rank: int, heap: GlobalHeap) -> None:
     name, kind = attribute.name, attribute.datatype.kind
     expected, along_dimensions = _RESERVED.get(name, (None, False))
     if expected is None:
-        is_right = kind not in (Kind.REFERENCES, Kind.BACK_REFERENCES) or (
-            kind is Kind.BACK_REFERENCES and name == _BACK_REFERENCES
+        is_right = kind not in (ValueKind.REFERENCES, ValueKind.BACK_REFERENCES) or (
+            kind is ValueKind.BACK_REFERENCES and name == _BACK_REFERENCES
         )
     else:
         is_right = kind is expected and attribute.size == (rank if along_dimensions else 1)
     if not is_right:
         raise RefusedContentError(f"its attribute {name} has another type or number of values")
-    if kind is Kind.TEXT:
+    if kind is ValueKind.TEXT:
         heap.count_texts(attribute.address, attribute.size)

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from uqpen.archive.hdf5.content import RefusedContentError
 
-__all__ = ["Datatype", "Kind", "read_datatype", "read_extent"]
+__all__ = ["Datatype", "ValueKind", "read_datatype", "read_extent"]
 
 
-class Kind(Enum):
+class ValueKind(Enum):
     """What the values of a type are."""
 
     INTEGER = "integer"
@@ -25,7 +25,7 @@ class Kind(Enum):
 class Datatype(NamedTuple):
     """A kind, and the bytes of one value."""
 
-    kind: Kind
+    kind: ValueKind
     size: int
 
 
@@ -64,19 +64,19 @@ def read_datatype(message: bytes) -> Datatype:
     if family == _INTEGER:
         precision = int.from_bytes(message[8:12], "little")
         if size in _WIDTHS and precision == size << 19 and not message[1] & 0xF6:
-            return Datatype(Kind.INTEGER, size)
+            return Datatype(ValueKind.INTEGER, size)
         raise RefusedContentError(f"has the type of an integer of {size} bytes")
     if family == _REAL:
         bits = (message[1] & 0xFE, message[2], message[3])
         if message[8:20] == _IEEE.get(size) and bits == (_IMPLIED_BIT, _SIGN[size], 0):
-            return Datatype(Kind.REAL, size)
+            return Datatype(ValueKind.REAL, size)
         raise RefusedContentError(f"has the type float{8 * size}")
     if family == _STRING and size:
-        return Datatype(Kind.CHARACTERS, size)
+        return Datatype(ValueKind.CHARACTERS, size)
     if family == _VARIABLE_LENGTH and size == 16:
         return _variable_length(message)
     if family == _COMPOUND and size == 16:
-        return Datatype(Kind.BACK_REFERENCES, size)
+        return Datatype(ValueKind.BACK_REFERENCES, size)
     raise RefusedContentError(f"has a type that is {_OTHERS.get(family, 'unknown')}")
 
 
@@ -85,9 +85,9 @@ def _variable_length(message: bytes) -> Datatype:
     base_family, base_size = base[0] & 0x0F, int.from_bytes(base[4:8], "little")
     # NetCDF describes the characters of a text as integers of one byte, others as strings.
     if is_text and base_family in (_INTEGER, _STRING) and base_size == 1:
-        return Datatype(Kind.TEXT, 16)
+        return Datatype(ValueKind.TEXT, 16)
     if not is_text and base_family == _REFERENCE and base_size == 8 and not base[1] & 0x0F:
-        return Datatype(Kind.REFERENCES, 16)
+        return Datatype(ValueKind.REFERENCES, 16)
     raise RefusedContentError("has a type that is a list")
 
 

@@ -1,4 +1,4 @@
-"""Links and attributes of which an object has many: a fractal heap and the B-trees into it."""
+"""Many links or attributes of one object: a fractal heap, and the B-trees into it."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from uqpen.archive.hdf5.indexes import heap_objects
 from uqpen.archive.hdf5.links import read_link
 from uqpen.archive.hdf5.object_header import Message, MessageKind, read_messages
 from uqpen.archive.hdf5.superblock import SIGNATURE, root_address
-from uqpen.archive.hdf5.variables import VARIABLE_MESSAGES, Variable, read_variable
+from uqpen.archive.hdf5.variables import VARIABLE_MESSAGES, StoredVariable, read_variable
 
 __all__ = ["find_refusal"]
 
@@ -26,6 +26,7 @@ _MOST_GROUPS = 10_000
 # outputs in a group of runs.
 _MOST_VARIABLES = 100_000
 _MOST_IN_GROUP = 2_500
+# Outputs of a source, inputs and outputs of runs.
 _MOST_LINKS = 10_000
 # It writes at most 30 attributes of an object.
 _MOST_ATTRIBUTES = 300
@@ -161,7 +162,7 @@ class _Inspection:
                         seen.add(place)
                         yield place
 
-    def _use(self, variable: Variable, path: str) -> None:
+    def _use(self, variable: StoredVariable, path: str) -> None:
         """Count the memory that the values of a variable take."""
         self.memory += variable.memory
         if variable.texts_at != UNDEFINED:

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from uqpen.archive.hdf5.content import UNDEFINED, Content, RefusedContentError, uint
-from uqpen.archive.hdf5.datatypes import Kind, read_datatype, read_extent
+from uqpen.archive.hdf5.datatypes import ValueKind, read_datatype, read_extent
 from uqpen.archive.hdf5.object_header import Message, MessageKind
 
-__all__ = ["VARIABLE_MESSAGES", "Variable", "read_variable"]
+__all__ = ["VARIABLE_MESSAGES", "StoredVariable", "read_variable"]
 
 # What every variable has, and once.
 VARIABLE_MESSAGES = frozenset({MessageKind.DATASPACE, MessageKind.DATATYPE, MessageKind.LAYOUT})
@@ -21,7 +21,7 @@ _LAYOUT_VERSIONS = (3, 4)
 _FILTERS = (1, 2, 3)
 
 
-class Variable(NamedTuple):
+class StoredVariable(NamedTuple):
     """Sizes of a variable's dimensions, its bytes in memory, and the address of its texts.
 
     The address is undefined where it has none. The bytes do not include those of texts.
@@ -32,7 +32,7 @@ class Variable(NamedTuple):
     texts_at: int
 
 
-def read_variable(content: Content, messages: Iterable[Message], path: str) -> Variable:
+def read_variable(content: Content, messages: Iterable[Message], path: str) -> StoredVariable:
     """Return the variable whose object header has some messages.
 
     Raises
@@ -53,16 +53,16 @@ def read_variable(content: Content, messages: Iterable[Message], path: str) -> V
         space, described = bodies[MessageKind.DATASPACE], bodies[MessageKind.DATATYPE]
         extent = read_extent(content[space.start : space.end])
         datatype = read_datatype(content[described.start : described.end])
-        if extent is None or datatype.kind in (Kind.REFERENCES, Kind.BACK_REFERENCES):
+        if extent is None or datatype.kind in (ValueKind.REFERENCES, ValueKind.BACK_REFERENCES):
             raise RefusedContentError("has no values, or none that can be read")
         size = math.prod(extent) * datatype.size
         address, chunk = _stored(content, bodies[MessageKind.LAYOUT].start, size)
-        is_text = datatype.kind is Kind.TEXT and size > 0
+        is_text = datatype.kind is ValueKind.TEXT and size > 0
         if is_text and chunk:
             raise RefusedContentError("has texts in chunks")
     except RefusedContentError as error:
         raise RefusedContentError(f"its variable {path} {error}") from None
-    return Variable(extent, size + chunk, address if is_text else UNDEFINED)
+    return StoredVariable(extent, size + chunk, address if is_text else UNDEFINED)
 
 
 def _stored(content: Content, at: int, size: int) -> tuple[int, int]:
