@@ -33,7 +33,10 @@ TESTS = Path(__file__).parents[1] / "tests" / "fuzz"
 sys.path.insert(0, str(TESTS))
 
 # The bare ones lack the checksum of their bytes, so that the HDF5 library meets the damage.
-KINDS = ("study-values", "study-bytes", "archive-parts", "archive-bytes", "archive-bare")
+KINDS = (
+    *("study-values", "study-bytes"),
+    *("archive-parts", "archive-hashed", "archive-bytes", "archive-bare"),
+)
 # A file that takes longer has stopped the program; one that takes more memory would.
 MOST_SECONDS = 60
 MOST_MEMORY = 6 * 2**30
@@ -185,7 +188,7 @@ def archive_attempts(kind: str, folder: Path) -> Callable[[Random], str]:
     file = folder / "mutant.nc"
 
     def damage(path: Path, random: Random) -> str:
-        if kind != "archive-parts":
+        if kind in ("archive-bytes", "archive-bare"):
             data = contents[path]
             bare = data[: data.rindex(b"\nuqpen sha256")]
             data = archive_files.with_bytes_damaged(
@@ -195,6 +198,8 @@ def archive_attempts(kind: str, folder: Path) -> Callable[[Random], str]:
         else:
             file.write_bytes(contents[path])
             archive_files.with_parts_changed(file, random)
+            if kind == "archive-hashed":
+                archive_files.hashed_anew(file)
         return ""
 
     def attempt(random: Random) -> str:

@@ -208,6 +208,16 @@ class TestShow:
             dataset.title = "\x1b]0;taken\x07"
         assert "\x1b" not in uqpen("show", "archives/small.nc").out
 
+    def test_a_title_in_json_cannot_either(self, uqpen: Command) -> None:
+        """JSON escapes the first 32 characters of itself; the others stood as they were."""
+        title = "\x9b31m \u202e\u2066 \U000e0041 é °"
+        uqpen("study", "small.toml")
+        with netCDF4.Dataset("archives/small.nc", "a") as dataset:
+            dataset.title = title
+        written = uqpen("show", "archives/small.nc", "--json").out
+        assert json.loads(written)["title"] == title
+        assert r'"\u009b31m \u202e\u2066 \udb40\udc41 é °"' in written
+
     def test_a_file_that_is_no_archive_leaves_with_2(self, uqpen: Command) -> None:
         done = uqpen("show", "small.toml")
         assert done.code == 2

@@ -14,10 +14,18 @@ import numpy as np
 
 import uqpen
 from uqpen.archive.provenance import SCHEMA
+from uqpen.archive.read import read_as_written
 from uqpen.benchmark.compare import compare
 from uqpen.benchmark.settings import BenchmarkSettings
+from uqpen.core.errors import ArchiveError
 
-__all__ = ["foreign_files", "make_archives", "with_bytes_damaged", "with_parts_changed"]
+__all__ = [
+    "foreign_files",
+    "hashed_anew",
+    "make_archives",
+    "with_bytes_damaged",
+    "with_parts_changed",
+]
 
 _INPUTS = """
 [inputs]
@@ -177,7 +185,22 @@ _TEXTS = (
         "y\ny",
     ),
 )
-_NUMBERS = (0, 1, -1, 2, 99, 2**31 - 1, -(2**31), 2**62, 0.5, math.nan, math.inf, -1e308, 5e-324)
+_NUMBERS = (
+    0,
+    1,
+    -1,
+    2,
+    99,
+    2**31 - 1,
+    -(2**31),
+    2**62,
+    0.5,
+    math.nan,
+    math.inf,
+    -1e308,
+    1.7e308,
+    5e-324,
+)
 _NAMES = (
     *(
         "x",
@@ -228,6 +251,12 @@ def with_parts_changed(path: Path, random: Random) -> None:
         for _ in range(random.choice((1, 1, 2, 4))):
             groups = list(_groups(root))
             random.choice(_CHANGES)(random.choice([root, *groups, *groups]), random)
+
+
+def hashed_anew(path: Path) -> None:
+    """Give a changed archive right hashes and a right checksum, as a malicious hand might."""
+    with contextlib.suppress(ArchiveError):
+        uqpen.write(read_as_written(path), path)
 
 
 def _groups(group: Any) -> Iterator[Any]:

@@ -29,6 +29,7 @@ ARCHIVE_COMMANDS = (
     "show {file}",
     "show --all {file}",
     "show --json {file}",
+    "report {file} -o page.html",
     "figure {file} --list",
     "figure {file} cdf histogram methods -o figure.png",
     "verify {file}",

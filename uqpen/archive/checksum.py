@@ -3,6 +3,8 @@
 The HDF5 library trusts the metadata of a file: of a few hundred archives with a damaged byte, one
 kept it busy forever. It ignores bytes behind the end that the metadata state, and removes them when
 it changes a file. So an archive that other software has edited has no checksum, and is opened.
+
+It proves nothing about who wrote a file: `uqpen.archive.hdf5` looks for what uqpen does not write.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from uqpen.archive.checksum import is_broken
+from uqpen.archive.hdf5.inspection import find_refusal
 from uqpen.archive.migrations import migrate
 from uqpen.archive.netcdf import read_groups
 from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE
@@ -102,12 +103,19 @@ def _opened(path: Path) -> Iterator[netCDF4.Dataset]:
     """Open a file whose bytes are those that were written."""
     import netCDF4
 
-    if is_broken(path):
-        raise ArchiveError(f"{path}: is damaged: its bytes are not those that were written")
     try:
+        if not path.is_file() and path.exists():
+            raise _no_archive(path)  # reading a pipe may take forever
+        if is_broken(path):
+            raise ArchiveError(f"{path}: is damaged: its bytes are not those that were written")
+        # With a right checksum as well: anyone can write one behind bytes of theirs.
+        if refusal := find_refusal(path):
+            raise ArchiveError(f"{_no_archive(path)}: {refusal}")
         root = netCDF4.Dataset(path)
     except FileNotFoundError:
         raise ArchiveError(f"{path}: there is no such file") from None
+    except ArchiveError:
+        raise
     except _LIBRARY_ERRORS:
         raise _no_archive(path) from None
     try:

@@ -18,6 +18,7 @@ from uqpen.archive.layout import (
     find_statistics_faults,
     has_kind,
 )
+from uqpen.archive.requirements import find_level_faults, find_model_faults
 from uqpen.archive.tree import model_trees
 from uqpen.core.catalogue import FAILURE_STATISTICS
 from uqpen.core.labels import (
@@ -65,6 +66,7 @@ def find_faults(tree: xr.DataTree) -> Iterator[str]:
     else:
         yield f'of kind "{kind}", which this uqpen does not know'
     yield from _estimate_faults(tree)
+    yield from find_level_faults(tree)
     yield from find_file_faults(tree.children)
 
 
@@ -119,6 +121,7 @@ def _model_faults(tree: xr.DataTree) -> Iterator[str]:
             yield f"/{FAILURES_GROUP}/{name}: {fault}"
     for name, surrogate in _children(tree, SURROGATES):
         yield from (f"/{SURROGATES}/{name}: {fault}" for fault in _surrogate_faults(surrogate))
+    yield from find_model_faults(tree)
 
 
 def _children(tree: xr.DataTree, group: str) -> list[tuple[str, xr.DataTree]]:
@@ -150,8 +153,8 @@ def _estimate_faults(tree: xr.DataTree) -> Iterator[str]:
     """Yield a fault for each estimate that does not say how its interval was made."""
     for node in tree.subtree:
         dataset = node.to_dataset(inherit=False)
-        for name, variable in dataset.data_vars.items():
-            if BOUND in variable.dims and not has_interval_texts(dataset, str(name)):
+        for name in dataset.data_vars:
+            if BOUND in dataset.variables[name].dims and not has_interval_texts(dataset, str(name)):
                 yield f"{node.path}/{name}: does not say how its interval was made"
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import codecs
+import json
 
-__all__ = ["SPELLED_OUT", "printable"]
+__all__ = ["SPELLED_OUT", "printable", "printable_json"]
 
 # The name of an error handler for streams: a character that the encoding lacks becomes others.
 SPELLED_OUT = "uqpen.spelled_out"
@@ -25,11 +26,23 @@ _SPELLED_OUT = {
 def printable(text: str) -> str:
     """Spell out the control characters of a text, but for the ends of lines."""
     return "".join(
-        character
-        if character.isprintable() or character in "\n\u202f"
-        else character.encode("unicode_escape").decode("ascii")
+        character if _is_shown(character) else character.encode("unicode_escape").decode("ascii")
         for character in text
     )
+
+
+def printable_json(text: str) -> str:
+    """Write the control characters in the texts of a JSON document as JSON's escapes.
+
+    It says the same as before. JSON itself escapes only the first 32 characters of Unicode.
+    """
+    return "".join(
+        character if _is_shown(character) else json.dumps(character)[1:-1] for character in text
+    )
+
+
+def _is_shown(character: str) -> bool:
+    return character.isprintable() or character in "\n\u202f"
 
 
 def _spell_out_error(error: UnicodeError) -> tuple[str, int]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from uqpen.cli.options import PATH
+from uqpen.cli.printable import printable_json
 
 __all__ = ["show"]
 
@@ -27,7 +28,8 @@ def show(archive: Path, as_text: bool, everything: bool) -> None:
     if as_text:
         function = "benchmark_json:benchmark_json" if is_comparison else "json:archive_json"
         as_json = resolve(f"uqpen.results.{function}")
-        click.echo(json.dumps(as_json(tree), indent=2, ensure_ascii=False, allow_nan=False))
+        text = json.dumps(as_json(tree), indent=2, ensure_ascii=False, allow_nan=False)
+        click.echo(printable_json(text))
         return
     if is_comparison:
         resolve("uqpen.cli.benchmark_screen:show_benchmark")(tree)

@@ -5,18 +5,19 @@ from __future__ import annotations
 import itertools
 import textwrap
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
 from uqpen.archive.read import model_trees
+from uqpen.archive.requirements import find_level_faults, find_model_faults
 from uqpen.core.errors import ArchiveError, FigureError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.figures import FIGURES
 from uqpen.figures.outside_figures import FIGURE, FigureFunction, figure_panels
 from uqpen.figures.panel import LONGEST_ROW, Axes, Panel
-from uqpen.figures.requirements import find_faults
 from uqpen.figures.style import figure_style, require_matplotlib
 from uqpen.results.archive_view import ArchiveView, select_view
 from uqpen.results.texts import plain_text
@@ -121,7 +122,7 @@ def check_archive(tree: xr.DataTree) -> None:
     if tree.attrs.get(KIND) == BENCHMARK:
         raise FigureError("there are no figures of a benchmark of methods")
     for each in model_trees(tree).values():
-        if fault := next(find_faults(each), None):
+        if fault := next(chain(find_model_faults(each), find_level_faults(each)), None):
             raise ArchiveError(f"the archive is damaged: {fault}")
 
 

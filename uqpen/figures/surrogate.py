@@ -70,15 +70,14 @@ def _draw(view: ArchiveView, name: str, design: str, output: str, axes: Axes) ->
 
 def predict(made: xr.DataTree, name: str, runs: xr.Dataset, output: str) -> np.ndarray:
     """Return a surrogate's predictions of runs, in SI; an `ArchiveError` if it is not whole."""
+    model = restore_surrogate(made, name)
     try:
-        model = restore_surrogate(made, name)
-    except (KeyError, TypeError, ValueError) as error:
-        reason = f"{type(error).__name__}: {error}"
-        raise ArchiveError(f"/{SURROGATES}/{name}: is damaged: {reason}") from None
-    inputs = {
-        key: np.broadcast_to(runs[key].values, runs.sizes[RUN]) for key in model.random_inputs
-    }
-    return model.evaluate(inputs).outputs[output]
+        inputs = {
+            key: np.broadcast_to(runs[key].values, runs.sizes[RUN]) for key in model.random_inputs
+        }
+        return model.evaluate(inputs).outputs[output]
+    except KeyError as error:
+        raise ArchiveError(f"/{SURROGATES}/{name}: is damaged: {error} is missing") from None
 
 
 def fit_quality(made: xr.DataTree, output: str) -> str:

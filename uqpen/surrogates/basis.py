@@ -65,8 +65,17 @@ class ProductBasis:
         Terms without polynomials are left out: a distribution on a few values has fewer of them.
         """
         found = multi_indices(len(self.univariate_bases), order, truncation)
-        highest = [basis.highest_degree for basis in self.univariate_bases]
-        return found[(found <= highest).all(axis=1)]
+        return found[(found <= self._highest_degrees).all(axis=1)]
+
+    def has_terms(self, indices: IntArray) -> bool:
+        """Return True if there are polynomials of all degrees, shape (term, input)."""
+        if indices.ndim != 2 or indices.shape[1] != len(self.univariate_bases):
+            return False
+        return bool(((indices >= 0) & (indices <= self._highest_degrees)).all())
+
+    @property
+    def _highest_degrees(self) -> list[int]:
+        return [basis.highest_degree for basis in self.univariate_bases]
 
     def matrix(self, inputs: Arrays, indices: IntArray) -> FloatArray:
         """Compute the values of terms at points, shape (run, term).

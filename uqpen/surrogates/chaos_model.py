@@ -205,13 +205,17 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
             output: Expansion.from_dataset(output, read_group(tree, output))
             for output in str(told["outputs"]).split()
         }
+        basis = ProductBasis(
+            tuple(UnivariateBasis.from_variable(*each) for each in recurrences.items())
+        )
+        for output, expansion in expansions.items():
+            if not basis.has_terms(expansion.indices):
+                raise ValueError(f"terms of {output} that its polynomials do not have")
         return cls(
             name=name,
             inputs=original.inputs if original else tuple(inputs),
             outputs=tuple(expansion.output for expansion in expansions.values()),
-            basis=ProductBasis(
-                tuple(UnivariateBasis.from_variable(*each) for each in recurrences.items())
-            ),
+            basis=basis,
             expansions=expansions,
             reasons=unfitted_outputs(tree),
             fixed={entry: float(variable.values) for entry, variable in fixed.items()},

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import xarray as xr
 
-from uqpen.core.errors import ModelError
+from uqpen.core.errors import ArchiveError, ModelError, UqpenError
+from uqpen.core.labels import SURROGATES as GROUP
 from uqpen.core.lookup import installed_members, load_installed, resolve_name
 from uqpen.core.model import Model
 from uqpen.surrogates import ENTRY_POINTS, SURROGATES
@@ -38,11 +39,20 @@ def restore_surrogate(
     ------
     UnknownNameError
         If there is no such kind.
+    ArchiveError
+        If its group lacks what its kind needs, or contradicts itself.
     ModelError
         If it is a class that only the archive's code defines, and that is not loaded; or if its
         installed package cannot be imported.
     """
-    return (loaded or _known_class(str(tree.attrs["kind"]), name)).restore(tree, name, original)
+    kind = loaded or _known_class(str(tree.attrs["kind"]), name)
+    try:
+        return kind.restore(tree, name, original)
+    except UqpenError:
+        raise
+    except (AttributeError, LookupError, OverflowError, TypeError, ValueError) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise ArchiveError(f"/{GROUP}/{name}: is damaged: {reason}") from None
 
 
 def is_restorable(tree: xr.DataTree) -> bool:

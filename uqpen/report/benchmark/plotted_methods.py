@@ -11,9 +11,9 @@ import xarray as xr
 
 from uqpen.archive.benchmark_structure import find_benchmark_faults
 from uqpen.archive.read import read_group
+from uqpen.archive.requirements import find_level_faults
 from uqpen.core.errors import ArchiveError
 from uqpen.core.labels import BUDGET, METHODS, REPLICATED, SINGLE
-from uqpen.figures.requirements import find_level_faults
 from uqpen.report.blocks import Axis, LegendKey
 from uqpen.report.marks import series_marker
 from uqpen.results.benchmark_entries import (
