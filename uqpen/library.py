@@ -13,7 +13,7 @@ from uqpen.execution import Map, Progress
 from uqpen.execution.processes import processes
 from uqpen.notebook import notebook_progress
 from uqpen.results.archive import Archive
-from uqpen.study.joint_objects import joint_path
+from uqpen.study.joint_objects import joint_paths
 from uqpen.study.object_section import OBJECT
 from uqpen.study.study import ValidatedStudy
 from uqpen.verification.check_result import CheckResult
@@ -146,9 +146,11 @@ def verify(
     ArchiveError
         If it is no archive.
     """
+    inputs = inputs or {}
+    paths = joint_paths(inputs)
     objects: dict[tuple[str | int, ...], object] = {
-        joint_path(name) if isinstance(name, tuple) else ("inputs", name, OBJECT): distribution
-        for name, distribution in (inputs or {}).items()
+        paths[name] if isinstance(name, tuple) else ("inputs", name, OBJECT): distribution
+        for name, distribution in inputs.items()
     }
     objects |= {("surrogates", name): surrogate for name, surrogate in (surrogates or {}).items()}
     if isinstance(model, Mapping):

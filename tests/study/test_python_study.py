@@ -401,3 +401,62 @@ def test_everything_public_is_listed_and_documented() -> None:
     assert set(dir(uqpen)) == {*uqpen.__all__, "__version__"}
     for name in uqpen.__all__:
         assert getattr(uqpen, name).__doc__, name
+
+
+_REST: dict[str, Any] = {
+    "seed": 1,
+    "outputs": {"y": "1"},
+    "designs": {"draws": uqpen.MonteCarlo(runs=10)},
+}
+
+
+def test_names_of_joint_inputs_that_join_to_one_text_are_kept_apart() -> None:
+    joint = chaospy.MvNormal([0, 0], [[1, 0.5], [0.5, 1]])
+    study = uqpen.Study(
+        model=lambda a_b, c, a, b_c: {"y": a_b + c + a + b_c},
+        inputs={("a_b", "c"): joint, ("a", "b_c"): joint},
+        **_REST,
+    )
+    assert [group.inputs for group in study.joint.groups] == [("a_b", "c"), ("a", "b_c")]
+
+
+def test_one_input_may_stand_in_a_tuple() -> None:
+    study = uqpen.Study(model=lambda a: {"y": a}, inputs={("a",): chaospy.Normal(1, 2)}, **_REST)
+    assert study.joint.inputs[0].distribution.ppf(np.array([0.5]))[0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("names", "value", "found"),
+    [
+        (("a", "b"), chaospy.Normal(0, 1), "one of dimension 1"),
+        (("a", "b"), uqpen.Normal(mean=0, std=1), "an object of class Normal"),
+        ((), chaospy.Normal(0, 1), "no names of inputs"),
+    ],
+)
+def test_a_tuple_that_its_distribution_does_not_fit_is_refused(
+    names: tuple[str, ...], value: object, found: str
+) -> None:
+    with pytest.raises(uqpen.StudyError) as caught:
+        uqpen.Study(model=lambda a, b: {"y": a + b}, inputs={names: value}, **_REST)
+    problem = caught.value.problems[0]
+    assert problem.path == ("inputs", str(names))
+    assert problem.found == found
+
+
+def test_a_data_frame_is_a_sample_of_inputs() -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame({"a [mm]": [1.0, 2.0, 3.0], "b [s]": [1.0, 2.0, 4.0]})
+    study = uqpen.Study(
+        model=lambda a, b: {"y": a / b}, joint={"posterior": {"sample": frame}}, **_REST
+    )
+    assert [(each.variable.name, each.variable.unit) for each in study.joint.inputs] == [
+        ("a", "m"),
+        ("b", "s"),
+    ]
+
+
+def test_the_representation_of_a_study_is_one_line() -> None:
+    study = uqpen.Study(
+        model=lambda a: {"y": a}, inputs={"a": uqpen.Normal(mean=0, std=1)}, title="A", **_REST
+    )
+    assert repr(study) == "<uqpen.Study 'A': lambda; designs draws>"

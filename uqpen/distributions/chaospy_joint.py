@@ -16,6 +16,7 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.units import scale
+from uqpen.distributions.frozen import is_chaospy
 from uqpen.distributions.input_group import InputGroup
 
 __all__ = ["ChaospyJoint", "chaospy_joint", "declare_joint", "is_joint"]
@@ -104,8 +105,7 @@ def chaospy_joint(
 
 def is_joint(value: object) -> bool:
     """Check for a distribution of chaospy of more than one dimension."""
-    is_chaospy = type(value).__module__.partition(".")[0] == "chaospy" and hasattr(value, "inv")
-    return is_chaospy and len(value) > 1  # type: ignore[arg-type]
+    return is_chaospy(value) and len(value) > 1  # type: ignore[arg-type]
 
 
 def declare_joint(joint: Any) -> dict[str, Any] | None:

@@ -23,6 +23,7 @@ __all__ = [
     "declare",
     "frozen_distribution",
     "frozen_names",
+    "is_chaospy",
 ]
 
 
@@ -150,8 +151,12 @@ def frozen_names(library: str) -> list[str]:
 def as_frozen(value: object) -> FrozenDistribution | None:
     """Return a distribution of SciPy or chaospy with values without a unit; None for others."""
     is_scipy = hasattr(value, "dist") and hasattr(value, "kwds")
-    is_chaospy = type(value).__module__.partition(".")[0] == "chaospy" and hasattr(value, "inv")
-    return FrozenDistribution(value) if is_scipy or is_chaospy else None
+    return FrozenDistribution(value) if is_scipy or is_chaospy(value) else None
+
+
+def is_chaospy(value: object) -> bool:
+    """Check for a distribution of chaospy, of any dimension."""
+    return type(value).__module__.partition(".")[0] == "chaospy" and hasattr(value, "inv")
 
 
 def declare(frozen: Any) -> tuple[str, dict[str, Any]] | None:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import itertools
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from uqpen.core.columns import heading_parts
-from uqpen.core.errors import TableError
+from uqpen.core.errors import Problem, TableError
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.distributions.chaospy_joint import declare_joint, is_joint
+from uqpen.distributions.frozen import is_chaospy
 from uqpen.study.object_section import OBJECT
 
-__all__ = ["joint_path", "joint_units", "with_joint_tables"]
+__all__ = ["find_tuple_faults", "joint_paths", "joint_units", "with_joint_tables"]
 
 
 def with_joint_tables(arguments: Mapping[str, Any]) -> dict[str, Any]:
@@ -25,23 +27,62 @@ def with_joint_tables(arguments: Mapping[str, Any]) -> dict[str, Any]:
         return dict(arguments)
     single = {name: value for name, value in inputs.items() if not isinstance(name, tuple)}
     tables = {name: _table(value) for name, value in (joint or {}).items()}
+    paths = joint_paths(inputs, tables)
     for names, value in inputs.items():
-        if not isinstance(names, tuple):
+        if not isinstance(names, tuple) or _tuple_fault(names, value):
             continue
-        margins = list(value) if is_joint(value) and not value.stochastic_dependent else []
+        margins = [value] if len(names) == 1 else list(value)
+        is_independent = len(names) == 1 or not value.stochastic_dependent
         # An input with another entry stays in its table, whose reader refuses it.
         is_new = len({*names} - single.keys()) == len(names)
-        if is_new and len(margins) == len(names) and all(len(each) == 1 for each in margins):
+        if is_new and is_independent and all(len(each) == 1 for each in margins):
             single |= dict(zip(names, margins, strict=True))
         else:
-            tables[joint_path(names)[1]] = _table({"inputs": list(names), "chaospy": value})
+            tables[paths[names][1]] = _table({"inputs": list(names), "chaospy": value})
     found = {**arguments, "inputs": single or None, "joint": tables or None}
     return {name: value for name, value in found.items() if value is not None}
 
 
-def joint_path(names: tuple[Any, ...]) -> tuple[str, str]:
-    """Return the path of the table of the joint distribution of some inputs."""
-    return "joint", "_".join(map(str, names))
+def find_tuple_faults(inputs: object) -> Iterator[Problem]:
+    """Yield the problems of the entries of inputs under a tuple of names."""
+    for names, value in inputs.items() if isinstance(inputs, Mapping) else ():
+        if isinstance(names, tuple) and (fault := _tuple_fault(names, value)):
+            yield Problem(("inputs", str(names)), *fault)
+
+
+def _tuple_fault(names: tuple[Any, ...], value: object) -> tuple[str, str] | None:
+    """Return what is wrong with an entry, and what is expected; None where nothing is."""
+    expected = f"a distribution of chaospy of dimension {len(names)}"
+    if not names:
+        return "no names of inputs", "a tuple of the inputs of a joint distribution"
+    if not is_chaospy(value):
+        return f"an object of class {type(value).__name__}", expected
+    dimension = len(value)  # type: ignore[arg-type]
+    return None if dimension == len(names) else (f"one of dimension {dimension}", expected)
+
+
+def joint_paths(
+    inputs: Iterable[Any], taken: Collection[str] = ()
+) -> dict[tuple[Any, ...], tuple[str, str]]:
+    """Return the path of the table of each joint distribution, by the tuple of its inputs.
+
+    Parameters
+    ----------
+    inputs : iterable
+        Names of inputs, and tuples of them.
+    taken : collection of str
+        Names of other tables.
+    """
+    paths: dict[tuple[Any, ...], tuple[str, str]] = {}
+    for names in inputs:
+        if isinstance(names, tuple):
+            used = {*taken, *(path[1] for path in paths.values())}
+            joined = "_".join(map(str, names))
+            # ("a_b", "c") and ("a", "b_c") are two.
+            numbered = (f"{joined}_{number}" for number in itertools.count(2))
+            name = next(each for each in itertools.chain([joined], numbered) if each not in used)
+            paths[names] = ("joint", name)
+    return paths
 
 
 def _table(value: Any) -> Any:
@@ -64,7 +105,10 @@ def joint_units(joint: Any) -> Iterator[tuple[str, str]]:
         units = [*map(str, table.get("units", ()))]
         units += [DIMENSIONLESS] * (len(names) - len(units))
         yield from zip(map(str, names), units, strict=False)
-        for heading in sample if isinstance(sample, Mapping) else ():
+        # Both a dict of columns and a DataFrame are iterables of headings.
+        for heading in (
+            sample if isinstance(sample, Iterable) and not isinstance(sample, str) else ()
+        ):
             try:
                 name, unit = heading_parts(str(heading), "the table")
             except TableError:

@@ -31,7 +31,7 @@ from uqpen.models import MODELS
 from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
 from uqpen.study.frozen_section import SETTINGS
-from uqpen.study.joint_objects import joint_units, with_joint_tables
+from uqpen.study.joint_objects import find_tuple_faults, joint_units, with_joint_tables
 from uqpen.study.model_variables import find_variable_faults
 from uqpen.study.object_section import OBJECT
 from uqpen.study.outside_members import DESIGN, DISTRIBUTION, MODEL, SURROGATE, class_reference
@@ -62,6 +62,7 @@ class StudyContent:
         self.objects: dict[tuple[str | int, ...], Any] = {}
         self.problems: list[Problem] = []
         given = {name: value for name, value in arguments.items() if value is not None}
+        self.problems += find_tuple_faults(given.get("inputs"))
         given = with_joint_tables(given)
         model = given.get("model")
         if callable(model) and not isinstance(model, PythonModel):
@@ -75,10 +76,7 @@ class StudyContent:
 
     def _value(self, value: Any, path: tuple[str | int, ...]) -> Any:
         """Return a value of TOML; note a problem and return an empty text where there is none."""
-        if isinstance(value, np.generic):
-            value = value.item()
-        if isinstance(value, np.ndarray):
-            value = value.tolist()
+        value = _as_builtin(value)
         if isinstance(value, str | bool | int | float):
             return value
         if isinstance(value, Path):
@@ -140,6 +138,17 @@ class StudyContent:
             for name, value in outputs.items():
                 if isinstance(value, str):
                     outputs[name] = {"unit": value}
+
+
+def _as_builtin(value: Any) -> Any:
+    """Return a value of NumPy or pandas as one of Python; others as they are."""
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if type(value).__module__.partition(".")[0] == "pandas" and hasattr(value, "ndim"):
+        return value.to_dict("list") if value.ndim > 1 else value.tolist()
+    return value
 
 
 def _declaration(value: object, folder: Path) -> dict[str, Any] | None:

@@ -139,6 +139,10 @@ class Study(ValidatedStudy):
         """
         return self.text
 
+    def __repr__(self) -> str:
+        designs = ", ".join(self.designs)
+        return f"<uqpen.Study {self.title!r}: {self.model.name}; designs {designs}>"
+
     def _repr_html_(self) -> str:
         return study_html(self)
 
