@@ -16,9 +16,13 @@ from uqpen.core.errors import TooManyFailedError, UqpenError
 from uqpen.core.interrupts import record_interrupts
 from uqpen.core.lookup import resolve
 
-__all__ = ["main", "uqpen"]
+__all__ = ["COMPLETION", "main", "uqpen"]
 
-_NAMES = "study check show report figure compare verify diff rerun models run serve"
+_NAMES = (
+    "study check show export report figure compare verify diff rerun models run serve completion"
+)
+# The environment variable by which a shell asks for completions.
+COMPLETION = "_UQPEN_COMPLETE"
 COMMANDS = {name: f"uqpen.cli.{name}:{name}" for name in _NAMES.split()}
 
 
@@ -51,6 +55,8 @@ def main() -> None:
         # A terminal that lacks a character gets something like it, not a traceback.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors=SPELLED_OUT)
+    if COMPLETION in os.environ:
+        uqpen.main(prog_name="uqpen")  # it answers the shell, and leaves
     try:
         code = _run(sys.argv[1:])
         sys.stdout.flush()

@@ -15,6 +15,7 @@
     ├── ClusterError (RuntimeError)      a cluster that cannot be reached, or is no more
     ├── TooManyFailedError (RuntimeError)  more runs failed than a study allows
     ├── FigureError (ValueError)         a figure that cannot be drawn or written
+    ├── ExportError (ValueError)         a table that cannot be written in a format
     ├── ReportError (ValueError)         a report that cannot be written
     ├── CheckpointError (ValueError)     checkpointed runs that a study would not make
     └── ArchiveError (OSError)           a file that cannot be written, or is not an archive
@@ -34,6 +35,7 @@ __all__ = [
     "CheckpointError",
     "ClusterError",
     "ConstraintError",
+    "ExportError",
     "FigureError",
     "ModelError",
     "Problem",
@@ -153,6 +155,10 @@ class TooManyFailedError(UqpenError, RuntimeError):
 
 class FigureError(UqpenError, ValueError):
     """A figure that cannot be drawn from an archive, or cannot be written."""
+
+
+class ExportError(UqpenError, ValueError):
+    """A table that cannot be written in a format."""
 
 
 class ReportError(UqpenError, ValueError):

@@ -10,6 +10,7 @@ import xarray as xr
 from uqpen.archive.read import open_archive as open_tree
 from uqpen.results.html import archive_html
 from uqpen.results.long_table import long_table
+from uqpen.results.runs_table import runs_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,6 +52,22 @@ class Archive(xr.DataTree):  # type: ignore[no-untyped-call]
             then the estimate, the ends of its interval, and the note on it.
         """
         return long_table(self, functions=functions)
+
+    def runs_to_frame(self, *, si: bool = False) -> pd.DataFrame:
+        """Return all runs as one table, a row for each.
+
+        Parameters
+        ----------
+        si : bool
+            True for SI units; else values are in the units of the study.
+
+        Returns
+        -------
+        DataFrame
+            Its columns are the design, the number of the run, the inputs and the outputs under
+            headings ``name [unit]``, the status, and the reason of a failure.
+        """
+        return runs_table(self, si=si)
 
     def _repr_html_(self) -> str:
         return archive_html(self)

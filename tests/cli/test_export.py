@@ -1,0 +1,91 @@
+"""``uqpen export`` and ``uqpen completion`` as their user meets them."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+import uqpen
+from uqpen.cli.export import export
+
+STUDY = """
+    seed = 1
+    [model]
+    use = "ishigami"
+    [inputs]
+    x1 = { uniform = { lower = -3, upper = 3 } }
+    x2 = 1
+    x3 = 1
+    [designs.draws]
+    kind = "monte-carlo"
+    runs = 20
+"""
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("export") / "small.nc"
+    uqpen.make_archive(uqpen.parse_study(STUDY), path)
+    return path
+
+
+def _export(*arguments: object) -> Any:
+    return CliRunner().invoke(export, [*map(str, arguments)])
+
+
+def test_the_statistics_go_to_standard_output_as_csv(archive: Path) -> None:
+    done = _export(archive)
+    heading, first, *_ = done.stdout.splitlines()
+    assert heading.startswith("model,source,kind,output,statistic")
+    assert first.startswith(",draws,design,y,mean")
+
+
+def test_runs_are_written_to_a_file_in_the_format_of_its_ending(
+    archive: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "runs.json"
+    done = _export(archive, "--runs", "-o", path)
+    assert done.output == f"20 rows: {path}\n"
+    assert [*json.loads(path.read_text())[0]] == [
+        *("design", "run", "x1", "x2", "x3", "y", "status", "reason")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["-o", "runs.xls"], "runs.xls: unknown ending; name --csv, --parquet or --json"),
+        (["--parquet"], "--parquet needs -o FILE"),
+        (["--si"], "--si is for --runs; estimates are in SI units"),
+        (["--runs", "--functions"], "--functions is for --statistics"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(
+    archive: Path, arguments: list[str], message: str
+) -> None:
+    done = _export(archive, *arguments)
+    assert done.exit_code == 2
+    assert message in done.output
+
+
+@pytest.mark.slow
+def test_a_shell_is_answered(command_line: Callable[..., Any]) -> None:
+    script = command_line("completion", "bash").out
+    assert "_UQPEN_COMPLETE=bash_complete" in script
+    asked = {"_UQPEN_COMPLETE": "bash_complete", "COMP_WORDS": "uqpen exp", "COMP_CWORD": "1"}
+    done = subprocess.run(
+        [sys.executable, "-m", "uqpen"],
+        env={**os.environ, **asked},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "plain,export\n"

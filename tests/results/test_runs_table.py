@@ -1,0 +1,130 @@
+"""All runs of an archive in one table, and the files of it that other programs read."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import uqpen
+from uqpen.core.columns import read_columns
+from uqpen.core.errors import ExportError
+from uqpen.results.export import table_bytes
+from uqpen.results.runs_table import runs_table
+
+
+def _model(length: float, width: float) -> dict[str, object]:
+    if width > 0.31:
+        raise ValueError("it is too wide")
+    return {"area": length * width, "course": length * np.array([1.0, 2.0])}
+
+
+@pytest.fixture(scope="module")
+def archive() -> uqpen.Archive:
+    study = uqpen.Study(
+        seed=1,
+        model=uqpen.PythonModel(
+            _model,
+            inputs={"length": "m", "width": "m"},
+            outputs={
+                "area": "m2",
+                "course": uqpen.OutputSpec(
+                    "m", along={"time": {"unit": "s", "values": [0.5, 2.0]}}
+                ),
+            },
+        ),
+        inputs={"length": uqpen.Uniform(lower="10 cm", upper="90 cm"), "width": "(30 ± 1) cm"},
+        outputs={"area": {"unit": "cm2"}, "course": {"unit": "mm"}},
+        designs={
+            "draws": uqpen.MonteCarlo(runs=30),
+            "strata": uqpen.LatinHypercube(runs=20, replicates=2),
+        },
+    )
+    return uqpen.run(study)
+
+
+def test_a_row_has_a_run_in_the_units_of_the_study(archive: uqpen.Archive) -> None:
+    table = archive.runs_to_frame()
+    assert [*table] == [
+        *("design", "run", "replicate", "length [cm]", "width [cm]", "area [cm2]"),
+        *("course at time = 0.5 s [mm]", "course at time = 2 s [mm]", "status", "reason"),
+    ]
+    assert len(table) == 50
+    completed = table[table["status"] == "ok"]
+    product = completed["length [cm]"] * completed["width [cm]"]
+    np.testing.assert_allclose(completed["area [cm2]"], product, rtol=1e-12)
+    course = completed["course at time = 2 s [mm]"]
+    np.testing.assert_allclose(course, 20 * completed["length [cm]"], rtol=1e-12)
+
+
+def test_a_failed_run_has_its_reason_and_no_outputs(archive: uqpen.Archive) -> None:
+    table = runs_table(archive)
+    failed = table[table["width [cm]"] > 31]
+    assert 0 < len(failed) < 25
+    assert set(failed["status"]) == {"failed"}
+    assert failed["reason"].str.contains("it is too wide").all()
+    assert failed["area [cm2]"].isna().all()
+    assert (table[table["width [cm]"] <= 31]["reason"] == "").all()
+
+
+def test_values_in_si_units_are_those_of_the_archive(archive: uqpen.Archive) -> None:
+    table = runs_table(archive, si=True)
+    draws = table[table["design"] == "draws"]
+    runs = archive["runs/draws"].to_dataset()
+    np.testing.assert_array_equal(draws["area [m2]"], runs["area"])
+    np.testing.assert_array_equal(draws["length [m]"], runs["length"])
+
+
+def test_replicates_stay_whole_numbers_beside_a_design_without(archive: uqpen.Archive) -> None:
+    replicates = runs_table(archive)["replicate"]
+    assert replicates[:30].isna().all()
+    assert [str(each) for each in replicates[30:].unique()] == ["0", "1"]
+
+
+def test_a_csv_file_has_every_digit_and_is_read_back_as_a_table_of_points(
+    archive: uqpen.Archive, tmp_path: Path
+) -> None:
+    table = runs_table(archive)
+    path = tmp_path / "runs.csv"
+    path.write_bytes(table_bytes(table[["length [cm]", "width [cm]"]], "csv"))
+    length, width = read_columns(path).columns
+    assert (length.name, length.unit) == ("length", "cm")
+    np.testing.assert_array_equal(width.load(), table["width [cm]"])
+
+
+def test_json_has_an_object_for_each_row_and_null_for_what_is_missing(
+    archive: uqpen.Archive,
+) -> None:
+    table = runs_table(archive)
+    rows = json.loads(table_bytes(table, "json"))
+    assert len(rows) == len(table)
+    failed = [row for row in rows if row["status"] == "failed"]
+    assert all(row["area [cm2]"] is None for row in failed)
+    assert rows[0]["replicate"] is None
+    assert rows[40]["replicate"] == 1
+    assert rows[0]["length [cm]"] == table["length [cm]"][0]
+
+
+@pytest.mark.parametrize("kind", ["csv", "json"])
+def test_statistics_are_written_in_plain_formats(archive: uqpen.Archive, kind: str) -> None:
+    table = archive.to_frame()
+    content = io.BytesIO(table_bytes(table, kind))
+    read = pd.read_csv(content, keep_default_na=False) if kind == "csv" else pd.read_json(content)
+    assert [*read] == [*table]
+    assert len(read) == len(table)
+
+
+def test_parquet_is_written_or_names_the_package_that_it_needs(archive: uqpen.Archive) -> None:
+    table = archive.to_frame()
+    if importlib.util.find_spec("pyarrow") is None:
+        with pytest.raises(ExportError, match="Parquet needs pyarrow: pip install pyarrow"):
+            table_bytes(table, "parquet")
+    else:
+        pd.testing.assert_frame_equal(
+            pd.read_parquet(io.BytesIO(table_bytes(table, "parquet"))), table
+        )

@@ -1,0 +1,64 @@
+"""``uqpen export``: the runs or the statistics of an archive as a table for other programs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from uqpen.cli.options import PATH
+
+__all__ = ["export"]
+
+
+@click.command(short_help="Write the runs or statistics of an archive as CSV, Parquet or JSON.")
+@click.argument("archive", type=PATH)
+@click.option("--statistics", "what", flag_value="statistics", default=True, help="Every estimate.")
+@click.option("--runs", "what", flag_value="runs", help="Every run.")
+@click.option("--csv", "kind", flag_value="csv", help="Comma-separated values.  [default]")
+@click.option("--parquet", "kind", flag_value="parquet", help="Parquet; needs -o and pyarrow.")
+@click.option("--json", "kind", flag_value="json", help="A list with an object for each row.")
+@click.option("--si", is_flag=True, help="Runs in SI units, to the bit as in ARCHIVE.")
+@click.option("--functions", is_flag=True, help="Distribution functions among the statistics.")
+@click.option("-o", "file", type=PATH, help="The file to write; its ending names the format.")
+def export(
+    archive: Path, what: str, kind: str | None, si: bool, functions: bool, file: Path | None
+) -> None:
+    """Write the statistics of ARCHIVE, or its runs, as one table; nothing is run.
+
+    Columns of runs are headed "name [unit]" in the units of the study. Estimates are in SI units,
+    with a column for the unit. Without -o, the table goes to standard output.
+    """
+    from uqpen.archive.read import open_archive
+    from uqpen.cli.printable import printable
+    from uqpen.core.errors import ArchiveError
+    from uqpen.core.labels import BENCHMARK, KIND
+    from uqpen.results.export import FORMATS, table_bytes
+    from uqpen.results.long_table import long_table
+    from uqpen.results.runs_table import runs_table
+
+    ending = file.suffix.removeprefix(".").lower() if file else ""
+    kind = kind or (ending if ending in FORMATS else "csv" if not ending else None)
+    if kind is None:
+        raise click.UsageError(f"{file}: unknown ending; name --csv, --parquet or --json")
+    if kind == "parquet" and file is None:
+        raise click.UsageError("--parquet needs -o FILE")
+    if si and what != "runs":
+        raise click.UsageError("--si is for --runs; estimates are in SI units")
+    if functions and what == "runs":
+        raise click.UsageError("--functions is for --statistics")
+    tree = open_archive(archive)
+    if tree.attrs.get(KIND) == BENCHMARK:
+        raise ArchiveError(f"{archive}: is a benchmark of methods; only studies are exported")
+    table = runs_table(tree, si=si) if what == "runs" else long_table(tree, functions=functions)
+    content = table_bytes(table, kind)
+    if file is None:
+        text = content.decode()
+        click.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
+        return
+    try:
+        file.write_bytes(content)
+    except OSError as error:
+        raise ArchiveError(f"{file}: cannot be written: {error.strerror}") from None
+    click.echo(f"{len(table)} rows: {printable(str(file))}")

@@ -1,0 +1,115 @@
+"""All runs of an archive as one table: a row for each run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from uqpen.archive.fields import field_dimensions, place_text
+from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROLE, RUN, RUNS, STATUS
+from uqpen.core.status import STATUS_TEXT, Status
+from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.results.table import label_with_unit
+
+__all__ = ["runs_table"]
+
+
+def runs_table(tree: xr.DataTree, *, si: bool = False) -> pd.DataFrame:
+    """Return the runs of all designs and models of an archive.
+
+    Parameters
+    ----------
+    tree : DataTree
+        An archive of a study.
+    si : bool
+        Whether values are in SI units, as the archive has them to the bit; else in the units of
+        the study.
+
+    Returns
+    -------
+    DataFrame
+        The columns are ``model`` (where there are several), ``design``, ``run``, what the design
+        says of a run (``replicate`` or ``weight``, say), the inputs and the outputs under headings
+        ``name [unit]``, ``status`` and ``reason``. An output with dimensions has a column for each
+        place. Outputs of failed runs are missing values.
+    """
+    models = model_trees(tree)
+    designs = {
+        (name, design): read_group(model, RUNS, design)
+        for name, model in models.items()
+        for design in group_names(model, RUNS)
+    }
+    if not designs:
+        return pd.DataFrame()
+    frames = [
+        _design_table(runs, si=si).assign(model=model, design=design)
+        for (model, design), runs in designs.items()
+    ]
+    table = pd.concat(frames, ignore_index=True)
+    own = [*dict.fromkeys(name for runs in designs.values() for name in _run_coordinates(runs))]
+    # A design without replicates leaves theirs missing; the others' stay whole numbers.
+    table[own] = table[own].convert_dtypes()
+    before = [*(["model"] if len(models) > 1 else []), "design", RUN, *own]
+    behind = ["status", "reason"]
+    between = [name for name in table if name not in {"model", *before, *behind}]
+    return table[[*before, *between, *behind]]
+
+
+def _run_coordinates(runs: xr.Dataset) -> dict[str, np.ndarray]:
+    """Return what a design says of each run, such as its replicate."""
+    return {
+        str(name): coordinate.values
+        for name, coordinate in runs.coords.items()
+        if coordinate.dims == (RUN,) and name != RUN
+    }
+
+
+def _design_table(runs: xr.Dataset, *, si: bool) -> pd.DataFrame:
+    """Return the runs of one design."""
+    size = runs.sizes[RUN]
+    status = runs[STATUS].values
+    columns = {RUN: np.arange(size), **_run_coordinates(runs)}
+    for role in ("input", "output"):
+        for variable in runs.data_vars.values():
+            if variable.attrs.get(ROLE) == role:
+                columns |= dict(_variable_columns(variable, size, status == Status.OK, si=si))
+    reasons = pd.Series([""] * size, dtype=object)
+    if FAILURE_REASON in runs:
+        reasons[runs[FAILED_RUN].values] = runs[FAILURE_REASON].values
+    texts = [STATUS_TEXT[Status(int(each))] for each in status]
+    return pd.DataFrame({**columns, "status": texts, "reason": reasons})
+
+
+def _variable_columns(
+    variable: xr.DataArray, size: int, completed: np.ndarray, *, si: bool
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the columns of an input or an output with their headings."""
+    name = str(variable.name)
+    if "flag_values" in variable.attrs:
+        yield name, _category_labels(variable, completed)
+        return
+    shown = "units" if si else "display_units"
+    unit = str(variable.attrs.get(shown, variable.attrs.get("units", DIMENSIONLESS)))
+    values = np.asarray(variable.values, dtype=np.float64)
+    values = values if si else scale(unit).from_si(values)
+    along = [variable.sizes[dimension] for dimension in field_dimensions(variable)]
+    for place in np.ndindex(*along):
+        heading = label_with_unit(f"{name}{place_text(variable, (0, *place))}", unit)
+        yield heading, np.broadcast_to(values[(..., *place)], size)
+
+
+def _category_labels(variable: xr.DataArray, completed: np.ndarray) -> np.ndarray:
+    """Return the category of each run in words; empty for a failed run."""
+    words = str(variable.attrs.get("flag_meanings", "")).split()
+    labels = np.atleast_1d(variable.attrs.get("flag_labels", words)).tolist()
+    numbers = np.atleast_1d(variable.attrs["flag_values"]).tolist()
+    known = dict(zip(numbers, map(str, labels), strict=True))
+    texts = [
+        known[int(number)] if is_completed else None
+        for number, is_completed in zip(variable.values, completed, strict=True)
+    ]
+    return np.array(texts, dtype=object)
