@@ -20,6 +20,7 @@ from uqpen.core.model import Category, Input, Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
+from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
@@ -79,7 +80,7 @@ def drawn(design: Design, seed: int) -> Sample:
     joint = JointDistribution(
         tuple(RandomInput(each, Uniform(0.0, 1.0), "1") for each in variables), variables
     )
-    runs = next(design.rounds(joint, Stream(seed)))
+    runs = points_in_memory(next(design.rounds(joint, Stream(seed))))
     points = np.column_stack([runs[name].values for name in NAMES])
     everything = np.arange(len(points))
     replicates = runs["replicate"].values if "replicate" in runs.coords else everything * 0

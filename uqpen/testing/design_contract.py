@@ -10,6 +10,7 @@ from uqpen.core.labels import RUN, STATUS, WEIGHT
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
+from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.rounds import run_rounds
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.running_estimates import RunningEstimates
@@ -67,7 +68,9 @@ def _points(design: Design, joint: JointDistribution, stream: Stream) -> list[xr
         design,
         joint,
         stream,
-        lambda points, _: {"": sum_runs(points, joint, EXAMPLE_OUTPUT.output.name)},
+        lambda points, _: {
+            "": sum_runs(points_in_memory(points), joint, EXAMPLE_OUTPUT.output.name)
+        },
         lambda made: RunningEstimates(made, design.sampling, {"": [EXAMPLE_OUTPUT]}),
     )
     return [each[""].drop_vars([STATUS, EXAMPLE_OUTPUT.output.name]) for each in rounds]
