@@ -37,7 +37,10 @@ class DrawnPoints(BlockedDataset):
         return self.runs
 
     def read(self, start: int, stop: int) -> xr.Dataset:
-        return self.draw(start, stop).assign_coords({RUN: np.arange(start, stop)})
+        points = self.draw(start, stop)
+        numbered = points.assign_coords({RUN: np.arange(start, stop)})
+        # xarray would put the new coordinate last, and an archive keeps the order.
+        return numbered[[*dict.fromkeys([*points.variables, RUN])]]
 
     def pipe(self, function: Callable[[xr.Dataset], xr.Dataset]) -> DrawnPoints:
         """Return these points with a function applied to whatever part is drawn."""

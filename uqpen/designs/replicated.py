@@ -5,9 +5,10 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
@@ -59,7 +60,8 @@ class ReplicatedDesign(Design):
                 replicate(number)[max(start - number * each, 0) : stop - number * each]
                 for number in range(start // each, -(-stop // each))
             ]
-            return joint.points(np.concatenate(unit), {REPLICATE: np.arange(start, stop) // each})
+            numbers: npt.NDArray[Any] = np.arange(start, stop) // each
+            return joint.points(np.concatenate(unit), {REPLICATE: numbers})
 
         yield DrawnPoints(each * self.replicates, draw)
 
