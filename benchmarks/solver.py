@@ -102,11 +102,12 @@ def _admissible_points() -> Inputs:
     """The admissible points of the plain study, an array of each of the model's inputs."""
     import uqpen
     from uqpen.core.streams import Stream
+    from uqpen.designs.drawn_points import points_in_memory
     from uqpen.execution import Evaluator
 
     study = uqpen.load_study(Path(__file__).with_name("plain.toml"))
     (design,) = study.designs.values()
-    points = next(design.rounds(study.joint, Stream(study.seed)))
+    points = points_in_memory(next(design.rounds(study.joint, Stream(study.seed))))
     columns = {
         str(name): np.broadcast_to(column.values, points.sizes["run"])
         for name, column in points.data_vars.items()

@@ -13,6 +13,7 @@ from uqpen.benchmark.settings import BUDGETS, BenchmarkSettings
 from uqpen.core.errors import SettingsError
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
+from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
@@ -100,7 +101,7 @@ class TestScaled:
         for replicated in (False, True):
             scaled = design.scaled(LAW, runs, replicated=replicated)
             if scaled is not None:
-                points = next(scaled.rounds(LAW, Stream(1)))
+                points = points_in_memory(next(scaled.rounds(LAW, Stream(1))))
                 assert points.sizes["run"] == scaled.run_count(LAW) == runs
 
     def test_independent_points_have_no_replicates(self) -> None:
@@ -108,7 +109,7 @@ class TestScaled:
 
     def test_a_sequence_cut_short_is_its_beginning(self) -> None:
         whole, cut = (
-            next(design.rounds(LAW, Stream(1)))["x1"].values
+            points_in_memory(next(design.rounds(LAW, Stream(1))))["x1"].values
             for runs in (1024, 1000)
             if (design := SobolSequence(256).scaled(LAW, runs, replicated=False))
         )

@@ -114,7 +114,7 @@ def test_runs_of_other_coordinates_are_refused(folder: Path) -> None:
 def test_a_file_of_runs_keeps_fields_to_the_bit(tmp_path: Path) -> None:
     outputs = {"y": np.array([1.0, -0.0]), "v": np.array([[1.0, np.nan], [np.inf, -0.0]])}
     results = Results(outputs, np.zeros(2, dtype=np.int8))
-    runs = FinishedRuns.from_batch_results({"x": np.arange(4.0)}, [BatchResult(1, results)])
+    runs = FinishedRuns.from_batch_results([({"x": np.arange(2.0)}, BatchResult(1, results))])
     write_runs(tmp_path / "runs.npz", runs)
     again = read_runs(tmp_path / "runs.npz").results
     for name, values in outputs.items():

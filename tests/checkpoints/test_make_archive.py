@@ -368,7 +368,12 @@ def test_a_part_gives_back_what_it_was_given(tmp_path: Path) -> None:
         return BatchResult(start, Results(outputs, status, reasons, frozenset({"hash  file"})))
 
     batch_results = [piece(7, 2, {1: "späť – “x”"}), piece(0, 3, {}), piece(3, 1, {0: "one"})]
-    write_runs(tmp_path / "part.npz", FinishedRuns.from_batch_results(points, batch_results))
+    inputs = [
+        {name: values[each.start : each.start + len(each)] for name, values in points.items()}
+        for each in batch_results
+    ]
+    made = FinishedRuns.from_batch_results(list(zip(inputs, batch_results, strict=True)))
+    write_runs(tmp_path / "part.npz", made)
     part = read_runs(tmp_path / "part.npz")
     assert part.match_inputs(points)
     assert not part.match_inputs({"x": points["x"], "y": np.full(10, 0.0)}), "−0 is not 0"

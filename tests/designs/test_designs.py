@@ -19,6 +19,7 @@ from uqpen.core.model import Input
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs import DESIGNS, quadrature
 from uqpen.designs.design import Design
+from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.full_factorial import FullFactorial
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
@@ -52,7 +53,7 @@ def law_of_many(inputs: int) -> JointDistribution:
 
 def points(design: Design, joint: JointDistribution = LAW, stream: Stream = STREAM) -> xr.Dataset:
     (only,) = design.rounds(joint, stream)
-    return only
+    return points_in_memory(only)
 
 
 RANDOM_DESIGNS = [

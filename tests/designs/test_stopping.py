@@ -18,6 +18,7 @@ from uqpen.core.errors import SettingsError, StudyError
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Output
 from uqpen.core.streams import BLOCK, Stream
+from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.rounds import no_estimates, run_rounds
 from uqpen.designs.stopping import STOPPING_RULES
@@ -132,10 +133,11 @@ class TestWhenItStops:
             MonteCarlo(until=Never({"y": {"mean": 1}}), at_most=most),
             joint,
             stream,
-            lambda points, _: {"": points},
+            lambda points, _: {"": points_in_memory(points)},
             lambda _: no_estimates,
         )
-        (whole,) = MonteCarlo(most).rounds(joint, stream)
+        (drawn,) = MonteCarlo(most).rounds(joint, stream)
+        whole = points_in_memory(drawn)
         for name in ("length", "share"):
             joined = np.concatenate([each[""][name].values for each in rounds])
             assert np.array_equal(joined, whole[name].values)

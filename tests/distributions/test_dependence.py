@@ -18,6 +18,7 @@ from uqpen.core.errors import SettingsError
 from uqpen.core.labels import DEPENDENCE
 from uqpen.core.model import Input
 from uqpen.core.streams import Stream
+from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.distributions.continuous import Lognormal, Normal, Uniform
 from uqpen.distributions.copulas import COPULAS, ClaytonCopula, FrankCopula, GumbelCopula, JoeCopula
@@ -388,7 +389,7 @@ class TestLaw:
 
     def test_a_latin_hypercube_stays_one_before_it_is_joined(self) -> None:
         design = LatinHypercube(runs=64, replicates=4)
-        points = next(design.rounds(LAW, Stream(1, "designs", "lhs")))
+        points = points_in_memory(next(design.rounds(LAW, Stream(1, "designs", "lhs"))))
         # The first input of a copula and those outside keep a draw in each stratum; of the others
         # so does the draw that they are made from.
         for name in ("x1", "x2"):

@@ -13,6 +13,7 @@ import pytest
 
 import uqpen
 from uqpen.core.streams import Stream
+from uqpen.designs.drawn_points import points_in_memory
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.distributions.sample_distribution import SampleDistribution
 from uqpen.results.output_tables import output_tables
@@ -95,7 +96,7 @@ def test_stratified_points_take_rows_evenly() -> None:
         uqpen.LatinHypercube(runs=400, replicates=4),
         uqpen.SobolSequence(runs=1_024, replicates=4),
     ):
-        values = next(design.rounds(joint, Stream(1)))["b"].values
+        values = points_in_memory(next(design.rounds(joint, Stream(1))))["b"].values
         counts = np.array([(values == each).sum() for each in columns["b"]])
         share = len(values) / 100
         assert np.abs(counts - share).max() <= 2 * 4

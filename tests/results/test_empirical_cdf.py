@@ -9,6 +9,7 @@ from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.results.empirical_cdf import empirical_cdf
 from uqpen.statistics.distribution_function.cdfs import cdf
+from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 
@@ -18,8 +19,8 @@ def test_it_is_the_archives_function_at_the_archives_values(size: int) -> None:
     values = np.random.default_rng(size).normal(size=size)
     none = np.empty(0, dtype=np.int64)
     used = np.arange(size)
-    points = np.empty((size, 0))
-    sample = Sample(values, used, none, points, (), 0 * used, Sampling.INDEPENDENT)
+    columns = InputColumns.none(size)
+    sample = Sample(values, used, none, columns, 0 * used, Sampling.INDEPENDENT)
     archived = dict(cdf(sample, QuantityOfInterest(Output("y", "1"), "1")))
     band = archived["cdf_band"].values
     found = empirical_cdf(values, band, archived["cdf_value"].values)

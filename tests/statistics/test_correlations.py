@@ -16,6 +16,7 @@ from scipy import stats
 
 from uqpen.core.model import Category, Output
 from uqpen.core.sampling import Sampling
+from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.correlations import correlations
@@ -30,6 +31,7 @@ SEEDS, RUNS, REPLICATES = 60, 400, 10
 FEWEST_COVERING = int(stats.binom.ppf(1e-5, SEEDS, 0.93))
 
 # A sum of normal inputs with these weights is normal, and so is all that follows from it.
+NAMES = ("x1", "x2", "x3")
 WEIGHTS = np.array([1.0, 2.0, 0.5])
 
 
@@ -50,8 +52,7 @@ def sample(seed: int, plan: str = "independent", runs: int = RUNS) -> Sample:
         values=points @ WEIGHTS + generator.standard_normal(runs),
         used=everything,
         missing=everything[:0],
-        points=points,
-        inputs=("x1", "x2", "x3"),
+        columns=InputColumns.from_matrix(NAMES, points),
         replicates=replicates,
         sampling=Sampling.INDEPENDENT if plan == "independent" else Sampling.STRATIFIED,
     )
@@ -92,7 +93,11 @@ def test_intervals_cover(plan: str) -> None:
 
 def test_estimates_are_those_of_scipy() -> None:
     drawn = sample(1)
-    tied = replace(drawn, values=np.round(drawn.values), points=np.round(drawn.points, 1))
+    tied = replace(
+        drawn,
+        values=np.round(drawn.values),
+        columns=InputColumns.from_matrix(drawn.inputs, np.round(drawn.points, 1)),
+    )
     answers = dict(correlations(tied, QUESTION))
     for i in range(3):
         pair = tied.points[:, i], tied.values
@@ -107,7 +112,11 @@ def test_estimates_are_those_of_scipy() -> None:
 @settings(max_examples=20)
 def test_rank_correlations_keep_under_monotone_transforms(seed: int, power: int) -> None:
     drawn = sample(seed, runs=60)
-    other = replace(drawn, values=np.exp(drawn.values / 3), points=drawn.points**power)
+    other = replace(
+        drawn,
+        values=np.exp(drawn.values / 3),
+        columns=InputColumns.from_matrix(drawn.inputs, drawn.points**power),
+    )
     one, two = dict(correlations(drawn, QUESTION)), dict(correlations(other, QUESTION))
     for name in ("spearman", "partial_rank"):
         assert np.array_equal(one[name].values, two[name].values)
@@ -119,7 +128,11 @@ def test_rank_correlations_keep_under_monotone_transforms(seed: int, power: int)
 def test_order_of_runs_and_origin_of_the_output_do_not_matter(seed: int, shift: int) -> None:
     drawn = sample(seed, runs=250)
     order = np.random.default_rng(seed).permutation(drawn.size)
-    other = replace(drawn, values=drawn.values[order] + shift, points=drawn.points[order])
+    other = replace(
+        drawn,
+        values=drawn.values[order] + shift,
+        columns=InputColumns.from_matrix(drawn.inputs, drawn.points[order]),
+    )
     one, two = dict(correlations(drawn, QUESTION)), dict(correlations(other, QUESTION))
     for name, answer in one.items():
         # Sums in another order round otherwise.
@@ -130,7 +143,10 @@ def test_order_of_runs_and_origin_of_the_output_do_not_matter(seed: int, shift: 
     ("change", "reason"),
     [
         ({"values": np.ones(RUNS)}, "the output does not vary"),
-        ({"points": np.ones((RUNS, 3))}, "the input does not vary"),
+        (
+            {"columns": InputColumns.from_matrix(NAMES, np.ones((RUNS, 3)))},
+            "the input does not vary",
+        ),
         ({"used": np.arange(20), "values": np.arange(20.0)}, "20 runs are too few"),
     ],
 )
@@ -150,7 +166,7 @@ def test_an_output_that_is_an_input_has_no_interval() -> None:
 
 def test_one_input_has_partial_correlations_equal_to_simple_ones() -> None:
     drawn = sample(0)
-    alone = replace(drawn, points=drawn.points[:, :1], inputs=("x1",))
+    alone = replace(drawn, columns=InputColumns.from_matrix(("x1",), drawn.points[:, :1]))
     answers = dict(correlations(alone, QUESTION))
     assert np.array_equal(answers["partial"].values, answers["pearson"].values)
 

@@ -35,6 +35,7 @@ from uqpen.models.python_function import PythonFunction
 from uqpen.statistics.distribution_function.cdfs import cdf
 from uqpen.statistics.distribution_function.probabilities import exceedance_probabilities
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates, tolerance_limits
+from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sample import Sample
@@ -319,8 +320,7 @@ def test_quantiles_of_lumps_of_probability_are_covered(
             values=values,
             used=everything,
             missing=everything[:0],
-            points=np.empty((runs, 0)),
-            inputs=(),
+            columns=InputColumns.none(runs),
             replicates=everything // (runs // 10),
             sampling=sampling,
         )

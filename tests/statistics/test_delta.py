@@ -16,6 +16,7 @@ from scipy import stats
 
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
+from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.delta import delta
@@ -23,6 +24,7 @@ from uqpen.statistics.sensitivity.delta import delta
 FloatArray = npt.NDArray[np.float64]
 
 QUESTION = QuantityOfInterest(Output("y", "m"), "m")
+NAMES = ("x1", "x2", "x3")
 WEIGHTS = np.array([1.0, 2.0, 0.5])
 
 
@@ -34,8 +36,7 @@ def sample(seed: int, runs: int) -> Sample:
         values=points @ WEIGHTS,
         used=everything,
         missing=everything[:0],
-        points=points,
-        inputs=("x1", "x2", "x3"),
+        columns=InputColumns.from_matrix(NAMES, points),
         replicates=np.zeros(runs, dtype=np.int64),
         sampling=Sampling.INDEPENDENT,
     )
@@ -77,7 +78,11 @@ def test_no_influence_is_about_zero_and_all_of_it_about_one() -> None:
 @settings(max_examples=20)
 def test_only_ranks_matter(seed: int) -> None:
     drawn = sample(seed, 100)
-    other = replace(drawn, values=np.exp(drawn.values) + 7, points=drawn.points**3)
+    other = replace(
+        drawn,
+        values=np.exp(drawn.values) + 7,
+        columns=InputColumns.from_matrix(drawn.inputs, drawn.points**3),
+    )
     assert np.array_equal(of(drawn).values, of(other).values, equal_nan=True)
 
 
@@ -87,13 +92,21 @@ def test_only_ranks_matter(seed: int) -> None:
 def test_order_of_runs_does_not_matter(seed: int) -> None:
     drawn = sample(seed, 100)
     order = np.random.default_rng(seed).permutation(drawn.size)
-    other = replace(drawn, values=drawn.values[order], points=drawn.points[order])
+    other = replace(
+        drawn,
+        values=drawn.values[order],
+        columns=InputColumns.from_matrix(drawn.inputs, drawn.points[order]),
+    )
     assert np.array_equal(of(drawn).values, of(other).values, equal_nan=True)
 
 
 def test_levels_of_an_input_are_classes() -> None:
     drawn = sample(0, 2000)
-    levels = replace(drawn, points=np.sign(drawn.points), values=np.sign(drawn.points[:, 0]))
+    levels = replace(
+        drawn,
+        columns=InputColumns.from_matrix(drawn.inputs, np.sign(drawn.points)),
+        values=np.sign(drawn.points[:, 0]),
+    )
     # Each of two equally likely values lies half of the probability away from both together.
     assert of(levels).values[0, 0] == pytest.approx(0.5, abs=0.03)
 
@@ -103,7 +116,10 @@ def test_levels_of_an_input_are_classes() -> None:
     [
         ({}, "no reliable interval is known: the bias may exceed the scatter"),
         ({"values": np.ones(100)}, "the output does not vary"),
-        ({"points": np.ones((100, 3))}, "the input does not vary"),
+        (
+            {"columns": InputColumns.from_matrix(NAMES, np.ones((100, 3)))},
+            "the input does not vary",
+        ),
         ({"used": np.arange(20), "values": np.arange(20.0)}, "20 runs are too few"),
     ],
 )

@@ -20,11 +20,13 @@ from uqpen.core.model import Category, Input, Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
+from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
 from uqpen.distributions.continuous import Uniform
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.given_data import first_order
@@ -79,7 +81,7 @@ def drawn(design: Design, seed: int) -> Sample:
     joint = JointDistribution(
         tuple(RandomInput(each, Uniform(0.0, 1.0), "1") for each in variables), variables
     )
-    runs = next(design.rounds(joint, Stream(seed)))
+    runs = points_in_memory(next(design.rounds(joint, Stream(seed))))
     points = np.column_stack([runs[name].values for name in NAMES])
     everything = np.arange(len(points))
     replicates = runs["replicate"].values if "replicate" in runs.coords else everything * 0
@@ -87,8 +89,7 @@ def drawn(design: Design, seed: int) -> Sample:
         values=np.zeros(len(points)),
         used=everything,
         missing=everything[:0],
-        points=points,
-        inputs=NAMES,
+        columns=InputColumns.from_matrix(NAMES, points),
         replicates=replicates,
         sampling=design.sampling,
     )
@@ -143,7 +144,10 @@ def test_an_input_that_decides_all_has_an_index_of_one() -> None:
 @settings(max_examples=10)
 def test_the_scale_of_an_input_does_not_matter(seed: int, power: int, shift: int) -> None:
     sample = of(ishigami, drawn(MonteCarlo(runs=200), seed))
-    other = replace(sample, points=(sample.points + 1) ** power + shift)
+    other = replace(
+        sample,
+        columns=InputColumns.from_matrix(sample.inputs, (sample.points + 1) ** power + shift),
+    )
     assert np.array_equal(indices(sample).values, indices(other).values)
 
 
@@ -163,7 +167,7 @@ def test_the_order_of_runs_does_not_matter(design: str) -> None:
     other = replace(
         sample,
         values=sample.values[order],
-        points=sample.points[order],
+        columns=InputColumns.from_matrix(sample.inputs, sample.points[order]),
         replicates=sample.replicates[order],
     )
     assert indices(other).values == pytest.approx(indices(sample).values, abs=1e-12)
@@ -194,7 +198,9 @@ def test_equal_values_of_an_input_are_no_neighbours_in_others() -> None:
     first, second = np.tile(np.linspace(0, 1, 200), 5), np.repeat(np.arange(5.0), 200)
     points = np.column_stack([first, second, np.random.default_rng(0).random(1000)])
     sample = replace(
-        drawn(MonteCarlo(runs=1000), 0), points=points, sampling=Sampling.USER_SUPPLIED
+        drawn(MonteCarlo(runs=1000), 0),
+        columns=InputColumns.from_matrix(NAMES, points),
+        sampling=Sampling.USER_SUPPLIED,
     )
     array = indices(of(lambda x: x[:, 0], sample))
     assert abs(array.values[1, 0]) < 0.1
@@ -204,8 +210,8 @@ def test_equal_values_of_an_input_are_no_neighbours_in_others() -> None:
 
 def test_levels_of_an_input_are_not_mixed() -> None:
     sample = drawn(MonteCarlo(runs=1000), 0)
-    sample = replace(sample, points=np.column_stack([sample.points[:, 0] * 5 // 1, sample.points]))
-    sample = replace(sample, inputs=("level", *NAMES))
+    points = np.column_stack([sample.points[:, 0] * 5 // 1, sample.points])
+    sample = replace(sample, columns=InputColumns.from_matrix(("level", *NAMES), points))
     array = indices(of(lambda x: 10 * (x[:, 0] % 2) + x[:, 3], sample))
     share = 24 / (24 + 1 / 12)
     assert array.values[0, 1] <= share <= array.values[0, 2]
@@ -215,7 +221,10 @@ def test_levels_of_an_input_are_not_mixed() -> None:
     ("change", "reason"),
     [
         ({"values": np.ones(500)}, "the output does not vary"),
-        ({"points": np.ones((500, 3))}, "the input does not vary"),
+        (
+            {"columns": InputColumns.from_matrix(NAMES, np.ones((500, 3)))},
+            "the input does not vary",
+        ),
         ({"used": np.arange(40), "values": np.arange(40.0)}, "40 runs are too few"),
         ({"used": np.arange(0), "values": np.empty(0)}, "0 runs are too few"),
     ],

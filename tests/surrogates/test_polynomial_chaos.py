@@ -21,6 +21,7 @@ from uqpen.core.model import Category, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
+from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quadrature import Quadrature
@@ -159,7 +160,7 @@ def test_any_polynomial_is_reproduced() -> None:
         LatinHypercube(60, 1),
         order=3,
     )
-    fresh = next(MonteCarlo(500).rounds(joint, Stream(9, "fresh")))
+    fresh = points_in_memory(next(MonteCarlo(500).rounds(joint, Stream(9, "fresh"))))
     inputs = {str(name): fresh[name].values for name in fresh.data_vars}
     truth = 5e3 * (
         inputs["x1"] ** 2 * np.log(inputs["x2"]) - inputs["x3"] ** 3 + inputs["x1"] * inputs["x3"]

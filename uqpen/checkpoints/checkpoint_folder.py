@@ -13,10 +13,20 @@ from uqpen.checkpoints.fingerprint_file import (
     fingerprint_changes,
     read_fingerprint,
 )
+from uqpen.checkpoints.growing_part import GrowingPart
+from uqpen.checkpoints.part_files import (
+    part_files,
+    part_number,
+    part_path,
+    remove,
+    remove_checkpoint,
+    remove_empty,
+    remove_temporary,
+)
 from uqpen.checkpoints.runs_file import (
-    TEMPORARY,
     DamagedRunsError,
     FinishedRuns,
+    covered_count,
     read_runs,
     write_file,
     write_runs,
@@ -25,6 +35,7 @@ from uqpen.core.arrays import Arrays
 from uqpen.core.errors import ArchiveError, CheckpointError
 from uqpen.core.labels import MODELS, RUNS
 from uqpen.core.status import Status
+from uqpen.core.streams import BLOCK
 from uqpen.execution import Progress
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.checkpoint import Checkpoint
@@ -35,14 +46,12 @@ __all__ = ["CheckpointFolder"]
 # Run fingerprint of each design, by model and design.
 Fingerprints = Mapping[tuple[str, str], Mapping[str, str]]
 
-_NUMBER = "[0-9]" * 6
-
 # Spend at most 1/6 of the time on checkpoints: wait five times as long as the last one took. It
 # takes about a millisecond, so a run of more than 5 ms is saved at once.
 _PATIENCE = 5
 
-# A part grows and is written again each time, up to this number of times or of runs.
-_MOST_WRITTEN, _MOST_RUNS = 64, 8192
+# Runs of a round in memory that are not written yet: a few blocks, however cheap a run is.
+_MOST_UNWRITTEN = 4 * BLOCK
 
 _FAILED = tuple(status for status in Status if status > Status.INADMISSIBLE)
 
@@ -83,16 +92,16 @@ class CheckpointFolder:
         """
         for (model, design), fingerprint in self._fingerprints.items():
             folder = self._runs_folder(model, design)
-            if not _part_files(folder):
+            if not part_files(folder):
                 # Unfinished files of an earlier start, perhaps of another study.
-                _remove_checkpoint(folder)
+                remove_checkpoint(folder)
                 continue
             record = folder / FILE_NAME
             before = read_fingerprint(record)
             if before is None:
                 # Without it nobody knows the study and settings of its runs.
                 self._progress.warn(f"{record}: is damaged; the runs of {design} are made again")
-                _remove_checkpoint(folder)
+                remove_checkpoint(folder)
                 continue
             texts = [
                 each.text for each in fingerprint_changes(before, fingerprint) if not each.is_limit
@@ -114,27 +123,25 @@ class CheckpointFolder:
         """
         if self.folder.exists() and not self.folder.is_dir():
             raise ArchiveError(f"{self.folder}: is no folder: runs are kept in one of this name")
-        for name in (f"[0-9]*_{_NUMBER}.npz", FILE_NAME):
-            for file in self.folder.rglob(f"{name}{TEMPORARY}"):
-                _remove(file)
+        remove_temporary(self.folder)
 
     def remove_all(self) -> None:
         """Remove all runs."""
         for folder in (RUNS, MODELS):
-            _remove_checkpoint(self.folder / folder)
+            remove_checkpoint(self.folder / folder)
 
     def remove_archived(self) -> None:
         """Remove the runs that are now in the archive; keep those of other studies."""
         self._open.clear()
         for model, design in self._fingerprints:
-            _remove_checkpoint(self._runs_folder(model, design))
+            remove_checkpoint(self._runs_folder(model, design))
         for file in sorted(self.folder.rglob(FILE_NAME)):
             whose = " of ".join(file.parent.relative_to(self.folder).parts[::-2])
             self._progress.warn(
                 f"{self.folder}: still holds runs of {whose}, which this study does not have; "
                 "remove them if they are not needed any more"
             )
-        _remove_empty(self.folder)
+        remove_empty(self.folder)
 
     def checkpoint(self, design: str, model: str, number: int) -> Checkpoint:
         """Return the checkpoint of the runs of a model in a round of a design."""
@@ -143,29 +150,23 @@ class CheckpointFolder:
         self._open.append(kept)
         return kept
 
-    def read_runs(self, file: Path, columns: Arrays) -> FinishedRuns | None:
-        """Read the runs of a part; None for a damaged part.
-
-        Raises
-        ------
-        CheckpointError
-            If they were made at other points.
-        """
+    def read_runs(self, file: Path) -> FinishedRuns | None:
+        """Read the runs of a part; None for a damaged part."""
         try:
-            result = read_runs(file)
+            return read_runs(file)
         except DamagedRunsError:
             self._progress.warn(f"{file}: is damaged; its runs are made again")
-            _remove(file)
+            remove(file)
             return None
-        if not result.match_inputs(columns):
-            change = "its points: has a file changed that the study names?"
-            raise CheckpointError(_incompatibility_text(self.folder, file.parent.name, [change]))
-        self.runs += len(result.runs)
-        return result
 
-    def save_if_due(self) -> None:
-        """Write the finished runs if enough time has passed since the last time."""
-        if time.monotonic() - self._last >= _PATIENCE * self._cost:
+    def points_error(self, design: str) -> CheckpointError:
+        """Return the error for runs that were made at other points."""
+        change = "its points: has a file changed that the study names?"
+        return CheckpointError(_incompatibility_text(self.folder, design, [change]))
+
+    def save_if_due(self, unwritten: int) -> None:
+        """Write the finished runs if enough time has passed, or a round has many unwritten ones."""
+        if unwritten >= _MOST_UNWRITTEN or time.monotonic() - self._last >= _PATIENCE * self._cost:
             self.save()
 
     def save(self) -> None:
@@ -191,7 +192,7 @@ class CheckpointFolder:
     def _discard(self, folder: Path, statuses: Collection[Status]) -> None:
         """Discard the runs of a design with some statuses."""
         with self._writing():
-            for file in _part_files(folder):
+            for file in part_files(folder):
                 with contextlib.suppress(DamagedRunsError):  # reported when it is read
                     result = read_runs(file).without_statuses(statuses)
                     if result is None:
@@ -216,7 +217,7 @@ class CheckpointFolder:
 
 
 class _RoundCheckpoint(Checkpoint):
-    """Checkpoint of the runs of one model in one round of a design."""
+    """Checkpoint of the runs of one model in one round of a design, a part of a block in a file."""
 
     def __init__(
         self, kept: CheckpointFolder, folder: Path, fingerprint: Mapping[str, str], number: int
@@ -225,24 +226,47 @@ class _RoundCheckpoint(Checkpoint):
         self._folder = folder
         self._fingerprint = fingerprint
         self._round = number
-        self._columns: Arrays = {}
-        self._batch_results: list[BatchResult] = []
+        self._stored: list[tuple[Path, int, int]] = []
+        self._parts: dict[int, GrowingPart] = {}
         self._unwritten = 0
-        self._written = 0
         self._number = 0
 
-    def restore(self, inputs: Arrays) -> Iterator[BatchResult]:
-        for file in _part_files(self._folder, str(self._round)):
-            result = self._checkpoint_folder.read_runs(file, inputs)
-            if result is not None:
-                yield from result.batch_results()
-            self._number = int(file.stem.partition("_")[2]) + 1
+    def prepare(self, runs: int) -> int:
+        ranges: list[tuple[int, int]] = []
+        for file in part_files(self._folder, str(self._round)):
+            result = self._checkpoint_folder.read_runs(file)
+            self._number = part_number(file) + 1
+            if result is None:
+                continue
+            found = result.ranges()
+            if found[-1][1] > runs:
+                raise self._checkpoint_folder.points_error(self._folder.name)
+            self._stored.append((file, found[0][0], found[-1][1]))
+            self._checkpoint_folder.runs += len(result.runs)
+            ranges += found
+        return covered_count(ranges)
+
+    def restore(self, start: int, inputs: Arrays) -> Iterator[BatchResult]:
+        stop = start + len(next(iter(inputs.values())))
+        for file, first, end in self._stored:
+            if first >= stop or end <= start:
+                continue
+            result = self._checkpoint_folder.read_runs(file)
+            part = result.between(start, stop) if result else None
+            if part and not part.match_inputs(inputs, start):
+                raise self._checkpoint_folder.points_error(self._folder.name)
+            if part:
+                yield from part.batch_results()
 
     def save(self, inputs: Arrays, batch_result: BatchResult) -> None:
-        self._columns = inputs
-        self._batch_results.append(batch_result)
+        first, stop = batch_result.start, batch_result.start + len(batch_result)
+        for block in range(first // BLOCK, (stop - 1) // BLOCK + 1):
+            result = batch_result.between(block * BLOCK, (block + 1) * BLOCK)
+            places = slice(result.start - first, result.start - first + len(result))
+            own = {name: values[places] for name, values in inputs.items()}
+            self._parts.setdefault(block, GrowingPart()).add(own, result)
         self._unwritten += len(batch_result)
-        self._checkpoint_folder.save_if_due()
+        self._checkpoint_folder.save_if_due(self._unwritten)
 
     def write(self) -> int:
         """Write the runs that are not written yet; return their number."""
@@ -252,12 +276,13 @@ class _RoundCheckpoint(Checkpoint):
         record = self._folder / FILE_NAME
         if not record.exists():
             write_file(record, encode_fingerprint(self._fingerprint))
-        result = FinishedRuns.from_batch_results(self._columns, self._batch_results)
-        write_runs(self._folder / f"{self._round}_{self._number:06d}.npz", result)
-        self._written += 1
-        if self._written == _MOST_WRITTEN or len(result.runs) >= _MOST_RUNS:
-            self._batch_results, self._written = [], 0
-            self._number += 1
+        for part in self._parts.values():
+            if part.number is None:
+                part.number, self._number = self._number, self._number + 1
+            part.write(part_path(self._folder, self._round, part.number))
+        # A part of an earlier block is not going to grow much.
+        last = max(self._parts)
+        self._parts = {last: self._parts[last]} if not self._parts[last].is_full else {}
         written, self._unwritten = self._unwritten, 0
         return written
 
@@ -270,45 +295,3 @@ def _incompatibility_text(folder: Path, design: str, changed: list[str]) -> str:
         f"{folder}: contains runs of {design} that were made with other settings:\n{listing}\n"
         "change the settings back to continue from these runs, or start over with --fresh"
     )
-
-
-def _part_files(folder: Path, number: str = "[0-9]*") -> list[Path]:
-    """List the files of runs in a folder: of one round, or of all."""
-    return [file for file in sorted(folder.glob(f"{number}_{_NUMBER}.npz")) if file.is_file()]
-
-
-def _remove_checkpoint(root: Path) -> None:
-    """Remove the files of checkpoints below a folder, and folders that are then empty.
-
-    Other files may stand beside them, above all where the folder is a link.
-
-    Raises
-    ------
-    ArchiveError
-        If that cannot be done.
-    """
-    for folder in [root, *root.rglob("*/")]:
-        for file in [*_part_files(folder), folder / FILE_NAME]:
-            _remove(file)
-    _remove_empty(root)
-
-
-def _remove(file: Path) -> None:
-    """Remove a file if it exists.
-
-    Raises
-    ------
-    ArchiveError
-        If that cannot be done.
-    """
-    try:
-        file.unlink(missing_ok=True)
-    except OSError as error:
-        raise ArchiveError(f"{file}: cannot be removed: {error.strerror}") from None
-
-
-def _remove_empty(root: Path) -> None:
-    """Remove a folder and its subfolders, as far as they are empty."""
-    for folder in sorted([root, *root.rglob("*/")], reverse=True):
-        with contextlib.suppress(OSError):  # it is not empty, or not there
-            folder.rmdir()

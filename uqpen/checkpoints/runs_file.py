@@ -22,7 +22,15 @@ from uqpen.core.model import Results
 from uqpen.core.status import Status
 from uqpen.execution.batch import BatchResult, join_results
 
-__all__ = ["TEMPORARY", "DamagedRunsError", "FinishedRuns", "read_runs", "write_file", "write_runs"]
+__all__ = [
+    "TEMPORARY",
+    "DamagedRunsError",
+    "FinishedRuns",
+    "covered_count",
+    "read_runs",
+    "write_file",
+    "write_runs",
+]
 
 
 # Suffix of the names of unfinished files.
@@ -60,27 +68,47 @@ class FinishedRuns:
 
     @classmethod
     def from_batch_results(
-        cls, columns: Arrays, batch_results: Sequence[BatchResult]
+        cls, batch_results: Sequence[tuple[Arrays, BatchResult]]
     ) -> FinishedRuns:
-        """Combine one or more batch results with their inputs, taken from all points."""
-        ordered = sorted(batch_results, key=lambda each: each.start)
-        runs = np.concatenate([np.arange(each.start, each.start + len(each)) for each in ordered])
-        inputs = {name: column[runs] for name, column in columns.items()}
-        return cls(runs, inputs, join_results([each.results for each in ordered]))
+        """Combine one or more batch results, each with the inputs of its runs."""
+        ordered = sorted(batch_results, key=lambda each: each[1].start)
+        inputs, results = zip(*ordered, strict=True)
+        runs = [np.arange(each.start, each.start + len(each)) for each in results]
+        return cls(
+            np.concatenate(runs),
+            {name: np.concatenate([each[name] for each in inputs]) for name in inputs[0]},
+            join_results([each.results for each in results]),
+        )
 
-    def match_inputs(self, columns: Arrays) -> bool:
-        """Check that its runs were made at exactly these points, bit for bit."""
+    def match_inputs(self, columns: Arrays, start: int = 0) -> bool:
+        """Check that its runs were made at exactly these points, bit for bit.
+
+        Parameters
+        ----------
+        columns : mapping of str to ndarray, shape (run,)
+            Consecutive points.
+        start : int
+            Number of the first of them.
+        """
         if self.inputs.keys() != columns.keys():
             return False
-        total = len(next(iter(columns.values())))
-        return int(self.runs[-1]) < total and all(
-            np.array_equal(values.view(np.int64), columns[name][self.runs].view(np.int64))
+        stop = start + len(next(iter(columns.values())))
+        return int(self.runs[-1]) < stop and all(
+            np.array_equal(values.view(np.int64), columns[name][self.runs - start].view(np.int64))
             for name, values in self.inputs.items()
         )
 
+    def between(self, start: int, stop: int) -> FinishedRuns | None:
+        """Return its runs from one number to another, the last excluded; None for none."""
+        return self._select(np.flatnonzero((self.runs >= start) & (self.runs < stop)))
+
     def without_statuses(self, statuses: Collection[Status]) -> FinishedRuns | None:
         """Return its runs without those of some statuses; None if no other is left."""
-        at = np.flatnonzero(~np.isin(self.results.status, list(statuses)))
+        return self._select(np.flatnonzero(~np.isin(self.results.status, list(statuses))))
+
+    def _select(self, at: IntArray) -> FinishedRuns | None:
+        if len(at) == len(self.runs):
+            return self
         if not at.size:
             return None
         inputs = {name: values[at] for name, values in self.inputs.items()}
@@ -88,9 +116,17 @@ class FinishedRuns:
 
     def batch_results(self) -> Iterator[BatchResult]:
         """Yield its runs as batch results; the runs of each are consecutive."""
-        gaps = np.flatnonzero(np.diff(self.runs) > 1) + 1
-        for at in np.split(np.arange(len(self.runs)), gaps):
+        for at in self._stretches():
             yield BatchResult(int(self.runs[at[0]]), _select_results(self.results, at))
+
+    def ranges(self) -> list[tuple[int, int]]:
+        """Return the first run of each stretch of consecutive ones, and the run after its last."""
+        return [(int(self.runs[at[0]]), int(self.runs[at[-1]]) + 1) for at in self._stretches()]
+
+    def _stretches(self) -> list[IntArray]:
+        """Return the positions of each stretch of consecutive runs."""
+        ends = np.flatnonzero(np.diff(self.runs) > 1) + 1
+        return np.split(np.arange(len(self.runs)), ends)
 
 
 def _select_results(results: Results, at: IntArray) -> Results:
@@ -102,6 +138,19 @@ def _select_results(results: Results, at: IntArray) -> Results:
         {position[run]: text for run, text in results.reasons.items() if run in position},
         results.files,
     )
+
+
+def covered_count(ranges: Sequence[tuple[int, int]]) -> int:
+    """Return how many numbers lie in ranges, which may overlap.
+
+    >>> covered_count([(4, 6), (0, 3), (2, 5)])
+    6
+    """
+    covered = end = 0
+    for start, stop in sorted(ranges):
+        covered += max(stop - max(start, end), 0)
+        end = max(end, stop)
+    return covered
 
 
 def write_runs(path: Path, result: FinishedRuns) -> None:

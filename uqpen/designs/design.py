@@ -6,13 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator, Sequence
 from typing import ClassVar
 
-import xarray as xr
-
 from uqpen.core.errors import Problem
 from uqpen.core.files import FileSnapshot
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import validate
 from uqpen.core.streams import Stream
+from uqpen.designs.drawn_points import Points
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -20,7 +19,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 __all__ = ["Design", "Rounds"]
 
 # It yields the points of a round, and is sent what became of them.
-Rounds = Generator[xr.Dataset, Feedback, None]
+Rounds = Generator[Points, Feedback, None]
 
 
 class Design(ABC):
@@ -62,9 +61,9 @@ class Design(ABC):
 
         Yields
         ------
-        Dataset
+        Dataset or DrawnPoints
             A variable for each input (SI values; along ``run``, or a scalar), and coordinates that
-            an analysis needs.
+            an analysis needs. `DrawnPoints` are drawn by blocks, while runs are made.
         """
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:

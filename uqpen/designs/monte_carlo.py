@@ -14,6 +14,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.design import Design, Rounds
+from uqpen.designs.drawn_points import DrawnPoints
 from uqpen.designs.stopping.doubling import FIRST_LOOK, doubling_rounds
 from uqpen.designs.stopping.stopping_rule import RequestedOutput, StoppingRule, stopping_rule
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -62,13 +63,17 @@ class MonteCarlo(Design):
                 yield problem.within("until")
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        def draw(start: int, end: int) -> xr.Dataset:
-            return joint.points(_draw(stream, len(joint.random), start, end), {})
+        def points(first: int, end: int) -> DrawnPoints:
+            def draw(start: int, stop: int) -> xr.Dataset:
+                unit = _draw(stream, len(joint.random), first + start, first + stop)
+                return joint.points(unit, {})
+
+            return DrawnPoints(end - first, draw)
 
         if self.until is None:
-            yield draw(0, self._most)
+            yield points(0, self._most)
         else:
-            yield from doubling_rounds(self.until, self._most, draw)
+            yield from doubling_rounds(self.until, self._most, points)
 
     @property
     def ends_early(self) -> bool:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from typing import ClassVar
+from functools import lru_cache
+from typing import Any, ClassVar
 
 import numpy as np
+import numpy.typing as npt
+import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
@@ -14,6 +17,7 @@ from uqpen.core.labels import REPLICATE
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
+from uqpen.designs.drawn_points import DrawnPoints
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["ReplicatedDesign", "split_replicates", "uneven_replicates"]
@@ -46,12 +50,20 @@ class ReplicatedDesign(Design):
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         each, dimension = self.runs // self.replicates, len(joint.random)
-        sets = [
-            self.draw(stream.generator("points", replicate), each, dimension)
-            for replicate in range(self.replicates)
-        ]
-        numbers = np.repeat(np.arange(self.replicates), each)
-        yield joint.points(np.concatenate(sets), {REPLICATE: numbers})
+
+        @lru_cache(maxsize=1)  # a block may end within a replicate, which the next one goes on with
+        def replicate(number: int) -> FloatArray:
+            return self.draw(stream.generator("points", number), each, dimension)
+
+        def draw(start: int, stop: int) -> xr.Dataset:
+            unit = [
+                replicate(number)[max(start - number * each, 0) : stop - number * each]
+                for number in range(start // each, -(-stop // each))
+            ]
+            numbers: npt.NDArray[Any] = np.arange(start, stop) // each
+            return joint.points(np.concatenate(unit), {REPLICATE: numbers})
+
+        yield DrawnPoints(each * self.replicates, draw)
 
     @property
     def replicate_count(self) -> int:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 
 import numpy as np
 import xarray as xr
@@ -10,13 +11,16 @@ import xarray as xr
 from uqpen.core.errors import StudyError, UqpenError
 from uqpen.core.labels import RUN, WEIGHT
 from uqpen.core.sampling import Sampling
-from uqpen.core.streams import Stream
+from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.design import Design, Rounds
+from uqpen.designs.drawn_points import DrawnPoints, Points
 from uqpen.designs.feedback import Estimates, Feedback
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.models.user_code import error_text
 
-__all__ = ["draw_rounds", "no_estimates", "run_rounds", "weight_fault"]
+__all__ = ["draw_rounds", "no_estimates", "run_rounds"]
+
+_INVALID_WEIGHT = f"its {WEIGHT} is not finite, below 0, or 0 everywhere"
 
 # Runs of a round by the name of a model.
 RoundRuns = Mapping[str, xr.Dataset]
@@ -33,7 +37,7 @@ def run_rounds(
     design: Design,
     joint: JointDistribution,
     stream: Stream,
-    make_runs: Callable[[xr.Dataset, int], RoundRuns],
+    make_runs: Callable[[Points, int], RoundRuns],
     make_estimates: Callable[[tuple[RoundRuns, ...]], Estimates] = lambda rounds: no_estimates,
 ) -> list[RoundRuns]:
     """Make the runs of all rounds of a design.
@@ -69,32 +73,97 @@ def run_rounds(
 
 
 def draw_rounds(design: Design, joint: JointDistribution, stream: Stream) -> Rounds:
-    """Yield the rounds of a design as `Design.rounds` does.
+    """Yield the rounds of a design as `Design.rounds` does; points of one block are in memory.
 
     Raises
     ------
     StudyError
-        If a design from outside the package raises an error, or yields anything but points.
+        If a design from outside the package raises an error, or yields anything but points. The
+        first block of a round is checked at once, another one when it is drawn.
     """
     rounds = design.rounds(joint, stream)
     feedback: Feedback | None = None
-    before: xr.Dataset | None = None
+    check = _PointsCheck(design, joint)
     while True:
         try:
-            points = rounds.send(feedback)  # type: ignore[arg-type]
+            with check.errors():
+                points = rounds.send(feedback)  # type: ignore[arg-type]
         except StopIteration:
             if feedback is None:
-                raise _error(design, "it yields no points") from None
+                raise check.error("it yields no points") from None
             return
+        feedback = yield check.checked(points)
+
+
+class _PointsCheck:
+    """Check of what a design yields, each round and each block against those before."""
+
+    def __init__(self, design: Design, joint: JointDistribution) -> None:
+        self._design, self._joint = design, joint
+        self._labels: set[str] | None = None
+
+    def checked(self, points: object) -> Points:
+        """Return the points of a round; blocks of them are checked when they are drawn."""
+        if not isinstance(points, DrawnPoints):
+            whole = self._checked_part(points, "rounds")
+            self._check_sum_of_weights([whole])
+            return whole
+        if points.runs < 1:
+            raise self.error("it yields no points")
+        head = self._draw(points, 0, min(points.runs, BLOCK), "rounds")
+
+        def draw(start: int, stop: int) -> xr.Dataset:
+            is_head = (start, stop) == (0, head.sizes[RUN])
+            return head if is_head else self._draw(points, start, stop, "blocks")
+
+        drawn = DrawnPoints(points.runs, draw)
+        self._check_sum_of_weights(drawn.blocks())
+        return drawn.dataset() if points.runs <= BLOCK else drawn
+
+    def error(self, reason: str) -> StudyError:
+        """Return the error of a design."""
+        return StudyError(f"the design {type(self._design).__name__} fails: {reason}")
+
+    @contextmanager
+    def errors(self) -> Iterator[None]:
+        """Report any error of a design from outside the package as one of the study."""
+        try:
+            yield
+        except (StopIteration, UqpenError):
+            raise
         except Exception as error:
-            if isinstance(error, UqpenError) or type(design).__module__.startswith("uqpen."):
+            if type(self._design).__module__.startswith("uqpen."):
                 raise
-            raise _error(design, error_text(error)) from error
-        fault = _fault(points, joint) or weight_fault(points, design.sampling)
-        if fault := fault or _round_fault(points, before):
-            raise _error(design, fault)
-        before = points
-        feedback = yield points
+            raise self.error(error_text(error)) from error
+
+    def _draw(self, points: DrawnPoints, start: int, stop: int, parts: str) -> xr.Dataset:
+        with self.errors():
+            part = points.draw(start, stop)
+        checked = self._checked_part(part, parts)
+        if (drawn := checked.sizes[RUN]) != stop - start:
+            raise self.error(f"it draws {drawn} points from {start} to {stop}")
+        return checked
+
+    def _checked_part(self, points: object, parts: str) -> xr.Dataset:
+        """Return points that can follow those before; anything else is an error."""
+        fault = _fault(points, self._joint)
+        if fault or not isinstance(points, xr.Dataset):
+            raise self.error(fault)
+        labels = {str(name) for name, each in points.coords.items() if RUN in each.dims} - {RUN}
+        fault = _weight_fault(points, self._design.sampling)
+        if differing := sorted(labels ^ (labels if self._labels is None else self._labels)):
+            fault = fault or f"some of its {parts} have a {differing[0]}, others none"
+        if fault:
+            raise self.error(fault)
+        self._labels = labels
+        return points
+
+    def _check_sum_of_weights(self, parts: Iterable[xr.Dataset]) -> None:
+        """Check, before any run, that points count for something; look no further than needed."""
+        for part in parts:
+            if WEIGHT not in part.coords or (part[WEIGHT].values > 0).any():
+                return
+        raise self.error(_INVALID_WEIGHT)
 
 
 def _fault(points: object, joint: JointDistribution) -> str:
@@ -111,19 +180,7 @@ def _fault(points: object, joint: JointDistribution) -> str:
     return ""
 
 
-def _round_fault(points: xr.Dataset, before: xr.Dataset | None) -> str:
-    """Return why a round cannot follow the one before; empty where it can."""
-    if before is None:
-        return ""
-    along_run = [
-        {name for name, each in of.coords.items() if RUN in each.dims} - {RUN}
-        for of in (before, points)
-    ]
-    differing = sorted(map(str, along_run[0] ^ along_run[1]))
-    return f"some of its rounds have a {differing[0]}, others none" if differing else ""
-
-
-def weight_fault(points: xr.Dataset, sampling: Sampling) -> str:
+def _weight_fault(points: xr.Dataset, sampling: Sampling) -> str:
     """Return what is wrong with the weights of points; empty where nothing is."""
     if WEIGHT not in points.coords:
         return ""
@@ -132,10 +189,6 @@ def weight_fault(points: xr.Dataset, sampling: Sampling) -> str:
     weights = points[WEIGHT]
     if weights.dims != (RUN,) or weights.dtype.kind not in "iuf":
         return f"its {WEIGHT} is not a number for each run"
-    if not (np.isfinite(weights) & (weights >= 0)).all() or not (weights > 0).any():
-        return f"its {WEIGHT} is not finite, below 0, or 0 everywhere"
+    if not (np.isfinite(weights) & (weights >= 0)).all():
+        return _INVALID_WEIGHT
     return ""
-
-
-def _error(design: Design, reason: str) -> StudyError:
-    return StudyError(f"the design {type(design).__name__} fails: {reason}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqpen.execution.batch import Map
-from uqpen.execution.evaluation import evaluate
+from uqpen.execution.evaluation import evaluate, evaluate_blocks
 from uqpen.execution.evaluator import Evaluator
 from uqpen.execution.failures import FailurePolicy
 from uqpen.execution.progress import Progress
@@ -15,6 +15,7 @@ __all__ = [
     "Map",
     "Progress",
     "evaluate",
+    "evaluate_blocks",
     "join_rounds",
     "status_counts",
     "worst_status_runs",

@@ -54,6 +54,19 @@ class BatchResult:
     def __len__(self) -> int:
         return len(self.results.status)
 
+    def between(self, start: int, stop: int) -> BatchResult:
+        """Return the part of it from one run to another, the last excluded."""
+        begin, end = max(start - self.start, 0), min(stop - self.start, len(self))
+        if (begin, end) == (0, len(self)):
+            return self
+        results = Results(
+            {name: values[begin:end] for name, values in self.results.outputs.items()},
+            self.results.status[begin:end],
+            {run - begin: text for run, text in self.results.reasons.items() if begin <= run < end},
+            self.results.files,
+        )
+        return BatchResult(self.start + begin, results, self.warnings)
+
 
 def join_results(results: Sequence[Results]) -> Results:
     """Join the results of one or more consecutive batches."""

@@ -6,11 +6,9 @@ import time
 from collections import deque
 from collections.abc import Iterator
 
-import numpy as np
-
-from uqpen.core.arrays import Arrays, BoolArray
 from uqpen.core.streams import BLOCK
 from uqpen.execution.batch import Batch
+from uqpen.execution.open_blocks import OpenBlocks
 
 __all__ = ["WORTH_SENDING", "Pace", "scalar_batches", "vectorized_batches"]
 
@@ -31,43 +29,47 @@ _MOST_AT_ONCE = 1024
 _WINDOW = 32
 
 
-def vectorized_batches(
-    columns: Arrays, done: BoolArray, *, is_batch_independent: bool
-) -> Iterator[Batch]:
+def vectorized_batches(blocks: OpenBlocks, *, is_batch_independent: bool) -> Iterator[Batch]:
     """Yield batches for a model that takes many runs at a time, except those that are wholly done.
 
     A user's function may give other last bits in another batch. Its batches all have one size, so
     the first runs of a design keep every bit where the design gets more. A batch that is done in
-    part is made again as a whole.
+    part is made again as a whole. Batches begin where they would without blocks, so one of them may
+    have runs of two.
 
     Parameters
     ----------
-    columns : mapping of str to ndarray, shape (run,)
-        The inputs.
-    done : ndarray of bool, shape (run,)
-        Mask of the runs made before.
+    blocks : OpenBlocks
+        The runs from its position on. Batches end early behind a block that is complete without
+        any of them: it has to be taken before others are drawn.
     is_batch_independent : bool
         Whether a run is the same in any batch; batches are then as large as workers can share.
     """
-    runs = len(done)
-    size = min(max(-(-runs // _BATCHES), _SMALLEST), BLOCK) if is_batch_independent else _FIXED_SIZE
-    for start in range(0, runs, size):
-        if not done[start : start + size].all():
-            yield _batch(columns, start, start + size)
+    size = _FIXED_SIZE
+    if is_batch_independent:
+        size = min(max(-(-blocks.size // _BATCHES), _SMALLEST), BLOCK)
+    while blocks.position < blocks.size:
+        stop = min(blocks.position + size, blocks.size)
+        if not blocks.done(blocks.position, stop).all():
+            yield blocks.start_batch(stop)
+        elif blocks.skip(stop):
+            return
 
 
-def scalar_batches(columns: Arrays, done: BoolArray, pace: Pace) -> Iterator[Batch]:
+def scalar_batches(blocks: OpenBlocks, pace: Pace) -> Iterator[Batch]:
     """Yield batches for a model that takes a run at a time; their size depends on its pace.
 
-    `columns` and `done` are those of `vectorized_batches`.
+    `blocks` are those of `vectorized_batches`; each batch has runs of one block.
     """
-    # Start and end of each stretch of runs to make.
-    edges = np.flatnonzero(np.diff(~done, prepend=False, append=False))
-    for start, end in edges.reshape(-1, 2).tolist():
-        while start < end:
-            size = min(pace.size, end - start)
-            yield _batch(columns, start, start + size)
-            start += size
+    while blocks.position < blocks.size:
+        block = blocks.block(blocks.position)
+        done = block.done[blocks.position - block.start :]
+        # The end of a stretch of runs that are alike: done before, or to be made.
+        length = int((done != done[0]).argmax()) or len(done)
+        if not done[0]:
+            yield blocks.start_batch(blocks.position + min(pace.size, length))
+        elif blocks.skip(blocks.position + length):
+            return
 
 
 class Pace:
@@ -96,7 +98,3 @@ class Pace:
         if took * _MOST_AT_ONCE <= runs * self._worth_sending:
             return _MOST_AT_ONCE
         return max(1, int(runs * self._worth_sending / took))
-
-
-def _batch(columns: Arrays, start: int, end: int) -> Batch:
-    return Batch(start, {name: column[start:end] for name, column in columns.items()})

@@ -11,11 +11,23 @@ __all__ = ["Checkpoint"]
 
 
 class Checkpoint:
-    """Store of finished runs of a model over points; this base class stores none."""
+    """Store of finished runs of a model in a round of a design; this base class stores none."""
 
-    def restore(self, inputs: Arrays) -> Iterator[BatchResult]:
-        """Yield the stored runs at these points, all points of a round in SI units."""
+    def prepare(self, runs: int) -> int:
+        """Find the stored runs of a round with a number of runs; return how many there are."""
+        return 0
+
+    def restore(self, start: int, inputs: Arrays) -> Iterator[BatchResult]:
+        """Yield the stored runs of a block.
+
+        Parameters
+        ----------
+        start : int
+            Number of the first run of the block in its round.
+        inputs : mapping of str to ndarray, shape (run,)
+            The points of the block in SI units.
+        """
         yield from ()
 
     def save(self, inputs: Arrays, batch_result: BatchResult) -> None:
-        """Store a batch result of the runs at these points."""
+        """Store a batch result, given the points of its runs."""

@@ -6,21 +6,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
-from uqpen.core.errors import StudyError
+from uqpen.core.blocks import BlockedDataset, LoadedDataset, join_blocks
+from uqpen.core.errors import StudyError, WorkerError
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, REPLICATE, ROLE, RUN, STATUS, WEIGHT
-from uqpen.core.model import Category, Dimension, Model, Output, empty_outputs
+from uqpen.core.model import Category, Dimension, Model, Output
 from uqpen.core.status import Status
-from uqpen.execution.batch import Batch, BatchResult, Map, PacedMap
+from uqpen.execution.batch import Map, PacedMap
 from uqpen.execution.batching import WORTH_SENDING, Pace, scalar_batches, vectorized_batches
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.evaluator import Evaluator, EvaluatorWork
 from uqpen.execution.failures import FailureCount, FailurePolicy
+from uqpen.execution.open_blocks import BlockRecord, OpenBlocks
 from uqpen.execution.progress import Progress
 
-__all__ = ["evaluate"]
+__all__ = ["evaluate", "evaluate_blocks"]
 
 # Attribute of a curve that may end before its dimension does.
 _END = {"comment": "NaN after the end of the curve"}
@@ -28,7 +29,7 @@ _END = {"comment": "NaN after the end of the curve"}
 
 def evaluate(
     evaluator: Evaluator,
-    points: xr.Dataset,
+    points: xr.Dataset | BlockedDataset,
     display_units: Mapping[str, str],
     *,
     map: Map = map,
@@ -42,7 +43,7 @@ def evaluate(
     ----------
     evaluator : Evaluator
         The model with its constraints.
-    points : Dataset
+    points : Dataset or BlockedDataset
         A variable for each input, along ``run`` or a scalar.
     display_units : mapping of str to str
         The unit to show an input or output in, where it is not the model's own.
@@ -67,41 +68,104 @@ def evaluate(
         If the points are weighted and an output is named ``weight``.
     TooManyFailedError
         If more runs are missing than allowed.
+    WorkerError
+        If the map leaves out some runs.
+    """
+    blocked = LoadedDataset(points) if isinstance(points, xr.Dataset) else points
+    blocks = evaluate_blocks(
+        evaluator,
+        blocked,
+        display_units,
+        map=map,
+        progress=progress,
+        checkpoint=checkpoint,
+        failures=failures,
+    )
+    return join_blocks(blocks, blocked.size)
+
+
+def evaluate_blocks(
+    evaluator: Evaluator,
+    points: BlockedDataset,
+    display_units: Mapping[str, str],
+    *,
+    map: Map = map,
+    progress: Progress | None = None,
+    checkpoint: Checkpoint | None = None,
+    failures: FailurePolicy | None = None,
+) -> Iterator[xr.Dataset]:
+    """Run a model over points; yield the runs by blocks of 65 536, in order.
+
+    The parameters and errors are those of `evaluate`. A block of points is drawn when a batch needs
+    it, and its runs are yielded as soon as all of them and those of the blocks before are done. So
+    memory is needed for the blocks under way, not for all. Workers do not wait for the end of a
+    block, unless the runs of a whole block have been restored.
+
+    Yields
+    ------
+    Dataset
+        As `evaluate` returns it, with the reasons of failed runs even where no run failed. The
+        numbers of failed runs are those in the whole.
     """
     progress, checkpoint = progress or Progress(), checkpoint or Checkpoint()
-    failures = failures or FailurePolicy()
-    model, total = evaluator.model, points.sizes[RUN]
-    if WEIGHT in points.coords and any(output.name == WEIGHT for output in model.outputs):
-        raise StudyError(f'weighted points cannot go to a model with an output "{WEIGHT}"')
-    columns = {str(name): np.broadcast_to(points[name].values, total) for name in points.data_vars}
-    record = _RunRecord(model.outputs, total)
-    failure_count = FailureCount(failures.at_most, total)
-    for batch_result in checkpoint.restore(columns):
-        record.add(batch_result)
-        failure_count.add(batch_result)
-        model.record_files(batch_result.results.files)
-    if record.done.any():
-        progress.count_restored(int(record.done.sum()))
+    failures, model = failures or FailurePolicy(), evaluator.model
+    failure_count = FailureCount(failures.at_most, points.size)
+    if restored := checkpoint.prepare(points.size):
+        progress.count_restored(restored)
+
+    def restore(block: BlockRecord) -> None:
+        _check_names(block.points, model)
+        for batch_result in checkpoint.restore(block.start, block.columns):
+            block.add(batch_result)
+            failure_count.add(batch_result)
+            model.record_files(batch_result.results.files)
+
     worth_sending = map.worth_sending if isinstance(map, PacedMap) else WORTH_SENDING
     pace = Pace(worth_sending, is_alone=bool(model.enforced_limits))
-    done = record.done.copy()
-    batches = (
-        vectorized_batches(columns, done, is_batch_independent=model.is_batch_independent)
-        if model.vectorized
-        else scalar_batches(columns, done, pace)
-    )
+    blocks = OpenBlocks(points, model.outputs, restore)
     work = EvaluatorWork(evaluator, failures.retry)
-    for batch_result in map(work, record.count_batches(batches)):
-        pace.record(len(batch_result))
-        record.under_way -= len(batch_result)
-        record.add(batch_result)
-        # Before it is stored, as it may be of another version of the model.
-        model.record_files(batch_result.results.files)
-        checkpoint.save(columns, batch_result)
-        for warning in batch_result.warnings:
-            progress.warn(warning)
-        progress.advance(len(batch_result), failure_count.add(batch_result), record.under_way)
-    runs = points.assign(record.variables(model.outputs)).assign_coords(_coordinates(model))
+    while blocks.position < blocks.size:
+        batches = (
+            vectorized_batches(blocks, is_batch_independent=model.is_batch_independent)
+            if model.vectorized
+            else scalar_batches(blocks, pace)
+        )
+        for batch_result in map(work, batches):
+            runs = len(batch_result)
+            pace.record(runs)
+            blocks.add(batch_result)
+            # Before it is stored, as it may be of another version of the model.
+            model.record_files(batch_result.results.files)
+            inputs = blocks.columns(batch_result.start, batch_result.start + runs)
+            checkpoint.save(inputs, batch_result)
+            for warning in batch_result.warnings:
+                progress.warn(warning)
+            progress.advance(runs, failure_count.add(batch_result), blocks.under_way)
+            for block in blocks.pop_complete():
+                failure_count.forget(block.stop)
+                yield _dataset(block, model, display_units)
+        if blocks.under_way > 0:
+            raise WorkerError(f"the map has returned no result of {blocks.under_way} runs")
+        for block in blocks.pop_complete():
+            yield _dataset(block, model, display_units)
+
+
+def _check_names(points: xr.Dataset, model: Model) -> None:
+    """Check that no output has the name of the weights of points.
+
+    Raises
+    ------
+    StudyError
+        If one has.
+    """
+    if WEIGHT in points.coords and any(output.name == WEIGHT for output in model.outputs):
+        raise StudyError(f'weighted points cannot go to a model with an output "{WEIGHT}"')
+
+
+def _dataset(block: BlockRecord, model: Model, display_units: Mapping[str, str]) -> xr.Dataset:
+    """Return the runs of a complete block."""
+    runs = block.points.assign(block.variables(model.outputs))
+    runs = runs.assign_coords(_coordinates(model))
     _add_attributes(runs, model, display_units)
     return runs
 
@@ -121,54 +185,6 @@ def _measure(dimension: Dimension) -> dict[str, str]:
         "display_units": dimension.preferred_unit,
         "long_name": dimension.title,
     }
-
-
-class _RunRecord:
-    """Record of the results of all runs so far."""
-
-    def __init__(self, outputs: Sequence[Output], runs: int) -> None:
-        self.done = np.zeros(runs, dtype=np.bool_)
-        self.under_way = 0
-        self._outputs = empty_outputs(outputs, runs)
-        self._status = np.zeros(runs, dtype=np.int8)
-        self._reasons: dict[int, str] = {}
-
-    def count_batches(self, batches: Iterator[Batch]) -> Iterator[Batch]:
-        """Yield batches and count their runs as in progress."""
-        for batch in batches:
-            self.under_way += len(batch)
-            yield batch
-
-    def add(self, batch_result: BatchResult) -> None:
-        """Insert the results of some runs."""
-        start, results = batch_result.start, batch_result.results
-        runs = slice(start, start + len(batch_result))
-        if self.done[runs].any():
-            # A batch with some restored runs is made as a whole.
-            for run in range(runs.start, runs.stop):
-                self._reasons.pop(run, None)
-        self.done[runs] = True
-        for name, values in results.outputs.items():
-            self._outputs[name][runs] = values
-        self._status[runs] = results.status
-        self._reasons |= {start + run: reason for run, reason in results.reasons.items()}
-
-    def variables(self, outputs: Sequence[Output]) -> dict[str, Any]:
-        """Return all runs as variables of a dataset."""
-        variables: dict[str, Any] = {}
-        for output in outputs:
-            values: npt.NDArray[Any] = self._outputs[output.name]
-            if output.categories:
-                # A failed run has no category, which integers express as a category of its own.
-                values = np.where(np.isnan(values), -1, values).astype(np.int8)
-            variables[output.name] = ((RUN, *(dim.name for dim in output.dims)), values)
-        variables[STATUS] = (RUN, self._status)
-        failed = sorted(self._reasons)
-        if not failed:
-            return variables
-        reasons = np.array([self._reasons[run] for run in failed], dtype=object)
-        failed_runs = (FAILED_RUN, np.array(failed, dtype=np.int64))
-        return {**variables, FAILED_RUN: failed_runs, FAILURE_REASON: (FAILED_RUN, reasons)}
 
 
 def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, str]) -> None:

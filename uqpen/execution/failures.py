@@ -72,6 +72,10 @@ class FailureCount:
             raise TooManyFailedError(self._message())
         return len(failed)
 
+    def forget(self, stop: int) -> None:
+        """Forget the numbers of the runs before one; none of them is made again."""
+        self.counted = {run for run in self.counted if run >= stop}
+
     def _message(self) -> str:
         kinds = ", ".join(
             f"{count} {STATUS_TEXT[status]}" for status, count in sorted(self.statuses.items())

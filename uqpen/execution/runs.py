@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
+from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROUND, RUN, STATUS
 from uqpen.core.status import Status
 
@@ -51,7 +52,7 @@ def worst_status_runs(runs: Sequence[xr.Dataset]) -> xr.Dataset:
     return first.assign({STATUS: first[STATUS].copy(data=worst)})
 
 
-def status_counts(runs: xr.Dataset) -> dict[Status, int]:
+def status_counts(runs: xr.Dataset | BlockedRuns) -> dict[Status, int]:
     """Count the runs with each status."""
-    counts = np.bincount(runs[STATUS].values.astype(np.int64), minlength=len(Status))
-    return {status: int(counts[status]) for status in Status}
+    found = LoadedDataset.of(runs).column(STATUS)
+    return {status: int(np.count_nonzero(found == status)) for status in Status}

@@ -18,7 +18,13 @@ from types import MappingProxyType
 
 from uqpen.core.sampling import Sampling
 
-__all__ = ["ANALYSES", "ANALYSES_OF_DESIGNS", "FIELD_ANALYSES", "WEIGHTED_ANALYSES"]
+__all__ = [
+    "ANALYSES",
+    "ANALYSES_OF_DESIGNS",
+    "FIELD_ANALYSES",
+    "INPUT_ANALYSES",
+    "WEIGHTED_ANALYSES",
+]
 
 # The functions that estimate statistics, by the group of their results.
 ANALYSES = {
@@ -45,6 +51,11 @@ WEIGHTED_ANALYSES = frozenset(
 # The analyses that take outputs with dimensions, too: samples whose values are of shape
 # (run, *dims). The statistics of a field have its dimensions.
 FIELD_ANALYSES: frozenset[str] = frozenset()
+
+# The analyses of a sample that read its inputs. The others read its values, weights and replicates
+# alone, except where the error is that of one stratified set: it follows from the inputs, too. An
+# analysis of a design's own takes all its runs as one dataset.
+INPUT_ANALYSES = frozenset({"sensitivity"})
 
 ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType(
     {

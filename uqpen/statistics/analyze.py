@@ -7,8 +7,9 @@ from typing import Any
 
 import xarray as xr
 
+from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import CONDITIONAL, MISSING, RUN, SAMPLING, STATUS, WEIGHT
+from uqpen.core.labels import CONDITIONAL, MISSING, SAMPLING, STATUS, WEIGHT
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -36,7 +37,7 @@ OutputStatistics = dict[str, xr.DataArray]
 
 
 def analyze(
-    runs: xr.Dataset,
+    runs: xr.Dataset | BlockedRuns,
     quantities: Sequence[QuantityOfInterest],
     *,
     only: Collection[str] | None = None,
@@ -46,8 +47,9 @@ def analyze(
 
     Parameters
     ----------
-    runs : Dataset
-        With ``status(run)``, and attributes on the sampling of the points.
+    runs : Dataset or BlockedRuns
+        With ``status(run)``, and attributes on the sampling of the points. Of a handle only the
+        columns are read that an analysis needs; a design that is made for a statistic needs all.
     quantities : sequence of QuantityOfInterest
         One for each output.
     only : collection of str, optional
@@ -63,16 +65,18 @@ def analyze(
         of the `FIELD_ANALYSES` alone.
     """
     with one_blas_thread():
-        sampling = Sampling(runs.attrs[SAMPLING])
+        handle = LoadedDataset.of(runs)
+        sampling = Sampling(handle.attrs[SAMPLING])
         found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
         if sampling.is_sample:
-            drawn = input_sample(runs)
+            drawn = _drawn_runs(handle)
             samples = Sample.several_from_runs(drawn, list(found))
-            analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.coords)
+            analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.template.coords)
             _run_analyses(analyses, quantities, samples, _run_counts(drawn), found)
         # A design that is made for a statistic estimates it better than its sample does.
-        own = _select(ANALYSES_OF_DESIGNS.get(sampling, {}), only)
-        _run_analyses(own, quantities, dict.fromkeys(found, runs), _run_counts(runs), found)
+        if own := list(_select(ANALYSES_OF_DESIGNS.get(sampling, {}), only)):
+            whole = dict.fromkeys(found, handle.dataset())
+            _run_analyses(own, quantities, whole, _run_counts(handle), found)
         if sampling.is_sample and outside:
             counts = _run_counts(drawn)
             for quantity in (each for each in quantities if not each.output.dims):
@@ -82,8 +86,10 @@ def analyze(
         return {output: in_catalogue_order(statistics) for output, statistics in found.items()}
 
 
-def analyze_failures(runs: xr.Dataset) -> OutputStatistics:
+def analyze_failures(runs: xr.Dataset | BlockedRuns) -> OutputStatistics:
     """Compute the probability of each status of a run, and the association of inputs with failure.
+
+    `runs` are those of `analyze`.
 
     Returns
     -------
@@ -92,15 +98,24 @@ def analyze_failures(runs: xr.Dataset) -> OutputStatistics:
         `failure_analysis`, where runs failed.
     """
     found: OutputStatistics = {}
-    counts = _run_counts(runs)
-    if Sampling(runs.attrs[SAMPLING]).is_sample:
-        drawn = input_sample(runs)
+    handle = LoadedDataset.of(runs)
+    counts = _run_counts(handle)
+    if Sampling(handle.attrs[SAMPLING]).is_sample:
+        drawn = _drawn_runs(handle)
         counts_of_sample = _run_counts(drawn)
         found["probability"] = status_probabilities(drawn).assign_attrs(counts_of_sample)
-    analysis = unweighted(failure_analysis) if WEIGHT in runs.coords else failure_analysis
-    for name, array in analysis(Sample.from_runs(runs, STATUS)):
+    is_weighted = WEIGHT in handle.template.coords
+    analysis = unweighted(failure_analysis) if is_weighted else failure_analysis
+    for name, array in analysis(Sample.from_runs(handle, STATUS)):
         found[name] = array.assign_attrs(counts)
     return found
+
+
+def _drawn_runs(runs: BlockedRuns) -> BlockedRuns:
+    """Return the runs of a design whose points are a sample of the joint distribution."""
+    if Sampling(runs.attrs[SAMPLING]) is Sampling.PICK_FREEZE:
+        return LoadedDataset(input_sample(runs.dataset()))
+    return runs
 
 
 def in_catalogue_order(statistics: Mapping[str, xr.DataArray]) -> OutputStatistics:
@@ -144,12 +159,12 @@ def _run_analyses(
                 found[name][statistic] = array.assign_attrs(attributes)
 
 
-def _run_counts(runs: xr.Dataset) -> dict[str, int | str]:
+def _run_counts(runs: BlockedRuns) -> dict[str, int | str]:
     """Return the counts of the runs of a statistic, as attributes."""
     counts = status_counts(runs)
     failed = {status: count for status, count in counts.items() if count and status}
     attributes: dict[str, int | str] = {
-        "runs": int(runs.sizes[RUN]),
+        "runs": runs.size,
         "runs_used": counts[Status.OK],
         **{f"runs_{status.meaning}": count for status, count in failed.items()},
     }

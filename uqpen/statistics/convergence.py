@@ -21,6 +21,7 @@ from uqpen.statistics.distribution_function.probabilities import (
 )
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
 from uqpen.statistics.estimate import LEVEL
+from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample, input_sample
@@ -108,8 +109,7 @@ def _part(sample: Sample, is_taken: BoolArray) -> Sample:
         values=sample.values[is_taken[sample.used]],
         used=numbers[sample.used[is_taken[sample.used]]],
         missing=numbers[sample.missing[is_taken[sample.missing]]],
-        points=np.empty((int(is_taken.sum()), 0)),
-        inputs=(),
+        columns=InputColumns.none(int(is_taken.sum())),
         replicates=sample.replicates[is_taken],
         weights=None if sample.weights is None else sample.weights[is_taken],
     )

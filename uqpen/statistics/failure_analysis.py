@@ -52,7 +52,7 @@ def failure_analysis(sample: Sample) -> Iterator[tuple[str, xr.DataArray]]:
         return
     at = np.concatenate([sample.used, sample.missing])
     is_failed = np.arange(len(at)) >= len(sample.used)
-    columns = sample.points[at].T
+    columns = [sample.columns[number][at] for number in range(len(sample.inputs))]
     for name, what, measured in (
         ("larger", "is larger", columns),
         ("further_out", "lies further from its median", [_median_distances(x) for x in columns]),

@@ -162,10 +162,9 @@ def _statistic_fault(
 
 
 def _read_only(sample: Sample) -> Sample:
-    """Return a sample whose arrays an analysis cannot change for those after it."""
+    """Return a sample whose arrays an analysis cannot change; those of inputs never can be."""
     views = {
-        name: getattr(sample, name).view()
-        for name in ("values", "used", "missing", "points", "replicates")
+        name: getattr(sample, name).view() for name in ("values", "used", "missing", "replicates")
     }
     for view in views.values():
         view.flags.writeable = False

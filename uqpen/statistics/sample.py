@@ -11,12 +11,12 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.labels import (
     DEPENDENCE,
     MATRIX,
     OPTIMIZED_BY,
     REPLICATE,
-    ROLE,
     ROUND,
     RUN,
     SAMPLING,
@@ -27,6 +27,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 from uqpen.statistics import texts
+from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.weights import effective_size, weighted_mean
 
 __all__ = ["ErrorModel", "Sample", "input_sample"]
@@ -76,10 +77,8 @@ class Sample:
     missing : ndarray of int, shape (missing,)
         Numbers of the points whose run failed for a reason that may depend on the output: every
         failed run except at inadmissible points.
-    points : ndarray, shape (point, random input)
-        All points of the design.
-    inputs : tuple of str
-        The random inputs, in the order of the columns of `point_trace`.
+    columns : InputColumns
+        The random inputs at all points of the design.
     replicates : ndarray of int, shape (point,)
         The replicate of each point, from 0.
     sampling : Sampling
@@ -96,8 +95,7 @@ class Sample:
     values: FloatArray
     used: IntArray
     missing: IntArray
-    points: FloatArray
-    inputs: tuple[str, ...]
+    columns: InputColumns
     replicates: IntArray
     sampling: Sampling
     dependence: str = ""
@@ -105,50 +103,48 @@ class Sample:
     weights: FloatArray | None = None
 
     @classmethod
-    def from_runs(cls, runs: xr.Dataset, name: str) -> Sample:
+    def from_runs(cls, runs: xr.Dataset | BlockedRuns, name: str) -> Sample:
         """Return the sample of a variable in a runs dataset."""
         return cls.several_from_runs(runs, [name])[name]
 
     @classmethod
-    def several_from_runs(cls, runs: xr.Dataset, names: Iterable[str]) -> dict[str, Sample]:
-        """Return the samples of several variables by name, with one common copy of the points."""
-        is_used = runs[STATUS].values == Status.OK
-        if WEIGHT in runs.coords:
-            is_used &= runs[WEIGHT].values > 0  # a run without a weight counts for nothing
+    def several_from_runs(
+        cls, runs: xr.Dataset | BlockedRuns, names: Iterable[str]
+    ) -> dict[str, Sample]:
+        """Return the samples of several variables by name, which have the inputs in common."""
+        handle = LoadedDataset.of(runs)
+        is_used = handle.column(STATUS) == Status.OK
+        if WEIGHT in handle.template.coords:
+            is_used &= handle.column(WEIGHT) > 0  # a run without a weight counts for nothing
         used = np.flatnonzero(is_used)
-        whole = cls._from_values(runs, np.full(used.shape, np.nan), used)
-        values = {name: runs[name].values[used].astype(np.float64) for name in names}
+        whole = cls._from_values(handle, np.full(used.shape, np.nan), used)
+        values = {name: handle.column(name)[used].astype(np.float64) for name in names}
         return {name: replace(whole, values=found) for name, found in values.items()}
 
     @classmethod
-    def from_statuses(cls, runs: xr.Dataset) -> Sample:
+    def from_statuses(cls, runs: xr.Dataset | BlockedRuns) -> Sample:
         """Return the sample of the runs' statuses, in which no run is missing."""
-        values = runs[STATUS].values.astype(np.float64)
-        return cls._from_values(runs, values, np.arange(len(values)))
+        handle = LoadedDataset.of(runs)
+        values = handle.column(STATUS).astype(np.float64)
+        return cls._from_values(handle, values, np.arange(len(values)))
 
     @classmethod
-    def _from_values(cls, runs: xr.Dataset, values: FloatArray, used: IntArray) -> Sample:
-        status = runs[STATUS].values
+    def _from_values(cls, runs: BlockedRuns, values: FloatArray, used: IntArray) -> Sample:
+        status, coordinates = runs.column(STATUS), runs.template.coords
         failed = np.flatnonzero((status != Status.OK) & (status != Status.INADMISSIBLE))
-        random = {
-            str(name): variable.values
-            for name, variable in runs.data_vars.items()
-            if variable.attrs.get(ROLE) == "input" and variable.dims == (RUN,)
-        }
         replicates = np.zeros(len(status), dtype=np.int64)
-        if REPLICATE in runs.coords:
-            replicates = runs[REPLICATE].values.astype(np.int64)
+        if REPLICATE in coordinates:
+            replicates = runs.column(REPLICATE).astype(np.int64)
         return cls(
             values=values,
             used=used,
             missing=np.setdiff1d(failed, used, assume_unique=True),
-            points=np.column_stack([*random.values()]) if random else np.empty((len(status), 0)),
-            inputs=tuple(random),
+            columns=InputColumns.from_runs(runs),
             replicates=replicates,
             sampling=Sampling(runs.attrs[SAMPLING]),
             dependence=str(runs.attrs.get(DEPENDENCE, "")),
             optimized_by=str(runs.attrs.get(OPTIMIZED_BY, "")),
-            weights=runs[WEIGHT].values.astype(np.float64) if WEIGHT in runs.coords else None,
+            weights=runs.column(WEIGHT).astype(np.float64) if WEIGHT in coordinates else None,
         )
 
     def with_missing(self) -> Sample:
@@ -156,6 +152,16 @@ class Sample:
         used = np.concatenate([self.used, self.missing])
         values = np.concatenate([self.values, np.full(self.missing.shape, np.nan)])
         return replace(self, values=values, used=used, missing=self.missing[:0])
+
+    @property
+    def points(self) -> FloatArray:
+        """All points of the design, shape (point, random input); made at the first use."""
+        return self.columns.matrix
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The random inputs, in the order of the columns of `points`."""
+        return self.columns.names
 
     @property
     def size(self) -> int:

@@ -36,10 +36,10 @@ def standard_error(sample: Sample, influence: FloatArray) -> tuple[float, float]
     if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
         # With failed runs, the mean is a ratio of sums over all points, and a failed run adds
         # nothing to them.
-        deviation = np.zeros(len(sample.points))
+        deviation = np.zeros(len(sample.replicates))
         deviation[sample.used] = influence - influence.mean()
         error, freedom = additive_residual_error(deviation, sample.points)
-        return error * len(sample.points) / sample.size, freedom
+        return error * len(sample.replicates) / sample.size, freedom
     if sample.run_weights is not None:
         return weighted_mean_error(influence, sample.run_weights), sample.degrees_of_freedom
     return float(influence.std(ddof=1)) / math.sqrt(sample.size), sample.degrees_of_freedom

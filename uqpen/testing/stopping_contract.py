@@ -6,6 +6,7 @@ import pickle
 
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
+from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.stopping.stopping_rule import StoppingRule
@@ -51,5 +52,5 @@ def _sum_feedback(runs: int, requested: QuantityOfInterest) -> Feedback:
     """Return the feedback of a round of independent draws."""
     joint = example_joint_distribution()
     (points,) = MonteCarlo(runs).rounds(joint, Stream(1, "designs", "one"))
-    made = {"": sum_runs(points, joint, requested.output.name)}
+    made = {"": sum_runs(points_in_memory(points), joint, requested.output.name)}
     return Feedback(made, RunningEstimates((made,), Sampling.INDEPENDENT, {"": [requested]}))

@@ -10,6 +10,7 @@ from uqpen.core.errors import TooManyFailedError
 from uqpen.core.labels import SAMPLING
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
+from uqpen.designs.drawn_points import Points
 from uqpen.designs.rounds import run_rounds
 from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds
 from uqpen.execution.checkpoint import Checkpoint
@@ -48,7 +49,7 @@ def run_design(
         of the round.
     """
 
-    def model_runs(name: str, points: xr.Dataset, number: int) -> xr.Dataset:
+    def model_runs(name: str, points: Points, number: int) -> xr.Dataset:
         variant = study.models[name]
         try:
             return evaluate(

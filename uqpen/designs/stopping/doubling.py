@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
 
-import xarray as xr
-
 from uqpen.core.labels import STOPPING_AT_MOST, STOPPING_NOTE, STOPPING_RULE
+from uqpen.designs.drawn_points import Points
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.stopping_rule import StoppingRule
 
@@ -38,8 +37,8 @@ def doubling_looks(at_most: int) -> Iterator[int]:
 
 
 def doubling_rounds(
-    rule: StoppingRule, at_most: int, draw: Callable[[int, int], xr.Dataset]
-) -> Generator[xr.Dataset, Feedback, None]:
+    rule: StoppingRule, at_most: int, draw: Callable[[int, int], Points]
+) -> Generator[Points, Feedback, None]:
     """Yield rounds of points, as a design does, until a rule is satisfied.
 
     The rule looks at `FIRST_LOOK` runs, then whenever their number has doubled. The points say so
@@ -52,8 +51,9 @@ def doubling_rounds(
     at_most : int
         Number of runs at which the design ends in any case.
     draw : callable
-        Returns the points from one number to another, the last excluded. They must be independent
-        draws: other points, such as Sobol' sets that double, need wider intervals.
+        Returns the points from one number to another, the last excluded, as a design may yield
+        them. They must be independent draws: other points, such as Sobol' sets that double, need
+        wider intervals.
     """
     attributes = {
         STOPPING_RULE: f"{rule}; at most {at_most} runs",

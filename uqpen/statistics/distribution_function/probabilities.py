@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.blocks import BlockedRuns
 from uqpen.core.catalogue import CATEGORY, THRESHOLD
 from uqpen.core.labels import STATUS
 from uqpen.core.status import Status
@@ -104,7 +105,7 @@ def category_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
     }
 
 
-def status_probabilities(runs: xr.Dataset) -> xr.DataArray:
+def status_probabilities(runs: xr.Dataset | BlockedRuns) -> xr.DataArray:
     """Estimate the probability of each status but ok, along ``status`` and ``bound``."""
     sample = Sample.from_statuses(runs)
     ends = [status for status in Status if status is not Status.OK]

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 import xarray as xr
@@ -78,17 +79,22 @@ class _CorrelatedColumns:
     @cached_property
     def levels(self) -> list[IntArray]:
         """Level of each run's value among the ascending values of each column, the output last."""
-        columns = [*self.sample.points[self.sample.used].T, self.sample.values]
+        columns = chain(self._inputs, [self.sample.values])
         return [np.unique(column, return_inverse=True)[1] for column in columns]
 
     @cached_property
     def standardized(self) -> FloatArray:
         """The columns, of mean 0 and variance 1, as rows; 0 where one does not vary."""
         if self.is_ranked:
-            columns = [mean_ranks(level) for level in self.levels]
-        else:
-            columns = [*self.sample.points[self.sample.used].T, self.shape.deviations]
+            return np.stack([_standardized(mean_ranks(level)) for level in self.levels])
+        columns = chain(self._inputs, [self.shape.deviations])
         return np.stack([_standardized(column) for column in columns])
+
+    @property
+    def _inputs(self) -> Iterator[FloatArray]:
+        """Each input over the completed runs."""
+        columns, used = self.sample.columns, self.sample.used
+        return (columns[number][used] for number in range(len(columns.names)))
 
     @cached_property
     def _varying(self) -> IntArray:

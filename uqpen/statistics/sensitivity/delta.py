@@ -61,7 +61,7 @@ def delta(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, x
 def _estimate(sample: Sample, cells: IntArray, column: int) -> Estimate:
     if reason := reason_without_measure(sample, column, _FEWEST_RUNS):
         return Estimate.without_bounds(math.nan, reason)
-    counts = _counts(sample.points[sample.used, column], cells)
+    counts = _counts(sample.columns[column][sample.used], cells)
     # Noise enlarges the distances. Resampling adds the same amount of noise once more.
     resampled = np.mean([_distance(drawn) for drawn in _resampled(counts)])
     value = float(np.clip(2 * _distance(counts) - resampled, 0.0, 1.0))

@@ -80,7 +80,7 @@ def reason_without_measure(
         return sample.too_few_runs
     if sample.is_constant:
         return constant
-    if not np.ptp(sample.points[sample.used, column]) > 0:
+    if not np.ptp(sample.columns[column][sample.used]) > 0:
         return texts.CONSTANT_INPUT
     return ""
 

@@ -52,7 +52,7 @@ class RegressionBins:
         halved : bool
             True to cut the bins into two, where each half has runs enough for a line.
         """
-        values = sample.points[:, column]
+        values = sample.columns[column]
         rank = _ranks(values)
         if sample.error_model is ErrorModel.REPLICATED:
             replicates = int(sample.replicates.max()) + 1

@@ -19,6 +19,7 @@ from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B, BlockLayout
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.intervals import ratio_jackknife_error, student_quantile
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sample_shape import SampleShape
@@ -124,8 +125,7 @@ class BlockVariable:
             values=self.values[drawn].astype(np.float64),
             used=everything,
             missing=everything[:0],
-            points=np.empty((len(drawn), 0)),
-            inputs=(),
+            columns=InputColumns.none(len(drawn)),
             replicates=np.tile(self.blocks.replicate, 2),
             sampling=Sampling.PICK_FREEZE,
         )

@@ -1,0 +1,271 @@
+"""Runs are made and yielded by blocks, and no result depends on it."""
+
+from __future__ import annotations
+
+import gc
+import tracemalloc
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain, islice
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from uqpen.core.arrays import Arrays
+from uqpen.core.blocks import LoadedDataset, join_blocks
+from uqpen.core.errors import TooManyFailedError, WorkerError
+from uqpen.core.labels import RUN
+from uqpen.core.model import POSITIVE, Input, Model, Output, Results
+from uqpen.core.status import Status
+from uqpen.core.streams import BLOCK, Stream
+from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.distributions.continuous import Uniform
+from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.execution import Evaluator, FailurePolicy, Progress, evaluate, evaluate_blocks
+from uqpen.execution.batch import Batch, BatchResult
+from uqpen.execution.checkpoint import Checkpoint
+from uqpen.models.python_function import PythonFunction
+
+X = Input("x", "m", bounds=POSITIVE)
+RUNS = 2 * BLOCK + 10_000
+
+
+class Square(Model):
+    """A model that is the same in any batch, which fails above 9."""
+
+    name = "square"
+    inputs = (X,)
+    outputs = (Output("y", "m^2"),)
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        x = inputs["x"]
+        status = np.where(x > 9, Status.FAILED, Status.OK).astype(np.int8)
+        reasons = {int(run): "too large" for run in np.flatnonzero(x > 9)}
+        return Results({"y": np.where(x > 9, np.nan, x**2)}, status, reasons)
+
+
+def function(vectorized: bool) -> PythonFunction:
+    units = {"x": "m", "y": "m^2"}
+    return PythonFunction(lambda x: {"y": x**2}, "f", (X,), Square.outputs, units, vectorized)
+
+
+def drawn(runs: int = RUNS, lower: float = -0.5, upper: float = 9.5) -> Any:
+    joint = JointDistribution((RandomInput(X, Uniform(lower, upper), "m"),), (X,))
+    return next(MonteCarlo(runs).rounds(joint, Stream(1, "designs", "mc")))
+
+
+@pytest.fixture(scope="module")
+def plain() -> xr.Dataset:
+    """The runs of points that are all in memory."""
+    return evaluate(Evaluator(Square()), drawn().dataset(), {})
+
+
+@pytest.fixture
+def small_blocks(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """Makes blocks small, where they are no matter of random streams."""
+
+    def shrink(size: int) -> None:
+        for module in ("core.blocks", "execution.open_blocks"):
+            monkeypatch.setattr(f"uqpen.{module}.BLOCK", size)
+
+    return shrink
+
+
+def backwards(work: Any, batches: Iterable[Batch]) -> Iterator[BatchResult]:
+    """Make five batches ahead, and return their results in reverse order, each in two parts."""
+    coming = iter(batches)
+    while some := list(islice(coming, 5)):
+        for batch in reversed(some):
+            for half in reversed(batch.halves() if len(batch) > 1 else (batch,)):
+                yield work(half)
+
+
+def test_blocks_have_their_size_and_stand_in_order() -> None:
+    sizes = [each.sizes[RUN] for each in evaluate_blocks(Evaluator(Square()), drawn(), {})]
+    assert sizes == [BLOCK, BLOCK, 10_000]
+
+
+@pytest.mark.parametrize("map", [map, backwards])
+def test_joined_blocks_are_the_runs_of_points_in_memory(plain: xr.Dataset, map: Any) -> None:
+    assert {Status.OK, Status.INADMISSIBLE, Status.FAILED} == set(plain["status"].values)
+    blocks = evaluate_blocks(Evaluator(Square()), drawn(), {}, map=map)
+    found = join_blocks(blocks, RUNS)
+    assert found.identical(plain)
+    assert list(found.variables) == list(plain.variables), "an archive keeps the order"
+    assert evaluate(Evaluator(Square()), drawn(), {}, map=map).identical(plain)
+
+
+def test_blocks_of_a_dataset_are_the_blocks_of_the_evaluation(plain: xr.Dataset) -> None:
+    made = evaluate_blocks(Evaluator(Square()), drawn(), {})
+    for block, found in zip(LoadedDataset(plain).blocks(), made, strict=True):
+        assert block.identical(found)
+    assert LoadedDataset(plain).template.sizes == {RUN: 0, "lost_run": 0}
+
+
+@pytest.mark.parametrize("size", [1_000, 1_024])
+@pytest.mark.parametrize("vectorized", [False, True])
+def test_batches_of_any_kind_keep_their_results(
+    small_blocks: Callable[[int], None], size: int, vectorized: bool
+) -> None:
+    points = drawn(2_500)
+    whole = evaluate(Evaluator(function(vectorized)), points, {})
+    small_blocks(size)
+    assert evaluate(Evaluator(function(vectorized)), points, {}).identical(whole)
+    assert evaluate(Evaluator(function(vectorized)), points, {}, map=backwards).identical(whole)
+
+
+def test_batches_begin_where_they_do_without_blocks(small_blocks: Callable[[int], None]) -> None:
+    batches: list[tuple[int, int]] = []
+
+    def noting(work: Any, coming: Iterable[Batch]) -> Iterator[BatchResult]:
+        for batch in coming:
+            batches.append((batch.start, len(batch)))
+            yield work(batch)
+
+    small_blocks(1_500)
+    evaluate(Evaluator(function(True)), drawn(4_500), {}, map=noting)
+    assert batches == [(0, 1024), (1024, 1024), (2048, 1024), (3072, 1024), (4096, 404)]
+
+
+def test_no_batch_waits_for_the_end_of_a_block(small_blocks: Callable[[int], None]) -> None:
+    ahead: list[int] = []
+
+    def eager(work: Any, batches: Iterable[Batch]) -> Iterator[BatchResult]:
+        taken = list(batches)
+        ahead.append(taken[-1].start)
+        yield from builtin_map(work, taken)
+
+    builtin_map = map
+    small_blocks(1_024)
+    evaluate(Evaluator(function(True)), drawn(4_500), {}, map=eager)
+    assert ahead == [4_096], "one call takes the batches of all blocks, before any has a result"
+
+
+def test_a_map_that_leaves_out_runs_is_refused() -> None:
+    def forgetful(work: Any, batches: Iterable[Batch]) -> Iterator[BatchResult]:
+        return (work(batch) for batch in list(batches)[1:])
+
+    with pytest.raises(WorkerError, match="no result of 1024 runs"):
+        evaluate(Evaluator(function(True)), drawn(4_500), {}, map=forgetful)
+
+
+def test_too_many_failed_are_those_of_the_whole_round(small_blocks: Callable[[int], None]) -> None:
+    points = xr.Dataset({"x": (RUN, np.repeat([9.5, 1.0], [1_024, 9_000]))})
+    policy = FailurePolicy(at_most=0.11)
+    small_blocks(1_024)
+    evaluate(Evaluator(Square()), points, {}, failures=policy)
+    policy = FailurePolicy(at_most=0.10)
+    with pytest.raises(TooManyFailedError, match="1024 of 10024 runs"):
+        evaluate(Evaluator(Square()), points, {}, failures=policy)
+
+
+class Kept(Checkpoint):
+    """Runs that were made before, as a checkpoint has them; it notes the blocks it is asked for."""
+
+    def __init__(self, results: list[BatchResult]) -> None:
+        self.results = results
+        self.saved: list[int] = []
+        self.restored: list[int] = []
+
+    def prepare(self, runs: int) -> int:
+        return sum(map(len, self.results))
+
+    def restore(self, start: int, inputs: Arrays) -> Iterator[BatchResult]:
+        self.restored.append(start)
+        stop = start + len(inputs["x"])
+        for each in self.results:
+            if each.start < stop and each.start + len(each) > start:
+                yield each.between(start, stop)
+
+    def save(self, inputs: Arrays, batch_result: BatchResult) -> None:
+        assert len(inputs["x"]) == len(batch_result)
+        self.saved.append(batch_result.start)
+
+
+class Counted(Progress):
+    def __init__(self) -> None:
+        self.before: list[int] = []
+        self.runs = 0
+
+    def count_restored(self, runs: int) -> None:
+        self.before.append(runs)
+
+    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+        self.runs += runs
+
+
+def restored(x: np.ndarray, start: int, stop: int) -> BatchResult:
+    return BatchResult(start, Results.all_ok({"y": x[start:stop] ** 2}))
+
+
+@pytest.mark.parametrize("map", [map, backwards])
+def test_whole_blocks_that_were_made_before_are_not_piled_up(
+    small_blocks: Callable[[int], None], map: Any
+) -> None:
+    x = np.linspace(1, 2, 10_000)
+    points = xr.Dataset({"x": (RUN, x)})
+    whole = evaluate(Evaluator(function(True)), points, {})
+    small_blocks(1_024)
+    # One run of the first block, and all but some of the last, are still to be made.
+    kept = Kept([restored(x, 1, 9_300)])
+    told = Counted()
+    blocks = evaluate_blocks(
+        Evaluator(function(True)),
+        LoadedDataset(points),
+        {},
+        map=map,
+        checkpoint=kept,
+        progress=told,
+    )
+    drawn_at_each = [(len(kept.restored), block.sizes[RUN]) for block in blocks]
+    assert told.before == [9_299]
+    assert told.runs == 1_024 + (10_000 - 9_216), "a batch is made again as a whole"
+    assert kept.saved == ([0, 9_216] if map is not backwards else [512, 0, 9_608, 9_216])
+    assert all(read - number <= 2 for number, (read, _) in enumerate(drawn_at_each))
+    kept = Kept([restored(x, 1, 9_300)])
+    again = evaluate(Evaluator(function(True)), points, {}, checkpoint=kept)
+    assert again.identical(whole)
+
+
+def test_all_runs_of_a_scalar_function_may_have_been_made_before(
+    small_blocks: Callable[[int], None],
+) -> None:
+    x = np.linspace(1, 2, 3_000)
+    small_blocks(1_000)
+    kept = Kept([restored(x, 0, 1_500), restored(x, 1_600, 3_000)])
+    told = Counted()
+    points = xr.Dataset({"x": (RUN, x)})
+    found = evaluate(Evaluator(function(False)), points, {}, checkpoint=kept, progress=told)
+    assert np.array_equal(found["y"].values, x**2)
+    assert told.runs == 100
+    kept = Kept([restored(x, 0, 3_000)])
+    assert evaluate(Evaluator(function(False)), points, {}, checkpoint=kept).identical(found)
+
+
+def test_memory_is_that_of_a_few_blocks() -> None:
+    runs = 2_000_000
+    evaluator = Evaluator(Square())
+    points = drawn(runs, 0.001, 9.0)
+    next(evaluate_blocks(evaluator, points, {}))  # what is loaded at the first use
+    gc.collect()
+    tracemalloc.start()
+    total = 0.0
+    for block in evaluate_blocks(evaluator, points, {}):
+        total += float(np.nansum(block["y"].values))
+        del block
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert total == pytest.approx(runs * 9**2 / 3, rel=0.01)
+    # x, y, a status and a number of each run.
+    assert peak < 6 * BLOCK * (8 + 8 + 1 + 8) < runs * 25 / 5
+
+
+def test_a_column_takes_the_type_that_has_room_for_all_blocks() -> None:
+    parts = [
+        xr.Dataset({"n": (RUN, np.array([1, 2])), "t": (RUN, np.array(["a", "b"]))}),
+        xr.Dataset({"n": (RUN, np.array([0.5])), "t": (RUN, np.array(["long"]))}),
+    ]
+    joined = join_blocks(chain(parts), 3)
+    assert joined["n"].values.tolist() == [1.0, 2.0, 0.5]
+    assert joined["t"].values.tolist() == ["a", "b", "long"]

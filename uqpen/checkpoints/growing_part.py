@@ -1,0 +1,42 @@
+"""Part of a checkpoint that grows: runs of one block, which one file keeps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from uqpen.checkpoints.runs_file import FinishedRuns, write_runs
+from uqpen.core.arrays import Arrays
+from uqpen.execution.batch import BatchResult
+
+__all__ = ["GrowingPart"]
+
+# A part grows and is written again each time, up to this number of times or of runs.
+_MOST_WRITTEN, _MOST_RUNS = 64, 8192
+
+
+class GrowingPart:
+    """Runs of a block that are in one file, or are to be written to it."""
+
+    def __init__(self) -> None:
+        self.number: int | None = None
+        self._batch_results: list[tuple[Arrays, BatchResult]] = []
+        self._runs = self._written = 0
+        self._is_written = True
+
+    def add(self, inputs: Arrays, batch_result: BatchResult) -> None:
+        """Add the result of a batch with its inputs."""
+        self._batch_results.append((inputs, batch_result))
+        self._runs += len(batch_result)
+        self._is_written = False
+
+    def write(self, path: Path) -> None:
+        """Write all its runs, where some are not written yet."""
+        if not self._is_written:
+            write_runs(path, FinishedRuns.from_batch_results(self._batch_results))
+            self._written += 1
+            self._is_written = True
+
+    @property
+    def is_full(self) -> bool:
+        """True if further runs of its block go to another file."""
+        return self._written == _MOST_WRITTEN or self._runs >= _MOST_RUNS

@@ -1,0 +1,173 @@
+"""Labelled datasets along ``run`` that can be read by blocks, so that none has to be in memory."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, RUN
+from uqpen.core.streams import BLOCK
+
+__all__ = ["BlockedDataset", "BlockedRuns", "LoadedDataset", "block_ranges", "join_blocks"]
+
+_AlongRun = npt.NDArray[Any]
+
+
+def block_ranges(size: int) -> Iterator[tuple[int, int]]:
+    """Yield the first run of each block and the first run after it.
+
+    >>> list(block_ranges(100_000))
+    [(0, 65536), (65536, 100000)]
+    """
+    for start in range(0, size, BLOCK):
+        yield start, min(start + BLOCK, size)
+
+
+class BlockedDataset(ABC):
+    """Dataset along ``run`` of which parts can be read; joined in order, its blocks are the whole.
+
+    What it returns may be shared with others, and must not be written to.
+    """
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Number of runs."""
+
+    @abstractmethod
+    def read(self, start: int, stop: int) -> xr.Dataset:
+        """Return the runs from one number to another, the last excluded.
+
+        Where there are reasons of failed runs, they are those of these runs.
+        """
+
+    def blocks(self) -> Iterator[xr.Dataset]:
+        """Yield its blocks of `BLOCK` runs in order; the last one has the rest."""
+        for start, stop in block_ranges(self.size):
+            yield self.read(start, stop)
+
+    def dataset(self) -> xr.Dataset:
+        """Return the whole in memory."""
+        return join_blocks(self.blocks(), self.size)
+
+
+class BlockedRuns(BlockedDataset):
+    """Handle to the runs of a design, in memory or in a file: what analyses take."""
+
+    @cached_property
+    def template(self) -> xr.Dataset:
+        """Its variables, coordinates and attributes, of no run."""
+        return self.read(0, 0)
+
+    @property
+    def attrs(self) -> dict[Any, Any]:
+        """Its attributes, such as the sampling of the points."""
+        return self.template.attrs
+
+    @abstractmethod
+    def column(self, name: str) -> npt.NDArray[Any]:
+        """Return the values of a variable along all runs, shape (run, *dims)."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedDataset(BlockedRuns):
+    """Handle to a dataset in memory; its blocks and columns are views."""
+
+    whole: xr.Dataset
+
+    @classmethod
+    def of(cls, runs: xr.Dataset | BlockedRuns) -> BlockedRuns:
+        """Return a handle to runs; one that is a handle already as it is."""
+        return cls(runs) if isinstance(runs, xr.Dataset) else runs
+
+    @property
+    def size(self) -> int:
+        """Number of runs."""
+        return int(self.whole.sizes[RUN])
+
+    def read(self, start: int, stop: int) -> xr.Dataset:
+        """Return the runs from one number to another, the last excluded."""
+        if (start, stop) == (0, self.size):
+            return self.whole
+        indexers: dict[str, Any] = {RUN: slice(start, stop)}
+        if FAILED_RUN in self.whole.dims:
+            failed = self.whole[FAILED_RUN].values
+            indexers[FAILED_RUN] = np.flatnonzero((failed >= start) & (failed < stop))
+        return self.whole.isel(indexers)
+
+    def column(self, name: str) -> npt.NDArray[Any]:
+        """Return the values of a variable along all runs."""
+        values: npt.NDArray[Any] = self.whole.variables[name].values
+        return values
+
+    def dataset(self) -> xr.Dataset:
+        """Return the dataset itself."""
+        return self.whole
+
+
+def join_blocks(blocks: Iterable[xr.Dataset], size: int) -> xr.Dataset:
+    """Join consecutive blocks of runs, each of which is released when the next one is there.
+
+    Parameters
+    ----------
+    blocks : iterable of Dataset
+        At least one. All have the variables of the first; without a failed run, the whole has no
+        reasons of failed runs.
+    size : int
+        Number of runs of the whole.
+    """
+    coming = iter(blocks)
+    first = next(coming)
+    if first.sizes[RUN] == size:
+        return _without_empty_reasons(first)
+    joined = {
+        str(name): np.empty((size, *each.shape[1:]), each.dtype)
+        for name, each in first.variables.items()
+        if each.dims[:1] == (RUN,)
+    }
+    failed: dict[str, list[_AlongRun]] = {
+        str(name): [] for name, each in first.variables.items() if each.dims == (FAILED_RUN,)
+    }
+    start = 0
+    for block in chain([first], coming):
+        stop = start + block.sizes[RUN]
+        for name in joined:
+            joined[name] = _filled(joined[name], start, block.variables[name].values)
+        for name, parts in failed.items():
+            parts.append(block.variables[name].values)
+        start = stop
+    values = {**joined, **{name: np.concatenate(parts) for name, parts in failed.items()}}
+    return _without_empty_reasons(_with_values(first, values))
+
+
+def _filled(column: _AlongRun, start: int, values: _AlongRun) -> _AlongRun:
+    """Return a column with the values of a block, in a type that has room for both."""
+    kind = np.promote_types(column.dtype, values.dtype)
+    column = column.astype(kind, copy=False)
+    column[start : start + len(values)] = values
+    return column
+
+
+def _with_values(template: xr.Dataset, values: dict[str, _AlongRun]) -> xr.Dataset:
+    """Return a dataset like another one, in the same order, with other values of some variables."""
+    variables = {
+        str(name): (each.dims, values.get(str(name), each.values), each.attrs)
+        for name, each in template.variables.items()
+    }
+    coordinates = {name: variables.pop(name) for name in map(str, template.coords)}
+    whole = xr.Dataset(variables, coordinates, template.attrs)
+    return whole[[*map(str, template.variables)]]
+
+
+def _without_empty_reasons(runs: xr.Dataset) -> xr.Dataset:
+    if runs.sizes.get(FAILED_RUN) == 0:
+        return runs.drop_vars([FAILED_RUN, FAILURE_REASON])
+    return runs
