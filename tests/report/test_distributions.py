@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.core.status import Status
 from uqpen.report.blocks import Block, Chart, Heading, Table, find_charts
 from uqpen.report.sections.distributions import distributions
 from uqpen.report.sections.model_comparison import model_comparison
@@ -40,13 +41,27 @@ class TestTheThreshold:
         reading = next(find_charts(beam)).reading
         assert reading is not None
         values = deflections(archives["beam"])
-        half = dkw_half_width(values.size, 0.95)
+        status = archives["beam"]["runs/only"]["status"].values
+        admissible = int((status != Status.INADMISSIBLE).sum())
+        kept, half = values.size / admissible, dkw_half_width(admissible, 0.95)
+        assert kept < 1
         for place, (estimate, lower, upper) in enumerate(reading.bounds):
             at = round(reading.first + place * reading.step, reading.decimals)
             share = np.mean(values <= at)
             assert estimate == pytest.approx(share, abs=1e-9)
-            assert lower == pytest.approx(max(share - half, 0), abs=1e-9)
-            assert upper == pytest.approx(min(share + half, 1), abs=1e-9)
+            assert lower == pytest.approx(max(kept * share - half, 0), abs=1e-9)
+            assert upper == pytest.approx(min(kept * share + 1 - kept + half, 1), abs=1e-9)
+
+    def test_its_band_contains_the_interval_of_the_same_threshold(
+        self, archives: Archives, beam: list[Block]
+    ) -> None:
+        reading = next(find_charts(beam)).reading
+        assert reading is not None
+        _, least, most = archives["beam"]["statistics/only/deflection/exceedance"].values[0]
+        _, lower, upper = reading.bounds[reading.start]
+        assert lower is not None
+        assert upper is not None
+        assert lower <= 1 - most < 1 - least <= upper
 
     def test_it_moves_by_round_numbers_over_the_whole_axis(self, beam: list[Block]) -> None:
         chart = next(find_charts(beam))
@@ -90,7 +105,10 @@ def test_the_tail_is_drawn_run_by_run(archives: Archives, beam: list[Block]) -> 
 
 def test_what_is_lost_is_told_with_the_curves(beam: list[Block]) -> None:
     cdf, _, tail = find_charts(beam)
-    note = "Curve and band use the completed runs; 18.3 % of the admissible runs failed."
+    note = (
+        "The curve uses the completed runs; 18.3 % of the admissible runs failed. A band includes "
+        "every result that they could have had."
+    )
     assert note in cdf.notes
     assert note in tail.notes
 

@@ -13,6 +13,7 @@ from uqpen.core.labels import INTERVAL_LEVEL, NOTE
 from uqpen.core.units import Scale
 from uqpen.figures.panel import Axes
 from uqpen.results.digits import percent_text
+from uqpen.results.simultaneous_band import SimultaneousBand
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle
 from uqpen.results.texts import plain_text
@@ -41,7 +42,9 @@ class Curve:
     values : ndarray of shape (rank,)
         In the unit that is shown.
     band : ndarray of shape (rank, bound)
-        The function there, with its simultaneous bounds.
+        The function there, with its simultaneous bounds for any outcome of failed runs.
+    limits : SimultaneousBand
+        The band around any other share of the runs.
     level : float
         Of the band; NaN without one.
     note : str
@@ -53,6 +56,7 @@ class Curve:
     name: str
     values: FloatArray
     band: FloatArray
+    limits: SimultaneousBand
     level: float
     note: str
     runs: int
@@ -69,22 +73,23 @@ class Curve:
         band = statistics.get(source, output, "cdf_band")
         if values is None or band is None or not np.isfinite(values.values).any():
             return None
+        limits = SimultaneousBand.from_estimates(band)
         return cls(
             name,
             np.asarray(measure.from_si(values.values), dtype=np.float64),
-            np.asarray(band.values, dtype=np.float64),
+            limits.around(np.asarray(band.values[:, 0], dtype=np.float64)),
+            limits,
             float(band.attrs.get(INTERVAL_LEVEL, np.nan)),
             interval_text(band[0], NOTE),
             int(band.attrs.get("runs_used", 0)),
         )
 
     def extended(self, lower: float, upper: float) -> Curve:
-        """Return the curve continued to both ends of an axis; the band keeps its width."""
+        """Return the curve and its band continued to both ends of an axis."""
         values, band = self.values, self.band
         if lower < values[0]:
             values = np.concatenate([[lower], values])
-            width = band[0, 2] - band[0, 0]
-            band = np.concatenate([[[0.0, width * 0, width]], band])
+            band = np.concatenate([self.limits.around(np.zeros(1)), band])
         if values[-1] < upper:
             values = np.concatenate([values, [upper]])
             band = np.concatenate([band, band[-1:]])

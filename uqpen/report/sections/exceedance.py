@@ -102,7 +102,7 @@ def _tail(view: ArchiveView, output: str, curve: Curve) -> tuple[FloatArray, Flo
     if outputs.size > _MOST:
         left = np.geomspace(1, outputs.size, _MOST).round().astype(np.int64)
     values = np.unique(outputs[outputs.size - left])
-    tail_values = 1 - empirical_cdf(outputs, curve.band, values)
+    tail_values = 1 - curve.limits.around(empirical_cdf(outputs, values))
     # The largest value leaves nothing above it, which has no logarithm.
     above = tail_values[:, 0] > 0
     shown: FloatArray = view.scale(output).from_si(values[above])
