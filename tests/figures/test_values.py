@@ -250,3 +250,19 @@ def test_a_velocity_profile_is_v_then_u_then_nothing(smoothing: float) -> None:
     assert at[0.0] == pytest.approx(u)
     assert at[round(S - R, 12)] == pytest.approx(0, abs=1e-9)
     assert (np.diff(velocities) <= 1e-9).all()
+
+
+def test_a_tail_reaches_the_largest_run(study_of: Any) -> None:
+    text = '[outputs.y]\nexceeds = [12]\n[designs.some]\nkind = "monte-carlo"\nruns = 1000'
+    tree = uqpen.run(study_of("np.exp(5 * x)", text, x="(0 ± 0.2)"))
+    values = np.sort(tree["runs/some"]["y"].values)
+    (axes,) = drawn(tree, "exceedance")
+    shown = line(axes, "some")
+    # No run exceeds the largest, so the function is that of the run before it up to there.
+    np.testing.assert_allclose(shown.get_xdata()[-2:], values[-2:], rtol=1e-12)
+    np.testing.assert_allclose(shown.get_ydata()[-2:], 1 / 1000)
+    end = line(axes, f"y, largest of 1 000 runs: {values[-1]:.4g}".replace(" 000", "\u202f000"))
+    assert (end.get_xdata()[0], end.get_ydata()[0]) == pytest.approx((values[-1], 1 / 1000))
+    assert axes.get_yscale() == "log"
+    assert axes.get_xlim()[1] > values[-1]
+    assert axes.get_ylim()[0] < 1 / 1000

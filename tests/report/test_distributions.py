@@ -98,9 +98,35 @@ def test_the_tail_is_drawn_run_by_run(archives: Archives, beam: list[Block]) -> 
     assert tail.title == "Probability that deflection is more than x"
     values = deflections(archives["beam"])
     drawn = next(trace for trace in tail.traces if trace.get("name") == "only")
-    # The largest run is exceeded by none, which has no logarithm.
-    np.testing.assert_allclose(drawn["x"], np.sort(values)[:-1], rtol=1e-5)
-    np.testing.assert_allclose(drawn["y"], 1 - np.arange(1, values.size) / values.size, rtol=1e-5)
+    # No run exceeds the largest, so the step before it reaches up to it.
+    share = 1 - np.arange(1, values.size) / values.size
+    np.testing.assert_allclose(drawn["x"], np.sort(values), rtol=1e-5)
+    np.testing.assert_allclose(drawn["y"], [*share, share[-1]], rtol=1e-5)
+
+
+def test_the_largest_run_is_marked_and_told(archives: Archives, beam: list[Block]) -> None:
+    values = deflections(archives["beam"])
+    name = f"largest of {values.size} runs"
+    tail = list(find_charts(beam))[2]
+    assert f"{name}: {values.max():.4g} mm" in [key.text for key in tail.keys]
+    (end,) = (trace for trace in tail.traces if trace.get("name", "").startswith("largest"))
+    assert end["x"] == [pytest.approx(values.max(), rel=1e-4)]
+    assert end["y"] == [pytest.approx(1 / values.size, rel=1e-4)]
+    assert tail.notes[1].startswith(f"The {name} is {values.max():.4g} mm. Larger values may")
+    (table,) = (block.table for block in beam if isinstance(block, Table))
+    assert table.rows[-1] == (name, [f"{values.max():.4g}"])
+
+
+def test_an_axis_that_cuts_the_tail_off_says_how_far_it_goes(
+    study_of: Callable[..., ValidatedStudy],
+) -> None:
+    text = '[designs.some]\nkind = "monte-carlo"\nruns = 400'
+    tree = uqpen.run(study_of("np.exp(5 * x)", text, x="(0 ± 0.4)"))
+    largest = tree["runs/some"]["y"].values.max()
+    cdf = next(find_charts(distributions(ArchiveView(tree, ""))))
+    assert cdf.x.ends is not None
+    assert cdf.x.ends[1] < largest
+    assert cdf.notes[-1].endswith(f"The largest of 400 runs is {largest:.4g}.")
 
 
 def test_what_is_lost_is_told_with_the_curves(beam: list[Block]) -> None:

@@ -13,6 +13,7 @@ from uqpen.core.labels import INTERVAL_LEVEL, NOTE
 from uqpen.core.units import Scale
 from uqpen.figures.panel import Axes
 from uqpen.results.digits import percent_text
+from uqpen.results.exceedance_tail import FEW_DISTINCT
 from uqpen.results.simultaneous_band import SimultaneousBand
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle
@@ -21,8 +22,6 @@ from uqpen.results.texts import plain_text
 __all__ = ["CUT", "Curve", "axis_span", "draw_band", "draw_curve"]
 
 
-# Fewer runs or different values than this are drawn as steps.
-_FEW = 500
 # A thin line shows one rank in this many, and the first and the last.
 _STRIDE = 4
 # Longest tail beyond 99 % of all values that an axis includes, relative to their range.
@@ -51,6 +50,8 @@ class Curve:
         Reason why there is no band.
     runs : int
         Number of its runs.
+    is_stepped : bool
+        True if steps can be seen, as there are few distinct values.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Curve:
     level: float
     note: str
     runs: int
+    is_stepped: bool
 
     @classmethod
     def from_source(
@@ -74,6 +76,7 @@ class Curve:
         if values is None or band is None or not np.isfinite(values.values).any():
             return None
         limits = SimultaneousBand.from_estimates(band)
+        runs = int(band.attrs.get("runs_used", 0))
         return cls(
             name,
             np.asarray(measure.from_si(values.values), dtype=np.float64),
@@ -81,7 +84,8 @@ class Curve:
             limits,
             float(band.attrs.get(INTERVAL_LEVEL, np.nan)),
             interval_text(band[0], NOTE),
-            int(band.attrs.get("runs_used", 0)),
+            runs,
+            runs < FEW_DISTINCT or np.unique(values.values).size < FEW_DISTINCT,
         )
 
     def extended(self, lower: float, upper: float) -> Curve:
@@ -104,11 +108,6 @@ class Curve:
     def complement(self) -> Curve:
         """Return the probabilities of exceeding its values."""
         return replace(self, band=1 - self.band)
-
-    @property
-    def is_stepped(self) -> bool:
-        """True if steps can be seen, as there are few distinct values."""
-        return self.runs < _FEW or np.unique(self.values).size < _FEW
 
     @property
     def has_band(self) -> bool:
