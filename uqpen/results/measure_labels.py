@@ -7,6 +7,7 @@ from typing import NamedTuple
 __all__ = [
     "ASSOCIATIONS",
     "CATEGORY_INDICES",
+    "CHANGES",
     "EFFECTS",
     "EXCEEDANCE_INDICES",
     "INDICES",
@@ -53,6 +54,7 @@ RESPONSES = (
     Measure("response", "response [%]"),
     Measure("contribution", "× uncertainty [%]"),
 )
+CHANGES = (Measure("change_per_std", "change per sd"),)
 EFFECTS = (
     Measure("mu_star", "mean |effect|", "o"),
     Measure("mu", "mean effect"),

@@ -12,6 +12,7 @@ from uqpen.core.units import scale
 from uqpen.results.best_sources import best_sources
 from uqpen.results.measure_labels import (
     ASSOCIATIONS,
+    CHANGES,
     EFFECTS,
     EXCEEDANCE_INDICES,
     INDICES,
@@ -20,6 +21,7 @@ from uqpen.results.measure_labels import (
     RESPONSES,
     Measure,
 )
+from uqpen.results.relative_changes import without_arbitrary_zeros
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, label_with_unit
 
@@ -59,7 +61,7 @@ def named_tables(
         yield "shares", table
     effects_title, as_effect = label_with_unit("elementary effects", unit), scale(unit)
     tables: list[tuple[str, str, Sequence[Measure], Conversion]] = [
-        ("responses", "responses to its inputs", RESPONSES, _percent),
+        ("responses", *_response_table(statistics, output, unit)),
         ("effects", effects_title, EFFECTS, as_effect.difference_from_si),
     ]
     if everything:
@@ -82,6 +84,20 @@ def named_tables(
             yield "exceedance", _table(title, at)
 
 
+def _response_table(
+    statistics: SourceStatistics, output: str, unit: str
+) -> tuple[str, Sequence[Measure], Conversion]:
+    """Return title, measures and conversion of the responses.
+
+    An output in a unit with an offset has changes per standard deviation, as per cent of it have no
+    meaning; an archive without these has the reason.
+    """
+    if statistics.by_source(output, CHANGES[0].statistic):
+        title = label_with_unit("change per standard deviation of an input", unit)
+        return title, CHANGES, scale(unit).difference_from_si
+    return "responses to its inputs", RESPONSES, _percent
+
+
 class _Column(NamedTuple):
     source: str
     label: str
@@ -93,7 +109,8 @@ def _columns(
 ) -> Iterator[_Column]:
     for measure in measures:
         for source, array in statistics.by_source(output, measure.statistic).items():
-            yield _Column(source, measure.label, array)
+            shown = without_arbitrary_zeros(statistics.tree, output, measure.statistic, array)
+            yield _Column(source, measure.label, shown)
 
 
 def _table(title: str, columns: Sequence[_Column], convert: Conversion = identity) -> OutputTable:

@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.core.catalogue import CATEGORY
 from uqpen.core.labels import INPUT
 from uqpen.figures.measures import MeasureSeries, measure_series
-from uqpen.figures.sensitivity import EFFECTS, INDICES, RESPONSES, best_sources, magnitudes
+from uqpen.figures.sensitivity import EFFECTS, INDICES, best_sources, response_measures
 from uqpen.report.blocks import Block, Chart, Charts, Heading, Table
 from uqpen.report.sections.leading_design import output_heading
 from uqpen.report.sections.measures import MeasureChartSpec, measures_chart
@@ -74,10 +74,10 @@ def _has_estimates(table: OutputTable) -> bool:
 
 
 def _responses(view: ArchiveView, output: str) -> Iterator[Chart]:
-    for suffix, label, axis in RESPONSES:
-        if found := measure_series(view, output, ((suffix, "", "o"),)):
-            title = f"{capitalized(label)}, near the nominal point"
-            spec = MeasureChartSpec(title, axis, magnitudes, (label,), "%")
+    for each in response_measures(view, output):
+        if found := measure_series(view, output, ((each.statistic, "", "o"),)):
+            title = f"{capitalized(each.label)}, near the nominal point"
+            spec = MeasureChartSpec(title, each.axis, each.convert, (each.label,), each.unit)
             yield measures_chart(view, found, spec)
 
 
