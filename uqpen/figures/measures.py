@@ -13,6 +13,7 @@ from uqpen.core.labels import INPUT
 from uqpen.figures.estimate_dots import EstimateDot, draw_dots
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.measure_labels import SHAPLEY
 from uqpen.results.relative_changes import without_arbitrary_zeros
 from uqpen.results.source_style import GREY, SourceStyle
 from uqpen.results.table import Conversion, estimate_remark
@@ -55,13 +56,19 @@ def _shown(view: ArchiveView, output: str, statistic: str, array: xr.DataArray) 
 
 
 def measures_panel(
-    view: ArchiveView, title: str, axis: str, found: Sequence[MeasureSeries], convert: Conversion
+    view: ArchiveView,
+    title: str,
+    axis: str,
+    found: Sequence[MeasureSeries],
+    convert: Conversion,
+    note: str = "",
 ) -> Panel:
     """Return a panel with a row for each input, and in that a dot for each series."""
     inputs = rank_inputs(found)
     height = _FRAME + len(inputs.names) * (_GAP + _ROW * len(found))
     dots = list(_dots(view, found, inputs.names, convert))
-    return Panel(title, partial(_draw, axis, dots, inputs.notes), height, inputs.names)
+    notes = (*inputs.notes, *filter(None, [note]))
+    return Panel(title, partial(_draw, axis, dots, notes), height, inputs.names)
 
 
 class RankedInputs(NamedTuple):
@@ -107,12 +114,18 @@ class RankedInputs(NamedTuple):
 
 
 def rank_inputs(found: Sequence[MeasureSeries]) -> RankedInputs:
-    """Return the inputs of a chart by their largest estimates."""
+    """Return the inputs of a chart by their largest estimates, or Shapley effects if there are any.
+
+    These divide a variance, also where inputs depend on each other.
+    """
+    dividing = {id(each) for each in found if each.label == SHAPLEY}
     largest: dict[str, float] = {}
     reasons: dict[str, str] = {}
     for each in found:
-        sizes = np.nan_to_num(np.abs(each.array.values[:, 0]), nan=-1.0).tolist()
-        for name, size in zip(map(str, each.array[INPUT].values), sizes, strict=True):
+        sizes = np.nan_to_num(np.abs(each.array.values[:, 0]), nan=-1.0)
+        if dividing and id(each) not in dividing:
+            sizes = np.minimum(sizes, 0.0)
+        for name, size in zip(map(str, each.array[INPUT].values), sizes.tolist(), strict=True):
             largest[name] = max(size, largest.get(name, -1.0))
         for entry in each.array:
             reasons.setdefault(str(entry[INPUT].item()), estimate_remark(entry))

@@ -15,12 +15,14 @@ from uqpen.results.best_sources import best_sources as best_source_names
 from uqpen.results.measure_labels import INDICES
 from uqpen.results.table import Conversion, identity
 from uqpen.results.texts import title_with_unit
+from uqpen.results.variance_shares import variance_shares
 
 __all__ = [
     "EFFECTS",
     "INDICES",
     "ResponseMeasure",
     "best_sources",
+    "index_series",
     "magnitudes",
     "response_measures",
     "response_panels",
@@ -79,10 +81,11 @@ def response_measures(view: ArchiveView, output: str) -> tuple[ResponseMeasure, 
 
 def sensitivity_panels(view: ArchiveView) -> Iterator[Panel]:
     """Each input's share of the variance, and its effects."""
+    shares = variance_shares(view.tree)
     for output in view.numeric_outputs:
-        if found := best_sources(view, measure_series(view, output, INDICES)):
-            title = view.title(f"{output}: shares of its variance")
-            yield measures_panel(view, title, "share of the variance", found, identity)
+        if found := best_sources(view, index_series(view, output)):
+            title = view.title(f"{output}: {shares.title('its variance')}")
+            yield measures_panel(view, title, shares.axis, found, identity, shares.note)
     for output in view.numeric_outputs:
         if found := measure_series(view, output, EFFECTS):
             title = view.title(f"{output}: elementary effects")
@@ -97,6 +100,16 @@ def response_panels(view: ArchiveView) -> Iterator[Panel]:
             if found := measure_series(view, output, ((each.statistic, "", "o"),)):
                 title = view.title(f"{output}: {each.label}")
                 yield measures_panel(view, title, each.axis, found, each.convert)
+
+
+def index_series(view: ArchiveView, output: str) -> list[MeasureSeries]:
+    """Return the indices of an output by all sources, in the order that they are shown."""
+    shares = variance_shares(view.tree)
+    found = measure_series(view, output, shares.ordered(INDICES))
+    if not shares.is_dependent:
+        return found
+    labels = [each.label for each in shares.ordered(INDICES)]
+    return sorted(found, key=lambda each: labels.index(each.label))
 
 
 def best_sources(view: ArchiveView, found: list[MeasureSeries]) -> list[MeasureSeries]:

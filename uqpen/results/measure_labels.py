@@ -14,8 +14,12 @@ __all__ = [
     "LOGARITHM_INDICES",
     "PAIR_INDICES",
     "RESPONSES",
+    "SHAPLEY",
     "Measure",
 ]
+
+
+SHAPLEY = "Shapley effect"
 
 
 class Measure(NamedTuple):
@@ -41,7 +45,7 @@ def _indices(prefix: str = "") -> tuple[Measure, ...]:
     return (
         Measure(f"{prefix}first_order", "first order", "o"),
         Measure(f"{prefix}total_order", "total order", "s"),
-        Measure(f"{prefix}shapley", "Shapley effect", "D"),
+        Measure(f"{prefix}shapley", SHAPLEY, "D"),
     )
 
 

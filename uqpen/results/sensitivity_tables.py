@@ -24,6 +24,7 @@ from uqpen.results.measure_labels import (
 from uqpen.results.relative_changes import without_arbitrary_zeros
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, label_with_unit
+from uqpen.results.variance_shares import variance_shares
 
 __all__ = ["named_tables"]
 
@@ -50,13 +51,13 @@ def named_tables(
     tuple
         A name, such as "shares", "responses" or "effects", and a table.
     """
-    statistics = SourceStatistics(tree)
-    indices = list(_columns(statistics, output, INDICES))
+    statistics, shares = SourceStatistics(tree), variance_shares(tree)
+    indices = list(_columns(statistics, output, shares.ordered(INDICES)))
     if not everything:
         shown = best_sources(tree, ((each.source, each.array) for each in indices))
         indices = [each for each in indices if each.source in shown]
     if indices:
-        table = _table(f"{output}: shares of its variance", indices)
+        table = _table(f"{output}: {shares.title('its variance')}", indices, note=shares.note)
         _add_claims(table, statistics, output)
         yield "shares", table
     effects_title, as_effect = label_with_unit("elementary effects", unit), scale(unit)
@@ -65,9 +66,10 @@ def named_tables(
         ("effects", effects_title, EFFECTS, as_effect.difference_from_si),
     ]
     if everything:
-        of_logarithm = "shares of its logarithm's variance"
+        of_logarithm = shares.title("its logarithm's variance")
+        logarithm_indices = shares.ordered(LOGARITHM_INDICES)
         tables += [
-            ("shares of the logarithm", of_logarithm, LOGARITHM_INDICES, identity),
+            ("shares of the logarithm", of_logarithm, logarithm_indices, identity),
             ("associations", "association with its inputs", ASSOCIATIONS, identity),
         ]
     for name, title, measures, convert in tables:
@@ -76,12 +78,12 @@ def named_tables(
     for column in _columns(statistics, output, PAIR_INDICES):
         yield "pairs", _table(f"{output}: shares of its variance, by pairs", [column])
     if everything:
-        columns = list(_columns(statistics, output, EXCEEDANCE_INDICES))
+        columns = list(_columns(statistics, output, shares.ordered(EXCEEDANCE_INDICES)))
         written = columns[0].array[THRESHOLD].values if columns else ()
         for position, threshold in enumerate(written):
             at = [each._replace(array=each.array[position]) for each in columns]
-            title = f"{output}: shares of the variance of exceeding {threshold}"
-            yield "exceedance", _table(title, at)
+            title = shares.title(f"the variance of exceeding {threshold}")
+            yield "exceedance", _table(f"{output}: {title}", at)
 
 
 def _response_table(
@@ -113,9 +115,12 @@ def _columns(
             yield _Column(source, measure.label, shown)
 
 
-def _table(title: str, columns: Sequence[_Column], convert: Conversion = identity) -> OutputTable:
-    """Return a table with a row for each input or pair of inputs."""
+def _table(
+    title: str, columns: Sequence[_Column], convert: Conversion = identity, note: str = ""
+) -> OutputTable:
+    """Return a table with a row for each input or pair of inputs, and a note on all of them."""
     table = OutputTable(title, [f"{each.label}\n{each.source}" for each in columns])
+    table.title += table.note_mark(note)
     entries = [dict(zip(_entry_names(each.array), each.array, strict=True)) for each in columns]
     for name in dict.fromkeys(name for of_column in entries for name in of_column):
         cells = [table.cell(of_column.get(name), convert) for of_column in entries]
