@@ -17,6 +17,7 @@ from uqpen.figures.page import available, panels
 from uqpen.figures.scatter import thin_runs
 from uqpen.figures.style import figure_style
 from uqpen.figures.velocity_profile import axial_velocity
+from uqpen.statistics.intervals import dkw_half_width
 
 pytestmark = pytest.mark.slow
 
@@ -77,6 +78,13 @@ def test_every_figure_of_every_archive_has_named_axes_and_plain_texts(archives: 
                 assert not any(text.get_parse_math() for text in page.findobj(Text))
 
 
+def counted(tree: xr.DataTree) -> tuple[float, float]:
+    """The share of the completed runs of "only", and the half-width of a band over all of them."""
+    counts = tree["statistics/only/deflection"]["cdf_band"].attrs
+    admissible = counts["runs"] - counts.get("runs_inadmissible", 0)
+    return counts["runs_used"] / admissible, dkw_half_width(admissible, 0.95)
+
+
 class TestDistributions:
     def test_the_function_and_its_band_are_those_of_the_archive(self, archives: Archives) -> None:
         told = archives["beam"]["statistics/only/deflection"]
@@ -87,16 +95,19 @@ class TestDistributions:
         np.testing.assert_array_equal(shown.get_ydata()[1:-1], told["cdf_band"][:, 0])
         (band,) = axes.collections
         corners = band.get_paths()[0].vertices[:, 1]
-        assert set(told["cdf_band"].values[:, 1:].ravel()) <= set(corners)
+        kept, half = counted(archives["beam"])
+        share = told["cdf_band"].values[:, 0]
+        for end in (kept * share - half, kept * share + 1 - kept + half):
+            assert set(np.clip(end, 0, 1).round(12)) <= set(corners.round(12))
         assert axes.get_xlabel() == "deflection [mm]"
 
     def test_beyond_the_last_run_the_band_is_as_wide_as_before(self, archives: Archives) -> None:
         (axes,) = drawn(archives["beam"], "cdf")
-        half = 1 - archives["beam"]["statistics/only/deflection"]["cdf_band"].values[-1, 1]
+        kept, half = counted(archives["beam"])
         (band,) = axes.collections
         right = band.get_paths()[0].vertices
         at_end = right[np.isclose(right[:, 0], axes.get_xlim()[1]), 1]
-        assert (at_end.min(), at_end.max()) == pytest.approx((1 - half, 1))
+        assert (at_end.min(), at_end.max()) == pytest.approx((kept - half, 1))
 
     def test_thresholds_are_where_they_were_written(self, archives: Archives) -> None:
         (axes,) = drawn(archives["rods"], "exceedance", output="penetration_depth")
@@ -239,3 +250,19 @@ def test_a_velocity_profile_is_v_then_u_then_nothing(smoothing: float) -> None:
     assert at[0.0] == pytest.approx(u)
     assert at[round(S - R, 12)] == pytest.approx(0, abs=1e-9)
     assert (np.diff(velocities) <= 1e-9).all()
+
+
+def test_a_tail_reaches_the_largest_run(study_of: Any) -> None:
+    text = '[outputs.y]\nexceeds = [12]\n[designs.some]\nkind = "monte-carlo"\nruns = 1000'
+    tree = uqpen.run(study_of("np.exp(5 * x)", text, x="(0 ± 0.2)"))
+    values = np.sort(tree["runs/some"]["y"].values)
+    (axes,) = drawn(tree, "exceedance")
+    shown = line(axes, "some")
+    # No run exceeds the largest, so the function is that of the run before it up to there.
+    np.testing.assert_allclose(shown.get_xdata()[-2:], values[-2:], rtol=1e-12)
+    np.testing.assert_allclose(shown.get_ydata()[-2:], 1 / 1000)
+    end = line(axes, f"y, largest of 1 000 runs: {values[-1]:.4g}".replace(" 000", "\u202f000"))
+    assert (end.get_xdata()[0], end.get_ydata()[0]) == pytest.approx((values[-1], 1 / 1000))
+    assert axes.get_yscale() == "log"
+    assert axes.get_xlim()[1] > values[-1]
+    assert axes.get_ylim()[0] < 1 / 1000

@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.core.status import Status
 from uqpen.report.blocks import Block, Chart, Heading, Table, find_charts
 from uqpen.report.sections.distributions import distributions
 from uqpen.report.sections.model_comparison import model_comparison
@@ -40,13 +41,27 @@ class TestTheThreshold:
         reading = next(find_charts(beam)).reading
         assert reading is not None
         values = deflections(archives["beam"])
-        half = dkw_half_width(values.size, 0.95)
+        status = archives["beam"]["runs/only"]["status"].values
+        admissible = int((status != Status.INADMISSIBLE).sum())
+        kept, half = values.size / admissible, dkw_half_width(admissible, 0.95)
+        assert kept < 1
         for place, (estimate, lower, upper) in enumerate(reading.bounds):
             at = round(reading.first + place * reading.step, reading.decimals)
             share = np.mean(values <= at)
             assert estimate == pytest.approx(share, abs=1e-9)
-            assert lower == pytest.approx(max(share - half, 0), abs=1e-9)
-            assert upper == pytest.approx(min(share + half, 1), abs=1e-9)
+            assert lower == pytest.approx(max(kept * share - half, 0), abs=1e-9)
+            assert upper == pytest.approx(min(kept * share + 1 - kept + half, 1), abs=1e-9)
+
+    def test_its_band_contains_the_interval_of_the_same_threshold(
+        self, archives: Archives, beam: list[Block]
+    ) -> None:
+        reading = next(find_charts(beam)).reading
+        assert reading is not None
+        _, least, most = archives["beam"]["statistics/only/deflection/exceedance"].values[0]
+        _, lower, upper = reading.bounds[reading.start]
+        assert lower is not None
+        assert upper is not None
+        assert lower <= 1 - most < 1 - least <= upper
 
     def test_it_moves_by_round_numbers_over_the_whole_axis(self, beam: list[Block]) -> None:
         chart = next(find_charts(beam))
@@ -83,14 +98,43 @@ def test_the_tail_is_drawn_run_by_run(archives: Archives, beam: list[Block]) -> 
     assert tail.title == "Probability that deflection is more than x"
     values = deflections(archives["beam"])
     drawn = next(trace for trace in tail.traces if trace.get("name") == "only")
-    # The largest run is exceeded by none, which has no logarithm.
-    np.testing.assert_allclose(drawn["x"], np.sort(values)[:-1], rtol=1e-5)
-    np.testing.assert_allclose(drawn["y"], 1 - np.arange(1, values.size) / values.size, rtol=1e-5)
+    # No run exceeds the largest, so the step before it reaches up to it.
+    share = 1 - np.arange(1, values.size) / values.size
+    np.testing.assert_allclose(drawn["x"], np.sort(values), rtol=1e-5)
+    np.testing.assert_allclose(drawn["y"], [*share, share[-1]], rtol=1e-5)
+
+
+def test_the_largest_run_is_marked_and_told(archives: Archives, beam: list[Block]) -> None:
+    values = deflections(archives["beam"])
+    name = f"largest of {values.size} runs"
+    tail = list(find_charts(beam))[2]
+    assert f"{name}: {values.max():.4g} mm" in [key.text for key in tail.keys]
+    (end,) = (trace for trace in tail.traces if trace.get("name", "").startswith("largest"))
+    assert end["x"] == [pytest.approx(values.max(), rel=1e-4)]
+    assert end["y"] == [pytest.approx(1 / values.size, rel=1e-4)]
+    assert tail.notes[1].startswith(f"The {name} is {values.max():.4g} mm. Larger values may")
+    (table,) = (block.table for block in beam if isinstance(block, Table))
+    assert table.rows[-1] == (name, [f"{values.max():.4g}"])
+
+
+def test_an_axis_that_cuts_the_tail_off_says_how_far_it_goes(
+    study_of: Callable[..., ValidatedStudy],
+) -> None:
+    text = '[designs.some]\nkind = "monte-carlo"\nruns = 400'
+    tree = uqpen.run(study_of("np.exp(5 * x)", text, x="(0 ± 0.4)"))
+    largest = tree["runs/some"]["y"].values.max()
+    cdf = next(find_charts(distributions(ArchiveView(tree, ""))))
+    assert cdf.x.ends is not None
+    assert cdf.x.ends[1] < largest
+    assert cdf.notes[-1].endswith(f"The largest of 400 runs is {largest:.4g}.")
 
 
 def test_what_is_lost_is_told_with_the_curves(beam: list[Block]) -> None:
     cdf, _, tail = find_charts(beam)
-    note = "Curve and band use the completed runs; 18.3 % of the admissible runs failed."
+    note = (
+        "The curve uses the completed runs; 18.3 % of the admissible runs failed. A band includes "
+        "every result that they could have had."
+    )
     assert note in cdf.notes
     assert note in tail.notes
 

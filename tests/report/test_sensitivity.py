@@ -113,7 +113,7 @@ def test_responses_are_magnitudes_in_per_cent(archives: Archives) -> None:
     (chart,) = [each for each in charts(tree) if each.title == "Response, near the nominal point"]
     (trace,) = [each for each in chart.traces if each["name"] == "steps"]
     told = tree["statistics/steps/y"]["response"].values[:, 0]
-    np.testing.assert_allclose(trace["x"], 100 * np.abs(told), rtol=1e-5)
+    np.testing.assert_allclose(trace["x"], np.sort(100 * np.abs(told))[::-1], rtol=1e-5)
     assert chart.x.title == "|response| [%]"
     assert set(trace["marker"]["symbol"]) == {"triangle-down-open"}
 
@@ -141,7 +141,7 @@ def test_of_many_inputs_those_with_the_largest_estimates_are_shown(study_of: Any
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 300'
     (chart,) = charts(uqpen.run(study_of(body, text, **inputs)))
     assert len(chart.y.rows) == 15
-    assert list(chart.y.rows) == sorted(chart.y.rows), "in the study's order"
+    assert chart.y.rows[:3] == ("x17", "x16", "x15"), "the largest first"
     assert "Shown are the 15 inputs with the largest estimates, of 18; the table has all." in (
         chart.notes
     )

@@ -196,6 +196,7 @@ _STATISTICS = [
             ("sigma", "standard deviation of the elementary effects", UnitRule.DIFFERENCE),
             ("response", "relative response", UnitRule.NONE),
             ("contribution", "contribution to the relative uncertainty", UnitRule.NONE),
+            ("change_per_std", "change per standard deviation of an input", UnitRule.DIFFERENCE),
         )
     ),
 ]

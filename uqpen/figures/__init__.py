@@ -10,7 +10,7 @@ __all__ = ["FIGURES"]
 
 FIGURES = {
     "cdf": "uqpen.figures.distributions:cdf",
-    "exceedance": "uqpen.figures.distributions:exceedance",
+    "exceedance": "uqpen.figures.exceedance:exceedance",
     "histogram": "uqpen.figures.histogram:histogram",
     "scatter": "uqpen.figures.scatter:scatter_panels",
     "methods": "uqpen.figures.source_comparison:source_panels",

@@ -13,6 +13,8 @@ from uqpen.core.labels import INTERVAL_LEVEL, NOTE
 from uqpen.core.units import Scale
 from uqpen.figures.panel import Axes
 from uqpen.results.digits import percent_text
+from uqpen.results.exceedance_tail import FEW_DISTINCT
+from uqpen.results.simultaneous_band import SimultaneousBand
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle
 from uqpen.results.texts import plain_text
@@ -20,8 +22,6 @@ from uqpen.results.texts import plain_text
 __all__ = ["CUT", "Curve", "axis_span", "draw_band", "draw_curve"]
 
 
-# Fewer runs or different values than this are drawn as steps.
-_FEW = 500
 # A thin line shows one rank in this many, and the first and the last.
 _STRIDE = 4
 # Longest tail beyond 99 % of all values that an axis includes, relative to their range.
@@ -41,21 +41,27 @@ class Curve:
     values : ndarray of shape (rank,)
         In the unit that is shown.
     band : ndarray of shape (rank, bound)
-        The function there, with its simultaneous bounds.
+        The function there, with its simultaneous bounds for any outcome of failed runs.
+    limits : SimultaneousBand
+        The band around any other share of the runs.
     level : float
         Of the band; NaN without one.
     note : str
         Reason why there is no band.
     runs : int
         Number of its runs.
+    is_stepped : bool
+        True if steps can be seen, as there are few distinct values.
     """
 
     name: str
     values: FloatArray
     band: FloatArray
+    limits: SimultaneousBand
     level: float
     note: str
     runs: int
+    is_stepped: bool
 
     @classmethod
     def from_source(
@@ -69,22 +75,25 @@ class Curve:
         band = statistics.get(source, output, "cdf_band")
         if values is None or band is None or not np.isfinite(values.values).any():
             return None
+        limits = SimultaneousBand.from_estimates(band)
+        runs = int(band.attrs.get("runs_used", 0))
         return cls(
             name,
             np.asarray(measure.from_si(values.values), dtype=np.float64),
-            np.asarray(band.values, dtype=np.float64),
+            limits.around(np.asarray(band.values[:, 0], dtype=np.float64)),
+            limits,
             float(band.attrs.get(INTERVAL_LEVEL, np.nan)),
             interval_text(band[0], NOTE),
-            int(band.attrs.get("runs_used", 0)),
+            runs,
+            runs < FEW_DISTINCT or np.unique(values.values).size < FEW_DISTINCT,
         )
 
     def extended(self, lower: float, upper: float) -> Curve:
-        """Return the curve continued to both ends of an axis; the band keeps its width."""
+        """Return the curve and its band continued to both ends of an axis."""
         values, band = self.values, self.band
         if lower < values[0]:
             values = np.concatenate([[lower], values])
-            width = band[0, 2] - band[0, 0]
-            band = np.concatenate([[[0.0, width * 0, width]], band])
+            band = np.concatenate([self.limits.around(np.zeros(1)), band])
         if values[-1] < upper:
             values = np.concatenate([values, [upper]])
             band = np.concatenate([band, band[-1:]])
@@ -99,11 +108,6 @@ class Curve:
     def complement(self) -> Curve:
         """Return the probabilities of exceeding its values."""
         return replace(self, band=1 - self.band)
-
-    @property
-    def is_stepped(self) -> bool:
-        """True if steps can be seen, as there are few distinct values."""
-        return self.runs < _FEW or np.unique(self.values).size < _FEW
 
     @property
     def has_band(self) -> bool:

@@ -1,4 +1,4 @@
-"""Distribution functions of the outputs, by source or model, and exceedance probabilities."""
+"""Distribution functions of the outputs, by source or model."""
 
 from __future__ import annotations
 
@@ -9,29 +9,25 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.catalogue import THRESHOLD
-from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.curves import CUT, Curve, axis_span, draw_band, draw_curve
-from uqpen.figures.estimate_dots import error_bar_lengths
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import percent_text
-from uqpen.results.source_style import BLACK, GREY, source_style
-from uqpen.results.table import estimate_with_verdict, identity
+from uqpen.results.exceedance_tail import LargestRun
+from uqpen.results.source_style import GREY, source_style
 from uqpen.results.texts import plain_text
 
 __all__ = [
     "CUT",
     "cdf",
     "distribution_curves",
-    "exceedance",
     "exceedance_span",
+    "mark_thresholds",
     "model_curves",
     "model_panels",
+    "threshold_places",
     "thresholds",
 ]
 
-# Requested probabilities below this need a logarithmic axis.
-_SMALL = 0.02
 # Widths of an axis by which it is made longer, at the most, for a requested value.
 _FAR = 1.5
 # The part of an axis that an upright label takes.
@@ -43,14 +39,6 @@ def cdf(view: ArchiveView) -> Iterator[Panel]:
     for output in view.numeric_outputs:
         if curves := distribution_curves(view, output):
             yield Panel(view.title(output), partial(_draw_cdf, view, output, curves))
-
-
-def exceedance(view: ArchiveView) -> Iterator[Panel]:
-    """Probability of exceeding each value, with the requested ones."""
-    for output in view.numeric_outputs:
-        if curves := distribution_curves(view, output):
-            title = view.title(f"{output}, by {curves[0].name}")
-            yield Panel(title, partial(_draw_exceedance, view, output, curves[0]))
 
 
 def model_panels(view: ArchiveView) -> Iterator[Panel]:
@@ -96,9 +84,11 @@ def _draw_cdf(view: ArchiveView, output: str, curves: list[Curve], axes: Axes) -
         draw_curve(axes, thin, view.look(curve.name), is_thick=False)
     axes.set(xlabel=view.axis_label(output), ylabel="P(at most x)")
     axes.set(xlim=(lower, upper), ylim=(0, 1))
-    yield from _mark(axes, view, output, at_foot=True)
+    yield from mark_thresholds(axes, view, output, at_foot=True)
     if is_cut:
         yield CUT
+        if banded.name in view.designs:
+            yield LargestRun.of_design(view, banded.name, output).sentence
 
 
 def _draw_models(view: ArchiveView, output: str, curves: list[Curve], axes: Axes) -> Iterator[str]:
@@ -114,70 +104,22 @@ def _draw_models(view: ArchiveView, output: str, curves: list[Curve], axes: Axes
         yield CUT
 
 
-def _draw_exceedance(view: ArchiveView, output: str, curve: Curve, axes: Axes) -> Iterator[str]:
-    appearance = view.look(curve.name)
-    lower, upper, is_cut = exceedance_span(view, output, curve)
-    curve = curve.extended(lower, upper).complement()
-    yield from draw_band(axes, curve, appearance.colour)
-    draw_curve(axes, curve, appearance, is_thick=True)
-    probabilities = view.statistics.get(curve.name, output, "exceedance")
-    axes.set_xlim(lower, upper)
-    yield from _mark(axes, view, output, at_foot=False)
-    smallest = 1.0
-    if probabilities is not None:
-        _draw_thresholds(axes, probabilities, view, output)
-        if np.isfinite(probabilities.values[:, 1:]).any():
-            yield f"bars: {percent_text(float(probabilities.attrs[INTERVAL_LEVEL]))} intervals"
-        smallest = float(np.nanmin(probabilities.values[:, 0], initial=1.0))
-    axes.set(xlabel=view.axis_label(output), ylabel="P(more than x)")
-    if 0 < smallest < _SMALL:
-        axes.set_yscale("log")
-        axes.set_ylim(smallest / 20, 1)
-        axes.yaxis.set_major_formatter("{x:.4g}")
-        axes.yaxis.set_minor_formatter("")
-        yield "probabilities by their logarithms, as small ones are asked for"
-    else:
-        axes.set_ylim(0, 1)
-    if is_cut:
-        yield CUT
-
-
-def _draw_thresholds(
-    axes: Axes, probabilities: xr.DataArray, view: ArchiveView, output: str
-) -> None:
-    """Draw the probabilities of exceeding the requested values."""
-    places = _thresholds(view, output, probabilities)
-    for (written, place), estimate in zip(places, probabilities, strict=True):
-        error = error_bar_lengths(estimate.values)
-        caption = f"P({plain_text(output, 30)} > {plain_text(written, 20)})"
-        axes.errorbar(
-            [place],
-            estimate.values[:1],
-            yerr=error,
-            fmt="o",
-            color=BLACK,
-            markerfacecolor="white" if error is None else BLACK,
-            capsize=3,
-            zorder=5,
-            label=f"{caption} = {estimate_with_verdict(estimate, identity)}",
-        )
-
-
 def thresholds(view: ArchiveView, output: str) -> dict[str, float]:
     """Return the thresholds of a study: each as written, and as a number in the unit shown."""
     first = next(iter(view.estimates(output, "exceedance").values()), None)
-    return {} if first is None else dict(_thresholds(view, output, first))
+    return {} if first is None else dict(threshold_places(view, output, first))
 
 
-def _thresholds(
+def threshold_places(
     view: ArchiveView, output: str, probabilities: xr.DataArray
 ) -> list[tuple[str, float]]:
+    """Return each threshold of some probabilities as written, and in the unit shown."""
     shown = view.scale(output).from_si(probabilities["threshold_value"].values)
     return list(zip(map(str, probabilities[THRESHOLD].values), shown.tolist(), strict=True))
 
 
-def _mark(axes: Axes, view: ArchiveView, output: str, *, at_foot: bool) -> Iterator[str]:
-    """A line at each requested value, with its text in the study where there is room."""
+def mark_thresholds(axes: Axes, view: ArchiveView, output: str, *, at_foot: bool) -> Iterator[str]:
+    """Draw a line at each requested value, with its text in the study where there is room."""
     lower, upper = axes.get_xlim()
     beyond, last = [], -np.inf
     for written, place in sorted(thresholds(view, output).items(), key=lambda each: each[1]):

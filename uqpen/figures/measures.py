@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -13,10 +13,12 @@ from uqpen.core.labels import INPUT
 from uqpen.figures.estimate_dots import EstimateDot, draw_dots
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.measure_labels import SHAPLEY
+from uqpen.results.relative_changes import without_arbitrary_zeros
 from uqpen.results.source_style import GREY, SourceStyle
-from uqpen.results.table import Conversion
+from uqpen.results.table import Conversion, estimate_remark
 
-__all__ = ["MeasureSeries", "largest_inputs", "measure_series", "measures_panel"]
+__all__ = ["MeasureSeries", "RankedInputs", "measure_series", "measures_panel", "rank_inputs"]
 
 
 # Inputs that are shown, those with the largest estimates of all.
@@ -43,44 +45,103 @@ def measure_series(
     found = [
         MeasureSeries(source, label, marker, array)
         for name, label, marker in measures
-        for source, array in view.estimates(output, name).items()
-        if np.isfinite(array.values[:, 0]).any()
+        for source, told in view.estimates(output, name).items()
+        if np.isfinite((array := _shown(view, output, name, told)).values[:, 0]).any()
     ]
     return sorted(found, key=lambda each: view.sources.index(each.source))
 
 
+def _shown(view: ArchiveView, output: str, statistic: str, array: xr.DataArray) -> xr.DataArray:
+    return without_arbitrary_zeros(view.tree, output, statistic, array)
+
+
 def measures_panel(
-    view: ArchiveView, title: str, axis: str, found: Sequence[MeasureSeries], convert: Conversion
+    view: ArchiveView,
+    title: str,
+    axis: str,
+    found: Sequence[MeasureSeries],
+    convert: Conversion,
+    note: str = "",
 ) -> Panel:
     """Return a panel with a row for each input, and in that a dot for each series."""
-    inputs, note = largest_inputs(found)
-    height = _FRAME + len(inputs) * (_GAP + _ROW * len(found))
-    dots = list(_dots(view, found, inputs, convert))
-    return Panel(title, partial(_draw, axis, dots, note), height, inputs)
+    inputs = rank_inputs(found)
+    height = _FRAME + len(inputs.names) * (_GAP + _ROW * len(found))
+    dots = list(_dots(view, found, inputs.names, convert))
+    notes = (*inputs.notes, *filter(None, [note]))
+    return Panel(title, partial(_draw, axis, dots, notes), height, inputs.names)
 
 
-def largest_inputs(found: Sequence[MeasureSeries]) -> tuple[tuple[str, ...], str]:
-    """Return the inputs with the largest estimates, in the study's order, and a note if not all."""
+class RankedInputs(NamedTuple):
+    """The inputs of a chart, the one with the largest estimate first.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Those that are shown.
+    total : int
+        How many have an estimate.
+    without : mapping of str to str
+        Those without an estimate, with the reasons.
+    """
+
+    names: tuple[str, ...]
+    total: int
+    without: Mapping[str, str]
+
+    @property
+    def cut(self) -> str:
+        """Which inputs are shown, if not all that have an estimate; else empty."""
+        if len(self.names) == self.total:
+            return ""
+        return f"the {len(self.names)} inputs with the largest estimates, of {self.total}"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the chart leaves out."""
+        return tuple(filter(None, (self.cut, self.missing)))
+
+    @property
+    def missing(self) -> str:
+        """Which inputs have no estimate, with the reasons; empty for none."""
+        by_reason: dict[str, list[str]] = {}
+        for name, reason in self.without.items():
+            by_reason.setdefault(reason, []).append(name)
+        texts = [
+            f"{', '.join(names)}{f' ({reason})' * bool(reason)}"
+            for reason, names in by_reason.items()
+        ]
+        return f"not shown: {'; '.join(texts)}" if texts else ""
+
+
+def rank_inputs(found: Sequence[MeasureSeries]) -> RankedInputs:
+    """Return the inputs of a chart by their largest estimates, or Shapley effects if there are any.
+
+    These divide a variance, also where inputs depend on each other.
+    """
+    dividing = {id(each) for each in found if each.label == SHAPLEY}
     largest: dict[str, float] = {}
+    reasons: dict[str, str] = {}
     for each in found:
-        sizes = np.nan_to_num(np.abs(each.array.values[:, 0])).tolist()
-        for name, size in zip(each.array[INPUT].values.tolist(), sizes, strict=True):
-            largest[name] = max(size, largest.get(name, 0.0))
-    kept = sorted(largest, key=lambda name: -largest[name])[:_MOST_INPUTS]
-    inputs = tuple(name for name in largest if name in kept)
-    if len(inputs) == len(largest):
-        return inputs, ""
-    return inputs, f"the {len(inputs)} inputs with the largest estimates, of {len(largest)}"
+        sizes = np.nan_to_num(np.abs(each.array.values[:, 0]), nan=-1.0)
+        if dividing and id(each) not in dividing:
+            sizes = np.minimum(sizes, 0.0)
+        for name, size in zip(map(str, each.array[INPUT].values), sizes.tolist(), strict=True):
+            largest[name] = max(size, largest.get(name, -1.0))
+        for entry in each.array:
+            reasons.setdefault(str(entry[INPUT].item()), estimate_remark(entry))
+    ranked = sorted(largest, key=lambda name: -largest[name])
+    known = [name for name in ranked if largest[name] >= 0]
+    without = {name: reasons[name] for name in ranked if name not in known}
+    return RankedInputs(tuple(known[:_MOST_INPUTS]), len(known), without)
 
 
-def _draw(axis: str, dots: list[EstimateDot], note: str, axes: Axes) -> Iterator[str]:
+def _draw(axis: str, dots: list[EstimateDot], notes: tuple[str, ...], axes: Axes) -> Iterator[str]:
     axes.axvline(0, color=GREY, linewidth=0.8)
     for row in range(1, len(axes.get_yticks())):
         axes.axhline(row - 0.5, color=GREY, linewidth=0.4, alpha=0.4)
     axes.set_xlabel(axis)
     yield from draw_dots(axes, dots)
-    if note:
-        yield note
+    yield from notes
 
 
 def _dots(

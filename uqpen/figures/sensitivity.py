@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
+from typing import NamedTuple
 
 from uqpen.core.arrays import FloatArray
 from uqpen.figures.measures import MeasureSeries, measure_series, measures_panel
@@ -11,14 +13,18 @@ from uqpen.results import measure_labels
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.best_sources import best_sources as best_source_names
 from uqpen.results.measure_labels import INDICES
-from uqpen.results.table import identity
+from uqpen.results.table import Conversion, identity
+from uqpen.results.texts import title_with_unit
+from uqpen.results.variance_shares import variance_shares
 
 __all__ = [
     "EFFECTS",
     "INDICES",
-    "RESPONSES",
+    "ResponseMeasure",
     "best_sources",
+    "index_series",
     "magnitudes",
+    "response_measures",
     "response_panels",
     "sensitivity_panels",
 ]
@@ -26,19 +32,60 @@ __all__ = [
 
 # The mean effect stands in the tables alone: effects of both signs cancel in it.
 EFFECTS = tuple(each for each in measure_labels.EFFECTS if each.statistic != "mu")
-# Name, title and axis.
-RESPONSES = (
-    ("response", "response", "|response| [%]"),
-    ("contribution", "response × uncertainty", "|response × uncertainty| [%]"),
-)
+
+
+class ResponseMeasure(NamedTuple):
+    """A measure of the change of an output near the nominal point.
+
+    Attributes
+    ----------
+    statistic : str
+        An entry of the catalogue.
+    label, axis : str
+        Its name in titles, and the label of its axis.
+    convert : callable
+        From an archive's bounds to magnitudes in the unit that is shown.
+    unit : str
+        That unit.
+    """
+
+    statistic: str
+    label: str
+    axis: str
+    convert: Conversion
+    unit: str
+
+
+def response_measures(view: ArchiveView, output: str) -> tuple[ResponseMeasure, ...]:
+    """Return the measures of an output's responses.
+
+    Those relative to a quantity in a unit with an offset have no estimates (`measure_series`).
+    """
+    unit = view.unit(output)
+    change = partial(magnitudes, convert=view.scale(output).difference_from_si)
+    axis = title_with_unit("|change| per standard deviation", unit)
+    return (
+        ResponseMeasure("response", "response", "|response| [%]", _percent, "%"),
+        ResponseMeasure(
+            "contribution",
+            "response × uncertainty",
+            "|response × uncertainty| [%]",
+            _percent,
+            "%",
+        ),
+        ResponseMeasure(
+            "change_per_std", "change per standard deviation of an input", axis, change, unit
+        ),
+    )
 
 
 def sensitivity_panels(view: ArchiveView) -> Iterator[Panel]:
     """Each input's share of the variance, and its effects."""
+    shares = variance_shares(view.tree)
     for output in view.numeric_outputs:
-        if found := best_sources(view, measure_series(view, output, INDICES)):
-            title = view.title(f"{output}: shares of its variance")
-            yield measures_panel(view, title, "share of the variance", found, identity)
+        if found := best_sources(view, index_series(view, output)):
+            title = view.title(f"{output}: {shares.title('its variance')}")
+            yield measures_panel(view, title, shares.axis, found, identity, shares.note)
     for output in view.numeric_outputs:
         if found := measure_series(view, output, EFFECTS):
             title = view.title(f"{output}: elementary effects")
@@ -49,10 +96,20 @@ def sensitivity_panels(view: ArchiveView) -> Iterator[Panel]:
 def response_panels(view: ArchiveView) -> Iterator[Panel]:
     """Relative responses to the inputs, and × uncertainty."""
     for output in view.numeric_outputs:
-        for name, label, axis in RESPONSES:
-            if found := measure_series(view, output, ((name, "", "o"),)):
-                title = view.title(f"{output}: {label}")
-                yield measures_panel(view, title, axis, found, magnitudes)
+        for each in response_measures(view, output):
+            if found := measure_series(view, output, ((each.statistic, "", "o"),)):
+                title = view.title(f"{output}: {each.label}")
+                yield measures_panel(view, title, each.axis, found, each.convert)
+
+
+def index_series(view: ArchiveView, output: str) -> list[MeasureSeries]:
+    """Return the indices of an output by all sources, in the order that they are shown."""
+    shares = variance_shares(view.tree)
+    found = measure_series(view, output, shares.ordered(INDICES))
+    if not shares.is_dependent:
+        return found
+    labels = [each.label for each in shares.ordered(INDICES)]
+    return sorted(found, key=lambda each: labels.index(each.label))
 
 
 def best_sources(view: ArchiveView, found: list[MeasureSeries]) -> list[MeasureSeries]:
@@ -63,8 +120,13 @@ def best_sources(view: ArchiveView, found: list[MeasureSeries]) -> list[MeasureS
     return [each for each in found if each.source in shown]
 
 
-def magnitudes(bounds: FloatArray) -> FloatArray:
-    """Return magnitudes in per cent; of a negative estimate the bounds change their places."""
+def magnitudes(bounds: FloatArray, convert: Conversion) -> FloatArray:
+    """Return converted magnitudes; of a negative estimate the bounds change their places."""
     if bounds[0] < 0:
         bounds = -bounds[[0, 2, 1]]
-    return 100 * bounds
+    converted: FloatArray = convert(bounds)
+    return converted
+
+
+def _percent(bounds: FloatArray) -> FloatArray:
+    return magnitudes(bounds, lambda values: 100 * values)

@@ -63,7 +63,8 @@ SECTIONS = {
     ),
     "sensitivity": ReportSection(
         "Where the uncertainty comes from",
-        "The first-order index is the share of an output's variance from one input by itself. The "
+        "The first-order index is the share of an output's variance that would vanish if one input "
+        "were known. The "
         "total-order index adds its interactions with other inputs. Shapley effects divide the "
         "interactions evenly among their inputs. Elementary effects and responses measure how much "
         "the output changes with an input.",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-__all__ = ["OUTLINES", "STROKES", "colour_name"]
+__all__ = ["CROSS", "END", "OUTLINES", "STROKES", "colour_name"]
 
+# Markers of no source: of failed runs and refused estimates, and of the end of a line.
+CROSS, END = "x", "line-ns"
 # SVG paths of markers and dashes of lines, by Plotly's names, in the order in which sources take
-# them; the cross is for failed runs and refused estimates.
+# them.
 OUTLINES = {
     "circle": "M-5,0a5,5 0 1,0 10,0a5,5 0 1,0 -10,0z",
     "square": "M-4.5,-4.5h9v9h-9z",
@@ -17,7 +19,8 @@ OUTLINES = {
     "star-diamond": "M0,-6L1.8,-1.8L6,0L1.8,1.8L0,6L-1.8,1.8L-6,0L-1.8,-1.8z",
     "triangle-left": "M-5.5,0L4,-5V5z",
     "triangle-right": "M5.5,0L-4,-5V5z",
-    "x": "M-4,-6L0,-2L4,-6L6,-4L2,0L6,4L4,6L0,2L-4,6L-6,4L-2,0L-6,-4z",
+    CROSS: "M-4,-6L0,-2L4,-6L6,-4L2,0L6,4L4,6L0,2L-4,6L-6,4L-2,0L-6,-4z",
+    END: "M-1,-6h2v12h-2z",
 }
 STROKES = {
     "solid": "none",

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
-from uqpen.report.legend import OUTLINES, STROKES
+from uqpen.report.legend import CROSS, END, OUTLINES, STROKES
 from uqpen.report.notes import has_interval
 from uqpen.results.texts import plain_text
 
@@ -26,6 +26,7 @@ __all__ = [
     "bar_trace",
     "cross_trace",
     "dot_trace",
+    "end_trace",
     "escape_text",
     "line_trace",
     "point_trace",
@@ -39,7 +40,7 @@ Trace = dict[str, Any]
 Numbers = Sequence[float] | FloatArray | IntArray
 
 # By the position of a source, one for each colour. A legend can draw all of them.
-MARKERS = tuple(marker for marker in OUTLINES if marker != "x")
+MARKERS = tuple(marker for marker in OUTLINES if marker not in (CROSS, END))
 DASHES = tuple(STROKES)
 
 # Digits of estimates with an interval, which may be narrow.
@@ -176,6 +177,15 @@ def cross_trace(estimates: Numbers, places: Numbers, name: str) -> Trace:
     )
     trace["marker"]["line"] = {"color": "ink", "width": 2}
     return trace | {"x": rounded_numbers(estimates, _EXACT)}
+
+
+def end_trace(x: Numbers, y: Numbers, series: int | str, *, name: str) -> Trace:
+    """Return the upright tick at the end of a line; a pointer finds its name."""
+    trace = point_trace(
+        x, y, series, hover=escape_text(name), name=name, marker=f"{END}-open", size=14, opacity=1
+    )
+    trace["marker"]["line"] = {"color": series, "width": 2.5}
+    return trace
 
 
 def dot_trace(

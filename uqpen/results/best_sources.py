@@ -1,4 +1,4 @@
-"""The sources of indices to show: a plain sample only where no other source has them."""
+"""The sources of indices to show: a plain sample only where no other source has them as well."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def best_sources(tree: xr.DataTree, found: Iterable[tuple[str, xr.DataArray]]) -
     """Return the sources whose indices of an output are shown: all but plain samples.
 
     Where there are only these, or no other has a value, the largest of them is shown, the first of
-    equals.
+    equals. Where no other has an interval, the largest of those that have one is shown beside them.
 
     Parameters
     ----------
@@ -37,14 +37,18 @@ def best_sources(tree: xr.DataTree, found: Iterable[tuple[str, xr.DataArray]]) -
         A source and an array of its indices, which has their number of runs.
     """
     runs: dict[str, int] = {}
-    with_values = set()
+    with_values, with_intervals = set(), set()
     for source, array in found:
         runs.setdefault(source, int(array.attrs.get("runs", 0)))
         if np.isfinite(array.values).any():
             with_values.add(source)
+        if np.isfinite(array.values[..., 1:]).any():
+            with_intervals.add(source)
     samples = [source for source in runs if is_sample_design(tree, source)]
     dedicated = [source for source in runs if source not in samples]
-    if dedicated and not with_values.isdisjoint(dedicated):
+    if not with_intervals.isdisjoint(dedicated):
         return dedicated
+    if not with_values.isdisjoint(dedicated):
+        samples = [source for source in samples if source in with_intervals]
     # Those without a value stay, as they say why.
     return dedicated + sorted(samples, key=lambda source: -runs[source])[:1]

@@ -7,14 +7,19 @@ from typing import NamedTuple
 __all__ = [
     "ASSOCIATIONS",
     "CATEGORY_INDICES",
+    "CHANGES",
     "EFFECTS",
     "EXCEEDANCE_INDICES",
     "INDICES",
     "LOGARITHM_INDICES",
     "PAIR_INDICES",
     "RESPONSES",
+    "SHAPLEY",
     "Measure",
 ]
+
+
+SHAPLEY = "Shapley effect"
 
 
 class Measure(NamedTuple):
@@ -40,7 +45,7 @@ def _indices(prefix: str = "") -> tuple[Measure, ...]:
     return (
         Measure(f"{prefix}first_order", "first order", "o"),
         Measure(f"{prefix}total_order", "total order", "s"),
-        Measure(f"{prefix}shapley", "Shapley effect", "D"),
+        Measure(f"{prefix}shapley", SHAPLEY, "D"),
     )
 
 
@@ -53,6 +58,7 @@ RESPONSES = (
     Measure("response", "response [%]"),
     Measure("contribution", "× uncertainty [%]"),
 )
+CHANGES = (Measure("change_per_std", "change per sd"),)
 EFFECTS = (
     Measure("mu_star", "mean |effect|", "o"),
     Measure("mu", "mean effect"),

@@ -12,6 +12,7 @@ from uqpen.core.units import scale
 from uqpen.results.best_sources import best_sources
 from uqpen.results.measure_labels import (
     ASSOCIATIONS,
+    CHANGES,
     EFFECTS,
     EXCEEDANCE_INDICES,
     INDICES,
@@ -20,8 +21,10 @@ from uqpen.results.measure_labels import (
     RESPONSES,
     Measure,
 )
+from uqpen.results.relative_changes import without_arbitrary_zeros
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, label_with_unit
+from uqpen.results.variance_shares import variance_shares
 
 __all__ = ["named_tables"]
 
@@ -48,24 +51,25 @@ def named_tables(
     tuple
         A name, such as "shares", "responses" or "effects", and a table.
     """
-    statistics = SourceStatistics(tree)
-    indices = list(_columns(statistics, output, INDICES))
+    statistics, shares = SourceStatistics(tree), variance_shares(tree)
+    indices = list(_columns(statistics, output, shares.ordered(INDICES)))
     if not everything:
         shown = best_sources(tree, ((each.source, each.array) for each in indices))
         indices = [each for each in indices if each.source in shown]
     if indices:
-        table = _table(f"{output}: shares of its variance", indices)
+        table = _table(f"{output}: {shares.title('its variance')}", indices, note=shares.note)
         _add_claims(table, statistics, output)
         yield "shares", table
     effects_title, as_effect = label_with_unit("elementary effects", unit), scale(unit)
     tables: list[tuple[str, str, Sequence[Measure], Conversion]] = [
-        ("responses", "responses to its inputs", RESPONSES, _percent),
+        ("responses", *_response_table(statistics, output, unit)),
         ("effects", effects_title, EFFECTS, as_effect.difference_from_si),
     ]
     if everything:
-        of_logarithm = "shares of its logarithm's variance"
+        of_logarithm = shares.title("its logarithm's variance")
+        logarithm_indices = shares.ordered(LOGARITHM_INDICES)
         tables += [
-            ("shares of the logarithm", of_logarithm, LOGARITHM_INDICES, identity),
+            ("shares of the logarithm", of_logarithm, logarithm_indices, identity),
             ("associations", "association with its inputs", ASSOCIATIONS, identity),
         ]
     for name, title, measures, convert in tables:
@@ -74,12 +78,26 @@ def named_tables(
     for column in _columns(statistics, output, PAIR_INDICES):
         yield "pairs", _table(f"{output}: shares of its variance, by pairs", [column])
     if everything:
-        columns = list(_columns(statistics, output, EXCEEDANCE_INDICES))
+        columns = list(_columns(statistics, output, shares.ordered(EXCEEDANCE_INDICES)))
         written = columns[0].array[THRESHOLD].values if columns else ()
         for position, threshold in enumerate(written):
             at = [each._replace(array=each.array[position]) for each in columns]
-            title = f"{output}: shares of the variance of exceeding {threshold}"
-            yield "exceedance", _table(title, at)
+            title = shares.title(f"the variance of exceeding {threshold}")
+            yield "exceedance", _table(f"{output}: {title}", at)
+
+
+def _response_table(
+    statistics: SourceStatistics, output: str, unit: str
+) -> tuple[str, Sequence[Measure], Conversion]:
+    """Return title, measures and conversion of the responses.
+
+    An output in a unit with an offset has changes per standard deviation, as per cent of it have no
+    meaning; an archive without these has the reason.
+    """
+    if statistics.by_source(output, CHANGES[0].statistic):
+        title = label_with_unit("change per standard deviation of an input", unit)
+        return title, CHANGES, scale(unit).difference_from_si
+    return "responses to its inputs", RESPONSES, _percent
 
 
 class _Column(NamedTuple):
@@ -93,12 +111,16 @@ def _columns(
 ) -> Iterator[_Column]:
     for measure in measures:
         for source, array in statistics.by_source(output, measure.statistic).items():
-            yield _Column(source, measure.label, array)
+            shown = without_arbitrary_zeros(statistics.tree, output, measure.statistic, array)
+            yield _Column(source, measure.label, shown)
 
 
-def _table(title: str, columns: Sequence[_Column], convert: Conversion = identity) -> OutputTable:
-    """Return a table with a row for each input or pair of inputs."""
+def _table(
+    title: str, columns: Sequence[_Column], convert: Conversion = identity, note: str = ""
+) -> OutputTable:
+    """Return a table with a row for each input or pair of inputs, and a note on all of them."""
     table = OutputTable(title, [f"{each.label}\n{each.source}" for each in columns])
+    table.title += table.note_mark(note)
     entries = [dict(zip(_entry_names(each.array), each.array, strict=True)) for each in columns]
     for name in dict.fromkeys(name for of_column in entries for name in of_column):
         cells = [table.cell(of_column.get(name), convert) for of_column in entries]

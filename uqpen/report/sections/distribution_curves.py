@@ -45,8 +45,8 @@ def curve_at(view: ArchiveView, output: str, curve: Curve, grid: Grid) -> Curve:
     if curve.name in view.designs:
         measure = view.scale(output)
         in_si = np.array([measure.to_si(value) for value in grid.values.tolist()])
-        band = empirical_cdf(view.completed_values(curve.name, output), curve.band, in_si)
-        return replace(curve, values=grid.values, band=band)
+        share = empirical_cdf(view.completed_values(curve.name, output), in_si)
+        return replace(curve, values=grid.values, band=curve.limits.around(share))
     estimate = np.interp(grid.values, curve.values, curve.band[:, 0], left=0.0, right=1.0)
     none = np.full_like(estimate, np.nan)
     return replace(curve, values=grid.values, band=np.stack([estimate, none, none], axis=-1))

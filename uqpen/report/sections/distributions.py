@@ -34,6 +34,7 @@ from uqpen.report.sections.leading_design import (
 from uqpen.report.shapes import vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
+from uqpen.results.exceedance_tail import LargestRun
 from uqpen.results.table import OutputTable, quantile_label
 from uqpen.results.texts import capitalized, unit_suffix
 
@@ -94,13 +95,17 @@ def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
         keys=tuple(keys),
         notes=(
             *missing_runs_note(view, curves[0].name),
-            *([f"{capitalized(CUT)}."] if is_cut else []),
+            *([f"{capitalized(CUT)}. {_largest_run_sentence(view, output, curves[0])}"] * is_cut),
         ),
         tables=(_cdf_table(view, output, curves[0]),),
         height=380,
         is_compared=True,
         reading=_threshold_readout(view, output, drawn[0], grid, begin),
     )
+
+
+def _largest_run_sentence(view: ArchiveView, output: str, curve: Curve) -> str:
+    return LargestRun.of_design(view, curve.name, output).sentence
 
 
 def _summary(view: ArchiveView, output: str, curve: Curve) -> str:
@@ -159,4 +164,6 @@ def _quantile_table(view: ArchiveView, output: str, design: str) -> OutputTable:
     table = OutputTable(f"Quantiles by {design}{with_intervals}", [view.axis_label(output)])
     for p, estimate in zip(probabilities.values.tolist(), array, strict=True):
         table.rows.append((quantile_label(p), [table.cell(estimate, convert)]))
+    largest = LargestRun.of_design(view, design, output)
+    table.rows.append((largest.name, [f"{largest.value:.4g}"]))
     return table

@@ -12,12 +12,20 @@ from uqpen.core.catalogue import THRESHOLD
 from uqpen.figures.curves import Curve
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
-from uqpen.report.marks import Trace, band_traces, dot_trace, escape_text, line_trace
+from uqpen.report.legend import END
+from uqpen.report.marks import (
+    Trace,
+    band_traces,
+    dot_trace,
+    end_trace,
+    escape_text,
+    line_trace,
+)
 from uqpen.report.notes import interval_notes
 from uqpen.report.sections.leading_design import missing_runs_note, output_title
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, percent_text
-from uqpen.results.empirical_cdf import empirical_cdf
+from uqpen.results.exceedance_tail import ExceedanceTail
 from uqpen.results.table import OutputTable, exceedance_label
 from uqpen.results.texts import unit_suffix
 
@@ -28,26 +36,29 @@ __all__ = ["exceedance"]
 _BELOW = 0.3
 # Widths of the axis by which it is made longer, at the most, for a requested value.
 _FAR = 1.5
-# Points of the line, at the most.
-_MOST = 200
+
+_NOT_MET = "Larger values may be possible; these runs have met none."
 
 
 def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
     """The probability of exceeding each value, if any run exceeds another, with the thresholds."""
-    values, tail = _tail(view, output, curve)
+    tail = ExceedanceTail.of_design(view, curve.name, output, curve.limits)
+    values = tail.values
     if not values.size:
         return
     least = _BELOW / max(curve.runs, 10)
-    traces, keys = _tail_traces(view, output, curve, values, np.maximum(tail, least))
+    traces, keys = _tail_traces(view, output, curve, tail, least)
     probabilities = view.statistics.get(curve.name, output, "exceedance")
-    notes = missing_runs_note(view, curve.name)
+    notes = [f"{tail.largest.sentence} {_NOT_MET}", *missing_runs_note(view, curve.name)]
     summary = (
         f"It falls from 1 to the smallest share of {count_text(curve.runs, 'run')} of {curve.name}."
+        f" {tail.largest.sentence}"
     )
     tables: tuple[OutputTable, ...] = ()
     if probabilities is not None:
         rows = _rows(probabilities)
-        summary = "; ".join(f"{label}: {cells[0]}" for label, cells in rows) + "."
+        asked = "; ".join(f"{label}: {cells[0]}" for label, cells in rows)
+        summary = f"{asked}. {tail.largest.sentence}"
         tables = (OutputTable(f"Requested probabilities, by {curve.name}", [curve.name], rows),)
         is_shown = _is_threshold_shown(view, output, probabilities, values)
         if is_shown.any():
@@ -70,43 +81,28 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
 
 
 def _tail_traces(
-    view: ArchiveView, output: str, curve: Curve, values: FloatArray, tail: FloatArray
+    view: ArchiveView, output: str, curve: Curve, tail: ExceedanceTail, least: float
 ) -> tuple[list[Trace], list[LegendKey]]:
     series = view.sources.index(curve.name)
     unit = unit_suffix(view.unit(output))
+    # An end at 0 has no logarithm.
+    estimate, lower, upper = np.maximum(tail.band, least).T
     function = line_trace(
-        values,
-        tail[:, 0],
+        tail.values,
+        estimate,
         series,
         hover=f"P(more than %{{x:.4~g}}{escape_text(unit)}) = %{{y:.3~g}}",
         name=curve.name,
         is_stepped=curve.is_stepped,
     )
-    key = LegendKey(curve.name, series, "line")
+    largest = f"{tail.largest.name}: {tail.largest.text}"
+    end = end_trace(tail.values[-1:], estimate[-1:], series, name=largest)
+    keys = [LegendKey(curve.name, series, "line"), LegendKey(largest, series, END)]
     if not curve.has_band:
-        return [function], [key]
-    # The probability of exceeding is least where the distribution function is greatest.
-    banded = band_traces(values, tail[:, 2], tail[:, 1], series, is_stepped=curve.is_stepped)
+        return [function, end], keys
+    banded = band_traces(tail.values, lower, upper, series, is_stepped=curve.is_stepped)
     text = f"simultaneous {percent_text(curve.level)} band"
-    return [*banded, function], [LegendKey(text, series, "band"), key]
-
-
-def _tail(view: ArchiveView, output: str, curve: Curve) -> tuple[FloatArray, FloatArray]:
-    """Return values, and the probability that each is exceeded, with its band.
-
-    The values are spaced evenly by the logarithm of that probability. The archive's function has
-    equally spaced ranks, and few of them lie in the tail.
-    """
-    outputs = np.sort(view.completed_values(curve.name, output))
-    left = np.arange(1, outputs.size + 1)
-    if outputs.size > _MOST:
-        left = np.geomspace(1, outputs.size, _MOST).round().astype(np.int64)
-    values = np.unique(outputs[outputs.size - left])
-    tail_values = 1 - empirical_cdf(outputs, curve.band, values)
-    # The largest value leaves nothing above it, which has no logarithm.
-    above = tail_values[:, 0] > 0
-    shown: FloatArray = view.scale(output).from_si(values[above])
-    return shown, tail_values[above]
+    return [*banded, function, end], [LegendKey(text, series, "band"), *keys]
 
 
 def _is_threshold_shown(

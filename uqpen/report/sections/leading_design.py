@@ -22,9 +22,14 @@ def leading_design(view: ArchiveView) -> str | None:
 
 
 def missing_runs_note(view: ArchiveView, design: str) -> list[str]:
-    """Return a note on the runs that a distribution function and its band leave out, if any."""
+    """Return a note on the runs that a distribution function leaves out, if any."""
     missing = sample_account(view, design).get(MISSING)
-    return [f"Curve and band use the completed runs; {missing} failed."] if missing else []
+    if not missing:
+        return []
+    return [
+        f"The curve uses the completed runs; {missing} failed. A band includes every result that "
+        "they could have had."
+    ]
 
 
 def output_title(view: ArchiveView, output: str) -> str:

@@ -12,7 +12,7 @@ from uqpen.archive.estimates import interval_text
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import CHECKED, INPUT, INTERVAL_LABEL, REFUSED, UNCHECKED
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.figures.measures import MeasureSeries, largest_inputs
+from uqpen.figures.measures import MeasureSeries, rank_inputs
 from uqpen.report.axes import padded_limits
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.marks import Trace, cross_trace, dot_trace, series_marker
@@ -21,7 +21,7 @@ from uqpen.report.shapes import Shape, horizontal_line, vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
 from uqpen.results.table import Conversion, OutputTable, estimate_remark
-from uqpen.results.texts import unit_suffix
+from uqpen.results.texts import capitalized, unit_suffix
 
 __all__ = ["MeasureChartSpec", "measures_chart"]
 
@@ -80,14 +80,18 @@ def measures_chart(
     tables: Sequence[OutputTable] = (),
 ) -> Chart:
     """A chart of at least one measure, each with at least one estimate."""
-    inputs, cut = largest_inputs(found)
+    ranked = rank_inputs(found)
+    inputs = ranked.names
     every = [_plotted_series(view, each, inputs, spec.convert) for each in found]
     bounds = np.concatenate([[0.0], *(one.bounds for each in every for one in each.estimates)])
     shapes: list[Shape] = [vertical_line(0, "quiet", "dot")]
     shapes += [horizontal_line(row - 0.5, "grid") for row in range(1, len(inputs))]
     notes = [*_notes(every), *spec.notes]
-    if cut:
-        notes.append(f"Shown are {cut}; the table has all." if tables else f"Shown are {cut}.")
+    if ranked.cut:
+        all_of_them = "; the table has all" if tables else ""
+        notes.append(f"Shown are {ranked.cut}{all_of_them}.")
+    if ranked.missing:
+        notes.append(f"{capitalized(ranked.missing)}.")
     return Chart(
         title=spec.title,
         summary=_summary(every, spec),

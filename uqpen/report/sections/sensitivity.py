@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.core.catalogue import CATEGORY
 from uqpen.core.labels import INPUT
 from uqpen.figures.measures import MeasureSeries, measure_series
-from uqpen.figures.sensitivity import EFFECTS, INDICES, RESPONSES, best_sources, magnitudes
+from uqpen.figures.sensitivity import EFFECTS, best_sources, index_series, response_measures
 from uqpen.report.blocks import Block, Chart, Charts, Heading, Table
 from uqpen.report.sections.leading_design import output_heading
 from uqpen.report.sections.measures import MeasureChartSpec, measures_chart
@@ -19,12 +19,10 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.sensitivity_tables import named_tables
 from uqpen.results.table import NOTHING, OutputTable, identity
 from uqpen.results.texts import capitalized, title_with_unit
+from uqpen.results.variance_shares import VarianceShares, variance_shares
 
 __all__ = ["sensitivity"]
 
-# Measures for the summary of a chart; it takes the first that exists.
-_SUMMARY_ORDER = ("total order", "first order", "Shapley effect")
-_SHARE = "share of the variance"
 # Indices of a categorical output being in a category: statistic, label and marker.
 _CATEGORY_INDICES = (
     ("category_first_order", "first order", "o"),
@@ -49,12 +47,16 @@ def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     tables: dict[str, list[OutputTable]] = {}
     for name, table in named_tables(view.tree, output, view.unit(output), everything=True):
         tables.setdefault(name, []).append(table)
-    every = measure_series(view, output, INDICES)
+    shares = variance_shares(view.tree)
+    every = index_series(view, output)
     if found := best_sources(view, every):
-        left_out = "First-order indices by plain samples are in the table only."
-        notes = (left_out,) if len(found) < len(every) else ()
+        notes = tuple(filter(None, (shares.note, _left_out_note(view, every, found))))
         spec = MeasureChartSpec(
-            "Shares of its variance", _SHARE, identity, _SUMMARY_ORDER, notes=notes
+            capitalized(shares.title("its variance")),
+            shares.axis,
+            identity,
+            _summary_order(shares),
+            notes=notes,
         )
         yield measures_chart(view, found, spec, tables.pop("shares", ()))
     if found := measure_series(view, output, EFFECTS):
@@ -69,28 +71,47 @@ def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
             yield Table(table, is_folded=True)
 
 
+def _left_out_note(
+    view: ArchiveView, every: Sequence[MeasureSeries], found: Sequence[MeasureSeries]
+) -> str:
+    """Return a note on indices that the table has, and the chart has not; empty for none."""
+    if len(found) == len(every):
+        return ""
+    others = "other " if any(view.is_sample_design(each.source) for each in found) else ""
+    return f"First-order indices by {others}plain samples are in the table only."
+
+
+def _summary_order(shares: VarianceShares) -> tuple[str, ...]:
+    """Return the measures for the summary of a chart, which takes the first that exists."""
+    labels = ("total order", "first order", "Shapley effect")
+    return (labels[2], *labels[:2]) if shares.is_dependent else labels
+
+
 def _has_estimates(table: OutputTable) -> bool:
     return any(not cell.startswith(NOTHING) for _, cells in table.rows for cell in cells)
 
 
 def _responses(view: ArchiveView, output: str) -> Iterator[Chart]:
-    for suffix, label, axis in RESPONSES:
-        if found := measure_series(view, output, ((suffix, "", "o"),)):
-            title = f"{capitalized(label)}, near the nominal point"
-            spec = MeasureChartSpec(title, axis, magnitudes, (label,), "%")
+    for each in response_measures(view, output):
+        if found := measure_series(view, output, ((each.statistic, "", "o"),)):
+            title = f"{capitalized(each.label)}, near the nominal point"
+            spec = MeasureChartSpec(title, each.axis, each.convert, (each.label,), each.unit)
             yield measures_chart(view, found, spec)
 
 
 def _categorical_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     """Shares of the variance of an output being in a category."""
-    every = _category_series(view, output)
+    every, shares = _category_series(view, output), variance_shares(view.tree)
+    notes = tuple(filter(None, [shares.note]))
     charts = []
     for names, found in _group_categories(view, every)[:_MOST_CATEGORIES]:
-        title = f"Shares of the variance of whether it is {' or '.join(names)}"
-        spec = MeasureChartSpec(title, _SHARE, identity, _SUMMARY_ORDER)
+        title = capitalized(shares.title(f"the variance of whether it is {' or '.join(names)}"))
+        spec = MeasureChartSpec(title, shares.axis, identity, _summary_order(shares), notes=notes)
         charts.append(measures_chart(view, found, spec))
-    title = f"{output}: shares of the variance of whether it is "
-    tables = tuple(_category_table(f"{title}{kind}", each) for (_, kind), each in every.items())
+    tables = tuple(
+        _category_table(f"{output}: {shares.title(f'the variance of whether it is {kind}')}", each)
+        for (_, kind), each in every.items()
+    )
     if charts:
         yield Charts(tuple(charts), tables=tables)
     else:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -17,6 +18,7 @@ from uqpen.core.labels import (
     STATUS,
 )
 from uqpen.core.status import Status
+from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs.moves import moved_input_numbers
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
@@ -40,29 +42,102 @@ def relative_responses(
     name : str
         ``response``: relative change of the output divided by that of the input, by central
         differences; ``contribution``: absolute response times the input's standard deviation
-        divided by its nominal value.
+        divided by its nominal value; ``change_per_std``: change of the output with one standard
+        deviation of the input, for an output that is shown in a unit with an offset.
     estimate : DataArray
         Along ``input`` and ``bound``, without bounds.
+
+    Notes
+    -----
+    Relative changes are of SI values. In a unit with an offset, such as degC, they are of the
+    kelvin, and a note says so. A change per standard deviation depends on no zero. It is the
+    uncertainty component of the Guide to the Expression of Uncertainty in Measurement
+    (JCGM 100:2008, 5.1.3), with its sign. For an output in another unit it follows from the
+    contribution.
     """
     if quantity.output.categories:
         return
     name, title = quantity.output.name, quantity.output.title
-    inputs = moved_input_numbers(runs)
-    found = [_response(runs, name, entry, number) for entry, number in inputs.items()]
+    steps = {
+        entry: _Steps.from_runs(runs, name, entry, number)
+        for entry, number in moved_input_numbers(runs).items()
+    }
+    found = [_response(each) for each in steps.values()]
     contributions = [
-        _contribution(response, runs, number)
-        for response, number in zip(found, inputs.values(), strict=True)
+        _contribution(response, each) for response, each in zip(found, steps.values(), strict=True)
     ]
-    for statistic, estimates, long_name in (
-        ("response", found, f"relative response of {title}"),
-        ("contribution", contributions, f"contribution to the relative uncertainty of {title}"),
-    ):
-        yield statistic, input_array(estimates, [*inputs], long_name)
+    of_output = _offset_note("output", quantity.output.unit, quantity.display_unit)
+    responses = [
+        _relative(estimate, of_output, _input_note(runs[entry].attrs))
+        for entry, estimate in zip(steps, found, strict=True)
+    ]
+    yield "response", input_array(responses, [*steps], f"relative response of {title}")
+    long_name = f"contribution to the relative uncertainty of {title}"
+    relative = [_relative(each, of_output) for each in contributions]
+    yield "contribution", input_array(relative, [*steps], long_name)
+    if of_output:
+        long_name = f"change of {title} per standard deviation of an input"
+        changes = [_change(each) for each in steps.values()]
+        yield (
+            "change_per_std",
+            input_array(changes, [*steps], long_name, units=quantity.output.unit),
+        )
+
+
+def _relative(estimate: Estimate, *notes: str) -> Estimate:
+    """Return a relative change with notes on what it is relative to, unless there is no value."""
+    known = () if math.isnan(estimate.value) else notes
+    return estimate.with_note(estimate.note, *known)
+
+
+def _input_note(described: Mapping[Any, Any]) -> str:
+    si = str(described.get("units", DIMENSIONLESS))
+    return _offset_note("input", si, str(described.get("display_units", si)))
+
+
+def _offset_note(of: str, si: str, unit: str) -> str:
+    """Return a note on relative changes of what is shown in a unit with an offset; else empty."""
+    return texts.OF_SI_VALUE.format(of=of, si=si, unit=unit) if scale(unit).offset else ""
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """An output at the nominal point and at the two steps of an input; NaN for a failed run."""
+
+    nominal: float
+    down: float
+    up: float
+    by: tuple[float, float]  # the steps, relative to the reference of the input
+    std: float  # of the input, relative to the magnitude of that reference; 0 if it is fixed
+    sign: float  # of that reference
+    is_of_spread: bool  # whether the reference is not the nominal value
+
+    @classmethod
+    def from_runs(cls, runs: xr.Dataset, name: str, entry: str, number: int) -> _Steps:
+        """Return the steps of an input, which has a number among the moved ones."""
+        values = np.where(runs[STATUS].values == Status.OK, runs[name].values, np.nan)
+        moved, by = runs[MOVED_INPUT].values, runs[MOVED_BY].values
+        down, up = ((moved == number) & (by < 0), (moved == number) & (by > 0))
+        inputs = runs[entry].values
+        return cls(
+            float(values[moved < 0][0]),
+            float(values[down][0]),
+            float(values[up][0]),
+            (float(by[down][0]), float(by[up][0])),
+            float(runs[MOVED_UNCERTAINTY].values[moved == number][0]),
+            math.copysign(1.0, float(inputs[up][0] - inputs[down][0])),
+            entry in str(runs[MOVED_BY].attrs.get(RELATIVE_TO_SPREAD, "")).split(),
+        )
+
+    @property
+    def reference_note(self) -> str:
+        """Note on the reference of the input's change, if it is not the nominal value."""
+        return texts.OF_HALF_SPREAD if self.is_of_spread else ""
 
 
 @dataclass(frozen=True)
 class _Slopes:
-    """Relative changes of an output over those of one input, to either side; NaN for failed."""
+    """Changes of an output over those of one input, to either side; NaN for a failed run."""
 
     down: float
     up: float
@@ -79,40 +154,68 @@ class _Slopes:
         return self.up if math.isfinite(self.up) else self.down
 
     @property
+    def side_note(self) -> str:
+        """Note on a one-sided derivative; empty for none."""
+        if self.is_central:
+            return ""
+        return texts.ONE_SIDED_STEP.format(side="up" if math.isfinite(self.up) else "down")
+
+    @property
     def note(self) -> str:
         """Note on a one-sided or a curved response; empty for none."""
-        if not self.is_central:
-            side = "up" if math.isfinite(self.up) else "down"
-            return texts.ONE_SIDED_STEP.format(side=side)
-        if abs(self.up - self.down) > _CURVED * max(abs(self.up), abs(self.down)):
+        if self.is_curved:
             return texts.NONLINEAR.format(down=self.down, up=self.up)
-        return ""
+        return self.side_note
+
+    @property
+    def is_curved(self) -> bool:
+        """True if the steps up and down give different derivatives."""
+        larger = max(abs(self.up), abs(self.down))
+        return self.is_central and abs(self.up - self.down) > _CURVED * larger
 
 
-def _response(runs: xr.Dataset, name: str, entry: str, number: int) -> Estimate:
-    values = np.where(runs[STATUS].values == Status.OK, runs[name].values, np.nan)
-    moved, by = runs[MOVED_INPUT].values, runs[MOVED_BY].values
-    nominal = float(values[moved < 0][0])
-    if math.isnan(nominal):
+def _input_note(described: Mapping[Any, Any]) -> str:
+    si = str(described.get("units", DIMENSIONLESS))
+    return _offset_note("input", si, str(described.get("display_units", si)))
+
+
+def _offset_note(of: str, si: str, unit: str) -> str:
+    """Return a note on relative changes of what is shown in a unit with an offset, if it is."""
+    return texts.OF_SI_VALUE.format(of=of, si=si, unit=unit) if scale(unit).offset else ""
+
+
+def _response(steps: _Steps) -> Estimate:
+    if math.isnan(steps.nominal):
         return Estimate.without_bounds(math.nan, texts.NOMINAL_RUN_FAILED)
-    if not nominal:
+    if not steps.nominal:
         return Estimate.without_bounds(math.nan, texts.NOMINAL_OUTPUT_IS_0)
-    down, up = (
-        float((values[side][0] / nominal - 1) / by[side][0])
-        for side in ((moved == number) & (by < 0), (moved == number) & (by > 0))
+    slopes = _Slopes(
+        (steps.down / steps.nominal - 1) / steps.by[0], (steps.up / steps.nominal - 1) / steps.by[1]
     )
-    slopes = _Slopes(down, up)
     if math.isnan(slopes.value):
         return Estimate.without_bounds(math.nan, texts.STEP_FAILED)
-    # The reference of the input's change, if it is not the nominal value.
-    is_of_spread = entry in str(runs[MOVED_BY].attrs.get(RELATIVE_TO_SPREAD, "")).split()
-    reference = texts.OF_HALF_SPREAD if is_of_spread else ""
-    return Estimate.without_bounds(slopes.value, texts.ONE_POINT, slopes.note, reference)
+    return Estimate.without_bounds(slopes.value, texts.ONE_POINT, slopes.note, steps.reference_note)
 
 
-def _contribution(response: Estimate, runs: xr.Dataset, number: int) -> Estimate:
-    its_runs = runs[MOVED_INPUT].values == number
-    uncertainty = float(runs[MOVED_UNCERTAINTY].values[its_runs][0])
-    if not uncertainty:
+def _contribution(response: Estimate, steps: _Steps) -> Estimate:
+    if not steps.std:
         return Estimate.without_bounds(math.nan, texts.FIXED_INPUT)
-    return Estimate.without_bounds(abs(response.value) * uncertainty, response.note)
+    return Estimate.without_bounds(abs(response.value) * steps.std, response.note)
+
+
+def _change(steps: _Steps) -> Estimate:
+    """Return the derivative of an output times the standard deviation of an input."""
+    if math.isnan(steps.nominal):
+        return Estimate.without_bounds(math.nan, texts.NOMINAL_RUN_FAILED)
+    if not steps.std:
+        return Estimate.without_bounds(math.nan, texts.FIXED_INPUT)
+    # A step is relative to the nominal value, which may be below 0.
+    scale_of_step = steps.sign * steps.std
+    slopes = _Slopes(
+        (steps.down - steps.nominal) / steps.by[0] * scale_of_step,
+        (steps.up - steps.nominal) / steps.by[1] * scale_of_step,
+    )
+    if math.isnan(slopes.value):
+        return Estimate.without_bounds(math.nan, texts.STEP_FAILED)
+    curved = texts.NONLINEAR_CHANGE if slopes.is_curved else ""
+    return Estimate.without_bounds(slopes.value, texts.ONE_POINT, slopes.side_note, curved)
