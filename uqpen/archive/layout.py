@@ -15,6 +15,7 @@ from uqpen.core.catalogue import (
     CATEGORY,
     CONTENT_LEVEL,
     DIMENSIONS,
+    LOWER_THRESHOLD,
     PROBABILITY,
     THRESHOLD,
     Statistic,
@@ -47,7 +48,7 @@ __all__ = [
 ]
 
 # Of one output, tables show the entries of all sources side by side.
-_SHARED = (PROBABILITY, CONTENT_LEVEL, THRESHOLD, CATEGORY)
+_SHARED = (PROBABILITY, CONTENT_LEVEL, THRESHOLD, LOWER_THRESHOLD, CATEGORY)
 
 # What an attribute of some name is, wherever it stands.
 _ATTRIBUTES = {

@@ -30,6 +30,7 @@ __all__ = [
     "CONTENT_LEVEL",
     "DIMENSIONS",
     "FAILURE_STATISTICS",
+    "LOWER_THRESHOLD",
     "NAMES_IN_USE",
     "PERCENT",
     "PROBABILITY",
@@ -46,6 +47,8 @@ PROBABILITY = "probability"
 # The share of the distribution that a tolerance limit covers.
 CONTENT_LEVEL = "content"
 THRESHOLD = "threshold"
+# A threshold to lie below; the thresholds to exceed may be others.
+LOWER_THRESHOLD = "lower_threshold"
 CATEGORY = "category"
 PERCENT = "percent"
 RUNS_SO_FAR = "runs_so_far"
@@ -81,6 +84,7 @@ DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
         PROBABILITY: DimensionLabels("number"),
         CONTENT_LEVEL: DimensionLabels("number", {"content_runs_needed": "count"}),
         THRESHOLD: DimensionLabels("text", {"threshold_value": "number"}),
+        LOWER_THRESHOLD: DimensionLabels("text", {"lower_threshold_value": "number"}),
         CATEGORY: DimensionLabels("text", {"category_label": "text"}),
         RANK: DimensionLabels("number"),
         PERCENT: DimensionLabels("number"),
@@ -164,6 +168,7 @@ _STATISTICS = [
     Statistic("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
     Statistic("tolerance_limit", "upper tolerance limit", (CONTENT_LEVEL,), UnitRule.VALUE),
     Statistic("exceedance", "probability of exceeding a value", (THRESHOLD,)),
+    Statistic("below", "probability of lying below a value", (LOWER_THRESHOLD,)),
     Statistic("share", "probability of a category", (CATEGORY,)),
     Statistic("cdf", "distribution function, pointwise bounds", (RANK,)),
     Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
@@ -175,6 +180,7 @@ _STATISTICS = [
             ("mean", "mean", (), UnitRule.VALUE),
             ("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
             ("exceedance", "probability of exceeding a value", (THRESHOLD,), UnitRule.NONE),
+            ("below", "probability of lying below a value", (LOWER_THRESHOLD,), UnitRule.NONE),
             ("share", "probability of a category", (CATEGORY,), UnitRule.NONE),
         )
     ),

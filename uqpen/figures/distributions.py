@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import THRESHOLD
+from uqpen.core.catalogue import LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.curves import CUT, Curve, axis_span, draw_band, draw_curve
 from uqpen.figures.estimate_dots import error_bar_lengths
@@ -165,15 +165,18 @@ def _draw_thresholds(
 
 def thresholds(view: ArchiveView, output: str) -> dict[str, float]:
     """Return the thresholds of a study: each as written, and as a number in the unit shown."""
-    first = next(iter(view.estimates(output, "exceedance").values()), None)
-    return {} if first is None else dict(_thresholds(view, output, first))
+    found: dict[str, float] = {}
+    for statistic, dimension in (("exceedance", THRESHOLD), ("below", LOWER_THRESHOLD)):
+        first = next(iter(view.estimates(output, statistic).values()), None)
+        found |= {} if first is None else dict(_thresholds(view, output, first, dimension))
+    return found
 
 
 def _thresholds(
-    view: ArchiveView, output: str, probabilities: xr.DataArray
+    view: ArchiveView, output: str, probabilities: xr.DataArray, dimension: str = THRESHOLD
 ) -> list[tuple[str, float]]:
-    shown = view.scale(output).from_si(probabilities["threshold_value"].values)
-    return list(zip(map(str, probabilities[THRESHOLD].values), shown.tolist(), strict=True))
+    shown = view.scale(output).from_si(probabilities[f"{dimension}_value"].values)
+    return list(zip(map(str, probabilities[dimension].values), shown.tolist(), strict=True))
 
 
 def _mark(axes: Axes, view: ArchiveView, output: str, *, at_foot: bool) -> Iterator[str]:

@@ -52,6 +52,7 @@ _FAMILIES = {
     "quantiles": "quantile",
     "hold": "tolerance_limit",
     "exceedance": "exceedance",
+    "below": "below",
     "shares": "share",
 }
 

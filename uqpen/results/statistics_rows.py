@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.catalogue import CONTENT_LEVEL, PROBABILITY, THRESHOLD
+from uqpen.core.catalogue import CONTENT_LEVEL, LOWER_THRESHOLD, PROBABILITY, THRESHOLD
 from uqpen.core.labels import (
     CONDITIONAL,
     MISSING,
@@ -28,6 +28,7 @@ from uqpen.results.source_statistics import SourceStatistics, source_entries
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
+    below_label,
     conversion,
     estimate_remark,
     exceedance_label,
@@ -66,6 +67,8 @@ class StatisticsRows:
             self._add_row(quantile_label(p), "quantile", arrays)
         for text, arrays in source_entries(self._arrays("exceedance"), THRESHOLD):
             self._add_row(exceedance_label(text), "exceedance", arrays)
+        for text, arrays in source_entries(self._arrays("below"), LOWER_THRESHOLD):
+            self._add_row(below_label(text), "below", arrays)
         for p, arrays in source_entries(self._arrays("tolerance_limit"), CONTENT_LEVEL):
             cells = [self._tolerance_limit_cell(arrays.get(each)) for each in self.table.columns]
             self.table.rows.append((f"not exceeded, {percent_text(p)}", cells))

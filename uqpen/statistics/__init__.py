@@ -26,7 +26,10 @@ ANALYSES = {
     "quantiles": ["uqpen.statistics.distribution_function.quantiles:quantile_estimates"],
     "percentiles": ["uqpen.statistics.distribution_function.quantiles:percentiles"],
     "holds": ["uqpen.statistics.distribution_function.quantiles:tolerance_limits"],
-    "exceedance": ["uqpen.statistics.distribution_function.probabilities:exceedance_probabilities"],
+    "exceedance": [
+        "uqpen.statistics.distribution_function.probabilities:exceedance_probabilities",
+        "uqpen.statistics.distribution_function.probabilities:below_probabilities",
+    ],
     "cdfs": ["uqpen.statistics.distribution_function.cdfs:cdf"],
     "shares": ["uqpen.statistics.distribution_function.probabilities:category_probabilities"],
     "sensitivity": [

@@ -16,6 +16,7 @@ from uqpen.core.catalogue import (
     CATALOGUE,
     CATEGORY,
     CONTENT_LEVEL,
+    LOWER_THRESHOLD,
     NAMES_IN_USE,
     PROBABILITY,
     TABLE_COLUMNS,
@@ -39,7 +40,7 @@ Analysis = Callable[[Sample, QuantityOfInterest], Iterable[tuple[str, xr.DataArr
 _UNIT_RULES = ("value", "difference")
 
 # The study requests the entries of these, the same for all sources of an output.
-_ASKED = (PROBABILITY, CONTENT_LEVEL, THRESHOLD, CATEGORY)
+_ASKED = (PROBABILITY, CONTENT_LEVEL, THRESHOLD, LOWER_THRESHOLD, CATEGORY)
 
 # A dimension is a column of the long table, beside its own.
 _USED_DIMENSIONS = RESERVED.union(TABLE_COLUMNS, INTERVAL_TEXTS) - {INPUT}

@@ -73,6 +73,8 @@ class OutputSpec:
         Probabilities of further quantiles, beside 0.05, 0.5 and 0.95.
     exceeds : sequence of str
         Thresholds whose probability of exceedance is estimated, such as ``"60 cm"``.
+    below : sequence of str
+        Thresholds; the probability that the output lies below each is estimated.
     hold : sequence of float
         Contents of one-sided upper tolerance limits.
     along : mapping of str to mapping, optional
@@ -87,6 +89,7 @@ class OutputSpec:
     unit: str | None = None
     quantiles: Sequence[float] = ()
     exceeds: Sequence[str | float] = ()
+    below: Sequence[str | float] = ()
     hold: Sequence[float] = ()
     along: Mapping[str, Mapping[str, Any]] | None = None
     may_end: bool = False

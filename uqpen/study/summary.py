@@ -108,5 +108,6 @@ def _requested(quantity: QuantityOfInterest) -> list[str]:
     return [
         "moments, cdf, quantiles " + ", ".join(f"{p:g}" for p in quantity.quantiles),
         *(f"P(> {threshold.text})" for threshold in quantity.thresholds),
+        *(f"P(< {threshold.text})" for threshold in quantity.lower_thresholds),
         *(f"value held with {p:g}" for p in quantity.tolerance_contents),
     ]

@@ -17,7 +17,13 @@ from uqpen.core.sampling import Sampling
 from uqpen.report.counting import percent_texts
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_texts, percent_text
-from uqpen.results.table import estimate_remark, exceedance_label, output_names, quantile_label
+from uqpen.results.table import (
+    below_label,
+    estimate_remark,
+    exceedance_label,
+    output_names,
+    quantile_label,
+)
 from uqpen.results.texts import capitalized, plain_text, unit_suffix
 
 __all__ = [
@@ -90,6 +96,8 @@ class QuotedStatistic:
             return quantile_label(self.entry)
         if self.statistic == "exceedance":
             return exceedance_label(plain_text(self.entry))
+        if self.statistic == "below":
+            return below_label(plain_text(self.entry))
         return CATALOGUE[self.statistic].title
 
     @property
@@ -121,11 +129,11 @@ def no_break(text: str) -> str:
 
 def requested_statistics(view: ArchiveView, output: str, design: str) -> list[QuotedStatistic]:
     """Return the requested statistics of an output: a tolerance limit, thresholds, other limits."""
-    limits, thresholds = (
+    limits, exceeded, below = (
         [each for each in _entries(view, output, design, name) if each.estimate(design) is not None]
-        for name in ("tolerance_limit", "exceedance")
+        for name in ("tolerance_limit", "exceedance", "below")
     )
-    return [*limits[:1], *thresholds, *limits[1:]]
+    return [*limits[:1], *exceeded, *below, *limits[1:]]
 
 
 def default_statistic(view: ArchiveView, output: str, design: str) -> QuotedStatistic | None:

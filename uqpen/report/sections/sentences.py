@@ -30,6 +30,9 @@ __all__ = ["OutputSentences", "output_sentences"]
 _MOST_SENTENCES = 3
 _MOST_CATEGORIES = 4
 
+# The verbs of the events that have a probability.
+_EVENTS = {"exceedance": "exceeds", "below": "lies below"}
+
 
 class OutputSentences(NamedTuple):
     """Sentences of the report about one output."""
@@ -69,8 +72,8 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, of: _Population) -
     if quantity.statistic == "quantile":
         half = f"half of {of.name} have at most this value"
         return f"The median of {name} is {stated}: {half}.{of.omission_sentence}"
-    if quantity.statistic == "exceedance":
-        event = f"{name} exceeds {no_break(plain_text(quantity.entry))}{of.condition}"
+    if verb := _EVENTS.get(quantity.statistic):
+        event = f"{name} {verb} {no_break(plain_text(quantity.entry))}{of.condition}"
         return f"The probability that {event} is {stated}.{of.missing_run_sentence(array)}"
     return f"The mean of {name}{of.condition} is {stated}.{of.omission_sentence}"
 

@@ -22,6 +22,7 @@ STATISTIC_FAMILIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "quantiles": ("quantile",),
         "tolerance limits": ("tolerance_limit",),
         "exceedance probabilities": ("exceedance",),
+        "probabilities of lying below": ("below",),
         "distribution functions": ("cdf", "cdf_band"),
         "category probabilities": ("share",),
         "measures of sensitivity": tuple(
