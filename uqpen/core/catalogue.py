@@ -30,10 +30,13 @@ __all__ = [
     "CONTENT_LEVEL",
     "DIMENSIONS",
     "FAILURE_STATISTICS",
+    "INTERVAL_CONTENT",
+    "LOWER_CONTENT",
     "LOWER_THRESHOLD",
     "NAMES_IN_USE",
     "PERCENT",
     "PROBABILITY",
+    "REQUESTED_DIMENSIONS",
     "RUNS_SO_FAR",
     "TABLE_COLUMNS",
     "THRESHOLD",
@@ -44,8 +47,10 @@ __all__ = [
 ]
 
 PROBABILITY = "probability"
-# The share of the distribution that a tolerance limit covers.
+# The share of the distribution that an upper tolerance limit covers, a lower one, an interval.
 CONTENT_LEVEL = "content"
+LOWER_CONTENT = "lower_content"
+INTERVAL_CONTENT = "interval_content"
 THRESHOLD = "threshold"
 # A threshold to lie below; the thresholds to exceed may be others.
 LOWER_THRESHOLD = "lower_threshold"
@@ -83,6 +88,8 @@ DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
     {
         PROBABILITY: DimensionLabels("number"),
         CONTENT_LEVEL: DimensionLabels("number", {"content_runs_needed": "count"}),
+        LOWER_CONTENT: DimensionLabels("number", {"lower_content_runs_needed": "count"}),
+        INTERVAL_CONTENT: DimensionLabels("number", {"interval_content_runs_needed": "count"}),
         THRESHOLD: DimensionLabels("text", {"threshold_value": "number"}),
         LOWER_THRESHOLD: DimensionLabels("text", {"lower_threshold_value": "number"}),
         CATEGORY: DimensionLabels("text", {"category_label": "text"}),
@@ -93,6 +100,18 @@ DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
         PAIR: DimensionLabels("text", {"pair_first": "text", "pair_second": "text"}),
         STATUS: DimensionLabels("text"),
     }
+)
+
+# The study requests the entries along these, the same for all sources of an output: tables show
+# them side by side.
+REQUESTED_DIMENSIONS = (
+    PROBABILITY,
+    CONTENT_LEVEL,
+    LOWER_CONTENT,
+    INTERVAL_CONTENT,
+    THRESHOLD,
+    LOWER_THRESHOLD,
+    CATEGORY,
 )
 
 # Columns of the long table of estimates; each dimension is a further one.
@@ -167,6 +186,8 @@ _STATISTICS = [
     Statistic("effective_size", "effective sample size"),
     Statistic("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
     Statistic("tolerance_limit", "upper tolerance limit", (CONTENT_LEVEL,), UnitRule.VALUE),
+    Statistic("lower_tolerance_limit", "lower tolerance limit", (LOWER_CONTENT,), UnitRule.VALUE),
+    Statistic("tolerance_interval", "tolerance interval", (INTERVAL_CONTENT,), UnitRule.VALUE),
     Statistic("exceedance", "probability of exceeding a value", (THRESHOLD,)),
     Statistic("below", "probability of lying below a value", (LOWER_THRESHOLD,)),
     Statistic("share", "probability of a category", (CATEGORY,)),

@@ -43,6 +43,10 @@ class QuantityOfInterest:
         Probabilities strictly between 0 and 1, ascending.
     tolerance_contents : tuple of float
         Contents of the upper tolerance limits: probabilities of lying at or below the limit.
+    lower_tolerance_contents : tuple of float
+        Contents of the lower tolerance limits: probabilities of lying at or above the limit.
+    tolerance_interval_contents : tuple of float
+        Contents of the tolerance intervals: probabilities of lying between their ends.
     """
 
     output: Output
@@ -53,6 +57,8 @@ class QuantityOfInterest:
     lower_thresholds: tuple[Threshold, ...] = threshold_list(key="below")
     quantiles: tuple[float, ...] = probabilities(always=DEFAULT_QUANTILES)
     tolerance_contents: tuple[float, ...] = probabilities(key="hold")
+    lower_tolerance_contents: tuple[float, ...] = probabilities(key="hold_above")
+    tolerance_interval_contents: tuple[float, ...] = probabilities(key="hold_between")
 
     def __post_init__(self) -> None:
         validate(self)

@@ -75,8 +75,8 @@ class OutputSpec:
         Thresholds whose probability of exceedance is estimated, such as ``"60 cm"``.
     below : sequence of str
         Thresholds; the probability that the output lies below each is estimated.
-    hold : sequence of float
-        Contents of one-sided upper tolerance limits.
+    hold, hold_above, hold_between : sequence of float
+        Contents of upper tolerance limits, of lower ones, and of two-sided tolerance intervals.
     along : mapping of str to mapping, optional
         Dimensions of an output of a Python function, such as
         ``{"time": {"unit": "s", "from": 0, "to": 10, "size": 101}}`` or
@@ -91,6 +91,8 @@ class OutputSpec:
     exceeds: Sequence[str | float] = ()
     below: Sequence[str | float] = ()
     hold: Sequence[float] = ()
+    hold_above: Sequence[float] = ()
+    hold_between: Sequence[float] = ()
     along: Mapping[str, Mapping[str, Any]] | None = None
     may_end: bool = False
 

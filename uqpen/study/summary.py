@@ -110,4 +110,6 @@ def _requested(quantity: QuantityOfInterest) -> list[str]:
         *(f"P(> {threshold.text})" for threshold in quantity.thresholds),
         *(f"P(< {threshold.text})" for threshold in quantity.lower_thresholds),
         *(f"value held with {p:g}" for p in quantity.tolerance_contents),
+        *(f"value held from below with {p:g}" for p in quantity.lower_tolerance_contents),
+        *(f"values held between with {p:g}" for p in quantity.tolerance_interval_contents),
     ]

@@ -66,7 +66,9 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
 
 def _sentence(quantity: QuotedStatistic, array: xr.DataArray, of: _Population) -> str:
     name = output_name(quantity.view, quantity.output)
-    if quantity.statistic == "tolerance_limit":
+    if quantity.statistic == "tolerance_interval":
+        return f"{_tolerance_interval_sentence(quantity, array, name, of)}{of.omission_sentence}"
+    if quantity.statistic in ("tolerance_limit", "lower_tolerance_limit"):
         return f"{_tolerance_limit_sentence(quantity, array, name, of)}{of.omission_sentence}"
     stated = f"{quantity.texts(array)[0]} {quantity.interval(array)}"
     if quantity.statistic == "quantile":
@@ -81,18 +83,34 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, of: _Population) -
 def _tolerance_limit_sentence(
     quantity: QuotedStatistic, array: xr.DataArray, name: str, of: _Population
 ) -> str:
-    value, _, bound = quantity.texts(array)
+    is_lower = quantity.statistic == "lower_tolerance_limit"
+    value, *ends = quantity.texts(array)
     share = no_break(percent_text(quantity.entry))
-    if np.isfinite(array.values[2]):
-        level = no_break(percent_text(array.attrs.get(INTERVAL_LEVEL, np.nan)))
+    beyond, side, end = ("at least", "lower", 0) if is_lower else ("at most", "upper", 1)
+    if np.isfinite(array.values[1 + end]):
         return (
-            f"With {level} confidence, {name} is at most {bound} in at least {share} of {of.name}. "
-            f"The best estimate of this limit is {value}."
+            f"With {_level(array)} confidence, {name} is {beyond} {ends[end]} in at least {share} "
+            f"of {of.name}. The best estimate of this limit is {value}."
         )
     return (
-        f"In {share} of {of.name} {name} is at most {value} by estimate. This limit has no upper "
+        f"In {share} of {of.name} {name} is {beyond} {value} by estimate. This limit has no {side} "
         f"bound: {estimate_remark(array)}."
     )
+
+
+def _tolerance_interval_sentence(
+    quantity: QuotedStatistic, array: xr.DataArray, name: str, of: _Population
+) -> str:
+    share = no_break(percent_text(quantity.entry))
+    lower, upper = quantity.end_texts(array)
+    return (
+        f"With {_level(array)} confidence, {name} is from {lower} to {upper} in at least {share} "
+        f"of {of.name}."
+    )
+
+
+def _level(array: xr.DataArray) -> str:
+    return no_break(percent_text(array.attrs.get(INTERVAL_LEVEL, np.nan)))
 
 
 class _Population(NamedTuple):
