@@ -149,3 +149,7 @@ def _coordinate_faults(dataset: xr.Dataset, dimension: str) -> Iterator[str]:
         beside = dataset.variables.get(name)
         if beside is None or beside.dims != (dimension,) or not has_kind(beside, kind):
             yield f"no {name} for each entry"
+    for name, kind in described.optional.items():
+        beside = dataset.variables.get(name)
+        if beside is not None and (beside.dims != (dimension,) or not has_kind(beside, kind)):
+            yield f"no {name} for each entry"

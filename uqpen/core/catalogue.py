@@ -77,11 +77,12 @@ class DimensionLabels:
     """Labels along a dimension of statistics: their kind, ``"number"`` or ``"text"``.
 
     Its companions are further coordinates along it, each of kind ``"number"``, ``"count"`` or
-    ``"text"``.
+    ``"text"``. The optional ones exist only where a study asks for them.
     """
 
     kind: str
     companions: Mapping[str, str] = field(default_factory=dict)
+    optional: Mapping[str, str] = field(default_factory=dict)
 
 
 DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
@@ -90,8 +91,14 @@ DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
         CONTENT_LEVEL: DimensionLabels("number", {"content_runs_needed": "count"}),
         LOWER_CONTENT: DimensionLabels("number", {"lower_content_runs_needed": "count"}),
         INTERVAL_CONTENT: DimensionLabels("number", {"interval_content_runs_needed": "count"}),
-        THRESHOLD: DimensionLabels("text", {"threshold_value": "number"}),
-        LOWER_THRESHOLD: DimensionLabels("text", {"lower_threshold_value": "number"}),
+        **{
+            name: DimensionLabels(
+                "text",
+                {f"{name}_value": "number"},
+                {f"{name}_at_most": "number", f"{name}_at_least": "number"},
+            )
+            for name in (THRESHOLD, LOWER_THRESHOLD)
+        },
         CATEGORY: DimensionLabels("text", {"category_label": "text"}),
         RANK: DimensionLabels("number"),
         PERCENT: DimensionLabels("number"),
@@ -125,6 +132,7 @@ NAMES_IN_USE = RESERVED.union(
     (INTERVAL, INTERVAL_LABEL, NOTE),
     DIMENSIONS,
     *(labels.companions for labels in DIMENSIONS.values()),
+    *(labels.optional for labels in DIMENSIONS.values()),
 )
 
 

@@ -24,6 +24,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import status_counts
+from uqpen.results.acceptance import Acceptance
 from uqpen.results.estimate_json import entries_json, estimate_json, json_value
 from uqpen.results.failed_runs import failed_runs
 from uqpen.results.failure_tables import ASSOCIATIONS, ENDS
@@ -225,6 +226,13 @@ def _output_json(statistics: SourceStatistics, source: str, array: xr.DataArray)
 def _family_json(array: xr.DataArray) -> dict[str, Any]:
     """Return the entries of a statistic, by their labels."""
     entries = entries_json(array)
+    for entry, each in zip(entries.values(), array, strict=True):
+        if acceptance := Acceptance.from_array(each):
+            entry |= {
+                "at_least": acceptance.at_least,
+                "at_most": acceptance.at_most,
+                "verdict": str(acceptance.verdict),
+            }
     for name in (each for each in array.coords if str(each).endswith(_RUNS_NEEDED)):
         for entry, needed in zip(entries.values(), array[name].values, strict=True):
             entry["runs_needed"] = int(needed)

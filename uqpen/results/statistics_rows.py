@@ -23,6 +23,7 @@ from uqpen.core.labels import (
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import Scale
 from uqpen.execution import status_counts
+from uqpen.results.acceptance import Acceptance
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_statistics import SourceStatistics, source_entries
 from uqpen.results.table import (
@@ -67,9 +68,26 @@ class StatisticsRows:
             self._add_row(quantile_label(p), "quantile", arrays)
         for text, arrays in source_entries(self._arrays("exceedance"), THRESHOLD):
             self._add_row(exceedance_label(text), "exceedance", arrays)
+            self._add_verdicts(arrays)
         for text, arrays in source_entries(self._arrays("below"), LOWER_THRESHOLD):
             self._add_row(below_label(text), "below", arrays)
+            self._add_verdicts(arrays)
         add_tolerance_limits(self.table, self.statistics, self.name, self.measure)
+
+    def _add_verdicts(self, arrays: dict[str, xr.DataArray]) -> None:
+        """Add a row of verdicts on a probability for which the study has acceptance limits.
+
+        A surrogate's estimate has no interval, and so no verdict.
+        """
+        found = {source: Acceptance.from_array(array) for source, array in arrays.items()}
+        verdicts = {
+            source: each.verdict
+            for source, each in found.items()
+            if each and self.statistics.kind(source) == "design"
+        }
+        if first := next(filter(None, found.values()), None):
+            cells = [str(verdicts.get(source, NOTHING)) for source in self.table.columns]
+            self.table.rows.append((f"accepted: {first}", cells))
 
     def _arrays(self, statistic: str) -> dict[str, xr.DataArray]:
         return self.statistics.by_source(self.name, statistic, self.table.columns)

@@ -19,6 +19,7 @@ from uqpen.report.sections.quoted_statistics import (
     requested_statistics,
 )
 from uqpen.report.sections.view_statistics import sample_account
+from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.table import estimate_remark
@@ -76,8 +77,24 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, of: _Population) -
         return f"The median of {name} is {stated}: {half}.{of.omission_sentence}"
     if verb := _EVENTS.get(quantity.statistic):
         event = f"{name} {verb} {no_break(plain_text(quantity.entry))}{of.condition}"
-        return f"The probability that {event} is {stated}.{of.missing_run_sentence(array)}"
+        return (
+            f"The probability that {event} is {stated}.{of.missing_run_sentence(array)}"
+            f"{_verdict_sentence(array)}"
+        )
     return f"The mean of {name}{of.condition} is {stated}.{of.omission_sentence}"
+
+
+def _verdict_sentence(array: xr.DataArray) -> str:
+    """A sentence on the acceptance limits of the study; empty for none."""
+    acceptance = Acceptance.from_array(array)
+    if acceptance is None:
+        return ""
+    limit = f"the study's limit of {no_break(str(acceptance))}"
+    if acceptance.verdict is AcceptanceVerdict.NOT_DECIDED:
+        why = "contains it" if has_interval(array.values) else "is missing"
+        return f" These runs do not decide whether {limit} is met: the interval {why}."
+    where = "within" if acceptance.verdict is AcceptanceVerdict.MET else "beyond"
+    return f" {capitalized(limit)} is {acceptance.verdict}: the whole interval lies {where} it."
 
 
 def _tolerance_limit_sentence(

@@ -99,14 +99,30 @@ def threshold_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
 def _coordinates(
     thresholds: Sequence[Threshold], dimension: str, long_name: str, unit: str
 ) -> dict[str, Any]:
-    """Return the coordinates along a dimension of thresholds: as written and in SI units."""
+    """Return the coordinates along a dimension of thresholds: as written and in SI units.
+
+    Acceptance limits are there only where the study has some; NaN for none.
+    """
     written = np.array([threshold.text for threshold in thresholds], dtype=object)
     values = np.array([threshold.value for threshold in thresholds])
     described = {"units": unit, "long_name": long_name}
     return {
         dimension: (dimension, written, {"long_name": f"{long_name}, as written"}),
         f"{dimension}_value": (dimension, values, described),
+        **dict(_acceptance_coordinates(thresholds, dimension)),
     }
+
+
+def _acceptance_coordinates(
+    thresholds: Sequence[Threshold], dimension: str
+) -> Iterator[tuple[str, Any]]:
+    """Yield the coordinates of those acceptance limits that at least one threshold has."""
+    for name, long_name in (("at_most", "largest"), ("at_least", "smallest")):
+        limits = [getattr(threshold.accepted, name) for threshold in thresholds]
+        if any(limit is not None for limit in limits):
+            values = np.array([np.nan if limit is None else limit for limit in limits])
+            described = {"units": "1", "long_name": f"{long_name} accepted probability"}
+            yield f"{dimension}_{name}", (dimension, values, described)
 
 
 def category_probabilities(
