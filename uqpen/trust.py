@@ -17,7 +17,7 @@ import xarray as xr
 
 from uqpen.archive.estimates import estimate_array, interval_text
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import CATALOGUE, THRESHOLD
+from uqpen.core.catalogue import CATALOGUE, LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.labels import (
     BOUND,
     CHECKED,
@@ -149,7 +149,8 @@ class _OutputValidation:
 
     def _is_extrapolated(self, name: str, estimate: xr.DataArray, value: float) -> bool:
         """Return True if an estimate is at a value outside the training range."""
-        threshold = estimate.coords.get(f"{THRESHOLD}_value")
+        values = (estimate.coords.get(f"{of}_value") for of in (THRESHOLD, LOWER_THRESHOLD))
+        threshold = next((value for value in values if value is not None), None)
         if self.training_range is None or (threshold is None and name != "quantile"):
             return False
         return not self.training_range.contains(value if threshold is None else float(threshold))

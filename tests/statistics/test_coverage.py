@@ -34,7 +34,8 @@ from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
 from uqpen.statistics.distribution_function.cdfs import cdf
 from uqpen.statistics.distribution_function.probabilities import exceedance_probabilities
-from uqpen.statistics.distribution_function.quantiles import quantile_estimates, tolerance_limits
+from uqpen.statistics.distribution_function.quantiles import quantile_estimates
+from uqpen.statistics.distribution_function.tolerance import tolerance_limits
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold

@@ -10,15 +10,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.archive.estimates import has_interval_texts, statistic_names
-from uqpen.core.catalogue import (
-    CATALOGUE,
-    CATEGORY,
-    CONTENT_LEVEL,
-    DIMENSIONS,
-    PROBABILITY,
-    THRESHOLD,
-    Statistic,
-)
+from uqpen.core.catalogue import CATALOGUE, DIMENSIONS, REQUESTED_DIMENSIONS, Statistic
 from uqpen.core.errors import QuantityError
 from uqpen.core.labels import (
     BOUND,
@@ -45,9 +37,6 @@ __all__ = [
     "has_bound_names",
     "has_kind",
 ]
-
-# Of one output, tables show the entries of all sources side by side.
-_SHARED = (PROBABILITY, CONTENT_LEVEL, THRESHOLD, CATEGORY)
 
 # What an attribute of some name is, wherever it stands.
 _ATTRIBUTES = {
@@ -111,7 +100,7 @@ def find_statistics_faults(node: xr.DataTree) -> Iterator[str]:
             for fault in find_dataset_faults(dataset, CATALOGUE):
                 yield f"/{source}/{output}: {fault}"
             for dimension in dataset.dims:
-                if dimension in dataset.coords and dimension in _SHARED:
+                if dimension in dataset.coords and dimension in REQUESTED_DIMENSIONS:
                     found = dataset[dimension].values.tolist()
                     if entries.setdefault((str(output), str(dimension)), found) != found:
                         yield f"/{source}/{output}: another {dimension} than elsewhere"
@@ -161,4 +150,8 @@ def _coordinate_faults(dataset: xr.Dataset, dimension: str) -> Iterator[str]:
     for name, kind in described.companions.items():
         beside = dataset.variables.get(name)
         if beside is None or beside.dims != (dimension,) or not has_kind(beside, kind):
+            yield f"no {name} for each entry"
+    for name, kind in described.optional.items():
+        beside = dataset.variables.get(name)
+        if beside is not None and (beside.dims != (dimension,) or not has_kind(beside, kind)):
             yield f"no {name} for each entry"

@@ -30,9 +30,13 @@ __all__ = [
     "CONTENT_LEVEL",
     "DIMENSIONS",
     "FAILURE_STATISTICS",
+    "INTERVAL_CONTENT",
+    "LOWER_CONTENT",
+    "LOWER_THRESHOLD",
     "NAMES_IN_USE",
     "PERCENT",
     "PROBABILITY",
+    "REQUESTED_DIMENSIONS",
     "RUNS_SO_FAR",
     "TABLE_COLUMNS",
     "THRESHOLD",
@@ -43,9 +47,13 @@ __all__ = [
 ]
 
 PROBABILITY = "probability"
-# The share of the distribution that a tolerance limit covers.
+# The share of the distribution that an upper tolerance limit covers, a lower one, an interval.
 CONTENT_LEVEL = "content"
+LOWER_CONTENT = "lower_content"
+INTERVAL_CONTENT = "interval_content"
 THRESHOLD = "threshold"
+# A threshold to lie below; the thresholds to exceed may be others.
+LOWER_THRESHOLD = "lower_threshold"
 CATEGORY = "category"
 PERCENT = "percent"
 RUNS_SO_FAR = "runs_so_far"
@@ -69,18 +77,28 @@ class DimensionLabels:
     """Labels along a dimension of statistics: their kind, ``"number"`` or ``"text"``.
 
     Its companions are further coordinates along it, each of kind ``"number"``, ``"count"`` or
-    ``"text"``.
+    ``"text"``. The optional ones exist only where a study asks for them.
     """
 
     kind: str
     companions: Mapping[str, str] = field(default_factory=dict)
+    optional: Mapping[str, str] = field(default_factory=dict)
 
 
 DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
     {
         PROBABILITY: DimensionLabels("number"),
         CONTENT_LEVEL: DimensionLabels("number", {"content_runs_needed": "count"}),
-        THRESHOLD: DimensionLabels("text", {"threshold_value": "number"}),
+        LOWER_CONTENT: DimensionLabels("number", {"lower_content_runs_needed": "count"}),
+        INTERVAL_CONTENT: DimensionLabels("number", {"interval_content_runs_needed": "count"}),
+        **{
+            name: DimensionLabels(
+                "text",
+                {f"{name}_value": "number"},
+                {f"{name}_at_most": "number", f"{name}_at_least": "number"},
+            )
+            for name in (THRESHOLD, LOWER_THRESHOLD)
+        },
         CATEGORY: DimensionLabels("text", {"category_label": "text"}),
         RANK: DimensionLabels("number"),
         PERCENT: DimensionLabels("number"),
@@ -89,6 +107,18 @@ DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
         PAIR: DimensionLabels("text", {"pair_first": "text", "pair_second": "text"}),
         STATUS: DimensionLabels("text"),
     }
+)
+
+# The study requests the entries along these, the same for all sources of an output: tables show
+# them side by side.
+REQUESTED_DIMENSIONS = (
+    PROBABILITY,
+    CONTENT_LEVEL,
+    LOWER_CONTENT,
+    INTERVAL_CONTENT,
+    THRESHOLD,
+    LOWER_THRESHOLD,
+    CATEGORY,
 )
 
 # Columns of the long table of estimates; each dimension is a further one.
@@ -102,6 +132,7 @@ NAMES_IN_USE = RESERVED.union(
     (INTERVAL, INTERVAL_LABEL, NOTE),
     DIMENSIONS,
     *(labels.companions for labels in DIMENSIONS.values()),
+    *(labels.optional for labels in DIMENSIONS.values()),
 )
 
 
@@ -163,7 +194,10 @@ _STATISTICS = [
     Statistic("effective_size", "effective sample size"),
     Statistic("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
     Statistic("tolerance_limit", "upper tolerance limit", (CONTENT_LEVEL,), UnitRule.VALUE),
+    Statistic("lower_tolerance_limit", "lower tolerance limit", (LOWER_CONTENT,), UnitRule.VALUE),
+    Statistic("tolerance_interval", "tolerance interval", (INTERVAL_CONTENT,), UnitRule.VALUE),
     Statistic("exceedance", "probability of exceeding a value", (THRESHOLD,)),
+    Statistic("below", "probability of lying below a value", (LOWER_THRESHOLD,)),
     Statistic("share", "probability of a category", (CATEGORY,)),
     Statistic("cdf", "distribution function, pointwise bounds", (RANK,)),
     Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
@@ -175,6 +209,7 @@ _STATISTICS = [
             ("mean", "mean", (), UnitRule.VALUE),
             ("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
             ("exceedance", "probability of exceeding a value", (THRESHOLD,), UnitRule.NONE),
+            ("below", "probability of lying below a value", (LOWER_THRESHOLD,), UnitRule.NONE),
             ("share", "probability of a category", (CATEGORY,), UnitRule.NONE),
         )
     ),

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import THRESHOLD
+from uqpen.core.catalogue import LOWER_THRESHOLD, THRESHOLD
 from uqpen.figures.curves import CUT, Curve, axis_span, draw_band, draw_curve
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
@@ -106,16 +106,19 @@ def _draw_models(view: ArchiveView, output: str, curves: list[Curve], axes: Axes
 
 def thresholds(view: ArchiveView, output: str) -> dict[str, float]:
     """Return the thresholds of a study: each as written, and as a number in the unit shown."""
-    first = next(iter(view.estimates(output, "exceedance").values()), None)
-    return {} if first is None else dict(threshold_places(view, output, first))
+    found: dict[str, float] = {}
+    for statistic, dimension in (("exceedance", THRESHOLD), ("below", LOWER_THRESHOLD)):
+        first = next(iter(view.estimates(output, statistic).values()), None)
+        found |= {} if first is None else dict(threshold_places(view, output, first, dimension))
+    return found
 
 
 def threshold_places(
-    view: ArchiveView, output: str, probabilities: xr.DataArray
+    view: ArchiveView, output: str, probabilities: xr.DataArray, dimension: str = THRESHOLD
 ) -> list[tuple[str, float]]:
     """Return each threshold of some probabilities as written, and in the unit shown."""
-    shown = view.scale(output).from_si(probabilities["threshold_value"].values)
-    return list(zip(map(str, probabilities[THRESHOLD].values), shown.tolist(), strict=True))
+    shown = view.scale(output).from_si(probabilities[f"{dimension}_value"].values)
+    return list(zip(map(str, probabilities[dimension].values), shown.tolist(), strict=True))
 
 
 def mark_thresholds(axes: Axes, view: ArchiveView, output: str, *, at_foot: bool) -> Iterator[str]:

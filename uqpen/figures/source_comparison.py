@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import PROBABILITY, THRESHOLD
+from uqpen.core.catalogue import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
 from uqpen.figures.estimate_dots import EstimateDot, draw_dots
 from uqpen.figures.panel import Axes, Panel
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.source_statistics import source_entries
-from uqpen.results.table import Conversion, exceedance_label, quantile_label
+from uqpen.results.table import Conversion, below_label, exceedance_label, quantile_label
 
 __all__ = ["ComparedStatistic", "compared_statistics", "source_panels"]
 
@@ -26,10 +26,11 @@ _SINGLE = {"mean": "mean", "std": "sd"}
 _BY_ENTRY: dict[str, tuple[str, Callable[[Any], str]]] = {
     "quantile": (PROBABILITY, quantile_label),
     "exceedance": (THRESHOLD, exceedance_label),
+    "below": (LOWER_THRESHOLD, below_label),
     "share": ("category_label", "share {}".format),
 }
 # The labels of axes of statistics without a unit.
-_AXES = {"exceedance": "probability", "share": "share"}
+_AXES = {"exceedance": "probability", "below": "probability", "share": "share"}
 
 
 def source_panels(view: ArchiveView) -> Iterator[Panel]:

@@ -10,7 +10,9 @@ __all__ = [
     "estimate_text",
     "estimate_texts",
     "grouped_number",
+    "lower_tolerance_limit_text",
     "percent_text",
+    "tolerance_interval_texts",
     "tolerance_limit_text",
 ]
 
@@ -64,6 +66,33 @@ def tolerance_limit_text(estimate: float, upper: float) -> str:
     return number_format.write(
         f"{number_format(estimate)}, at most {number_format.rounded_up(upper)}"
     )
+
+
+def lower_tolerance_limit_text(estimate: float, lower: float) -> str:
+    """A tolerance limit, with its lower bound in the same digits, rounded down.
+
+    >>> lower_tolerance_limit_text(13.4812, 13.2087)
+    '13.48, at least 13.20'
+    """
+    if not 0 < estimate - lower < math.inf:
+        return _text_without_interval(estimate)
+    number_format = _NumberFormat(estimate, estimate - lower)
+    return number_format.write(
+        f"{number_format(estimate)}, at least {number_format.rounded_down(lower)}"
+    )
+
+
+def tolerance_interval_texts(lower: float, upper: float) -> tuple[str, str]:
+    """The ends of a tolerance interval, rounded outward to three digits of its width.
+
+    >>> tolerance_interval_texts(9.8134, 14.2187)
+    ('9.81', '14.22')
+    """
+    if not 0 < upper - lower < math.inf:
+        return _text_without_interval(lower), _text_without_interval(upper)
+    number_format = _NumberFormat(max(abs(lower), abs(upper)), (upper - lower) / 10)
+    ends = number_format.rounded_down(lower), number_format.rounded_up(upper)
+    return number_format.with_power(ends[0]), number_format.with_power(ends[1])
 
 
 def estimate_texts(estimate: float, lower: float, upper: float, *others: float) -> tuple[str, ...]:
@@ -130,14 +159,18 @@ class _NumberFormat:
         digits = Decimal(f"{value / self._power:.12g}")
         return f"{digits.quantize(Decimal(1).scaleb(-self._places), ROUND_CEILING):f}"
 
+    def rounded_down(self, value: float) -> str:
+        """Write a bound from below, which may not become more."""
+        mirrored = self.rounded_up(-value)
+        return mirrored[1:] if mirrored.startswith("-") else f"-{mirrored}"
+
     def ends(self, estimate: float, lower: float, upper: float) -> tuple[str, str]:
         """Write the ends of an interval; where it reaches to one side only, its end outward."""
         has_lower, has_upper = lower < estimate, upper > estimate
         if has_upper and not has_lower:
             return self(lower), self.rounded_up(upper)
         if has_lower and not has_upper:
-            mirrored = self.rounded_up(-lower)
-            return mirrored[1:] if mirrored.startswith("-") else f"-{mirrored}", self(upper)
+            return self.rounded_down(lower), self(upper)
         return self(lower), self(upper)
 
     def with_power(self, text: str) -> str:

@@ -24,6 +24,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import status_counts
+from uqpen.results.acceptance import Acceptance
 from uqpen.results.estimate_json import entries_json, estimate_json, json_value
 from uqpen.results.failed_runs import failed_runs
 from uqpen.results.failure_tables import ASSOCIATIONS, ENDS
@@ -51,12 +52,15 @@ _STOPPING = (STOPPING_RULE, STOPPING_AT_MOST, STOPPING_NOTE)
 _FAMILIES = {
     "quantiles": "quantile",
     "hold": "tolerance_limit",
+    "hold_above": "lower_tolerance_limit",
+    "hold_between": "tolerance_interval",
     "exceedance": "exceedance",
+    "below": "below",
     "shares": "share",
 }
 
-# Number of runs that a tolerance limit of each content needs.
-_RUNS_NEEDED = "content_runs_needed"
+# Ending of the coordinate with the number of runs that a tolerance limit of each content needs.
+_RUNS_NEEDED = "_runs_needed"
 
 
 def archive_json(tree: xr.DataTree) -> dict[str, Any]:
@@ -222,7 +226,14 @@ def _output_json(statistics: SourceStatistics, source: str, array: xr.DataArray)
 def _family_json(array: xr.DataArray) -> dict[str, Any]:
     """Return the entries of a statistic, by their labels."""
     entries = entries_json(array)
-    if _RUNS_NEEDED in array.coords:
-        for entry, needed in zip(entries.values(), array[_RUNS_NEEDED].values, strict=True):
+    for entry, each in zip(entries.values(), array, strict=True):
+        if acceptance := Acceptance.from_array(each):
+            entry |= {
+                "at_least": acceptance.at_least,
+                "at_most": acceptance.at_most,
+                "verdict": str(acceptance.verdict),
+            }
+    for name in (each for each in array.coords if str(each).endswith(_RUNS_NEEDED)):
+        for entry, needed in zip(entries.values(), array[name].values, strict=True):
             entry["runs_needed"] = int(needed)
     return entries

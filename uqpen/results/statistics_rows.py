@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.catalogue import CONTENT_LEVEL, PROBABILITY, THRESHOLD
+from uqpen.core.catalogue import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
 from uqpen.core.labels import (
     CONDITIONAL,
     MISSING,
@@ -23,16 +23,18 @@ from uqpen.core.labels import (
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import Scale
 from uqpen.execution import status_counts
-from uqpen.results.digits import grouped_number, percent_text, tolerance_limit_text
+from uqpen.results.acceptance import Acceptance
+from uqpen.results.digits import grouped_number
 from uqpen.results.source_statistics import SourceStatistics, source_entries
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
+    below_label,
     conversion,
-    estimate_remark,
     exceedance_label,
     quantile_label,
 )
+from uqpen.results.tolerance_rows import add_tolerance_limits
 
 __all__ = [
     "StatisticsRows",
@@ -66,9 +68,26 @@ class StatisticsRows:
             self._add_row(quantile_label(p), "quantile", arrays)
         for text, arrays in source_entries(self._arrays("exceedance"), THRESHOLD):
             self._add_row(exceedance_label(text), "exceedance", arrays)
-        for p, arrays in source_entries(self._arrays("tolerance_limit"), CONTENT_LEVEL):
-            cells = [self._tolerance_limit_cell(arrays.get(each)) for each in self.table.columns]
-            self.table.rows.append((f"not exceeded, {percent_text(p)}", cells))
+            self._add_verdicts(arrays)
+        for text, arrays in source_entries(self._arrays("below"), LOWER_THRESHOLD):
+            self._add_row(below_label(text), "below", arrays)
+            self._add_verdicts(arrays)
+        add_tolerance_limits(self.table, self.statistics, self.name, self.measure)
+
+    def _add_verdicts(self, arrays: dict[str, xr.DataArray]) -> None:
+        """Add a row of verdicts on a probability for which the study has acceptance limits.
+
+        A surrogate's estimate has no interval, and so no verdict.
+        """
+        found = {source: Acceptance.from_array(array) for source, array in arrays.items()}
+        verdicts = {
+            source: each.verdict
+            for source, each in found.items()
+            if each and self.statistics.kind(source) == "design"
+        }
+        if first := next(filter(None, found.values()), None):
+            cells = [str(verdicts.get(source, NOTHING)) for source in self.table.columns]
+            self.table.rows.append((f"accepted: {first}", cells))
 
     def _arrays(self, statistic: str) -> dict[str, xr.DataArray]:
         return self.statistics.by_source(self.name, statistic, self.table.columns)
@@ -79,15 +98,6 @@ class StatisticsRows:
         cells = self.table.cells(arrays, convert)
         if any(cell != NOTHING for cell in cells):
             self.table.rows.append((label, cells))
-
-    def _tolerance_limit_cell(self, array: xr.DataArray | None) -> str:
-        if array is None:
-            return NOTHING
-        estimate, _, upper = self.measure.from_si(array.values)
-        mark = self.table.note_mark(estimate_remark(array))
-        if upper > estimate:
-            mark += self.table.note_mark("at most: one-sided tolerance bound, 95 % confidence")
-        return tolerance_limit_text(estimate, upper) + mark
 
 
 def runs_spent(tree: xr.DataTree, source: str) -> int | None:

@@ -19,6 +19,7 @@ __all__ = [
     "NOTHING",
     "Conversion",
     "OutputTable",
+    "below_label",
     "conversion",
     "estimate_remark",
     "estimate_with_verdict",
@@ -126,6 +127,11 @@ def quantile_label(probability: float) -> str:
 def exceedance_label(threshold: str) -> str:
     """Return the label of an exceedance probability, from the value as it was written."""
     return f"P(> {threshold})"
+
+
+def below_label(threshold: str) -> str:
+    """Return the label of the probability of lying below a value, as it was written."""
+    return f"P(< {threshold})"
 
 
 def estimate_remark(array: xr.DataArray) -> str:

@@ -31,8 +31,15 @@ ANALYSES = {
     "moments": ["uqpen.statistics.moments.sample_moments:sample_moments"],
     "quantiles": ["uqpen.statistics.distribution_function.quantiles:quantile_estimates"],
     "percentiles": ["uqpen.statistics.distribution_function.quantiles:percentiles"],
-    "holds": ["uqpen.statistics.distribution_function.quantiles:tolerance_limits"],
-    "exceedance": ["uqpen.statistics.distribution_function.probabilities:exceedance_probabilities"],
+    "holds": [
+        "uqpen.statistics.distribution_function.tolerance:tolerance_limits",
+        "uqpen.statistics.distribution_function.tolerance:lower_tolerance_limits",
+        "uqpen.statistics.distribution_function.tolerance:tolerance_intervals",
+    ],
+    "exceedance": [
+        "uqpen.statistics.distribution_function.probabilities:exceedance_probabilities",
+        "uqpen.statistics.distribution_function.probabilities:below_probabilities",
+    ],
     "cdfs": ["uqpen.statistics.distribution_function.cdfs:cdf"],
     "shares": ["uqpen.statistics.distribution_function.probabilities:category_probabilities"],
     "sensitivity": [

@@ -16,6 +16,7 @@ from uqpen.core.catalogue import RUNS_SO_FAR
 from uqpen.core.labels import BOUND, INTERVAL_LEVEL, SAMPLING
 from uqpen.core.sampling import Sampling
 from uqpen.statistics.distribution_function.probabilities import (
+    below_probabilities,
     category_probabilities,
     exceedance_probabilities,
 )
@@ -33,6 +34,7 @@ _ANALYSES = {
     "mean": sample_moments,
     "quantile": quantile_estimates,
     "exceedance": exceedance_probabilities,
+    "below": below_probabilities,
     "share": category_probabilities,
 }
 # Parts at the most, and the fewest runs of one.
@@ -64,8 +66,8 @@ def convergence(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
     ------
     name : str
         ``convergence_mean``, ``convergence_quantile``, ``convergence_exceedance``,
-        ``convergence_share``. Nothing where no part is a sample of the same kind, see
-        `reason_without_parts`.
+        ``convergence_below``, ``convergence_share``. Nothing where no part is a sample of the same
+        kind, see `reason_without_parts`.
     estimate : DataArray
         Along ``runs_so_far``, the statistic's own dimension if it has one, and ``bound``.
     """

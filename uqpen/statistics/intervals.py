@@ -23,6 +23,7 @@ __all__ = [
     "ratio_error",
     "ratio_jackknife_error",
     "runs_needed",
+    "runs_needed_for_both",
     "student_quantile",
     "upper_rank",
 ]
@@ -190,6 +191,25 @@ def runs_needed(probability: float, confidence: float) -> int:
     59
     """
     return math.ceil(math.log1p(-confidence) / math.log(probability))
+
+
+def runs_needed_for_both(content: float, confidence: float) -> int:
+    """Fewest independent runs whose smallest and largest value enclose a share of all cases.
+
+    >>> runs_needed_for_both(0.95, 0.95)
+    93
+    """
+    # Two runs at least: the smallest is not the largest. The probability rises with the runs.
+    lowest, highest = 1, 2
+    while special.bdtr(highest - 2, highest, content) < confidence:
+        lowest, highest = highest, 2 * highest
+    while highest - lowest > 1:
+        middle = (lowest + highest) // 2
+        if special.bdtr(middle - 2, middle, content) < confidence:
+            lowest = middle
+        else:
+            highest = middle
+    return highest
 
 
 def dkw_half_width(runs: int, level: float) -> float:

@@ -44,7 +44,7 @@ def model_differences(
     if not Sampling(first.attrs[SAMPLING]).is_sample:
         return {}
     requested = [
-        replace(quantity, thresholds=(), tolerance_contents=())
+        replace(quantity, thresholds=(), lower_thresholds=(), tolerance_contents=())
         for quantity in quantities
         if quantity.output.name in first and quantity.output.is_number
     ]

@@ -12,15 +12,7 @@ import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, pack
 from uqpen.archive.layout import find_attribute_faults, find_dataset_faults
-from uqpen.core.catalogue import (
-    CATALOGUE,
-    CATEGORY,
-    CONTENT_LEVEL,
-    NAMES_IN_USE,
-    PROBABILITY,
-    TABLE_COLUMNS,
-    THRESHOLD,
-)
+from uqpen.core.catalogue import CATALOGUE, NAMES_IN_USE, REQUESTED_DIMENSIONS, TABLE_COLUMNS
 from uqpen.core.errors import Problem, QuantityError, StudyError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import BOUND, BOUNDS, INPUT, INTERVAL, NAME, RESERVED
@@ -37,9 +29,6 @@ __all__ = ["OutsideAnalysis", "outside_statistics"]
 Analysis = Callable[[Sample, QuantityOfInterest], Iterable[tuple[str, xr.DataArray]]]
 
 _UNIT_RULES = ("value", "difference")
-
-# The study requests the entries of these, the same for all sources of an output.
-_ASKED = (PROBABILITY, CONTENT_LEVEL, THRESHOLD, CATEGORY)
 
 # A dimension is a column of the long table, beside its own.
 _USED_DIMENSIONS = RESERVED.union(TABLE_COLUMNS, INTERVAL_TEXTS) - {INPUT}
@@ -240,7 +229,7 @@ def _coordinate_fault(
             return f"a dimension {dimension!r}", "a name that archives do not use themselves"
         if dimension not in array.coords or not array.indexes[dimension].is_unique:
             return f"a dimension {dimension}", "a coordinate along it that tells its entries apart"
-        if dimension in _ASKED and dimension not in shared:
+        if dimension in REQUESTED_DIMENSIONS and dimension not in shared:
             return f"a dimension {dimension}", "one that built-in statistics of the output have"
     for name, coordinate in _coordinates({"": array}).items():
         if name in shared and not _is_same(shared[name], coordinate):

@@ -6,43 +6,13 @@ from dataclasses import dataclass
 
 from uqpen.core.errors import QuantityError, toml_text
 from uqpen.core.model import Output
-from uqpen.core.quantities import parse_quantity
-from uqpen.core.settings import Context, probabilities, read_list, setting, validate
+from uqpen.core.settings import Context, probabilities, setting, validate
 from uqpen.core.units import are_convertible
+from uqpen.statistics.threshold import Threshold, threshold_list
 
 __all__ = ["DEFAULT_QUANTILES", "QuantityOfInterest", "Threshold"]
 
 DEFAULT_QUANTILES = (0.05, 0.5, 0.95)
-
-
-@dataclass(frozen=True)
-class Threshold:
-    """Threshold: a value whose probability of exceedance is requested.
-
-    Parameters
-    ----------
-    text : str
-        Its text in the study, which names the estimate.
-    value : float
-        In the output's SI unit.
-    """
-
-    text: str
-    value: float
-
-
-def _read_thresholds(written: object, context: Context) -> tuple[Threshold, ...]:
-    texts: set[str] = set()
-
-    def read_one(value: str | float) -> Threshold:
-        text = value.strip() if isinstance(value, str) else toml_text(value)
-        if text in texts:
-            raise QuantityError(f'"{text}" a second time', "each threshold once")
-        threshold = Threshold(text, parse_quantity(value, context.like).value)
-        texts.add(text)
-        return threshold
-
-    return tuple(read_list(written, read_one))
 
 
 def _read_unit(written: object, context: Context) -> str:
@@ -67,26 +37,28 @@ class QuantityOfInterest:
         The unit to show it in.
     thresholds : tuple of Threshold
         Values whose probability of exceedance is requested.
+    lower_thresholds : tuple of Threshold
+        Values; the probability that the output lies below each is requested.
     quantiles : tuple of float
         Probabilities strictly between 0 and 1, ascending.
     tolerance_contents : tuple of float
         Contents of the upper tolerance limits: probabilities of lying at or below the limit.
+    lower_tolerance_contents : tuple of float
+        Contents of the lower tolerance limits: probabilities of lying at or above the limit.
+    tolerance_interval_contents : tuple of float
+        Contents of the tolerance intervals: probabilities of lying between their ends.
     """
 
     output: Output
     display_unit: str = setting(
         "unit", "a unit", lambda unit: isinstance(unit, str), read=_read_unit, key="unit"
     )
-    thresholds: tuple[Threshold, ...] = setting(
-        "thresholds",
-        "thresholds",
-        lambda values: all(isinstance(value, Threshold) for value in values),
-        read=_read_thresholds,
-        default=(),
-        key="exceeds",
-    )
+    thresholds: tuple[Threshold, ...] = threshold_list(key="exceeds")
+    lower_thresholds: tuple[Threshold, ...] = threshold_list(key="below")
     quantiles: tuple[float, ...] = probabilities(always=DEFAULT_QUANTILES)
     tolerance_contents: tuple[float, ...] = probabilities(key="hold")
+    lower_tolerance_contents: tuple[float, ...] = probabilities(key="hold_above")
+    tolerance_interval_contents: tuple[float, ...] = probabilities(key="hold_between")
 
     def __post_init__(self) -> None:
         validate(self)

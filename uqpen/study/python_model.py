@@ -8,6 +8,8 @@ from typing import Any
 
 __all__ = ["OutputSpec", "PythonModel"]
 
+Thresholds = Sequence[str | float] | Mapping[str, Mapping[str, str | float]]
+
 
 @dataclass(frozen=True)
 class PythonModel:
@@ -71,10 +73,13 @@ class OutputSpec:
         Unit for display; of a bare function, the unit in which it returns the output.
     quantiles : sequence of float
         Probabilities of further quantiles, beside 0.05, 0.5 and 0.95.
-    exceeds : sequence of str
-        Thresholds whose probability of exceedance is estimated, such as ``"60 cm"``.
-    hold : sequence of float
-        Contents of one-sided upper tolerance limits.
+    exceeds : sequence of str or mapping
+        Thresholds whose probability of exceedance is estimated, such as ``"60 cm"``. A mapping
+        has the acceptance limits of each: ``{"60 cm": {"at_most": 0.05}}``.
+    below : sequence of str or mapping
+        Thresholds; the probability that the output lies below each is estimated.
+    hold, hold_above, hold_between : sequence of float
+        Contents of upper tolerance limits, of lower ones, and of two-sided tolerance intervals.
     along : mapping of str to mapping, optional
         Dimensions of an output of a Python function, such as
         ``{"time": {"unit": "s", "from": 0, "to": 10, "size": 101}}`` or
@@ -86,8 +91,11 @@ class OutputSpec:
 
     unit: str | None = None
     quantiles: Sequence[float] = ()
-    exceeds: Sequence[str | float] = ()
+    exceeds: Thresholds = ()
+    below: Thresholds = ()
     hold: Sequence[float] = ()
+    hold_above: Sequence[float] = ()
+    hold_between: Sequence[float] = ()
     along: Mapping[str, Mapping[str, Any]] | None = None
     may_end: bool = False
 

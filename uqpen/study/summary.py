@@ -11,6 +11,7 @@ from uqpen.designs import DESIGNS
 from uqpen.distributions.joint_distribution import FixedInput
 from uqpen.statistics import texts
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.threshold import Threshold
 from uqpen.study.study import ValidatedStudy
 
 __all__ = [
@@ -107,6 +108,15 @@ def _requested(quantity: QuantityOfInterest) -> list[str]:
         return ["shares of " + ", ".join(category.label for category in quantity.output.categories)]
     return [
         "moments, cdf, quantiles " + ", ".join(f"{p:g}" for p in quantity.quantiles),
-        *(f"P(> {threshold.text})" for threshold in quantity.thresholds),
+        *(f"P(> {each.text}){_accepted(each)}" for each in quantity.thresholds),
+        *(f"P(< {each.text}){_accepted(each)}" for each in quantity.lower_thresholds),
         *(f"value held with {p:g}" for p in quantity.tolerance_contents),
+        *(f"value held from below with {p:g}" for p in quantity.lower_tolerance_contents),
+        *(f"values held between with {p:g}" for p in quantity.tolerance_interval_contents),
     ]
+
+
+def _accepted(threshold: Threshold) -> str:
+    """Return the acceptance limits of a threshold, to stand behind it; empty for none."""
+    limits = (("at least", threshold.accepted.at_least), ("at most", threshold.accepted.at_most))
+    return "".join(f", {words} {limit:g}" for words, limit in limits if limit is not None)

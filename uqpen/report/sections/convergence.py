@@ -10,7 +10,13 @@ import xarray as xr
 
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import CATEGORY, PROBABILITY, RUNS_SO_FAR, THRESHOLD
+from uqpen.core.catalogue import (
+    CATEGORY,
+    LOWER_THRESHOLD,
+    PROBABILITY,
+    RUNS_SO_FAR,
+    THRESHOLD,
+)
 from uqpen.core.labels import INTERVAL_LEVEL, REPLICATE, RUN, RUNS, STOPPING_NOTE
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.report.axes import logarithmic_axis, padded_limits
@@ -26,6 +32,7 @@ from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.table import (
     Conversion,
     OutputTable,
+    below_label,
     estimate_with_verdict,
     exceedance_label,
     identity,
@@ -136,6 +143,9 @@ def _estimate_histories(
     if (array := statistics.get("convergence_exceedance")) is not None:
         first = array[{THRESHOLD: 0}]
         probabilities[exceedance_label(str(first[THRESHOLD].values))] = first
+    elif (array := statistics.get("convergence_below")) is not None:
+        first = array[{LOWER_THRESHOLD: 0}]
+        probabilities[below_label(str(first[LOWER_THRESHOLD].values))] = first
     if (array := statistics.get("convergence_share")) is not None:
         for position, label in enumerate(
             array["category_label"].values.tolist()[:_MOST_CATEGORIES]

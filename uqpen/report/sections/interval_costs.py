@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import THRESHOLD
+from uqpen.core.catalogue import LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.labels import RUN
 from uqpen.core.sampling import Sampling
 from uqpen.core.units import DIMENSIONLESS
@@ -25,6 +25,7 @@ from uqpen.results.statistics_rows import runs_spent
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
+    below_label,
     estimate_remark,
     exceedance_label,
     identity,
@@ -89,7 +90,10 @@ def _main_statistics(
 ) -> list[ComparedStatistic]:
     """Return mean, median, and the first probabilities among statistics."""
     by_label = {each.label: each for each in found}
-    thresholds = map(exceedance_label, _entries(view, output, "exceedance", THRESHOLD))
+    thresholds = [
+        *map(exceedance_label, _entries(view, output, "exceedance", THRESHOLD)),
+        *map(below_label, _entries(view, output, "below", LOWER_THRESHOLD)),
+    ]
     shares = map(share_label, _entries(view, output, "share", "category_label"))
     first = [label for label in thresholds if label in by_label][:1]
     kinds = [label for label in shares if label in by_label][:_MOST_SHARES]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,14 @@ from uqpen.core.labels import INTERVAL_LEVEL, RUNS
 from uqpen.core.sampling import Sampling
 from uqpen.report.counting import percent_texts
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import estimate_texts, percent_text
-from uqpen.results.table import estimate_remark, exceedance_label, output_names, quantile_label
+from uqpen.results.digits import estimate_texts, percent_text, tolerance_interval_texts
+from uqpen.results.table import (
+    below_label,
+    estimate_remark,
+    exceedance_label,
+    output_names,
+    quantile_label,
+)
 from uqpen.results.texts import capitalized, plain_text, unit_suffix
 
 __all__ = [
@@ -29,6 +36,15 @@ __all__ = [
     "requested_statistics",
     "share_label",
 ]
+
+
+_FIRST_AND_OTHERS = slice(1), slice(1, None)
+
+_TOLERANCE_LIMITS = {
+    "tolerance_limit": "limit for",
+    "lower_tolerance_limit": "lower limit for",
+    "tolerance_interval": "tolerance interval of",
+}
 
 
 @dataclass(frozen=True)
@@ -50,7 +66,8 @@ class QuotedStatistic:
             if self.entry not in entries:
                 return None
             array = array[{along: entries.index(self.entry)}]
-        return array if np.isfinite(array.values[0]) else None
+        # A tolerance interval has ends alone.
+        return array if np.isfinite(array.values).any() else None
 
     def bounds(self, array: xr.DataArray) -> FloatArray:
         """Estimate, lower, upper in the unit that is shown; a probability as it is."""
@@ -64,6 +81,12 @@ class QuotedStatistic:
         if self._is_probability:
             return tuple(no_break(text) for text in percent_texts(*values))
         return tuple(no_break(f"{text}{self._unit}") for text in estimate_texts(*values))
+
+    def end_texts(self, array: xr.DataArray) -> tuple[str, ...]:
+        """Ends of a tolerance interval, rounded outward, each with its unit."""
+        _, lower, upper = self.bounds(array)
+        texts = tolerance_interval_texts(float(lower), float(upper))
+        return tuple(no_break(f"{text}{self._unit}") for text in texts)
 
     def interval(self, array: xr.DataArray) -> str:
         """Return the text in brackets after an estimate: its interval, or why it has none."""
@@ -84,12 +107,14 @@ class QuotedStatistic:
 
     @property
     def _label(self) -> str:
-        if self.statistic == "tolerance_limit":
-            return f"limit for {no_break(percent_text(self.entry))} of cases"
+        if what := _TOLERANCE_LIMITS.get(self.statistic):
+            return f"{what} {no_break(percent_text(self.entry))} of cases"
         if self.statistic == "quantile":
             return quantile_label(self.entry)
         if self.statistic == "exceedance":
             return exceedance_label(plain_text(self.entry))
+        if self.statistic == "below":
+            return below_label(plain_text(self.entry))
         return CATALOGUE[self.statistic].title
 
     @property
@@ -120,12 +145,23 @@ def no_break(text: str) -> str:
 
 
 def requested_statistics(view: ArchiveView, output: str, design: str) -> list[QuotedStatistic]:
-    """Return the requested statistics of an output: a tolerance limit, thresholds, other limits."""
+    """Return the requested statistics of an output.
+
+    The first tolerance limit of each kind comes first, then thresholds, then the other limits.
+    """
     limits, thresholds = (
-        [each for each in _entries(view, output, design, name) if each.estimate(design) is not None]
-        for name in ("tolerance_limit", "exceedance")
+        [
+            [
+                each
+                for each in _entries(view, output, design, name)
+                if each.estimate(design) is not None
+            ]
+            for name in names
+        ]
+        for names in (_TOLERANCE_LIMITS, ("exceedance", "below"))
     )
-    return [*limits[:1], *thresholds, *limits[1:]]
+    first, others = ([each for kind in limits for each in kind[part]] for part in _FIRST_AND_OTHERS)
+    return [*first, *chain(*thresholds), *others]
 
 
 def default_statistic(view: ArchiveView, output: str, design: str) -> QuotedStatistic | None:
@@ -144,7 +180,11 @@ def other_design_estimates(quantity: QuotedStatistic, leading: str) -> dict[str,
         if design != leading and view.sampling(design) is not Sampling.USER_SUPPLIED
     )
     found = {design: quantity.estimate(design) for design in others}
-    return {design: estimate for design, estimate in found.items() if estimate is not None}
+    return {
+        design: estimate
+        for design, estimate in found.items()
+        if estimate is not None and np.isfinite(estimate.values[0])
+    }
 
 
 def _entries(

@@ -19,6 +19,7 @@ from uqpen.report.sections.quoted_statistics import (
     requested_statistics,
 )
 from uqpen.report.sections.view_statistics import sample_account
+from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.table import estimate_remark
@@ -29,6 +30,9 @@ __all__ = ["OutputSentences", "output_sentences"]
 # Sentences on an output with requested statistics, and categories in a sentence.
 _MOST_SENTENCES = 3
 _MOST_CATEGORIES = 4
+
+# The verbs of the events that have a probability.
+_EVENTS = {"exceedance": "exceeds", "below": "lies below"}
 
 
 class OutputSentences(NamedTuple):
@@ -63,33 +67,67 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
 
 def _sentence(quantity: QuotedStatistic, array: xr.DataArray, of: _Population) -> str:
     name = output_name(quantity.view, quantity.output)
-    if quantity.statistic == "tolerance_limit":
+    if quantity.statistic == "tolerance_interval":
+        return f"{_tolerance_interval_sentence(quantity, array, name, of)}{of.omission_sentence}"
+    if quantity.statistic in ("tolerance_limit", "lower_tolerance_limit"):
         return f"{_tolerance_limit_sentence(quantity, array, name, of)}{of.omission_sentence}"
     stated = f"{quantity.texts(array)[0]} {quantity.interval(array)}"
     if quantity.statistic == "quantile":
         half = f"half of {of.name} have at most this value"
         return f"The median of {name} is {stated}: {half}.{of.omission_sentence}"
-    if quantity.statistic == "exceedance":
-        event = f"{name} exceeds {no_break(plain_text(quantity.entry))}{of.condition}"
-        return f"The probability that {event} is {stated}.{of.missing_run_sentence(array)}"
+    if verb := _EVENTS.get(quantity.statistic):
+        event = f"{name} {verb} {no_break(plain_text(quantity.entry))}{of.condition}"
+        return (
+            f"The probability that {event} is {stated}.{of.missing_run_sentence(array)}"
+            f"{_verdict_sentence(array)}"
+        )
     return f"The mean of {name}{of.condition} is {stated}.{of.omission_sentence}"
+
+
+def _verdict_sentence(array: xr.DataArray) -> str:
+    """A sentence on the acceptance limits of the study; empty for none."""
+    acceptance = Acceptance.from_array(array)
+    if acceptance is None:
+        return ""
+    limit = f"the study's limit of {no_break(str(acceptance))}"
+    if acceptance.verdict is AcceptanceVerdict.NOT_DECIDED:
+        why = "contains it" if has_interval(array.values) else "is missing"
+        return f" These runs do not decide whether {limit} is met: the interval {why}."
+    where = "within" if acceptance.verdict is AcceptanceVerdict.MET else "beyond"
+    return f" {capitalized(limit)} is {acceptance.verdict}: the whole interval lies {where} it."
 
 
 def _tolerance_limit_sentence(
     quantity: QuotedStatistic, array: xr.DataArray, name: str, of: _Population
 ) -> str:
-    value, _, bound = quantity.texts(array)
+    is_lower = quantity.statistic == "lower_tolerance_limit"
+    value, *ends = quantity.texts(array)
     share = no_break(percent_text(quantity.entry))
-    if np.isfinite(array.values[2]):
-        level = no_break(percent_text(array.attrs.get(INTERVAL_LEVEL, np.nan)))
+    beyond, side, end = ("at least", "lower", 0) if is_lower else ("at most", "upper", 1)
+    if np.isfinite(array.values[1 + end]):
         return (
-            f"With {level} confidence, {name} is at most {bound} in at least {share} of {of.name}. "
-            f"The best estimate of this limit is {value}."
+            f"With {_level(array)} confidence, {name} is {beyond} {ends[end]} in at least {share} "
+            f"of {of.name}. The best estimate of this limit is {value}."
         )
     return (
-        f"In {share} of {of.name} {name} is at most {value} by estimate. This limit has no upper "
+        f"In {share} of {of.name} {name} is {beyond} {value} by estimate. This limit has no {side} "
         f"bound: {estimate_remark(array)}."
     )
+
+
+def _tolerance_interval_sentence(
+    quantity: QuotedStatistic, array: xr.DataArray, name: str, of: _Population
+) -> str:
+    share = no_break(percent_text(quantity.entry))
+    lower, upper = quantity.end_texts(array)
+    return (
+        f"With {_level(array)} confidence, {name} is from {lower} to {upper} in at least {share} "
+        f"of {of.name}."
+    )
+
+
+def _level(array: xr.DataArray) -> str:
+    return no_break(percent_text(array.attrs.get(INTERVAL_LEVEL, np.nan)))
 
 
 class _Population(NamedTuple):

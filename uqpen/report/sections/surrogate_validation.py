@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.core.catalogue import CATALOGUE, PROBABILITY, THRESHOLD
+from uqpen.core.catalogue import CATALOGUE, LOWER_THRESHOLD, PROBABILITY, THRESHOLD
 from uqpen.core.labels import CHECKED, INTERVAL_LABEL, NOTE, REFUSED, UNCHECKED
 from uqpen.report.blocks import Block, Remarks, Table, Text
 from uqpen.report.sections.view_statistics import STATISTIC_FAMILIES, failure_probabilities
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
-from uqpen.results.table import OutputTable, exceedance_label, quantile_label
+from uqpen.results.table import OutputTable, below_label, exceedance_label, quantile_label
 
 __all__ = ["surrogate_validation"]
 
@@ -107,6 +107,8 @@ def _estimate_name(array: xr.DataArray, place: tuple[int, ...]) -> str:
             entry = quantile_label(entry)
         elif dimension == THRESHOLD:
             entry = exceedance_label(entry)
+        elif dimension == LOWER_THRESHOLD:
+            entry = below_label(entry)
         entries.append(str(entry))
     return ", ".join([str(array.attrs["long_name"]), *entries])
 

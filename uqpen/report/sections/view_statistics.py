@@ -20,8 +20,9 @@ STATISTIC_FAMILIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "moments": ("mean", "std", "half_spread", "skewness", "kurtosis", "effective_runs"),
         "quantiles": ("quantile",),
-        "tolerance limits": ("tolerance_limit",),
+        "tolerance limits": ("tolerance_limit", "lower_tolerance_limit", "tolerance_interval"),
         "exceedance probabilities": ("exceedance",),
+        "probabilities of lying below": ("below",),
         "distribution functions": ("cdf", "cdf_band"),
         "category probabilities": ("share",),
         "measures of sensitivity": tuple(

@@ -1,8 +1,8 @@
-"""Probabilities: of exceeding a value, of each category of an output, of a failed run."""
+"""Probabilities: of lying beyond a value, of each category of an output, of a failed run."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns
-from uqpen.core.catalogue import CATEGORY, THRESHOLD
+from uqpen.core.catalogue import CATEGORY, LOWER_THRESHOLD, THRESHOLD
 from uqpen.core.labels import STATUS
 from uqpen.core.status import Status
 from uqpen.statistics import texts
@@ -20,9 +20,11 @@ from uqpen.statistics.intervals import clopper_pearson, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import probability_error
+from uqpen.statistics.threshold import Threshold
 from uqpen.statistics.weights import runs_on_a_side, weighted_cdf, weighted_probability_interval
 
 __all__ = [
+    "below_probabilities",
     "category_coordinates",
     "category_probabilities",
     "exceedance_probabilities",
@@ -60,15 +62,68 @@ def exceedance_probabilities(
     )
 
 
+def below_probabilities(
+    sample: Sample, quantity: QuantityOfInterest
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Probability that an output lies below each of the requested thresholds.
+
+    A value at the threshold is neither below it nor exceeds it.
+
+    Yields
+    ------
+    name : str
+        ``below``.
+    estimate : DataArray
+        Along ``lower_threshold`` (as written; the coordinate ``lower_threshold_value`` in SI units)
+        and ``bound``.
+    """
+    if not quantity.lower_thresholds:
+        return
+    events = [sample.values < threshold.value for threshold in quantity.lower_thresholds]
+    long_name = f"probability that {quantity.output.title} lies below a value"
+    estimates = [_probability_with_missing(sample, event) for event in events]
+    unit = quantity.output.unit
+    along = _coordinates(quantity.lower_thresholds, LOWER_THRESHOLD, "value to lie below", unit)
+    yield (
+        "below",
+        Estimate.stack(
+            estimates, LOWER_THRESHOLD, units="1", long_name=long_name, coordinates=along
+        ),
+    )
+
+
 def threshold_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
     """Return the coordinates along ``threshold``: the thresholds as written and in SI units."""
-    written = np.array([threshold.text for threshold in quantity.thresholds], dtype=object)
-    values = np.array([threshold.value for threshold in quantity.thresholds])
-    described = {"units": quantity.output.unit, "long_name": "value exceeded"}
+    return _coordinates(quantity.thresholds, THRESHOLD, "value exceeded", quantity.output.unit)
+
+
+def _coordinates(
+    thresholds: Sequence[Threshold], dimension: str, long_name: str, unit: str
+) -> dict[str, Any]:
+    """Return the coordinates along a dimension of thresholds: as written and in SI units.
+
+    Acceptance limits are there only where the study has some; NaN for none.
+    """
+    written = np.array([threshold.text for threshold in thresholds], dtype=object)
+    values = np.array([threshold.value for threshold in thresholds])
+    described = {"units": unit, "long_name": long_name}
     return {
-        THRESHOLD: (THRESHOLD, written, {"long_name": "value exceeded, as written"}),
-        f"{THRESHOLD}_value": (THRESHOLD, values, described),
+        dimension: (dimension, written, {"long_name": f"{long_name}, as written"}),
+        f"{dimension}_value": (dimension, values, described),
+        **dict(_acceptance_coordinates(thresholds, dimension)),
     }
+
+
+def _acceptance_coordinates(
+    thresholds: Sequence[Threshold], dimension: str
+) -> Iterator[tuple[str, Any]]:
+    """Yield the coordinates of those acceptance limits that at least one threshold has."""
+    for name, long_name in (("at_most", "largest"), ("at_least", "smallest")):
+        limits = [getattr(threshold.accepted, name) for threshold in thresholds]
+        if any(limit is not None for limit in limits):
+            values = np.array([np.nan if limit is None else limit for limit in limits])
+            described = {"units": "1", "long_name": f"{long_name} accepted probability"}
+            yield f"{dimension}_{name}", (dimension, values, described)
 
 
 def category_probabilities(

@@ -1,4 +1,4 @@
-"""Quantiles, and the values that are not exceeded with a given probability."""
+"""Quantiles of an output."""
 
 from __future__ import annotations
 
@@ -10,14 +10,12 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.core.catalogue import CONTENT_LEVEL, PERCENT, PROBABILITY
+from uqpen.core.catalogue import PERCENT, PROBABILITY
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import (
     order_statistic_ranks,
-    runs_needed,
     student_quantile,
-    upper_rank,
 )
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
@@ -26,10 +24,10 @@ from uqpen.statistics.weights import runs_on_a_side, weighted_quantile
 
 __all__ = [
     "has_enough_runs_around",
+    "order_statistic",
     "percentiles",
     "quantile_estimates",
     "sample_quantile",
-    "tolerance_limits",
 ]
 
 
@@ -87,39 +85,6 @@ def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
     yield "percentile", array
 
 
-def tolerance_limits(
-    sample: Sample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
-    """Estimate one-sided upper tolerance limits of an output for the requested contents.
-
-    Yields
-    ------
-    name : str
-        ``tolerance_limit``.
-    estimate : DataArray
-        Along ``content`` and ``bound``. The upper bound is the tolerance limit, and the lower
-        bound is NaN. The coordinate ``content_runs_needed`` is the least number of independent
-        runs with an upper bound.
-    """
-    if quantity.output.categories or not quantity.tolerance_contents:
-        return
-    needed = [runs_needed(p, LEVEL) for p in quantity.tolerance_contents]
-    described = {"units": "1", "long_name": "probability of not exceeding the value"}
-    fewest = {"units": "1", "long_name": texts.RUNS_NEEDED}
-    coordinates = {
-        CONTENT_LEVEL: (CONTENT_LEVEL, np.array(quantity.tolerance_contents), described),
-        f"{CONTENT_LEVEL}_runs_needed": (CONTENT_LEVEL, needed, fewest),
-    }
-    array = Estimate.stack(
-        [_tolerance_limit(sample, p) for p in quantity.tolerance_contents],
-        CONTENT_LEVEL,
-        units=quantity.output.unit,
-        long_name=f"value that {quantity.output.title} does not exceed with a probability",
-        coordinates=coordinates,
-    )
-    yield "tolerance_limit", array
-
-
 def sample_quantile(sample: Sample, probability: npt.ArrayLike) -> FloatArray:
     """Median-unbiased quantiles of a sample (Hyndman & Fan 1996, Am. Stat. 50, 361-365, no. 8)."""
     p = np.asarray(probability, dtype=np.float64)
@@ -146,6 +111,13 @@ def has_enough_runs_around(sample: Sample, counts_below: npt.ArrayLike) -> BoolA
     return np.round(beyond, 6) >= _FEWEST_BEYOND
 
 
+def order_statistic(sample: Sample, rank: float) -> float:
+    """Return the value at a rank counted from 1; NaN where there is no such rank."""
+    if not 1 <= rank <= sample.size:
+        return math.nan
+    return float(sample.sorted_values[int(rank) - 1])
+
+
 def _quantile_estimate(sample: Sample, p: float) -> Estimate:
     value = float(sample_quantile(sample, p))
     if reason := sample.reason_without_intervals:
@@ -155,10 +127,10 @@ def _quantile_estimate(sample: Sample, p: float) -> Estimate:
     if _has_woodruff(sample, p):
         lower, upper, label = _woodruff_ranks(sample, p, value, LEVEL)
         if lower >= 1 and upper <= sample.size:
-            ends = _order_statistic(sample, lower), _order_statistic(sample, upper)
+            ends = order_statistic(sample, lower), order_statistic(sample, upper)
             return Estimate(value, *ends, texts.WOODRUFF, label)
     low, high = order_statistic_ranks(sample.size, p, LEVEL)
-    ends = _order_statistic(sample, float(low)), _order_statistic(sample, float(high))
+    ends = order_statistic(sample, float(low)), order_statistic(sample, float(high))
     if all(map(math.isnan, ends)):
         return Estimate.without_bounds(value, sample.too_few_runs)
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
@@ -181,25 +153,6 @@ def _weighted_quantile_estimate(
     return Estimate(value, float(lower), float(upper), texts.WOODRUFF_WEIGHTED, "nominal")
 
 
-def _tolerance_limit(sample: Sample, p: float) -> Estimate:
-    """Estimate a quantile with a one-sided upper bound."""
-    value = float(sample_quantile(sample, p))
-    if reason := sample.reason_without_intervals:
-        return Estimate.without_bounds(value, reason)
-    if _has_woodruff(sample, p):
-        # A one-sided bound at 95 % is the upper end of a two-sided interval at 90 %.
-        _, rank, label = _woodruff_ranks(sample, p, value, 2 * LEVEL - 1)
-        if rank <= sample.size:
-            upper = _order_statistic(sample, rank)
-            return Estimate(value, math.nan, upper, texts.ONE_SIDED_WOODRUFF, label)
-    upper = _order_statistic(sample, float(upper_rank(sample.size, p, LEVEL)))
-    if math.isnan(upper):
-        needed = runs_needed(p, LEVEL)
-        return Estimate.without_bounds(value, texts.UPPER_BOUND_NEEDS.format(runs=needed))
-    label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
-    return Estimate(value, math.nan, upper, texts.ONE_SIDED_ORDER_STATISTICS, label)
-
-
 def _has_woodruff(sample: Sample, p: float) -> bool:
     is_replicated = sample.error_model is ErrorModel.REPLICATED
     return is_replicated and bool(has_enough_runs_around(sample, sample.size * p))
@@ -215,10 +168,3 @@ def _woodruff_ranks(sample: Sample, p: float, value: float, level: float) -> tup
     # Least and largest whole number of runs below the quantile.
     fewest, most = math.ceil(sample.size * (p - step)), math.floor(sample.size * (p + step))
     return fewest, most + 1, "discrete" if is_rounded else "nominal"
-
-
-def _order_statistic(sample: Sample, rank: float) -> float:
-    """Return the value at a rank counted from 1; NaN where there is no such rank."""
-    if not 1 <= rank <= sample.size:
-        return math.nan
-    return float(sample.sorted_values[int(rank) - 1])

@@ -1,0 +1,157 @@
+"""Acceptance limits of probabilities, and whether the runs meet them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.archive.estimates import estimate_array
+from uqpen.archive.structure import find_faults
+from uqpen.report.sections.answer import answer
+from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.json import archive_json
+from uqpen.results.output_tables import output_tables
+from uqpen.statistics.threshold import AcceptanceLimits
+from uqpen.study.study import ValidatedStudy
+from uqpen.study.summary import output_rows
+
+MakeStudy = Callable[..., ValidatedStudy]
+NAN = float("nan")
+
+
+def probability(lower: float, upper: float, **limits: float) -> xr.DataArray:
+    texts = dict.fromkeys(("interval", "interval_label", "note"), "")
+    values = [(lower + upper) / 2, lower, upper]
+    own = {f"threshold_{name}": limit for name, limit in limits.items()}
+    return estimate_array(values, {}, texts, units="1", long_name="p", coordinates=own)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "limits", "verdict"),
+    [
+        ((0.1, 0.2), {"at_most": 0.2}, AcceptanceVerdict.MET),
+        ((0.1, 0.2), {"at_most": 0.15}, AcceptanceVerdict.NOT_DECIDED),
+        ((0.1, 0.2), {"at_most": 0.05}, AcceptanceVerdict.NOT_MET),
+        ((0.1, 0.2), {"at_least": 0.1}, AcceptanceVerdict.MET),
+        ((0.1, 0.2), {"at_least": 0.11}, AcceptanceVerdict.NOT_DECIDED),
+        ((0.1, 0.2), {"at_least": 0.3}, AcceptanceVerdict.NOT_MET),
+        ((0.1, 0.2), {"at_least": 0.05, "at_most": 0.3}, AcceptanceVerdict.MET),
+        ((0.1, 0.2), {"at_least": 0.12, "at_most": 0.18}, AcceptanceVerdict.NOT_DECIDED),
+        ((NAN, NAN), {"at_most": 0.2}, AcceptanceVerdict.NOT_DECIDED),
+        ((0.0, 0.0), {"at_most": 0.0}, AcceptanceVerdict.MET),
+    ],
+)
+def test_the_verdict_is_that_of_the_whole_interval(
+    bounds: tuple[float, float], limits: dict[str, float], verdict: AcceptanceVerdict
+) -> None:
+    found = Acceptance.from_array(probability(*bounds, **limits))
+    assert found is not None
+    assert found.verdict is verdict
+
+
+def test_without_limits_there_is_no_verdict() -> None:
+    assert Acceptance.from_array(probability(0.1, 0.2)) is None
+    assert Acceptance.from_array(probability(0.1, 0.2, at_most=NAN)) is None
+
+
+def test_limits_are_told_in_per_cent() -> None:
+    for limits, text in (
+        ({"at_most": 0.2}, "at most 20 %"),
+        ({"at_least": 0.999}, "at least 99.9 %"),
+        ({"at_least": 0.1, "at_most": 0.2}, "at least 10 % and at most 20 %"),
+        ({"at_most": 1.0}, "at most 100 %"),
+    ):
+        assert str(Acceptance.from_array(probability(0.1, 0.2, **limits))) == text
+
+
+@pytest.fixture(scope="module")
+def tree() -> xr.DataTree:
+    study = uqpen.Study(
+        uqpen.PythonModel(lambda a, b: {"y": a + b}, {"a": "m", "b": "m"}, {"y": "m"}, True),
+        {"a": uqpen.Uniform("0 m", "1 m"), "b": uqpen.Uniform("0 m", "1 m")},
+        {
+            "y": uqpen.OutputSpec(
+                "m",
+                # One half; the others are far from their limits.
+                exceeds={"1 m": {"at_most": "50 %"}, "1.5 m": {"at_most": 0.4}, "1.9 m": {}},
+                below={"1.5 m": {"at_least": 0.95}},
+            )
+        },
+        {"mc": uqpen.MonteCarlo(runs=400), "lhs": uqpen.LatinHypercube(runs=100)},
+        surrogates={"pce": uqpen.PolynomialChaos(design="lhs")},
+        seed=1,
+    )
+    return uqpen.run(study)
+
+
+def test_the_archive_keeps_the_limits(tree: xr.DataTree) -> None:
+    assert list(find_faults(tree)) == []
+    statistics = tree["statistics/mc/y"]
+    np.testing.assert_array_equal(statistics["threshold_at_most"], [0.5, 0.4, np.nan])
+    assert "threshold_at_least" not in statistics.coords
+    np.testing.assert_array_equal(statistics["lower_threshold_at_least"], [0.95])
+
+
+def test_tables_and_json_have_the_verdicts(tree: xr.DataTree) -> None:
+    rows = dict(row for table in output_tables(tree) for row in table.rows)
+    assert rows["accepted: at most 50 %"][0] == "not decided"
+    assert rows["accepted: at most 40 %"] == ["met", "met", "–"]
+    assert rows["accepted: at least 95 %"][0] == "not met"
+    told = json.loads(json.dumps(archive_json(tree)))["designs"]["mc"]["outputs"]["y"]
+    assert (told["exceedance"]["1.5 m"]["at_most"], told["exceedance"]["1.5 m"]["verdict"]) == (
+        0.4,
+        "met",
+    )
+    assert "verdict" not in told["exceedance"]["1.9 m"]
+    assert told["below"]["1.5 m"]["verdict"] == "not met"
+
+
+def test_the_page_says_whether_they_are_met(tree: xr.DataTree) -> None:
+    quote = next(iter(answer(ArchiveView(tree, ""))))
+    told = " ".join(quote.sentences).replace("\u00a0", " ")  # type: ignore[union-attr]
+    assert (
+        "These runs do not decide whether the study's limit of at most 50 % is met: the interval "
+        "contains it." in told
+    )
+    assert "The study's limit of at most 40 % is met: the whole interval lies within it." in told
+
+
+def test_the_study_states_them_in_its_text_and_its_summary(study_of: MakeStudy) -> None:
+    text = '[outputs.y]\nexceeds = { "0.5" = { at_most = "5 %" }, "2" = {} }'
+    study = study_of("a", text, a=(0, 1))
+    assert dict(output_rows(study))["y"].endswith("P(> 0.5), at most 0.05; P(> 2)")
+    first, other = study.quantities_of_interest[0].thresholds
+    assert (first.text, first.accepted) == ("0.5", AcceptanceLimits(at_most=0.05))
+    assert other.accepted == AcceptanceLimits()
+
+
+@pytest.mark.parametrize(
+    ("written", "place", "found", "expected"),
+    [
+        ('{ "0.5" = 0.1 }', "exceeds.0.5", "0.1", "a table such as { at_most = 0.05 }"),
+        ('{ "0.5" = { at_most = 5 } }', "at_most", "5", 'such as 0.05 or "5 %"'),
+        ('{ "0.5" = { at_most = "5 m" } }', "at_most", '"5 m"', "a plain number"),
+        ('{ "0.5" = { most = 0.5 } }', "most", "an unknown key", "at_most or at_least"),
+        ('{ "2 m" = {} }', "exceeds.2 m", '"2 m"', "a plain number"),
+        (
+            '{ "0.5" = { at_most = 0.1, at_least = 0.2 } }',
+            "at_most",
+            "0.1, less than at_least",
+            "at least that of at_least",
+        ),
+        ('{ "0.5" = {}, " 0.5" = {} }', "exceeds. 0.5", "a second time", "each threshold once"),
+    ],
+)
+def test_a_mistake_is_told_with_its_place(
+    study_of: MakeStudy, written: str, place: str, found: str, expected: str
+) -> None:
+    with pytest.raises(uqpen.StudyError) as caught:
+        study_of("a", f"[outputs.y]\nexceeds = {written}", a=(0, 1))
+    for part in (place, found, expected, "study.toml:12"):
+        assert part in str(caught.value)

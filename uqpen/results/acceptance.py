@@ -1,0 +1,74 @@
+"""Verdicts on probabilities: whether an interval lies within the acceptance limits of a study."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import xarray as xr
+
+from uqpen.core.catalogue import LOWER_THRESHOLD, THRESHOLD
+from uqpen.results.digits import percent_text
+
+__all__ = ["Acceptance", "AcceptanceVerdict"]
+
+
+class AcceptanceVerdict(StrEnum):
+    """Verdict on a requirement, by the interval of an estimate."""
+
+    MET = "met"
+    """The whole interval is accepted."""
+    NOT_MET = "not met"
+    """No value in the interval is accepted."""
+    NOT_DECIDED = "not decided"
+    """A part of the interval is accepted, or there is no interval."""
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """Accepted probabilities, and the verdict on an estimate.
+
+    Parameters
+    ----------
+    at_least, at_most : float
+        The limits; 0 and 1 where the study states none.
+    verdict : AcceptanceVerdict
+        Whether the estimate meets them.
+    """
+
+    at_least: float
+    at_most: float
+    verdict: AcceptanceVerdict
+
+    @classmethod
+    def from_array(cls, array: xr.DataArray) -> Acceptance | None:
+        """Return the acceptance of a single estimate along ``bound``; None without limits."""
+        at_least, at_most = (_limit(array, name) for name in ("at_least", "at_most"))
+        if math.isnan(at_least) and math.isnan(at_most):
+            return None
+        least = 0.0 if math.isnan(at_least) else at_least
+        most = 1.0 if math.isnan(at_most) else at_most
+        return cls(least, most, _verdict(array, least, most))
+
+    def __str__(self) -> str:
+        parts = ["at least " + percent_text(self.at_least)] if self.at_least > 0 else []
+        if self.at_most < 1 or not parts:
+            parts.append("at most " + percent_text(self.at_most))
+        return " and ".join(parts)
+
+
+def _limit(array: xr.DataArray, name: str) -> float:
+    found = (array.coords.get(f"{dimension}_{name}") for dimension in (THRESHOLD, LOWER_THRESHOLD))
+    return next((float(each) for each in found if each is not None), math.nan)
+
+
+def _verdict(array: xr.DataArray, least: float, most: float) -> AcceptanceVerdict:
+    _, lower, upper = array.values.tolist()
+    if lower >= least and upper <= most:
+        return AcceptanceVerdict.MET
+    return (
+        AcceptanceVerdict.NOT_MET
+        if lower > most or upper < least
+        else AcceptanceVerdict.NOT_DECIDED
+    )

@@ -1,0 +1,106 @@
+"""Threshold: a value of an output to which the study asks for a probability."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
+from uqpen.core.quantities import parse_quantity
+from uqpen.core.settings import Context, read_each, read_list, setting, share, validate
+
+__all__ = ["AcceptanceLimits", "Threshold", "threshold_list"]
+
+_PROBABILITY = 'a probability from 0 to 1, such as 0.05 or "5 %"'
+_LIMITS = "a table such as { at_most = 0.05 }"
+
+
+@dataclass(frozen=True)
+class AcceptanceLimits:
+    """Acceptance limits: the probabilities that a study accepts.
+
+    Parameters
+    ----------
+    at_most, at_least : float, optional
+        The largest and the smallest accepted probability; None for no limit.
+
+    Raises
+    ------
+    SettingsError
+        If a limit is no probability, or no probability lies within both.
+    """
+
+    at_most: float | None = share(expected=_PROBABILITY, default=None)
+    at_least: float | None = share(expected=_PROBABILITY, default=None)
+
+    def __post_init__(self) -> None:
+        validate(self)
+        if self.at_most is not None and self.at_least is not None and self.at_most < self.at_least:
+            found = f"{toml_text(self.at_most)}, less than at_least"
+            raise SettingsError([Problem(("at_most",), found, "at least that of at_least")])
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """Threshold: a value whose probability of exceedance, or of lying below it, is requested.
+
+    Parameters
+    ----------
+    text : str
+        Its text in the study, which names the estimate.
+    value : float
+        In the output's SI unit.
+    accepted : AcceptanceLimits
+        The probabilities that the study accepts; all, unless it states limits.
+    """
+
+    text: str
+    value: float
+    accepted: AcceptanceLimits = AcceptanceLimits()
+
+
+def threshold_list(*, key: str) -> Any:
+    """Declare thresholds, which a study file gives as a list of quantities.
+
+    A table in place of the list has the thresholds as its keys, each with its acceptance limits.
+    """
+    return setting(
+        "thresholds",
+        "thresholds",
+        lambda values: all(isinstance(value, Threshold) for value in values),
+        read=_read_thresholds,
+        default=(),
+        key=key,
+    )
+
+
+def _read_thresholds(written: object, context: Context) -> tuple[Threshold, ...]:
+    read_one = _reader(context)
+    if isinstance(written, dict):
+        entries = {text: (text, limits) for text, limits in written.items()}
+        return tuple(read_each(entries, lambda entry: read_one(*entry)))
+    return tuple(read_list(written, read_one))
+
+
+def _reader(context: Context) -> Callable[..., Threshold]:
+    """Return the reader of one threshold after the other, which refuses the same one twice."""
+    texts: set[str] = set()
+
+    def read_one(value: str | float, limits: object = None) -> Threshold:
+        text = value.strip() if isinstance(value, str) else toml_text(value)
+        if text in texts:
+            raise QuantityError(f'"{text}" a second time', "each threshold once")
+        number = parse_quantity(value, context.like).value
+        texts.add(text)
+        return Threshold(text, number, _read_limits({} if limits is None else limits))
+
+    return read_one
+
+
+def _read_limits(written: object) -> AcceptanceLimits:
+    if not isinstance(written, dict):
+        raise QuantityError(toml_text(written), _LIMITS)
+    if unknown := [key for key in written if key not in ("at_most", "at_least")]:
+        raise SettingsError([Problem((unknown[0],), "an unknown key", "at_most or at_least")])
+    return AcceptanceLimits(**written)
