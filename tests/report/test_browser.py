@@ -245,7 +245,7 @@ def _on_curve(page: Page, x: float, p: float) -> tuple[float, float]:
     """Where a point of the first distribution function lies on the screen."""
     plot = page.locator(".plot:has(~ .reading)").first
     plot.scroll_into_view_if_needed()
-    charts = json.loads(page.locator("#data").text_content())
+    charts = json.loads(page.locator("#data").text_content())["charts"]
     lower, upper = charts[int(plot.get_attribute("data-chart"))]["x"]["range"]
     box = plot.locator(".nsewdrag").first.bounding_box()
     return (
