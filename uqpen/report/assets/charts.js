@@ -97,21 +97,14 @@ function layout(style, chart, width) {
   };
 }
 
-// The traces, with the runs in them as they are chosen.
-function traces(style, chart) {
-  const drawn = coloured(style, chart.traces);
-  if (chart.runs === undefined) return drawn;
-  return drawn.map((trace, place) => ({
-    ...trace, marker: { ...trace.marker, ...runMarkers(style, chart, place) },
-  }));
-}
-
 function draw(plot, isPrinted = false) {
   const style = getComputedStyle(root);
   const chart = charts[plot.dataset.chart];
   plot.dataset.drawn = theme();
   plot.dataset.chosen = version;
+  plot.dataset.shapes = JSON.stringify(chosenShapes(chart));
   const width = plot.clientWidth;
   const set = { ...layout(style, chart, width), ...(isPrinted ? { width } : {}) };
-  Plotly.react(plot, traces(style, chart), set, CONFIGURATION);
+  Plotly.react(plot, coloured(style, chart.traces), set, CONFIGURATION);
+  if (chart.runs !== undefined) paint(plot, true);
 }

@@ -2,7 +2,7 @@
 
 const contents = document.querySelector("nav");
 const nameLinks = new Map([...contents.querySelectorAll("a")].map((link) => [decoded(link.hash.slice(1)), link]));
-const up = made("a", { href: "#top", class: "up" }, "Top");
+const up = made("a", { href: "#top" }, "Top");
 contents.prepend(up);
 
 const inView = new Set();

@@ -53,14 +53,14 @@ function group(table) {
       if (!column.rows) return `${column.label} ${measured(column, `${short(lower)} … ${short(upper)}`)}`;
       return column.rows.filter((_, row) => row >= lower && row <= upper).join(", ");
     });
-    return { isIn: selected(table), what: `with ${parts.join(" and ")}`, name: "selected" };
+    return { isIn: selected(table), what: `have ${parts.join(" and ")}`, name: "selected" };
   }
   const at = thresholds.get(leading);
   const column = table.columns.get(leading);
   if (at === undefined || column === undefined) return undefined;
   return {
     isIn: beyond(table, leading), name: "beyond",
-    what: `with ${column.label} above ${measured(column, String(Number(at.toPrecision(6))))}`,
+    what: `have ${column.label} above ${measured(column, String(Number(at.toPrecision(6))))}`,
   };
 }
 

@@ -18,7 +18,10 @@ async function plotSvg(plot) {
   const width = plot.clientWidth || 640;
   const figure = inLight(() => {
     const style = getComputedStyle(root);
-    return { data: traces(style, chart), layout: { ...layout(style, chart, width), width } };
+    // The colours of runs are not those that the library was given.
+    const data = coloured(style, chart.traces).map((trace, place) => (chart.runs === undefined
+      ? trace : { ...trace, marker: { ...trace.marker, ...runMarkers(style, chart, place) } }));
+    return { data, layout: { ...layout(style, chart, width), width } };
   });
   const text = await Plotly.toImage(figure, { format: "svg", width, height: chart.height });
   return new DOMParser().parseFromString(decodeURIComponent(text.slice(text.indexOf(",") + 1)), "image/svg+xml").documentElement;

@@ -17,7 +17,13 @@ function drawn(name, attributes, parent) {
 }
 
 const finite = (values) => values.filter((value) => value !== null && value !== undefined);
-const short = (value) => String(Number(value.toPrecision(4)));
+
+// A number in four digits, with its power of ten where it is very small or large.
+function short(value) {
+  const size = Math.abs(value);
+  if (size !== 0 && (size < 1e-3 || size >= 1e6)) return powerText(Number(value.toPrecision(4)).toExponential());
+  return String(Number(value.toPrecision(4)));
+}
 
 // The ends of a column; a single value lies in the middle.
 function endsOf(column) {

@@ -1,7 +1,7 @@
 // The runs that are drawn: which of them lie beyond a threshold, and which are selected.
 
-const SELECTED = { opacity: 0.85, size: 5 };
-const OTHER = { opacity: 0.1, size: 4 };
+// Opacities where some runs are told from the others.
+const [IN_FRONT, BEHIND] = [0.85, 0.1];
 
 for (const table of runTables) {
   table.columns = new Map(table.traces.map((column) => [keyOf(column.of), column]));
@@ -35,7 +35,7 @@ function colouringKey(chart) {
   return own.find((key) => thresholds.has(key)) ?? leading;
 }
 
-// Markers of the completed runs, which are the first trace, or of the failed ones.
+// Colours and opacities of the completed runs, which are the first trace, or of the failed ones.
 function runMarkers(style, chart, place) {
   const table = tableOf(chart);
   const { marker } = chart.traces[place];
@@ -43,44 +43,59 @@ function runMarkers(style, chart, place) {
   const isIn = selected(table, place === 1);
   const isBeyond = place === 1 ? [] : beyond(table, colouringKey(chart));
   const isOne = hasRange(table);
-  const look = (member) => isIn.map((isKept, run) => {
-    if (isOne) return (isKept ? SELECTED : OTHER)[member];
-    return isBeyond[run] ? SELECTED[member] : marker[member];
-  });
   const [plain, striking] = [looked(style, marker.color), looked(style, "beyond")];
+  const opacityOf = (run) => {
+    if (isOne) return isIn[run] ? IN_FRONT : BEHIND;
+    return isBeyond[run] ? IN_FRONT : marker.opacity;
+  };
   return {
     color: isIn.map((_, run) => (isBeyond[run] ? striking : plain)),
-    opacity: look("opacity"), size: look("size"),
+    opacity: isIn.map((_, run) => opacityOf(run)),
   };
 }
 
-// Draws again what a change moved: the line of a threshold, the colours of runs.
+// Colours the points that are drawn already. To let the library do so takes many times as long.
+function paint(plot, isFresh = false) {
+  const chart = charts[plot.dataset.chart];
+  const style = getComputedStyle(root);
+  plot.querySelectorAll(".scatterlayer .trace").forEach((trace, place) => {
+    const { color, opacity } = runMarkers(style, chart, place);
+    if (color === undefined) return;
+    for (const point of trace.querySelectorAll("path.point")) {
+      // The library keeps the place of a point in its list.
+      const run = point.__data__.i;
+      const look = `${color[run]} ${opacity[run]}`;
+      if (!isFresh && point.dataset.look === look) continue;
+      point.dataset.look = look;
+      point.style.fill = color[run];
+      point.style.opacity = opacity[run];
+    }
+  });
+}
+
+// Shows what a change moved: the line of a threshold, the colours of runs.
 function follow(plot) {
   if (!plot.dataset.drawn || plot.dataset.chosen === String(version)) return;
   const chart = charts[plot.dataset.chart];
   plot.dataset.chosen = version;
-  if (chart.x.of === undefined && chart.y.of === undefined) return;
-  const style = getComputedStyle(root);
-  const shapes = coloured(style, [...chart.shapes, ...chosenShapes(chart)]);
-  if (chart.runs === undefined) {
-    Plotly.relayout(plot, { shapes });
-    return;
+  const shapes = JSON.stringify(chosenShapes(chart));
+  if (plot.dataset.shapes !== shapes) {
+    plot.dataset.shapes = shapes;
+    Plotly.relayout(plot, { shapes: coloured(getComputedStyle(root), [...chart.shapes, ...chosenShapes(chart)]) });
   }
-  const found = chart.traces.map((_, place) => runMarkers(style, chart, place));
-  const restyled = { selectedpoints: found.map(() => null) };
-  for (const member of ["color", "opacity", "size"]) {
-    restyled[`marker.${member}`] = found.map((each) => each[member]);
-  }
-  Plotly.update(plot, restyled, { shapes, selections: [] }, found.map((_, place) => place));
+  if (chart.runs !== undefined) paint(plot);
 }
 
 // A rectangle that is drawn over runs selects them; a double click lets go.
 function selectByPointer(plot) {
-  const { x, y } = charts[plot.dataset.chart];
+  const axes = () => [charts[plot.dataset.chart].x.of, charts[plot.dataset.chart].y.of].map(keyOf);
+  // What the library draws anew has the colours of its own.
+  plot.on("plotly_afterplot", () => paint(plot, true));
   plot.on("plotly_selected", (event) => {
     if (!event?.range) return;
-    selectRange(keyOf(x.of), event.range.x);
-    selectRange(keyOf(y.of), event.range.y);
+    // The charts show the selection by themselves.
+    Plotly.update(plot, { selectedpoints: null }, { selections: [] });
+    axes().forEach((key, place) => selectRange(key, event.range["xy"[place]]));
   });
-  plot.on("plotly_deselect", () => [x, y].forEach((each) => selectRange(keyOf(each.of))));
+  plot.on("plotly_deselect", () => axes().forEach((key) => selectRange(key)));
 }

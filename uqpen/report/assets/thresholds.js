@@ -3,6 +3,7 @@
 // Where there is no band, its ends are null.
 const remainder = (share) => (share === null ? null : 1 - share);
 const raised = (digits) => [...digits].map((each) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(each)]).join("");
+const powerText = (text) => text.replace(/e\+?(-?)(\d+)/, (_, sign, digits) => `×10${raised(sign + digits)}`);
 const percent = (value, places) => (100 * value).toFixed(places);
 const grouped = (count) => String(count).replace(/\B(?=(\d{3})+$)/g, "\u202f");
 
@@ -21,13 +22,13 @@ function asPercent(estimates, lower, upper) {
   return `${shares} %${ends}`;
 }
 
-// A bound in two digits, rounded away from what it bounds.
+// A bound in two digits at the least, rounded away from what it bounds.
 function outward(share, round) {
   if (share <= 0) return "0 %";
-  const places = Math.max(0, 1 - Math.floor(Math.log10(100 * share) + 1e-9));
+  const places = Math.max(1, 1 - Math.floor(Math.log10(100 * share) + 1e-9));
   const scale = 10 ** places;
   const value = round(100 * share * scale - (round === Math.ceil ? 1e-6 : -1e-6)) / scale;
-  return `${value.toFixed(share >= 0.1 ? 1 : places)} %`;
+  return `${value.toFixed(places)} %`;
 }
 
 // A number as people write it: with a decimal comma, groups of digits, the unit behind; or null.
@@ -92,9 +93,7 @@ function thresholdForm(form) {
     if (!isLong) return grid.toFixed(decimals);
     return grid.toExponential(Math.min(15, Math.max(0, power(Math.abs(grid)) - power(step))));
   }
-  const said = (at) => called(
-    spelled(at).replace(/e\+?(-?)(\d+)/, (_, sign, digits) => `×10${raised(sign + digits)}`),
-  );
+  const said = (at) => called(powerText(spelled(at)));
 
   // What no run reached, and what every run exceeded, is told with the end of the band alone.
   function beyondRuns(at) {

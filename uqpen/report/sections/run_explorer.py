@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import RUN
 from uqpen.figures.scatter import category_labels, jitter
 from uqpen.report.axes import quantity
 from uqpen.report.blocks import RunColumn, RunExplorer
@@ -78,12 +76,11 @@ def _output_column(cloud: PlottedRuns, output: str) -> RunColumn:
 
 def _input_columns(cloud: PlottedRuns, inputs: list[str]) -> Iterator[RunColumn]:
     for name in inputs:
-        failed = cloud.shown_failed
         yield RunColumn(
             quantity=quantity(cloud.view, name),
             label=plain_text(output_title(cloud.view, name), _LONGEST_LABEL),
             unit=unit_suffix(cloud.view.unit(name)).lstrip(),
             is_input=True,
             values=rounded_numbers(cloud.values(name, cloud.shown_completed), _DIGITS),
-            failed=rounded_numbers(cloud.values(name, failed) if failed.sizes[RUN] else np.array([]), _DIGITS),
+            failed=rounded_numbers(cloud.values(name, cloud.shown_failed), _DIGITS),
         )
