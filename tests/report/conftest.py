@@ -1,17 +1,21 @@
-"""Archives that only reports are tried on."""
+"""Archives that only reports are tried on, and a browser that shows their pages."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import os
+import shutil
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 import xarray as xr
+from playwright.sync_api import Browser, Page, sync_playwright
 
 import uqpen
-from uqpen.report.page import report_page
+from uqpen.report.page import report_page, write_report
 
 
 @pytest.fixture(scope="session")
@@ -93,3 +97,109 @@ def _renamed(text: str) -> str:
     for name, other in NAMES.items():
         text = text.replace(name, other)
     return text
+
+
+FLAGS = [
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+WIDE = 1200
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """A browser without a window; of this module alone, as it runs a loop of events."""
+    found = map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))
+    path = next(filter(None, found), None)
+    if path is None:
+        pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
+    flags = [*FLAGS, "--no-sandbox"] if os.geteuid() == 0 else FLAGS
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=path, args=flags)
+        yield started
+        started.close()
+
+
+class Shown(NamedTuple):
+    """A page in the browser, and what it said or asked for that it should not have."""
+
+    page: Page
+    said: list[str]
+
+
+Show = Callable[[str], Page]
+
+
+class Reports:
+    """Reports of archives, each opened when it is asked for, and then kept open."""
+
+    def __init__(self, browser: Browser, folder: Path, tree_of: Callable[[str], Any]) -> None:
+        self._browser = browser
+        self._folder = folder
+        self._tree_of = tree_of
+        self._shown: dict[str, Shown] = {}
+
+    def opened(self, name: str) -> Shown:
+        if name not in self._shown:
+            self._shown[name] = self._open(self.path(name).as_uri())
+        return self._shown[name]
+
+    def path(self, name: str) -> Path:
+        path = self._folder / f"{name}.html"
+        if not path.exists():
+            write_report(self._tree_of(name), path)
+        return path
+
+    def _open(self, address: str) -> Shown:
+        page = self._browser.new_page(viewport={"width": WIDE, "height": 900})
+        said: list[str] = []
+        page.on("console", lambda message: said.append(f"{message.type}: {message.text}"))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("request", lambda asked: said.append(asked.url) if asked.url != address else None)
+        page.goto(address)
+        _wait(page)
+        return Shown(page, said)
+
+
+def _wait(page: Page, theme: str = "light") -> None:
+    """Until all charts are drawn in a theme."""
+    missing = f".plot:not([data-drawn={theme}])"
+    page.wait_for_selector(f"html[data-ready=yes]:not(:has({missing}))", state="attached")
+
+
+@pytest.fixture(scope="module")
+def reports(
+    browser: Browser,
+    archives: Mapping[str, xr.DataTree],
+    request: pytest.FixtureRequest,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Reports:
+    """Of the archives of all tests, and of those of fixtures."""
+
+    def tree_of(name: str) -> Any:
+        return archives[name] if name in archives else request.getfixturevalue(name)
+
+    return Reports(browser, tmp_path_factory.mktemp("reports"), tree_of)
+
+
+@pytest.fixture
+def show(reports: Reports) -> Iterator[Show]:
+    """The report of an archive as if it were just opened; in the end it has said nothing."""
+    seen: list[Shown] = []
+
+    def show(name: str) -> Page:
+        seen.append(reports.opened(name))
+        page = seen[-1].page
+        page.set_viewport_size({"width": WIDE, "height": 900})
+        page.emulate_media(media="screen", color_scheme="light")
+        page.mouse.move(0, 0)
+        page.evaluate("delete document.documentElement.dataset.theme, scrollTo(0, 0)")
+        _wait(page)
+        return page
+
+    yield show
+    assert [line for shown in seen for line in shown.said] == []

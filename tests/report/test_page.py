@@ -138,7 +138,7 @@ def test_outputs_stand_below_the_model_that_they_are_of(
     monkeypatch.setattr("uqpen.report.page.SECTIONS", only)
     page = report_page(archives["rods"])
     section = page.split('<section id="distributions"')[1].split("</section>")[0]
-    found = re.findall(r"<h([34])>(.*?)</h", section)
+    found = re.findall(r"<h([34])[^>]*>(.*?)</h", section)
     models = [text for level, text in found if level == "3"]
     assert models == ["original", "smoothed", "rigid"]
     assert found[1] == ("4", "depth of penetration (penetration_depth)")

@@ -42,7 +42,11 @@ def test_runs_stand_where_the_archive_has_them(archives: Archives) -> None:
         "run %{customdata}<br>load %{x:.4~g} kN<br>deflection %{y:.4~g} mm<extra></extra>"
     )
     assert group.notes == ("Runs of only in the charts: all 98 completed, all 22 failed.",)
-    assert [key.text for key in group.keys] == ["run", "failed run, at the foot"]
+    assert [key.text for key in group.keys] == [
+        "run",
+        "failed run, at the foot",
+        "run beyond the threshold",
+    ]
 
 
 def test_the_numbers_behind_are_measures_of_association(archives: Archives) -> None:

@@ -5,16 +5,31 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from uqpen.report.blocks import Axis
+from uqpen.core.units import DIMENSIONLESS
+from uqpen.report.blocks import Axis, Quantity
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import SUPERSCRIPTS, grouped_number
 
-__all__ = ["logarithmic_axis", "padded_limits"]
+__all__ = ["logarithmic_axis", "padded_limits", "quantity", "quantity_axis"]
 
 # Room at either end, and how many times the first value the last one is at least, by tenfolds.
 _MARGIN, _SHORTEST = 0.08, 0.7
 # Ticks at the most, and the steps between powers of ten that are tried.
 _MOST = 6
 _STEPS = ((1, 2, 5), (1, 3), (1,))
+
+
+def quantity(view: ArchiveView, name: str) -> Quantity:
+    """Return an input or an output with its unit, as charts have it in common."""
+    unit = view.unit(name)
+    return Quantity(name, "" if unit == DIMENSIONLESS else unit)
+
+
+def quantity_axis(
+    view: ArchiveView, name: str, ends: tuple[float, float] | None = None, title: str = ""
+) -> Axis:
+    """Return the axis of an input or an output, under its label if it has no other title."""
+    return Axis(title or view.axis_label(name), ends, quantity=quantity(view, name))
 
 
 def padded_limits(lower: float, upper: float, share: float = 0.03) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from uqpen.report.marks import Trace
 from uqpen.report.shapes import Shape
@@ -17,12 +18,17 @@ __all__ = [
     "Heading",
     "LegendKey",
     "Listing",
+    "Quantity",
     "Quote",
     "Remarks",
+    "RunColumn",
+    "RunExplorer",
+    "RunsBeyondAxis",
     "Table",
     "Text",
     "ThresholdReadout",
     "find_charts",
+    "find_explorers",
 ]
 
 
@@ -83,6 +89,16 @@ class Table(Block):
     is_folded: bool = False
 
 
+class Quantity(NamedTuple):
+    """An input or an output, in the unit that the page shows it in.
+
+    Charts with the same quantity along an axis have one threshold and one selection in common.
+    """
+
+    name: str
+    unit: str  # as a study writes it; empty without one
+
+
 @dataclass(frozen=True)
 class Axis:
     """An axis of a chart, its title with the unit in brackets."""
@@ -92,6 +108,7 @@ class Axis:
     rows: tuple[str, ...] = ()  # names in place of numbers: of the rows 0, 1, … from the top
     is_logarithmic: bool = False
     ticks: tuple[tuple[float, str], ...] = ()  # the only places that are marked, with texts
+    quantity: Quantity | None = None  # along it, if that is a single one
 
 
 @dataclass(frozen=True)
@@ -102,6 +119,30 @@ class LegendKey:
     series: int | str  # chooses its colour, see `marks`
     mark: str  # "line", "band", "bar", or the name of a marker
     dash: str = "solid"
+
+
+class RunsBeyondAxis(NamedTuple):
+    """What is known of a distribution function beyond the ends of its axis.
+
+    Attributes
+    ----------
+    runs : int
+        Behind the function.
+    smallest, largest : float
+        Of these runs.
+    nothing : sequence of float or None
+        The bounds below the smallest run.
+    below, above : sequence
+        Values of some runs there, in ascending order up to the most extreme one, each followed by
+        the bounds at it.
+    """
+
+    runs: int
+    smallest: float
+    largest: float
+    nothing: Sequence[float | None]
+    below: Sequence[Sequence[float | None]]
+    above: Sequence[Sequence[float | None]]
 
 
 @dataclass(frozen=True)
@@ -119,6 +160,7 @@ class ThresholdReadout:
     start: int  # position of the threshold that is shown first
     # At each threshold, the probability of lying at or below, and the ends of the band or None.
     bounds: Sequence[Sequence[float | None]]
+    beyond: RunsBeyondAxis | None = None  # None where the function is of no runs
 
 
 @dataclass(frozen=True)
@@ -137,6 +179,9 @@ class Chart(Block):
     height: int = 300  # in CSS pixels
     reading: ThresholdReadout | None = None
     is_compared: bool = False  # whether a pointer reads off all lines at once
+    # The model whose `RunExplorer` has its points: completed runs, then failed ones as a second
+    # trace. None where its points are no runs.
+    runs_of: str | None = None
 
 
 @dataclass(frozen=True)
@@ -147,6 +192,49 @@ class Charts(Block):
     keys: tuple[LegendKey, ...] = ()
     notes: tuple[str, ...] = ()
     tables: tuple[OutputTable, ...] = ()
+
+
+@dataclass(frozen=True)
+class RunColumn:
+    """An input or an output of all runs that are drawn.
+
+    Attributes
+    ----------
+    values : sequence of float or None
+        Of the completed runs; of a categorical output, places near the row of each category.
+    failed : sequence of float or None
+        Likewise of the failed runs; empty of an output.
+    rows : tuple of str
+        The categories, in the order of their rows; empty of a number.
+    """
+
+    quantity: Quantity
+    label: str
+    unit: str  # as the page shows it; empty without one
+    is_input: bool
+    values: Sequence[float | None]
+    failed: Sequence[float | None] = ()
+    rows: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class RunExplorer(Block):
+    """All inputs and outputs of the runs that are drawn, to select runs by their values."""
+
+    title: str
+    summary: str
+    model: str  # empty of a single one
+    design: str
+    series: int  # chooses the colour of the design
+    completed: Sequence[int]  # places of the runs among all of the design
+    failed: Sequence[int]
+    columns: tuple[RunColumn, ...]
+    notes: tuple[str, ...] = ()
+
+
+def find_explorers(blocks: Iterable[Block]) -> Iterator[RunExplorer]:
+    """Yield the run explorers among blocks, in the order of the page."""
+    return (block for block in blocks if isinstance(block, RunExplorer))
 
 
 def find_charts(blocks: Iterable[Block]) -> Iterator[Chart]:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from uqpen.report.blocks import Axis, Chart
+from uqpen.report.blocks import Axis, Chart, RunColumn, RunExplorer, ThresholdReadout
 from uqpen.report.marks import escape_text
 
 __all__ = ["charts_json"]
@@ -15,9 +15,12 @@ __all__ = ["charts_json"]
 _SHORT = 50
 
 
-def charts_json(charts: Sequence[Chart]) -> str:
-    """All charts of a page, as a text that cannot end a script."""
-    content = _deduplicate_lists([_chart_content(chart) for chart in charts])
+def charts_json(charts: Sequence[Chart], explorers: Sequence[RunExplorer] = ()) -> str:
+    """All charts and all drawn runs of a page, as a text that cannot end a script."""
+    drawn = [_chart_content(chart) for chart in charts]
+    drawn += [_explorer_content(explorer) for explorer in explorers]
+    every = _deduplicate_lists(drawn)
+    content = {"charts": every[: len(charts)], "runs": every[len(charts) :]}
     text = json.dumps(content, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("-->", "--\\u003e")
 
@@ -58,12 +61,50 @@ def _chart_content(chart: Chart) -> dict[str, Any]:
         "hovermode": "x unified" if chart.is_compared else "closest",
     }
     if chart.reading is not None:
-        drawn["bounds"] = chart.reading.bounds
+        drawn["reading"] = _reading_content(chart.reading)
+    if chart.runs_of is not None:
+        drawn["runs"] = chart.runs_of
     return drawn
+
+
+def _reading_content(reading: ThresholdReadout) -> dict[str, Any]:
+    content: dict[str, Any] = {
+        "first": reading.first,
+        "step": reading.step,
+        "decimals": reading.decimals,
+        "start": reading.start,
+        "bounds": reading.bounds,
+    }
+    return content if reading.beyond is None else content | reading.beyond._asdict()
+
+
+def _explorer_content(explorer: RunExplorer) -> dict[str, Any]:
+    """Return runs with their columns as traces, whose lists those of charts may be."""
+    return {
+        "model": explorer.model,
+        "series": explorer.series,
+        "completed": explorer.completed,
+        "failed": explorer.failed,
+        "traces": [_column_content(column) for column in explorer.columns],
+    }
+
+
+def _column_content(column: RunColumn) -> dict[str, Any]:
+    content: dict[str, Any] = {
+        "of": column.quantity,
+        "label": column.label,
+        "unit": column.unit,
+        "is_input": column.is_input,
+        "values": column.values,
+        "failed": column.failed,
+    }
+    return content | ({"rows": column.rows} if column.rows else {})
 
 
 def _axis_content(axis: Axis) -> dict[str, Any]:
     content: dict[str, Any] = {"title": {"text": escape_text(axis.title)}}
+    if axis.quantity is not None:
+        content["of"] = axis.quantity
     if axis.is_logarithmic:
         content["type"] = "log"
     if axis.ends is not None:

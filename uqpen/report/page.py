@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,22 +18,23 @@ from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.lookup import resolve
 from uqpen.figures.page import check_archive
 from uqpen.report import BENCHMARK_SECTIONS, SECTIONS, ReportSection
+from uqpen.report.anchors import block_anchors
 from uqpen.report.benchmark.plotted_methods import check_benchmark
-from uqpen.report.blocks import Block, Heading, find_charts
+from uqpen.report.blocks import Block, Heading, find_charts, find_explorers
 from uqpen.report.chart_json import charts_json
 from uqpen.report.legend import OUTLINES, STROKES, colour_name
 from uqpen.report.masthead import page_facts, page_heading
 from uqpen.report.outside_sections import OutsideSection, SectionFunction, find_sections
+from uqpen.report.page_assets import page_library, page_script, page_style, script_hash
+from uqpen.report.reference import page_reference
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.texts import plain_text
 
 __all__ = ["report_page", "write_report"]
 
-_ASSETS = files("uqpen.report") / "assets"
 # Required, so that a mistyped name does not overwrite a study or an archive.
 _ENDINGS = (".html", ".htm")
-_LIBRARY = files("uqpen.report") / "vendored" / "plotly-basic.min.js"
 
 # Control characters, marks of text direction, lone surrogates, and noncharacters.
 _UNFIT = re.compile(
@@ -106,10 +104,13 @@ def report_page(tree: xr.DataTree, sections: Sequence[str | SectionFunction] = (
 
 def _render(tree: xr.DataTree, sections: Sequence[_FilledSection], lacks: Sequence[str]) -> str:
     charts = [chart for filled in sections for chart in find_charts(filled.blocks)]
+    explorers = [each for filled in sections for each in find_explorers(filled.blocks)]
     # By identity, as the content of a chart has no hash.
-    numbers = {id(chart): number for number, chart in enumerate(charts)}
-    style, script = ((_ASSETS / name).read_text("utf-8") for name in ("page.css", "page.js"))
-    library = _LIBRARY.read_text("utf-8")
+    numbers = {
+        id(each): number for blocks in (charts, explorers) for number, each in enumerate(blocks)
+    }
+    anchors = block_anchors((filled.name, filled.blocks) for filled in sections)
+    library, script = page_library(), page_script()
     return (
         _environment()
         .get_template("page.html")
@@ -119,11 +120,14 @@ def _render(tree: xr.DataTree, sections: Sequence[_FilledSection], lacks: Sequen
             sections=sections,
             lacks=lacks,
             number_of=lambda chart: numbers[id(chart)],
-            data=charts_json(charts),
-            style=style,
+            anchor_of=lambda block: anchors[id(block)],
+            study=str(tree.attrs.get("study_name", "")),
+            reference=page_reference(tree),
+            data=charts_json(charts, explorers),
+            style=page_style(),
             library=library,
             script=script,
-            hashes=[_script_hash(text) for text in (library, script)],
+            hashes=[script_hash(text) for text in (library, script)],
         )
     )
 
@@ -194,9 +198,3 @@ def _legible_text(value: Any) -> Any:
     if not isinstance(value, str) or hasattr(value, "__html__"):
         return value
     return _UNFIT.sub(lambda found: plain_text(found[0]), value.replace("\r\n", "\n"))
-
-
-def _script_hash(text: str) -> str:
-    """Return the hash of a script, for the page's policy."""
-    digest = hashlib.sha256(text.encode("utf-8")).digest()
-    return f"sha256-{base64.b64encode(digest).decode('ascii')}"

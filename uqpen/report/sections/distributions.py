@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -11,6 +10,7 @@ from uqpen.core.catalogue import PERCENT, PROBABILITY
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.curves import Curve
 from uqpen.figures.distributions import CUT, distribution_curves, exceedance_span, thresholds
+from uqpen.report.axes import quantity_axis
 from uqpen.report.blocks import (
     Axis,
     Block,
@@ -31,6 +31,7 @@ from uqpen.report.sections.leading_design import (
     output_heading,
     output_title,
 )
+from uqpen.report.sections.runs_beyond_axis import listed_bounds, runs_beyond_axis
 from uqpen.report.shapes import vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
@@ -88,7 +89,7 @@ def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
     return Chart(
         title=f"Probability that {output_title(view, output)} is at most x",
         summary=_summary(view, output, curves[0]),
-        x=Axis(view.axis_label(output), (lower, upper)),
+        x=quantity_axis(view, output, (lower, upper)),
         y=Axis("P(at most x)", (0.0, 1.0)),
         traces=tuple(traces),
         shapes=tuple(vertical_line(place, "quiet", "dot") for place in threshold_values),
@@ -146,10 +147,8 @@ def _threshold_readout(
         step=grid.step,
         decimals=grid.decimals,
         start=int(np.argmin(np.abs(grid.values - begin))),
-        bounds=[
-            [round(value, 9) if math.isfinite(value) else None for value in row]
-            for row in curve.band.tolist()
-        ],
+        bounds=listed_bounds(curve.band),
+        beyond=runs_beyond_axis(view, output, curve, grid),
     )
 
 

@@ -10,6 +10,7 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import THRESHOLD
 from uqpen.figures.curves import Curve
+from uqpen.report.axes import quantity_axis
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.legend import END
@@ -70,7 +71,7 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
     yield Chart(
         title=f"Probability that {output_title(view, output)} is more than x",
         summary=summary,
-        x=Axis(view.axis_label(output)),
+        x=quantity_axis(view, output),
         y=Axis("P(more than x)", (np.log10(least).item(), 0.0), is_logarithmic=True),
         traces=tuple(traces),
         keys=tuple(keys),

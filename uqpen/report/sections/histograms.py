@@ -7,6 +7,7 @@ import xarray as xr
 
 from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.figures.histogram import bin_values, marked_estimates
+from uqpen.report.axes import quantity_axis
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.marks import bar_trace, dot_trace
@@ -45,7 +46,7 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
         title=f"{count_text(values.size, 'run')} of {design}",
         summary=f"The fullest bin, with {count_text(int(counts[highest]), 'run')}, lies between "
         f"{edges[highest]:.4g} and {edges[highest + 1]:.4g}{unit_suffix(view.unit(output))}.",
-        x=Axis(view.axis_label(output), (float(edges[0]), float(edges[-1]))),
+        x=quantity_axis(view, output, (float(edges[0]), float(edges[-1]))),
         y=Axis("runs in a bin"),
         traces=(bar_trace(edges, counts, series, hover=_HOVER),),
         shapes=tuple(shapes),

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from uqpen.figures.curves import Curve, axis_span
 from uqpen.figures.distributions import CUT, model_curves
+from uqpen.report.axes import quantity_axis
 from uqpen.report.blocks import Axis, Block, Chart, Heading, LegendKey, Table
 from uqpen.report.marks import Trace, series_dash
 from uqpen.report.sections.distribution_curves import Grid, curve_at, curve_quantile, curve_traces
@@ -58,7 +59,7 @@ def _chart(view: ArchiveView, output: str, design: str, curves: list[Curve]) -> 
             f"{curve_quantile(curve, 0.5):.4g}{unit_suffix(view.unit(output))}."
             for curve in curves
         ),
-        x=Axis(view.axis_label(output), (lower, upper)),
+        x=quantity_axis(view, output, (lower, upper)),
         y=Axis("P(at most x)", (0.0, 1.0)),
         traces=tuple(traces),
         keys=tuple(keys),

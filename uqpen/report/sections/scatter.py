@@ -11,13 +11,15 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import INPUT, RUN, STATUS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.figures.curves import axis_span
-from uqpen.figures.scatter import category_labels, jitter
-from uqpen.report.axes import padded_limits
+from uqpen.figures.scatter import category_labels
+from uqpen.report.axes import padded_limits, quantity, quantity_axis
 from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.marks import Trace, escape_text, point_trace
+from uqpen.report.sections.input_importance import input_importance
 from uqpen.report.sections.leading_design import leading_design, output_heading
 from uqpen.report.sections.plotted_runs import PlottedRuns
+from uqpen.report.sections.run_explorer import run_explorer, run_heights
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
 from uqpen.results.table import NOTHING, OutputTable, identity
@@ -32,13 +34,9 @@ _MOST_CHARTS = 24
 _LONGEST, _HIGHEST = 36, 26
 _HEIGHT = 230
 
+_BEYOND = (LegendKey("run beyond the threshold", "beyond", "circle"),)
 # Measures of association, shown in the table.
 _ASSOCIATIONS = (("spearman", "Spearman"), ("pearson", "Pearson"), ("first_order", "first order"))
-_CHOICE_TEXTS = (
-    ("spearman", "the strongest rank correlations"),
-    ("first_order", "the largest first order"),
-    ("category_first_order", "the largest first order"),
-)
 
 
 def scatter(view: ArchiveView) -> Iterator[Block]:
@@ -52,13 +50,14 @@ def scatter(view: ArchiveView) -> Iterator[Block]:
     keys = [LegendKey("run", view.sources.index(design), "circle")]
     if cloud.shown_failed.sizes[RUN]:
         keys.append(LegendKey("failed run, at the foot", "ink", "x"))
+    yield run_explorer(cloud)
     for output in outputs:
         inputs, note = _chosen_inputs(cloud, output, most)
         if inputs:
             yield Heading(output_heading(view, output))
             yield Charts(
                 tuple(_chart(cloud, output, name) for name in inputs),
-                keys=tuple(keys),
+                keys=(*keys, *_BEYOND * (output in view.numeric_outputs)),
                 notes=tuple(filter(None, (cloud.thinning_note, note, _cut_note(cloud, output)))),
                 tables=(_table(cloud, output),),
             )
@@ -69,25 +68,12 @@ def _chosen_inputs(cloud: PlottedRuns, output: str, most: int) -> tuple[list[str
     every = cloud.inputs
     if len(every) <= most:
         return every, ""
-    sizes, reason = _input_importance(cloud, output)
+    sizes, reason = input_importance(cloud.view, cloud.design, output)
     if not reason:
         return every[:most], f"Shown are the first {most} of {len(every)} inputs."
     kept = sorted(every, key=lambda name: -sizes.get(name, 0.0))[:most]
     note = f"Shown are the {most} of {len(every)} inputs with {reason} by {cloud.design}."
     return [name for name in every if name in kept], note
-
-
-def _input_importance(cloud: PlottedRuns, output: str) -> tuple[dict[str, float], str]:
-    """Return the importance of each input, and its name; empty without an estimate."""
-    statistics = cloud.view.statistics
-    for statistic, why in _CHOICE_TEXTS:
-        array = statistics.get(cloud.design, output, statistic)
-        if array is not None:
-            estimates = np.abs(np.nan_to_num(array.values[..., 0]))
-            largest = estimates.max(axis=0) if estimates.ndim > 1 else estimates
-            if largest.any():
-                return dict(zip(array[INPUT].values.tolist(), largest.tolist(), strict=True)), why
-    return {}, ""
 
 
 def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
@@ -118,10 +104,11 @@ def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
     return Chart(
         title=f"against {name}",
         summary=_summary(cloud, output, name),
-        x=Axis(_short_title(view, name, _LONGEST), ends),
+        x=quantity_axis(view, name, ends, _short_title(view, name, _LONGEST)),
         y=axis,
         traces=tuple(traces),
         height=_HEIGHT,
+        runs_of=view.model,
     )
 
 
@@ -136,13 +123,12 @@ def _hover_line(view: ArchiveView, name: str, along: str) -> str:
 
 def _vertical_axis(cloud: PlottedRuns, output: str) -> tuple[FloatArray, Axis]:
     """Return the positions of the runs along the vertical axis, and the axis."""
-    if output in cloud.view.numeric_outputs:
+    heights, rows = run_heights(cloud, output)
+    if not rows:
         lower, upper, _ = _span(cloud, output)
         title = _short_title(cloud.view, output, _HIGHEST)
-        return cloud.values(output, cloud.shown_completed), Axis(title, (lower, upper))
-    kinds = category_labels(cloud.shown_completed[output])
-    rows = jitter(cloud.shown_completed[output].values, kinds)
-    return rows, Axis("", rows=tuple(kinds.values()))
+        return heights, quantity_axis(cloud.view, output, (lower, upper), title)
+    return heights, Axis("", rows=rows, quantity=quantity(cloud.view, output))
 
 
 def _span(cloud: PlottedRuns, output: str) -> tuple[float, float, bool]:

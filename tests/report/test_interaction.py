@@ -1,0 +1,429 @@
+"""What a reader can do with a page: thresholds, selections, and what can be taken out of it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import xarray as xr
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page
+
+import uqpen
+from uqpen.archive.content import with_hashes
+
+pytestmark = pytest.mark.slow
+
+STUDY = """
+title = "Two outputs"
+seed = 1
+[model]
+python = "two.py:two"
+vectorized = true
+[model.inputs]
+a = "m"
+b = "m"
+[model.outputs]
+y = "m"
+z = "kg m-3"
+[inputs]
+a = { uniform = { lower = "0 m", upper = "1 m" } }
+b = { uniform = { lower = "0 m", upper = "1 m" } }
+[dependence]
+copula = "gaussian"
+of = "ranks"
+pairs = [{ inputs = ["a", "b"], correlation = 0.8 }]
+[outputs.y]
+exceeds = ["0.5 m"]
+[designs.some]
+kind = "monte-carlo"
+runs = 120
+"""
+MODEL = """
+import numpy as np
+def two(a, b):
+    is_lost = a > 0.95
+    return {"y": np.where(is_lost, np.nan, a), "z": np.where(is_lost, np.nan, 1 + a + b)}
+"""
+
+
+@pytest.fixture(scope="module")
+def two(
+    tmp_path_factory: pytest.TempPathFactory, made_once: Callable[..., xr.DataTree]
+) -> xr.DataTree:
+    """A study of two outputs and two dependent inputs, with a few failed runs."""
+
+    def make() -> xr.DataTree:
+        folder = tmp_path_factory.mktemp("two")
+        (folder / "two.py").write_text(MODEL)
+        return uqpen.run(uqpen.parse_study(STUDY, folder=folder))
+
+    tree = made_once("two", make).copy(deep=True)
+    tree["runs/some/b"].attrs["long_name"] = '=b, "quoted"'
+    return with_hashes(tree)
+
+
+class Values:
+    """The completed runs of the study."""
+
+    def __init__(self, tree: xr.DataTree) -> None:
+        runs = tree["runs/some"]
+        is_ok = runs["status"].values == 0
+        self.a, self.b, self.y, self.z = (runs[name].values[is_ok] for name in "abyz")
+        self.lost = runs["a"].values[~is_ok]
+        self.half = float(np.sqrt(np.log(2 / 0.05) / (2 * self.y.size)))
+
+
+@pytest.fixture
+def values(two: xr.DataTree) -> Values:
+    return Values(two)
+
+
+@pytest.fixture
+def page(show: Callable[[str], Page]) -> Page:
+    """The page with the thresholds that it begins with, and without a selection."""
+    page = show("two")
+    page.emulate_media(reduced_motion="reduce")
+    free = page.get_by_role("button", name="Select all runs")
+    if free.is_enabled():
+        free.click()
+    _type(page, 0, "0.5")
+    return page
+
+
+def _type(page: Page, form: int, text: str) -> str:
+    """Type a threshold; the answer."""
+    box = page.locator(".threshold:not(line)").nth(form)
+    box.fill(text)
+    box.press("Enter")
+    return page.locator(".readout").nth(form).inner_text()
+
+
+# The lines at a value that stand in the charts of an output, by what lies along the axis across.
+LINES = """([name, at]) => {
+  const { charts } = JSON.parse(document.getElementById("data").textContent);
+  const found = [];
+  for (const plot of document.querySelectorAll(".plot")) {
+    const chart = charts[plot.dataset.chart];
+    for (const along of ["x", "y"]) {
+      if (chart?.[along].of?.[0] !== name) continue;
+      const lines = plot.layout.shapes.filter((shape) => shape.type === "line");
+      const isAt = (line) => line[`${along}0`] === at && line[`${along}1`] === at;
+      found.push([along, lines.some(isAt)]);
+    }
+  }
+  return found;
+}"""
+
+
+def _seen(page: Page) -> None:
+    """Scroll over the whole page, as charts follow when they come near."""
+    for plot in page.locator(".plot").all():
+        plot.evaluate("(each) => each.scrollIntoView()")
+        page.evaluate("() => new Promise((done) => setTimeout(done, 40))")
+
+
+class TestThreshold:
+    def test_it_moves_in_all_charts_of_the_output(self, page: Page, values: Values) -> None:
+        _type(page, 0, "0,7")
+        _seen(page)
+        lines = page.evaluate(LINES, ["y", 0.7])
+        # Distribution function, histogram and tail; then the output against each input.
+        assert [along for along, _ in lines] == ["x", "x", "x", "y", "y"]
+        assert all(is_there for _, is_there in lines)
+        assert page.evaluate(LINES, ["z", 0.7]) == [[along, False] for along, _ in lines]
+        count = int((values.y > 0.7).sum())
+        assert 0 < count < values.y.size
+        assert page.locator(".lines .beyond").count() == count
+        told = page.locator(".told").inner_text()
+        assert told.startswith(f"{count} of the {values.y.size} completed runs shown have y above")
+        colours = page.evaluate(
+            COLOURS, page.locator("#scatter .charts .plot").first.element_handle()
+        )
+        assert sorted(colours.values()) == sorted([count, values.y.size - count])
+
+    def test_it_stands_in_the_address_and_comes_back_from_it(
+        self, page: Page, browser: Browser
+    ) -> None:
+        _type(page, 0, "0.62")
+        _type(page, 1, "2.5")
+        page.wait_for_function("() => decodeURIComponent(location.hash).includes('z>2.5_kg_m-3')")
+        assert "y>0.62_m&" in page.evaluate("decodeURIComponent(location.hash)")
+        other = browser.new_page()
+        other.goto(page.url)
+        read = other.locator(".threshold:not(line)").evaluate_all(
+            "(all) => all.map((a) => a.value)"
+        )
+        assert [float(text) for text in read] == [0.62, 2.5]
+        other.close()
+
+    def test_a_place_stands_before_it(self, page: Page) -> None:
+        page.evaluate("location.hash = '#scatter&y>0.55_m'")
+        page.wait_for_function("() => document.querySelector('.threshold').value === '0.550'")
+        assert page.evaluate("document.getElementById('scatter').getBoundingClientRect().top") < 200
+        page.locator("nav li a").first.click()
+        page.wait_for_function(
+            "() => decodeURIComponent(location.hash).startsWith('#answer&y>0.55_m')"
+        )
+
+    def test_another_unit_is_refused(self, page: Page) -> None:
+        page.evaluate("location.hash = '#y>70_cm'")
+        readout = page.locator(".readout").first
+        page.wait_for_function(
+            "() => document.querySelector('.readout').textContent.includes('unit')"
+        )
+        assert readout.inner_text() == "The address asks for y>70 cm; the unit here is m."
+        assert page.locator(".threshold").first.input_value() == "0.500"
+
+    def test_a_value_that_no_run_reached_is_answered(self, page: Page, values: Values) -> None:
+        found = re.fullmatch(
+            r"1.5 m: no run of (\d+) reached it \(largest: 0.9\d* m\). "
+            r"P\(more\) is at most (\d+\.\d) %\.",
+            _type(page, 0, "1,5 m"),
+        )
+        assert found
+        assert int(found[1]) == values.y.size
+        # Rounded up, so that the bound holds.
+        assert 0 <= float(found[2]) - 100 * values.half < 0.1
+        below = _type(page, 0, "-1")
+        assert below.startswith(f"-1 m: each of the {values.y.size} runs exceeded it")
+        assert page.locator(".threshold").first.input_value() == "-1"
+
+    def test_between_two_steps_both_shares_are_given(self, page: Page, values: Values) -> None:
+        step = 1e-3
+        for at in np.quantile(values.y, [0.2, 0.5, 0.8]) + 0.1 * step:
+            text = _type(page, 0, f"{at:.6f}")
+            shares = re.match(r"P\(at most [\d.]+ m\) = ([\d.]+)(?: to ([\d.]+))? %", text)
+            assert shares, text
+            exact = 100 * np.mean(values.y <= round(at, 6))
+            half = 10.0 ** -len(shares[1].partition(".")[2]) / 2 + 1e-9
+            assert float(shares[1]) - half <= exact <= float(shares[2] or shares[1]) + half
+
+    def test_what_is_no_number_is_told(self, page: Page) -> None:
+        assert _type(page, 0, "deep") == "“deep” is not understood; type a number in m."
+        box = page.locator(".threshold").first
+        assert box.get_attribute("aria-invalid") == "true"
+        assert page.locator(".lines line.threshold[visibility=visible]").count() > 0
+        _type(page, 0, "0.5")
+        assert box.get_attribute("aria-invalid") is None
+
+
+# How many points of a chart have each colour.
+COLOURS = """(plot) => {
+  const counts = {};
+  for (const point of plot.querySelector(".trace").querySelectorAll("path.point")) {
+    const { fill } = getComputedStyle(point);
+    counts[fill] = (counts[fill] ?? 0) + 1;
+  }
+  return counts;
+}"""
+
+# How many points of a chart stand in front.
+IN_FRONT = """(plot) => [...plot.querySelector(".trace").querySelectorAll("path.point")]
+  .filter((point) => Number(point.style.opacity) > 0.5).length"""
+
+
+class TestSelection:
+    def test_the_handles_of_an_axis_are_moved_by_keys(self, page: Page, values: Values) -> None:
+        handle = page.locator(".handle[aria-label='y [m], from']")
+        handle.focus()
+        page.keyboard.press("ArrowDown")
+        page.keyboard.press("ArrowDown")
+        focused = "document.activeElement.getAttribute('aria-label')"
+        assert page.evaluate(focused).endswith(", from")
+        name = page.evaluate(focused)[0]
+        for _ in range(5):
+            page.keyboard.press("PageDown" if name == "z" else "PageUp")
+        lower = float(page.evaluate("document.activeElement.getAttribute('aria-valuenow')"))
+        column = {"a": values.a, "=": values.b}[name]
+        count = int((column >= lower).sum())
+        assert 0 < count < column.size
+        page.wait_for_function("() => document.querySelectorAll('.lines .chosen').length === 1")
+        told = page.locator(".told").inner_text()
+        assert told.startswith(f"{count} of the {column.size} completed runs shown have")
+        assert page.locator(".lines .in:not(.failed)").count() == count
+        chart = page.locator("#scatter .charts .plot").first
+        chart.scroll_into_view_if_needed()
+        page.wait_for_timeout(100)
+        assert chart.evaluate(IN_FRONT) == count
+        handle = page.locator(".handle:focus")
+        page.keyboard.press("Escape")
+        page.wait_for_function("() => document.querySelectorAll('.lines .chosen').length === 0")
+
+    def test_a_rectangle_over_runs_selects_them_everywhere(
+        self, page: Page, values: Values
+    ) -> None:
+        chart = page.locator("#scatter .charts .plot").first
+        chart.scroll_into_view_if_needed()
+        box = chart.locator(".nsewdrag").first.bounding_box()
+        page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 2)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + box["height"] - 2, steps=4)
+        page.mouse.up()
+        page.wait_for_function("() => document.querySelectorAll('.lines .chosen').length === 1")
+        count = int(page.locator(".told").inner_text().split(" ")[0])
+        assert 0 < count < values.y.size
+        assert page.locator(".lines .in:not(.failed)").count() == count
+        for other in page.locator("#scatter .charts .plot").all()[:2]:
+            other.scroll_into_view_if_needed()
+            page.wait_for_timeout(100)
+            assert other.evaluate(IN_FRONT) == count
+        page.get_by_role("button", name="Select all runs").click()
+        page.wait_for_function("() => document.querySelectorAll('.lines .chosen').length === 0")
+
+    def test_how_the_inputs_of_these_runs_differ(self, page: Page, values: Values) -> None:
+        page.get_by_text("How their inputs differ").click()
+        rows = page.locator(".told-runs tbody tr").all_inner_texts()
+        cells = {row.split("\t")[0][0]: row.split("\t")[1:] for row in rows}
+        is_in = values.y > 0.5
+        assert cells["a"][3] == "1.00"
+        above, below = values.b[is_in][:, None], values.b[~is_in]
+        assert float(cells["="][3]) == pytest.approx(np.mean(above > below), abs=0.0051)
+        assert float(cells["="][0]) == pytest.approx(np.median(values.b[is_in]), rel=1e-3)
+        assert "larger a (median" in page.locator(".told").inner_text()
+
+    def test_inputs_against_each_other_are_the_dependent_ones(
+        self, page: Page, values: Values
+    ) -> None:
+        drawn = page.locator(".pair .plot").evaluate("(plot) => [plot.data[0].x, plot.data[0].y]")
+        found = sorted((sorted(each) for each in drawn), key=sum)
+        exact = sorted((sorted(each) for each in (values.a, values.b)), key=sum)
+        np.testing.assert_allclose(found, exact, rtol=1e-4)
+        lost = page.locator(".pair .plot").evaluate("(plot) => plot.data[1].x.length")
+        assert lost == values.lost.size > 0
+        upward = page.get_by_label("Upward")
+        upward.select_option(label="z [kg m⁻³]")
+        title = page.locator(".pair .plot").evaluate("(plot) => plot.layout.yaxis.title.text")
+        assert title == "z [kg m⁻³]"
+
+
+class TestSaving:
+    def test_a_table_as_csv(self, page: Page, tmp_path: Path) -> None:
+        table = page.locator(".table:has(> .tools):visible").first
+        with page.expect_download() as saved:
+            table.get_by_role("button", name="Save as CSV").click()
+        assert saved.value.suggested_filename.endswith(".csv")
+        rows = _csv(saved.value, tmp_path)
+        shown = table.locator("tbody tr").evaluate_all(
+            "(all) => all.map((row) => [...row.cells].map((cell) => cell.textContent.trim()))"
+        )
+        assert rows[1:] == [[cell.replace("\u202f", " ") for cell in row] for row in shown]
+        assert len({len(row) for row in rows}) == 1
+
+    def test_the_runs_as_csv_which_no_spreadsheet_takes_for_formulas(
+        self, page: Page, values: Values, tmp_path: Path
+    ) -> None:
+        with page.expect_download() as saved:
+            page.get_by_role("button", name="CSV of these runs").click()
+        head, *rows = _csv(saved.value, tmp_path)
+        assert head[:3] == ["run", "y [m]", "z [kg m⁻³]"]
+        assert '\'=b, "quoted" [m]' in head
+        kept = values.y > 0.5
+        np.testing.assert_allclose([float(row[1]) for row in rows], values.y[kept], rtol=1e-4)
+        np.testing.assert_allclose([float(row[2]) for row in rows], values.z[kept], rtol=1e-4)
+
+    @pytest.mark.parametrize("figure", ["#distributions figure", ".explorer figure"])
+    def test_a_chart_as_svg_tells_where_it_comes_from(
+        self, page: Page, figure: str, tmp_path: Path
+    ) -> None:
+        saved = _save(page, figure, "SVG")
+        svg = ElementTree.fromstring(Path(saved.path()).read_text("utf-8"))
+        assert svg.tag == "{http://www.w3.org/2000/svg}svg"
+        words = " ".join("".join(each.itertext()) for each in svg.iter(f"{svg.tag[:-3]}text"))
+        title = page.locator(figure).first.locator("figcaption").inner_text()
+        assert title.split(" ")[-1] in words
+        assert "archive sha256" in words
+        assert len(list(svg.iter(f"{svg.tag[:-3]}path"))) > 3
+        for key in page.locator(figure).first.locator(".legend li").all_inner_texts():
+            assert key.split(" ")[0] in words
+
+    def test_a_chart_as_png(self, page: Page) -> None:
+        content = Path(_save(page, "#distributions figure", "PNG").path()).read_bytes()
+        assert content[:8] == b"\x89PNG\r\n\x1a\n"
+        width, height = (int.from_bytes(content[at : at + 4], "big") for at in (16, 20))
+        assert width > 1000
+        assert height > 700
+
+    def test_a_sentence_is_copied_with_its_reference(self, page: Page, two: xr.DataTree) -> None:
+        page.evaluate(CLIPBOARD)
+        button = page.get_by_role("button", name="Copy this sentence with its reference").first
+        button.click()
+        copied = page.evaluate("window.copied")
+        sentence, _, reference = copied.partition(" [")
+        assert sentence.endswith(".")
+        assert re.fullmatch(
+            r"Two outputs; (study \w+; )?archive sha256 [0-9a-f]{16}; uqpen [\w.]+\]", reference
+        )
+        page.wait_for_function("() => !document.querySelector('main').textContent.includes('Copied')")
+
+    def test_the_link_to_a_chart_has_the_threshold(self, page: Page) -> None:
+        page.evaluate(CLIPBOARD)
+        figure = page.locator("#scatter .charts figure").first
+        figure.get_by_text("Save or link").click()
+        figure.get_by_role("button", name="Copy the link").click()
+        place, _, reading = page.evaluate("window.copied").partition("#")[2].partition("&")
+        assert place == figure.get_attribute("id") == "scatter-y-against-a"
+        assert "y>0.5_m" in reading
+
+
+CLIPBOARD = """Object.defineProperty(navigator, "clipboard", {
+  configurable: true, value: { writeText: async (text) => { window.copied = text; } },
+})"""
+
+
+def _save(page: Page, figure: str, label: str) -> Any:
+    """The file that a button of a figure saves."""
+    tools = page.locator(figure).first.locator("details.tools").last
+    if not tools.evaluate("(each) => each.open"):
+        tools.locator("summary").click()
+    with page.expect_download() as saved:
+        tools.get_by_role("button", name=f"{label} of this chart").click()
+    return saved.value
+
+
+def _csv(saved: Any, folder: Path) -> list[list[str]]:
+    path = folder / "saved.csv"
+    saved.save_as(path)
+    return list(csv.reader(io.StringIO(path.read_text("utf-8-sig"), newline="")))
+
+
+def test_a_table_is_sorted_by_its_numbers(page: Page) -> None:
+    table = page.locator("#distributions .table:visible table").first
+    column = (
+        "(table) => [...table.tBodies[0].rows].map((row) => parseFloat(row.cells[1].textContent))"
+    )
+    before = table.evaluate(column)
+    button = table.locator("button.sort").first
+    button.focus()
+    page.keyboard.press("Enter")
+    head = table.locator("th:has(button.sort)").first
+    assert head.get_attribute("aria-sort") == "ascending"
+    assert table.evaluate(column) == sorted(before)
+    page.keyboard.press("Space")
+    assert head.get_attribute("aria-sort") == "descending"
+    assert table.evaluate(column) == sorted(before, reverse=True)
+    page.keyboard.press("Enter")
+    assert head.get_attribute("aria-sort") is None
+    assert table.evaluate(column) == before
+
+
+def test_the_contents_stay_in_view_and_lead_back_up(page: Page) -> None:
+    page.evaluate("document.getElementById('scatter').scrollIntoView()")
+    page.wait_for_selector("nav a[href='#scatter'][aria-current=true]")
+    assert page.evaluate("document.querySelector('nav').getBoundingClientRect().top") == 0
+    page.get_by_role("link", name="Top").click()
+    page.wait_for_function("() => scrollY === 0")
+
+
+def test_it_has_no_faults_with_a_selection(page: Page) -> None:
+    page.locator(".handle").first.focus()
+    page.keyboard.press("PageUp")
+    page.wait_for_function("() => document.querySelectorAll('.lines .chosen').length === 1")
+    assert [each["id"] for each in Axe().run(page).response["violations"]] == []

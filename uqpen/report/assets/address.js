@@ -1,0 +1,74 @@
+// The address of a page has its thresholds, as in `#depth>0.6_m`, behind a place on the page if
+// there is one, as in `#distributions&depth>0.6_m`. So a reading can be sent.
+
+const inAddress = (text) => encodeURIComponent(text.replaceAll(" ", "_")).replaceAll("%2F", "/");
+
+function decoded(text) {
+  try {
+    return decodeURIComponent(text);
+  } catch {
+    return text;
+  }
+}
+
+// Parts of an address: the place, and a text for each threshold.
+function addressParts() {
+  const parts = window.location.hash.slice(1).split("&").map(decoded).filter(Boolean);
+  const isReading = (part) => part.includes(">") && !document.getElementById(part);
+  return { place: parts.find((part) => !isReading(part)) ?? "", readings: parts.filter(isReading) };
+}
+
+function addressOf(place) {
+  const readings = [...movedKeys].map((key) => {
+    const [name, unit] = key.split("\n");
+    const value = String(Number(thresholds.get(key).toPrecision(12)));
+    return `${encodeURIComponent(name)}>${value}${unit ? `_${inAddress(unit)}` : ""}`;
+  });
+  return [place && encodeURIComponent(place), ...readings].filter(Boolean).join("&");
+}
+
+function writeAddress(place = addressParts().place) {
+  const address = addressOf(place);
+  if (decoded(address) === decoded(window.location.hash.slice(1))) return;
+  window.history.replaceState(null, "", address ? `#${address}` : window.location.pathname);
+}
+
+// A unit that the page does not have is refused, as the number would mean something else.
+function applyReading(part) {
+  const known = [...new Set(forms.map(({ key }) => key))].filter((key) => part.startsWith(`${key.split("\n")[0]}>`));
+  for (const key of known) {
+    const [name, unit] = key.split("\n");
+    const found = part.slice(name.length + 1).match(/^([+-]?\d+\.?\d*(?:e[+-]?\d+)?)(?:_(.*))?$/i);
+    const isUnit = found && (found[2] === undefined || found[2] === unit.replaceAll(" ", "_"));
+    if (isUnit) {
+      moveTo(key, Number(found[1]));
+      continue;
+    }
+    const wanted = `The address asks for ${part.replaceAll("_", " ")}`;
+    const why = found ? `the unit here is ${unit || "1"}` : "which is not understood";
+    forms.filter((form) => form.key === key).forEach((form) => form.refuse(`${wanted}; ${why}.`));
+  }
+}
+
+// Goes to a place, out of what is folded.
+function goTo(place) {
+  const target = document.getElementById(place);
+  if (!target) return;
+  for (let fold = target.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
+  target.scrollIntoView();
+}
+
+function readAddress() {
+  const { place, readings } = addressParts();
+  readings.forEach(applyReading);
+  if (place) goTo(place);
+  writeAddress(place);
+}
+
+let writing;
+followers.push(() => {
+  // Some browsers refuse more than a few changes a second.
+  clearTimeout(writing);
+  if (movedKeys.size) writing = setTimeout(() => writeAddress(), 150);
+});
+window.addEventListener("hashchange", readAddress);
