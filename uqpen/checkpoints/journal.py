@@ -7,6 +7,7 @@ import os
 import platform
 import time
 from collections import Counter
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -80,6 +81,13 @@ class Journal(Progress):
                 stream.write(f"{moment} {text}\n")
         except OSError as error:
             raise ArchiveError(f"{self._path}: cannot be written: {error.strerror}") from None
+
+    def start_step(self, name: str, number: int = 0, total: int = 0) -> None:
+        self._finish()
+        self._progress.start_step(name, number, total)
+
+    def announce_designs(self, runs: Mapping[str, int]) -> None:
+        self._progress.announce_designs(runs)
 
     def start_preparation(self, model: str) -> None:
         self._progress.start_preparation(model)

@@ -39,13 +39,17 @@ def study(
 
     The exit code is 3 if all runs of a design failed.
     """
+    from uqpen.cli.progress import show_step
     from uqpen.cli.report import announce_report, write_and_announce
-    from uqpen.cli.screen import show_tables
-    from uqpen.study.load import load_study
 
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
-    loaded = load_study(file)
+    # Shown before the imports, which take longer than the reading.
+    with show_step("reading the study"):
+        from uqpen.cli.screen import show_tables
+        from uqpen.study.load import load_study
+
+        loaded = load_study(file)
     archive = archive or Path("archives") / f"{loaded.name}.nc"
     code = make_and_show(loaded, here, archive, executor, show_tables, **resume)
     if code is not ExitCode.INTERRUPTED:
@@ -74,8 +78,11 @@ def make_and_show(
     from uqpen.results.failed_runs import has_failed_design
 
     try:
-        with executor.open_map() as spread, show_progress() as reporter:
-            tree = make_archive(study, here / archive, map=spread, progress=reporter, **resume)
+        with show_progress() as reporter:
+            if executor.preparation:
+                reporter.start_step(executor.preparation)
+            with executor.open_map() as spread:
+                tree = make_archive(study, here / archive, map=spread, progress=reporter, **resume)
     except KeyboardInterrupt as interrupt:
         click.echo(": ".join(["interrupted", *map(str, interrupt.args)]), err=True)
         return ExitCode.INTERRUPTED

@@ -12,13 +12,13 @@ import xarray as xr
 from uqpen.core.errors import StudyError
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, REPLICATE, ROLE, RUN, STATUS, WEIGHT
 from uqpen.core.model import Category, Dimension, Model, Output, empty_outputs
+from uqpen.core.progress import Progress
 from uqpen.core.status import Status
 from uqpen.execution.batch import Batch, BatchResult, Map, PacedMap
 from uqpen.execution.batching import WORTH_SENDING, Pace, scalar_batches, vectorized_batches
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.evaluator import Evaluator, EvaluatorWork
 from uqpen.execution.failures import FailureCount, FailurePolicy
-from uqpen.execution.progress import Progress
 
 __all__ = ["evaluate"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 
 __all__ = ["Progress"]
 
@@ -10,8 +11,22 @@ __all__ = ["Progress"]
 class Progress:
     """Receiver of progress reports of a study; this base class ignores them."""
 
+    def start_step(self, name: str, number: int = 0, total: int = 0) -> None:
+        """Report the start of a step other than runs, such as the fit of a surrogate.
+
+        Parameters
+        ----------
+        name : str
+            The step in words: "fitting polynomial_chaos".
+        number, total : int
+            Its number among the steps of the analysis, from 1, and their total; 0 for other steps.
+        """
+
     def start_preparation(self, model: str) -> None:
         """Report that the model is being prepared; the first time, it may be compiled."""
+
+    def announce_designs(self, runs: Mapping[str, int]) -> None:
+        """Report the approximate number of runs of each design, before the first one starts."""
 
     def start_design(self, name: str, runs: int) -> None:
         """Report the start of a design, with its approximate number of runs."""
