@@ -7,10 +7,12 @@ import os
 import platform
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
+
+import xarray as xr
 
 from uqpen.archive.provenance import provenance
 from uqpen.core.errors import ArchiveError
@@ -96,6 +98,9 @@ class Journal(Progress):
         self._finish()
         self._name, self._runs, self._failed, self._began = name, 0, 0, time.monotonic()
         self._progress.start_design(name, runs)
+
+    def start_runs(self, model: str, finished_runs: Callable[[], xr.Dataset]) -> None:
+        self._progress.start_runs(model, finished_runs)
 
     def count_restored(self, runs: int) -> None:
         self.write_line(f"{self._name}: {runs} runs were made before")

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["Progress"]
 
@@ -30,6 +34,18 @@ class Progress:
 
     def start_design(self, name: str, runs: int) -> None:
         """Report the start of a design, with its approximate number of runs."""
+
+    def start_runs(self, model: str, finished_runs: Callable[[], xr.Dataset]) -> None:
+        """Report that the runs of a model at the points of a round start.
+
+        Parameters
+        ----------
+        model : str
+            The name of the model in a study with several; empty for the only one.
+        finished_runs : callable
+            Returns the runs of the round that are finished when it is called, with their numbers
+            along ``run``. It is called in the thread of the reports.
+        """
 
     def count_restored(self, runs: int) -> None:
         """Report a number of runs that were made before, and are not made again."""

@@ -32,6 +32,7 @@ def evaluate(
     display_units: Mapping[str, str],
     *,
     map: Map = map,
+    label: str = "",
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
     failures: FailurePolicy | None = None,
@@ -48,6 +49,8 @@ def evaluate(
         The unit to show an input or output in, where it is not the model's own.
     map : callable
         Like the built-in; it makes the runs of batches.
+    label : str
+        The name of the model in a study with several, for progress reports.
     progress : Progress, optional
         Receives progress reports.
     checkpoint : Checkpoint, optional
@@ -76,6 +79,17 @@ def evaluate(
     columns = {str(name): np.broadcast_to(points[name].values, total) for name in points.data_vars}
     record = _RunRecord(model.outputs, total)
     failure_count = FailureCount(failures.at_most, total)
+
+    def finished_runs() -> xr.Dataset:
+        at = np.flatnonzero(record.done)
+        is_partial = at.size < total
+        some = {RUN: points[RUN].values[at]}
+        runs = points.isel({RUN: at}).assign_coords(some) if is_partial else points
+        runs = runs.assign(record.variables(model.outputs)).assign_coords(_coordinates(model))
+        _add_attributes(runs, model, display_units)
+        return runs
+
+    progress.start_runs(label, finished_runs)
     for batch_result in checkpoint.restore(columns):
         record.add(batch_result)
         failure_count.add(batch_result)
@@ -101,9 +115,7 @@ def evaluate(
         for warning in batch_result.warnings:
             progress.warn(warning)
         progress.advance(len(batch_result), failure_count.add(batch_result), record.under_way)
-    runs = points.assign(record.variables(model.outputs)).assign_coords(_coordinates(model))
-    _add_attributes(runs, model, display_units)
-    return runs
+    return finished_runs()
 
 
 def _coordinates(model: Model) -> dict[str, Any]:
@@ -154,15 +166,16 @@ class _RunRecord:
         self._reasons |= {start + run: reason for run, reason in results.reasons.items()}
 
     def variables(self, outputs: Sequence[Output]) -> dict[str, Any]:
-        """Return all runs as variables of a dataset."""
+        """Return the finished runs as variables of a dataset."""
         variables: dict[str, Any] = {}
+        done: Any = ... if self.done.all() else self.done
         for output in outputs:
-            values: npt.NDArray[Any] = self._outputs[output.name]
+            values: npt.NDArray[Any] = self._outputs[output.name][done]
             if output.categories:
                 # A failed run has no category, which integers express as a category of its own.
                 values = np.where(np.isnan(values), -1, values).astype(np.int8)
             variables[output.name] = ((RUN, *(dim.name for dim in output.dims)), values)
-        variables[STATUS] = (RUN, self._status)
+        variables[STATUS] = (RUN, self._status[done])
         failed = sorted(self._reasons)
         if not failed:
             return variables
