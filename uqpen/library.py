@@ -53,7 +53,7 @@ def run(
     TooManyFailedError
         If more runs fail than the study allows.
     """
-    with _map(workers, map) as spread, _progress(progress) as reporter:
+    with _progress(progress) as reporter, _map(workers, map, reporter) as spread:
         return Archive.of(workflow.run(study, map=spread, progress=reporter))
 
 
@@ -92,7 +92,7 @@ def make_archive(
     CheckpointError
         If there are kept runs that this study would not make; it states the changes.
     """
-    with _map(workers, map) as spread, _progress(progress) as reporter:
+    with _progress(progress) as reporter, _map(workers, map, reporter) as spread:
         tree = checkpoints.make_archive(
             study, path, map=spread, progress=reporter, fresh=fresh, lost_again=lost_again
         )
@@ -157,7 +157,7 @@ def verify(
         objects |= {("models", name): function for name, function in model.items()}
     elif model is not None:
         objects["model",] = model
-    with _map(workers, None) as spread, _progress(progress) as reporter:
+    with _progress(progress) as reporter, _map(workers, None, reporter) as spread:
         return list(
             verify_parts(
                 Path(path),
@@ -172,11 +172,12 @@ def verify(
 
 
 @contextlib.contextmanager
-def _map(workers: int, given: Map | None) -> Iterator[Map]:
+def _map(workers: int, given: Map | None, progress: Progress) -> Iterator[Map]:
     """Provide the map that makes runs: in this process, or on several."""
     if given is not None or workers == 1:
         yield given or map
         return
+    progress.start_step(f"starting {workers} worker processes")
     with processes(workers) as spread:
         yield spread
 

@@ -9,7 +9,9 @@ from collections.abc import Iterator
 from html import escape
 from typing import Any
 
-from uqpen.execution import Progress
+from uqpen.core.progress import Progress
+from uqpen.core.progress_record import ProgressRecord
+from uqpen.results.progress_texts import runs_text, step_text
 
 __all__ = ["NotebookProgress", "notebook_progress"]
 
@@ -39,8 +41,8 @@ def _is_notebook() -> bool:
     return getattr(shell, "kernel", None) is not None
 
 
-class NotebookProgress(Progress):
-    """Progress bar in the output of a notebook's cell.
+class NotebookProgress(ProgressRecord):
+    """Progress bar in the output of a notebook's cell, over all designs of a study.
 
     Parameters
     ----------
@@ -49,41 +51,39 @@ class NotebookProgress(Progress):
     """
 
     def __init__(self, handle: Any) -> None:
+        super().__init__()
         self._handle = handle
-        self._design, self._runs, self._done, self._failed = "", 0, 0, 0
         self._shown = 0.0
 
-    def start_preparation(self, model: str) -> None:
-        self._show(f"preparing {model}")
+    def start_step(self, name: str, number: int = 0, total: int = 0) -> None:
+        super().start_step(name, number, total)
+        self._show()
 
     def start_design(self, name: str, runs: int) -> None:
-        self._design, self._runs, self._done, self._failed = name, runs, 0, 0
-        self._show_runs()
+        super().start_design(name, runs)
+        self._show()
 
     def count_restored(self, runs: int) -> None:
-        self._done += runs
-        self._show_runs()
+        super().count_restored(runs)
+        self._show()
 
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
-        self._done += runs
-        self._failed += failed
+        super().advance(runs, failed, in_progress)
         if time.monotonic() - self._shown >= _PERIOD:
-            self._show_runs()
-
-    def start_analysis(self) -> None:
-        self._show("analysing")
+            self._show()
 
     def finish(self) -> None:
         """Clear the bar."""
         self._handle.update({"text/plain": "", "text/html": ""}, raw=True)
 
-    def _show_runs(self) -> None:
-        failed = f", {self._failed} failed" if self._failed else ""
-        text = f"{self._design}: {self._done} of {self._runs} runs{failed}"
-        share = f' value="{self._done}" max="{max(self._runs, 1)}"'
-        self._show(text, share)
-
-    def _show(self, text: str, share: str = "") -> None:
+    def _show(self) -> None:
+        state, text = self.state, step_text(self.state)
+        # A step that is under way is not done yet.
+        done, total = max(state.step_number - 1, 0), state.steps
+        if not state.step:
+            done, total = state.done, state.runs
+            text = f"{text}; {runs_text(state)}"
+        share = f' value="{done}" max="{total}"' if total else ""
         html = f"<progress{share}></progress> {escape(text)}"
         self._handle.update({"text/plain": text, "text/html": html}, raw=True)
         self._shown = time.monotonic()

@@ -7,9 +7,12 @@ import os
 import platform
 import time
 from collections import Counter
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
+
+import xarray as xr
 
 from uqpen.archive.provenance import provenance
 from uqpen.core.errors import ArchiveError
@@ -81,6 +84,13 @@ class Journal(Progress):
         except OSError as error:
             raise ArchiveError(f"{self._path}: cannot be written: {error.strerror}") from None
 
+    def start_step(self, name: str, number: int = 0, total: int = 0) -> None:
+        self._finish()
+        self._progress.start_step(name, number, total)
+
+    def announce_designs(self, runs: Mapping[str, int]) -> None:
+        self._progress.announce_designs(runs)
+
     def start_preparation(self, model: str) -> None:
         self._progress.start_preparation(model)
 
@@ -88,6 +98,12 @@ class Journal(Progress):
         self._finish()
         self._name, self._runs, self._failed, self._began = name, 0, 0, time.monotonic()
         self._progress.start_design(name, runs)
+
+    def start_runs(self, model: str, finished_runs: Callable[[], list[xr.Dataset]]) -> None:
+        self._progress.start_runs(model, finished_runs)
+
+    def end_block(self, model: str, runs: xr.Dataset) -> None:
+        self._progress.end_block(model, runs)
 
     def count_restored(self, runs: int) -> None:
         self.write_line(f"{self._name}: {runs} runs were made before")

@@ -81,6 +81,7 @@ def make_archive(
         checkpoints = _no_checkpoints if is_unknown else kept.checkpoint
         try:
             tree = _run_study(study, map, journal, kept, checkpoints)
+            journal.start_step("writing the archive")
             _write(tree, path, kept)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(_kept_text(kept) or "nothing was written") from None

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import textwrap
 import time
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import xarray as xr
 from rich.console import Console
+from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
-from rich.progress import TimeRemainingColumn
 from rich.text import Text
 
 from uqpen.benchmark.compare import BenchmarkProgress
 from uqpen.cli.printable import printable
-from uqpen.cli.progress import bar_or_lines
 from uqpen.cli.screen import show_table, standard_output
 from uqpen.results.benchmark_tables import LEGEND, entry_comparisons, methods_table, standings_table
 from uqpen.results.digits import grouped_number
+from uqpen.results.progress_texts import duration_text
 
 __all__ = ["show_benchmark", "show_progress"]
 
@@ -46,9 +47,16 @@ def _show_text(console: Console, text: str) -> None:
         console.print(Text(f" {line}", style="dim"), soft_wrap=True)
 
 
-def show_progress() -> AbstractContextManager[BenchmarkProgress]:
+@contextmanager
+def show_progress() -> Iterator[BenchmarkProgress]:
     """Show a bar with the time remaining on a terminal, lines elsewhere."""
-    return bar_or_lines(_Bar, _Lines, TimeRemainingColumn())
+    console = Console(stderr=True, highlight=False)
+    if not console.is_terminal:
+        yield _Lines(console)
+        return
+    columns = TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()
+    with Bar(*columns, console=console, transient=True) as shown:
+        yield _Bar(shown)
 
 
 class _Announced(BenchmarkProgress):
@@ -62,7 +70,7 @@ class _Announced(BenchmarkProgress):
         self._repeats = repeats
         self._print(
             f"{grouped_number(runs)} runs, {grouped_number(reference)} of them for the reference; "
-            f"the model alone takes about {_duration(seconds)}"
+            f"the model alone takes about {duration_text(seconds)}"
         )
 
     def _print(self, text: str) -> None:
@@ -112,18 +120,6 @@ class _Lines(_Announced):
             self._print("the reference is there")
         elif done == 1 or done == self._repeats or now - self._last > _BETWEEN_LINES:
             left = (now - self._began) / done * (self._repeats - done)
-            end = f"about {_duration(left)} to go" if done < self._repeats else "done"
+            end = f"about {duration_text(left)} to go" if done < self._repeats else "done"
             self._print(f"repeat {done} of {self._repeats}: {end}")
             self._last = now
-
-
-def _duration(seconds: float) -> str:
-    """Format a duration in words.
-
-    >>> _duration(0.2), _duration(75), _duration(7000)
-    ('1 s', '75 s', '117 min')
-    """
-    for length, unit, most in ((1, "s", 120), (60, "min", 180), (3600, "h", 72)):
-        if seconds < most * length:
-            return f"{max(1, round(seconds / length))} {unit}"
-    return f"{round(seconds / 86_400)} days"

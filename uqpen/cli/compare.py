@@ -45,23 +45,27 @@ def compare(
 
     The exit code is 3 if all runs of the reference failed.
     """
-    from uqpen.archive.write import prepare_destination, write
-    from uqpen.benchmark.compare import check_study, compare
-    from uqpen.benchmark.settings import BUDGETS, REPEATS, BenchmarkSettings
-    from uqpen.cli.benchmark_screen import show_benchmark, show_progress
+    from uqpen.cli.progress import show_step
     from uqpen.cli.report import announce_report
-    from uqpen.cli.screen import show_line
-    from uqpen.results.benchmark_tables import has_reference
-    from uqpen.study.load import load_study
 
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
-    settings = BenchmarkSettings(
-        budgets=BUDGETS if budgets is None else _parse_budgets(budgets),
-        repeats=REPEATS if repeats is None else repeats,
-        reference=reference,
-    )
-    study = load_study(file)
+    # Shown before the imports, which take longer than the reading.
+    with show_step("reading the study"):
+        from uqpen.archive.write import prepare_destination, write
+        from uqpen.benchmark.compare import check_study, compare
+        from uqpen.benchmark.settings import BUDGETS, REPEATS, BenchmarkSettings
+        from uqpen.cli.benchmark_screen import show_benchmark, show_progress
+        from uqpen.cli.screen import show_line
+        from uqpen.results.benchmark_tables import has_reference
+        from uqpen.study.load import load_study
+
+        settings = BenchmarkSettings(
+            budgets=BUDGETS if budgets is None else _parse_budgets(budgets),
+            repeats=REPEATS if repeats is None else repeats,
+            reference=reference,
+        )
+        study = load_study(file)
     check_study(study, settings)
     archive = archive or Path("archives") / f"{study.name}_compare.nc"
     prepare_destination(here / archive)

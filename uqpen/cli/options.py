@@ -32,6 +32,13 @@ class ExecutorOptions(NamedTuple):
     workers: int
     scheduler: str | None
 
+    @property
+    def preparation(self) -> str:
+        """What has to be done before the first run, in words; empty for nothing."""
+        if self.scheduler is not None:
+            return "connecting to the Dask cluster"
+        return f"starting {self.workers} worker processes" if self.workers > 1 else ""
+
     def open_map(self) -> AbstractContextManager[Map]:
         """Return a map over batches of runs."""
         if self.scheduler is not None:

@@ -5,80 +5,108 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    ProgressColumn,
-    TextColumn,
-    TimeRemainingColumn,
-)
-from rich.progress import Progress as Bar
+from rich.console import Console, Group
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
 from rich.text import Text
 
 from uqpen.cli.printable import printable
-from uqpen.execution import Progress
+from uqpen.core.progress import Progress
+from uqpen.core.progress_record import ProgressRecord, StudyProgress
 from uqpen.results.digits import grouped_number
+from uqpen.results.progress_texts import duration_text, runs_text, step_text
 
-__all__ = ["bar_or_lines", "show_progress"]
-
-T = TypeVar("T")
+__all__ = ["progress_lines", "show_progress", "show_step"]
 
 # Warnings that are shown; the log beside an archive holds more.
 _MOST_WARNINGS = 5
 
-# Of a design's name on a line of 80 characters, which is to tell more.
-_LONGEST_NAME = 24
-
-
-@contextmanager
-def bar_or_lines(
-    bar: Callable[[Bar], T], lines: Callable[[Console], T], *columns: ProgressColumn
-) -> Iterator[T]:
-    """Report progress in a bar with these columns on a terminal, in lines elsewhere."""
-    console = Console(stderr=True, highlight=False)
-    if not console.is_terminal:
-        yield lines(console)
-        return
-    with Bar(
-        TextColumn("{task.description}"), BarColumn(), *columns, console=console, transient=True
-    ) as shown:
-        yield bar(shown)
+# Where there is no bar, a line tells how far a study is when the last is so old, in seconds.
+_BETWEEN_LINES = 10.0
 
 
 @contextmanager
 def show_progress() -> Iterator[Progress]:
-    """Show a bar on a terminal, a line for each design elsewhere."""
-    columns = MofNCompleteColumn(), TimeRemainingColumn()
-    with bar_or_lines(_Bar, _Lines, *columns) as progress:
-        yield progress
-    progress.finish()
-    progress.show_warnings()
+    """Show a bar over all designs on a terminal, a few lines elsewhere."""
+    console = Console(stderr=True, highlight=False)
+    if not console.is_terminal:
+        lines = _Lines(console)
+        yield lines
+        lines.finish()
+        lines.show_warnings()
+        return
+    bar = _Announced(console)
+    # It is drawn ten times a second, whether or not there is a report: a clock goes on.
+    with Live(
+        get_renderable=lambda: progress_lines(bar.state, time.monotonic()),
+        console=console,
+        transient=True,
+        refresh_per_second=10,
+    ):
+        yield bar
+    bar.show_warnings()
 
 
-class _Announced(Progress):
-    """Shows the runs that were made before, and the warnings."""
+@contextmanager
+def show_step(name: str) -> Iterator[None]:
+    """Show a step on a terminal while it lasts."""
+    with show_progress() as progress:
+        progress.start_step(name)
+        yield
 
-    def __init__(self, console: Console) -> None:
+
+def progress_lines(progress: StudyProgress, now: float) -> Group:
+    """Draw how far a study is: a bar, and below it numbers.
+
+    Parameters
+    ----------
+    progress : StudyProgress
+        The last report.
+    now : float
+        The time, by the clock of the report.
+    """
+    since = now - progress.began
+    if progress.step:
+        # A step that is under way is not done yet.
+        done, total = max(progress.step_number - 1, 0), progress.steps
+        below = f"{duration_text(since)} so far" if since >= 1 else ""
+    else:
+        done, total = progress.done, progress.runs
+        below = runs_text(progress)
+    line = Table.grid(padding=(0, 1), expand=True)
+    line.add_column(no_wrap=True, overflow="ellipsis")
+    line.add_column(ratio=1, min_width=10)
+    line.add_column(no_wrap=True)
+    line.add_row(
+        Text(printable(step_text(progress))),
+        ProgressBar(total=total or None, completed=done, pulse=not total, animation_time=now),
+        Text(f"{100 * done // total} %" if total else ""),
+    )
+    return Group(line, Text(below, style="dim", no_wrap=True, overflow="ellipsis"))
+
+
+class _Announced(ProgressRecord):
+    """Record that shows the runs that were made before, and the warnings."""
+
+    def __init__(self, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__(clock)
         self._console = console
-        self._design = ""
-        self._runs = 0
+        self._design_runs = 0
         self._warnings: set[str] = set()
 
     def start_design(self, name: str, runs: int) -> None:
-        self._design, self._runs = name, runs
+        super().start_design(name, runs)
+        self._design_runs = runs
 
     def count_restored(self, runs: int) -> None:
-        whole = f"{grouped_number(runs)} of {grouped_number(self._runs)}"
-        self._print(f"{self._design}: {whole} runs already done")
+        super().count_restored(runs)
+        whole = f"{grouped_number(runs)} of {grouped_number(self._design_runs)}"
+        self._print(f"{self.state.design}: {whole} runs already done")
 
     def warn(self, text: str) -> None:
         self._warnings.add(text)
-
-    def finish(self) -> None:
-        """Show the end of the last design."""
 
     def show_warnings(self) -> None:
         """Show the warnings; where there are many, the log has the rest."""
@@ -91,70 +119,46 @@ class _Announced(Progress):
         self._console.print(Text(printable(text)), soft_wrap=True)
 
 
-class _Bar(_Announced):
-    """A bar for each design."""
-
-    def __init__(self, bar: Bar) -> None:
-        super().__init__(bar.console)
-        self._bar = bar
-        self._task = bar.add_task("", total=None)
-        self._failed = 0
-
-    def start_preparation(self, model: str) -> None:
-        self._bar.update(self._task, description=f"preparing {model}")
-
-    def start_design(self, name: str, runs: int) -> None:
-        super().start_design(name, runs)
-        self._failed = 0
-        self._begin(_shorten(name), runs)
-
-    def count_restored(self, runs: int) -> None:
-        super().count_restored(runs)
-        self._bar.advance(self._task, runs)
-
-    def advance(self, runs: int, failed: int, in_progress: int) -> None:
-        self._failed += failed
-        counts = {"failed": self._failed, "under way": in_progress}
-        texts = [f"{grouped_number(count)} {what}" for what, count in counts.items() if count]
-        description = ", ".join([_shorten(self._design), *texts])
-        self._bar.update(self._task, advance=runs, description=description)
-
-    def start_analysis(self) -> None:
-        self._begin("analysing", None)
-
-    def _begin(self, description: str, total: int | None) -> None:
-        self._bar.remove_task(self._task)
-        self._task = self._bar.add_task(description, total=total)
-
-
-def _shorten(name: str) -> str:
-    """Cut a name that would take the line for itself.
-
-    >>> _shorten("a_latin_hypercube_of_the_rod")
-    'a_latin_hypercube_of_th…'
-    """
-    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
-
-
 class _Lines(_Announced):
-    """A line when a design ends."""
+    """A line when a design or the analysis ends, and now and then in between."""
 
-    _done = 0
-    _began = 0.0
+    def __init__(self, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__(console, clock)
+        self._said = clock()
+        self._design = ""
+        self._made = 0
+        self._began = 0.0
+
+    def start_step(self, name: str, number: int = 0, total: int = 0) -> None:
+        self.finish()
+        super().start_step(name, number, total)
+        self._say_if_late(step_text(self.state))
+
+    def start_analysis(self) -> None:
+        super().start_analysis()
+        self._print(self.state.step)
 
     def start_design(self, name: str, runs: int) -> None:
         self.finish()
         super().start_design(name, runs)
-        self._done, self._began = 0, time.monotonic()
+        self._design, self._made, self._began = name, 0, self._clock()
 
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
-        self._done += runs
-
-    def start_analysis(self) -> None:
-        self.finish()
+        super().advance(runs, failed, in_progress)
+        self._made += runs
+        self._say_if_late(f"{step_text(self.state)}; {runs_text(self.state)}")
 
     def finish(self) -> None:
+        """Show the end of the last design."""
         if self._design:
-            took = time.monotonic() - self._began
-            self._print(f"{self._design}: {self._done} runs in {took:.2f} s")
+            took = self._clock() - self._began
+            self._print(f"{self._design}: {self._made} runs in {took:.2f} s")
             self._design = ""
+
+    def _say_if_late(self, text: str) -> None:
+        if self._clock() - self._said >= _BETWEEN_LINES:
+            self._print(text)
+
+    def _print(self, text: str) -> None:
+        super()._print(text)
+        self._said = self._clock()

@@ -41,12 +41,15 @@ def write_and_announce(
     The paths are relative to the folder `here` where the user stands; the files of `sections` are
     relative to the current folder.
     """
-    from uqpen.archive.read import open_archive
-    from uqpen.report.page import write_report
+    from uqpen.cli.progress import show_step
 
     stem = archive.stem if archive.suffix == ".nc" else archive.name
     path = file or archive.with_name(f"{stem}.html")
-    write_report(open_archive(here / archive), here / path, sections=sections)
+    with show_step("writing the report"):
+        from uqpen.archive.read import open_archive
+        from uqpen.report.page import write_report
+
+        write_report(open_archive(here / archive), here / path, sections=sections)
     click.echo(f"report: {printable(str(path))}")
 
 

@@ -44,16 +44,20 @@ def rerun(
 
     The exit code is 3 if all runs of a design failed.
     """
-    from uqpen.archive.read import open_archive
-    from uqpen.cli.screen import show_line
+    from uqpen.cli.progress import show_step
     from uqpen.cli.study import make_and_show
-    from uqpen.verification.archived_study import refuse_external_names
-    from uqpen.verification.restored_study import restored_study, with_kept_folders
 
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
     copy = copy or archive.with_name(f"{archive.stem}_rerun.nc")
-    tree = open_archive(archive)
+    # Shown before the imports, which take longer than the reading.
+    with show_step("reading the archive"):
+        from uqpen.archive.read import open_archive
+        from uqpen.cli.screen import show_line
+        from uqpen.verification.archived_study import refuse_external_names
+        from uqpen.verification.restored_study import restored_study, with_kept_folders
+
+        tree = open_archive(archive)
     if copy.exists() and copy.samefile(archive):
         raise click.UsageError(f"{copy}: is the archive to repeat, which is not overwritten")
     refuse_external_names(tree, archive, trust=trust)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,21 +15,43 @@ from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_opt
 if TYPE_CHECKING:
     import xarray as xr
 
+    from uqpen.core.progress import Progress
     from uqpen.study.study import ValidatedStudy
 
 __all__ = ["make_and_show", "study"]
 
 
-@click.command(short_help="Run a study and write its archive.")
+class _StudyCommand(click.Command):
+    """Command whose option ``--watch`` may be followed by a port, or by another argument."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        following = [*args[1:], ""]
+        args = [
+            "--watch=0" if argument == "--watch" and not after.isdecimal() else argument
+            for argument, after in zip(args, following, strict=True)
+        ]
+        return super().parse_args(ctx, args)
+
+
+@click.command(cls=_StudyCommand, short_help="Run a study and write its archive.")
 @click.argument("file", type=PATH)
 @output_option("archive", "archives/<study>.nc")
 @click.option("--report", "is_reported", is_flag=True, help="Write its report beside it, too.")
+@click.option(
+    "--watch",
+    "watch_port",
+    type=click.IntRange(0, 65535),
+    metavar="[PORT]",
+    help="Show the results so far on a page of this machine while the study runs.  "
+    "[default port: any free one]",
+)
 @resume_options
 @executor_option
 def study(
     file: Path,
     archive: Path | None,
     is_reported: bool,
+    watch_port: int | None,
     executor: ExecutorOptions,
     **resume: Any,
 ) -> ExitCode:
@@ -39,15 +62,21 @@ def study(
 
     The exit code is 3 if all runs of a design failed.
     """
+    from uqpen.cli.progress import show_step
     from uqpen.cli.report import announce_report, write_and_announce
-    from uqpen.cli.screen import show_tables
-    from uqpen.study.load import load_study
 
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
-    loaded = load_study(file)
+    # Shown before the imports, which take longer than the reading.
+    with show_step("reading the study"):
+        from uqpen.cli.screen import show_tables
+        from uqpen.study.load import load_study
+
+        loaded = load_study(file)
     archive = archive or Path("archives") / f"{loaded.name}.nc"
-    code = make_and_show(loaded, here, archive, executor, show_tables, **resume)
+    code = make_and_show(
+        loaded, here, archive, executor, show_tables, watch_port=watch_port, **resume
+    )
     if code is not ExitCode.INTERRUPTED:
         if is_reported:
             write_and_announce(archive, here)
@@ -62,20 +91,27 @@ def make_and_show(
     archive: Path,
     executor: ExecutorOptions,
     show: Callable[[xr.DataTree], None] = lambda tree: None,
+    watch_port: int | None = None,
     **resume: Any,
 ) -> ExitCode:
     """Make `archive` in the folder `here` where the user stands, `show` it, and report the outcome.
 
-    `resume` are `fresh` and `lost_again` of `uqpen.make_archive`.
+    With a `watch_port`, a page on this machine shows the results meanwhile. `resume` are `fresh`
+    and `lost_again` of `uqpen.make_archive`.
     """
     from uqpen.checkpoints.make_archive import make_archive
     from uqpen.cli.progress import show_progress
     from uqpen.cli.screen import show_line
+    from uqpen.core.progress_broadcast import ProgressBroadcast
     from uqpen.results.failed_runs import has_failed_design
 
     try:
-        with executor.open_map() as spread, show_progress() as reporter:
-            tree = make_archive(study, here / archive, map=spread, progress=reporter, **resume)
+        with _watched(study, watch_port) as watcher, show_progress() as screen:
+            progress = ProgressBroadcast(screen, watcher)
+            if executor.preparation:
+                progress.start_step(executor.preparation)
+            with executor.open_map() as spread:
+                tree = make_archive(study, here / archive, map=spread, progress=progress, **resume)
     except KeyboardInterrupt as interrupt:
         click.echo(": ".join(["interrupted", *map(str, interrupt.args)]), err=True)
         return ExitCode.INTERRUPTED
@@ -85,3 +121,26 @@ def make_and_show(
         click.echo("all runs of a design failed", err=True)
         return ExitCode.TOO_MANY_FAILED
     return ExitCode.DONE
+
+
+@contextmanager
+def _watched(study: ValidatedStudy, port: int | None) -> Iterator[Progress]:
+    """Serve the page of a running study if a port is given; yield the receiver of its reports."""
+    from uqpen.core.progress import Progress
+
+    if port is None:
+        yield Progress()
+        return
+    from uqpen.server.watch_server import serve_watch_page
+    from uqpen.server.watch_state import watch_state
+    from uqpen.workflow.running_results import RunningResults
+
+    running = RunningResults(study)
+    with ExitStack() as stack:
+        try:
+            server = stack.enter_context(serve_watch_page(lambda: watch_state(running), port))
+        except OSError as error:
+            message = f"--watch: cannot listen at port {port}: {error.strerror or error}"
+            raise click.UsageError(message) from None
+        click.echo(f"watch: {server.url} shows the results so far, until the study ends", err=True)
+        yield running

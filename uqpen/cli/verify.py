@@ -39,19 +39,25 @@ def verify(
     The exit code is 4 if something is different, and 2 if its study cannot be read here.
     """
     from uqpen.cli.progress import show_progress
-    from uqpen.cli.verification_screen import show_check
-    from uqpen.verification.check_result import CheckOutcome
-    from uqpen.verification.verify import verify
 
     if all_runs and runs is not None:
         raise click.UsageError("--runs and --all exclude each other")
     number = None if all_runs else runs or 100
     # Where the user stands now: a model may go elsewhere once it is loaded.
     folder = folder and folder.absolute()
-    with executor.open_map() as spread, show_progress() as reporter:
-        results = list(
-            verify(archive, folder=folder, runs=number, trust=trust, map=spread, progress=reporter)
-        )
+    with show_progress() as reporter:
+        # Shown before the imports, which take seconds.
+        reporter.start_step("reading the archive")
+        from uqpen.cli.verification_screen import show_check
+        from uqpen.verification.check_result import CheckOutcome
+        from uqpen.verification.verify import verify
+
+        with executor.open_map() as spread:
+            results = list(
+                verify(
+                    archive, folder=folder, runs=number, trust=trust, map=spread, progress=reporter
+                )
+            )
     for result in results:
         show_check(result)
     verdicts = {result.verdict for result in results}

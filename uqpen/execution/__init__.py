@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from uqpen.core.progress import Progress
 from uqpen.execution.batch import Map
 from uqpen.execution.evaluation import evaluate, evaluate_blocks
 from uqpen.execution.evaluator import Evaluator
 from uqpen.execution.failures import FailurePolicy
-from uqpen.execution.progress import Progress
 from uqpen.execution.runs import join_rounds, status_counts, worst_status_runs
 
 __all__ = [

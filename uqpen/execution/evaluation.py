@@ -12,14 +12,14 @@ from uqpen.core.blocks import BlockedDataset, LoadedDataset, join_blocks
 from uqpen.core.errors import StudyError, WorkerError
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, REPLICATE, ROLE, RUN, STATUS, WEIGHT
 from uqpen.core.model import Category, Dimension, Model, Output
+from uqpen.core.progress import Progress
 from uqpen.core.status import Status
-from uqpen.execution.batch import Map, PacedMap
+from uqpen.execution.batch import BatchResult, Map, PacedMap
 from uqpen.execution.batching import WORTH_SENDING, Pace, scalar_batches, vectorized_batches
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.evaluator import Evaluator, EvaluatorWork
 from uqpen.execution.failures import FailureCount, FailurePolicy
 from uqpen.execution.open_blocks import BlockRecord, OpenBlocks
-from uqpen.execution.progress import Progress
 
 __all__ = ["evaluate", "evaluate_blocks"]
 
@@ -33,6 +33,7 @@ def evaluate(
     display_units: Mapping[str, str],
     *,
     map: Map = map,
+    label: str = "",
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
     failures: FailurePolicy | None = None,
@@ -49,6 +50,8 @@ def evaluate(
         The unit to show an input or output in, where it is not the model's own.
     map : callable
         Like the built-in; it makes the runs of batches.
+    label : str
+        The name of the model in a study with several, for progress reports.
     progress : Progress, optional
         Receives progress reports.
     checkpoint : Checkpoint, optional
@@ -77,6 +80,7 @@ def evaluate(
         blocked,
         display_units,
         map=map,
+        label=label,
         progress=progress,
         checkpoint=checkpoint,
         failures=failures,
@@ -90,6 +94,7 @@ def evaluate_blocks(
     display_units: Mapping[str, str],
     *,
     map: Map = map,
+    label: str = "",
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
     failures: FailurePolicy | None = None,
@@ -120,9 +125,27 @@ def evaluate_blocks(
             failure_count.add(batch_result)
             model.record_files(batch_result.results.files)
 
+    def store(batch_result: BatchResult) -> None:
+        blocks.add(batch_result)
+        # Before it is stored, as it may be of another version of the model.
+        model.record_files(batch_result.results.files)
+        start, runs = batch_result.start, len(batch_result)
+        checkpoint.save(blocks.columns(start, start + runs), batch_result)
+        for warning in batch_result.warnings:
+            progress.warn(warning)
+        progress.advance(runs, failure_count.add(batch_result), blocks.under_way)
+
+    def complete_blocks() -> Iterator[xr.Dataset]:
+        for block in blocks.pop_complete():
+            failure_count.forget(block.stop)
+            runs = _dataset(block, model, display_units)
+            progress.end_block(label, runs)
+            yield runs
+
     worth_sending = map.worth_sending if isinstance(map, PacedMap) else WORTH_SENDING
     pace = Pace(worth_sending, is_alone=bool(model.enforced_limits))
     blocks = OpenBlocks(points, model.outputs, restore)
+    progress.start_runs(label, lambda: _finished_runs(blocks, model, display_units))
     work = EvaluatorWork(evaluator, failures.retry)
     while blocks.position < blocks.size:
         batches = (
@@ -131,23 +154,12 @@ def evaluate_blocks(
             else scalar_batches(blocks, pace)
         )
         for batch_result in map(work, batches):
-            runs = len(batch_result)
-            pace.record(runs)
-            blocks.add(batch_result)
-            # Before it is stored, as it may be of another version of the model.
-            model.record_files(batch_result.results.files)
-            inputs = blocks.columns(batch_result.start, batch_result.start + runs)
-            checkpoint.save(inputs, batch_result)
-            for warning in batch_result.warnings:
-                progress.warn(warning)
-            progress.advance(runs, failure_count.add(batch_result), blocks.under_way)
-            for block in blocks.pop_complete():
-                failure_count.forget(block.stop)
-                yield _dataset(block, model, display_units)
+            pace.record(len(batch_result))
+            store(batch_result)
+            yield from complete_blocks()
         if blocks.under_way > 0:
             raise WorkerError(f"the map has returned no result of {blocks.under_way} runs")
-        for block in blocks.pop_complete():
-            yield _dataset(block, model, display_units)
+        yield from complete_blocks()
 
 
 def _check_names(points: xr.Dataset, model: Model) -> None:
@@ -168,6 +180,18 @@ def _dataset(block: BlockRecord, model: Model, display_units: Mapping[str, str])
     runs = runs.assign_coords(_coordinates(model))
     _add_attributes(runs, model, display_units)
     return runs
+
+
+def _finished_runs(
+    blocks: OpenBlocks, model: Model, display_units: Mapping[str, str]
+) -> list[xr.Dataset]:
+    """Return the finished runs of each block under way, with their numbers along ``run``."""
+    found = []
+    for block in blocks.open_blocks():
+        done = np.flatnonzero(block.done)
+        runs = _dataset(block, model, display_units).isel({RUN: done})
+        found.append(runs.assign_coords({RUN: block.start + done}))
+    return found
 
 
 def _coordinates(model: Model) -> dict[str, Any]:

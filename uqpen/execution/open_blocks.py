@@ -135,6 +135,10 @@ class OpenBlocks:
             block.add(batch_result.between(block.start, block.stop))
         self._settle(start, stop)
 
+    def open_blocks(self) -> tuple[BlockRecord, ...]:
+        """Return the blocks that have been drawn, and are not complete."""
+        return tuple(self._open.values())
+
     def pop_complete(self) -> Iterator[BlockRecord]:
         """Yield complete blocks in order, up to the first that is not, and forget them."""
         while self._open:

@@ -1,4 +1,4 @@
-"""Models as a UM-Bridge server."""
+"""Models as a UM-Bridge server, and the page of a running study."""
 
 from uqpen.server.model_server import ModelServer
 from uqpen.server.served_model import ServedModel

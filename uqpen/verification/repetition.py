@@ -68,6 +68,7 @@ def repeated_runs(
     """
     found: list[Difference] = []
     chosen = list(draw_runs(study, runs, number))
+    progress.announce_designs({_runs_name(model, design): len(at) for model, design, at in chosen})
     for model, design, positions in chosen:
         progress.start_design(_runs_name(model, design), len(positions))
         variant, archived_runs = study.models[model], runs[model][design]
@@ -121,6 +122,7 @@ def repeated_statistics(
     besides: Sequence[str],
     *,
     is_earlier: bool = False,
+    progress: Progress | None = None,
 ) -> CheckResult:
     """Repeat the statistics of the archived runs and compare them with the archived ones.
 
@@ -134,11 +136,13 @@ def repeated_statistics(
         Attributes that may differ.
     is_earlier : bool
         True if the archive is of another uqpen, which may lack statistics of this one.
+    progress : Progress, optional
+        Receives a report of each step.
     """
     in_order = {
         model: {design: runs[model][design] for design in study.designs} for model in study.models
     }
-    again = analyse_runs(study, in_order)
+    again = analyse_runs(study, in_order, progress)
     archived_groups, repeated_groups = _statistics_groups(tree), _statistics_groups(again)
     found = list(missing_keys(archived_groups, repeated_groups))
     for path in sorted(archived_groups & repeated_groups):

@@ -235,7 +235,7 @@ def _repeat_checks(
         progress.start_analysis()
         yield from check_points(study, runs, allowed.tolerance)
         besides = _model_attributes(tree) if external else []
-        yield from _repeat_statistics(study, tree, runs, allowed, besides, trust=trust)
+        yield from _repeat_statistics(study, tree, runs, allowed, besides, progress, trust=trust)
 
 
 def _repeat_runs(
@@ -266,6 +266,7 @@ def _repeat_statistics(
     runs: Runs,
     allowed: _Tolerances,
     besides: list[str],
+    progress: Progress,
     *,
     trust: bool,
 ) -> Iterator[CheckResult]:
@@ -278,7 +279,13 @@ def _repeat_statistics(
     ignored = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES, *besides]
     try:
         yield repeated_statistics(
-            study, tree, runs, allowed.tolerance, ignored, is_earlier=allowed.is_earlier
+            study,
+            tree,
+            runs,
+            allowed.tolerance,
+            ignored,
+            is_earlier=allowed.is_earlier,
+            progress=progress,
         )
     except StudyError as error:  # an analysis of the user's own fails here
         message = "an analysis that its study names fails"

@@ -14,6 +14,7 @@ from uqpen.core.streams import Stream
 from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.study.study import ValidatedStudy
+from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs, run_design
 from uqpen.workflow.model_groups import difference_groups, model_groups
 from uqpen.workflow.root_attributes import root_attributes
@@ -51,22 +52,31 @@ def run(
         study with several models, these groups are below ``/models/<name>``.
     """
     progress = progress or Progress()
+    models = len(study.models)
+    runs_of = {name: design.run_count(study.joint) for name, design in study.designs.items()}
+    progress.announce_designs({name: runs * models for name, runs in runs_of.items()})
     for variant in study.models.values():
         progress.start_preparation(variant.model.name)
         variant.model.prepare()
     runs = _run_designs(study, map, progress, checkpoints)
     progress.start_analysis()
-    return analyse_runs(study, runs)
+    return analyse_runs(study, runs, progress)
 
 
-def analyse_runs(study: ValidatedStudy, runs: Mapping[str, Runs]) -> xr.DataTree:
-    """Analyse runs, given by model and design, and return the content of an archive."""
+def analyse_runs(
+    study: ValidatedStudy, runs: Mapping[str, Runs], progress: Progress | None = None
+) -> xr.DataTree:
+    """Analyse runs, given by model and design, and return the content of an archive.
+
+    `progress` receives a report of each step; no result depends on it.
+    """
+    steps = AnalysisSteps(study, progress or Progress())
     groups = {"/": xr.Dataset(attrs=root_attributes(study))}
-    for name, variant in study.models.items():
+    for name in study.models:
         root = f"/{MODELS}/{name}" if study.has_several_models else ""
-        for path, dataset in model_groups(study, variant, runs[name]):
+        for path, dataset in model_groups(study, name, runs[name], steps):
             groups[f"{root}{path}"] = dataset
-    groups |= dict(difference_groups(study, runs))
+    groups |= dict(difference_groups(study, runs, steps))
     if files := files_group(study.files(), study.folder):
         groups[f"/{FILES}"] = files
     return xr.DataTree.from_dict(groups)

@@ -57,6 +57,7 @@ def run_design(
                 points.assign(variant.given),
                 _display_units(study),
                 map=map,
+                label=name,
                 progress=progress,
                 checkpoint=round_checkpoint(name, number),
                 failures=study.failures,

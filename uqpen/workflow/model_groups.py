@@ -25,6 +25,7 @@ from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.model_differences import model_differences
 from uqpen.statistics.published import Publication, published_estimates
 from uqpen.study.study import ValidatedStudy, Variant
+from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs
 from uqpen.workflow.root_attributes import model_identity
 from uqpen.workflow.source import Groups, Source
@@ -33,8 +34,9 @@ from uqpen.workflow.surrogate_source import surrogate_source
 __all__ = ["difference_groups", "model_groups"]
 
 
-def model_groups(study: ValidatedStudy, variant: Variant, runs: Runs) -> Groups:
+def model_groups(study: ValidatedStudy, model: str, runs: Runs, steps: AnalysisSteps) -> Groups:
     """Yield the groups of one model: runs, failures, surrogates, statistics, its trajectory."""
+    variant = study.models[model]
     quantities = study.model_quantities(variant.model)
     fields = [quantity.output.name for quantity in quantities if quantity.output.dims]
     sources: dict[str, Source] = {}
@@ -43,6 +45,7 @@ def model_groups(study: ValidatedStudy, variant: Variant, runs: Runs) -> Groups:
             SOURCE_KIND: "design",
             RUNS_SPENT: design_runs.sizes[RUN],
         }
+        steps.start(f"statistics of {design}", model)
         outputs = analyze(design_runs, quantities, outside=study.analyses)
         sources[design] = Source(attributes, outputs, fields)
         failures = analyze_failures(design_runs)
@@ -50,7 +53,7 @@ def model_groups(study: ValidatedStudy, variant: Variant, runs: Runs) -> Groups:
         if failures:
             yield f"/{FAILURES_GROUP}/{design}", pack(failures)
     for name in study.surrogates:
-        fitted, sources[name] = surrogate_source(study, variant, name, runs, sources, quantities)
+        fitted, sources[name] = surrogate_source(study, model, name, runs, sources, steps)
         for node in fitted.subtree:
             path = f"/{SURROGATES}/{name}{node.path}".rstrip("/")
             yield path, node.to_dataset(inherit=False)
@@ -58,6 +61,7 @@ def model_groups(study: ValidatedStudy, variant: Variant, runs: Runs) -> Groups:
         yield from source.groups(f"/{STATISTICS_GROUP}/{name}")
     for name, publication in study.published.items():
         yield from _publication_groups(publication, f"/{STATISTICS_GROUP}/{name}")
+    steps.start("trajectory at the nominal inputs", model)
     trajectory = _trajectory(study, variant)
     if trajectory is not None:
         yield f"/{TRAJECTORY}", trajectory
@@ -75,10 +79,13 @@ def _publication_groups(publication: Publication, path: str) -> Groups:
         yield f"{path}/{name}", pack(statistics[name]).assign_attrs(attributes)
 
 
-def difference_groups(study: ValidatedStudy, runs: Mapping[str, Runs]) -> Groups:
+def difference_groups(
+    study: ValidatedStudy, runs: Mapping[str, Runs], steps: AnalysisSteps
+) -> Groups:
     """Yield the groups of each model's differences from the first, on common points."""
     first, *others = study.models
     for other in others:
+        steps.start(f"differences of {other} from {first}")
         quantities = study.model_quantities(study.models[other].model)
         for design in study.designs:
             pair = runs[first][design], runs[other][design]

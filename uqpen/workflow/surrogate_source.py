@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import xarray as xr
 
 from uqpen.core.labels import RUN, RUNS_SPENT, SOURCE_KIND
 from uqpen.core.streams import Stream
 from uqpen.models.user_code import error_text
-from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import (
     SurrogateStatistics,
     surrogate_statistics,
 )
-from uqpen.study.study import ValidatedStudy, Variant
+from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.fitting import fit_surrogate, is_built_in
 from uqpen.surrogates.output_surrogate import unfitted
 from uqpen.trust import ValidationRuns, validate_surrogate
+from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs
 from uqpen.workflow.source import Source
 
@@ -27,19 +27,20 @@ __all__ = ["surrogate_source"]
 
 def surrogate_source(
     study: ValidatedStudy,
-    variant: Variant,
+    model: str,
     name: str,
     runs: Runs,
     sources: Mapping[str, Source],
-    quantities: Sequence[QuantityOfInterest],
+    steps: AnalysisSteps,
 ) -> tuple[xr.DataTree, Source]:
     """Fit a surrogate to its design, and compare its estimates with those of other designs."""
+    variant = study.models[model]
     surrogate = study.surrogates[name]
     validation_runs = study.validation_designs(surrogate)
     check = runs[validation_runs[0]] if validation_runs else None
     training = runs[surrogate.design]
     try:
-        tree, statistics = _surrogate_results(study, variant, name, training, check, quantities)
+        tree, statistics = _surrogate_results(study, model, name, training, check, steps)
     except (Exception, SystemExit) as error:
         if is_built_in(surrogate):
             raise
@@ -66,17 +67,20 @@ def surrogate_source(
 
 def _surrogate_results(
     study: ValidatedStudy,
-    variant: Variant,
+    model: str,
     name: str,
     training: xr.Dataset,
     check: xr.Dataset | None,
-    quantities: Sequence[QuantityOfInterest],
+    steps: AnalysisSteps,
 ) -> tuple[xr.DataTree, SurrogateStatistics]:
     """Return the group of a fitted surrogate and its statistics, before their validation."""
+    variant = study.models[model]
     stream = Stream(study.seed, "surrogates", name)
     surrogate = study.surrogates[name]
+    steps.start(f"fitting {name}", model)
     fitted = fit_surrogate(surrogate, name, training, variant.model, study.joint, stream)
     checked = fitted if check is None else fitted.with_check(check)
+    steps.start(f"estimates of {name}", model)
     draws = SurrogateDraws(checked, study.joint, study.constraints, variant.given, stream)
-    statistics = surrogate_statistics(draws, quantities)
+    statistics = surrogate_statistics(draws, study.model_quantities(variant.model))
     return checked.to_tree(), statistics

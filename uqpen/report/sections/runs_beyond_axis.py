@@ -32,13 +32,13 @@ def runs_beyond_axis(
     def listed(which: FloatArray) -> list[list[float | None]]:
         places = np.unique(np.linspace(0, which.size - 1, _MOST).round().astype(np.int64))
         chosen = np.unique(which[places]) if which.size else which
-        bounds = listed_bounds(empirical_cdf(values, curve.band, chosen))
+        bounds = listed_bounds(curve.limits.around(empirical_cdf(values, chosen)))
         return [
             [_exact(value), *row]
             for value, row in zip(view.scale(output).from_si(chosen).tolist(), bounds, strict=True)
         ]
 
-    (nothing,) = listed_bounds(empirical_cdf(values, curve.band, np.array([-np.inf])))
+    (nothing,) = listed_bounds(curve.limits.around(np.zeros(1)))
     return RunsBeyondAxis(
         runs=int(values.size),
         smallest=_exact(float(shown[0])),

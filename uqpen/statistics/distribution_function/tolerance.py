@@ -206,9 +206,10 @@ def _interval(sample: Sample, content: float) -> Estimate:
         if needed.blocks < sample.size:
             # Numbers of runs outside; one more is left out where an odd one could be inside.
             first = (sample.size - 1 - int(needed.blocks)) // 2 + 1
-            ends = (order_statistic(sample, rank) for rank in (first, sample.size + 1 - first))
+            lower = order_statistic(sample, first)
+            upper = order_statistic(sample, sample.size + 1 - first)
             method = texts.TWO_SIDED.format(method=needed.method)
-            return Estimate(math.nan, *ends, method, needed.label)
+            return Estimate(math.nan, lower, upper, method, needed.label)
     fewest = runs_needed_for_both(content, LEVEL)
     return Estimate.without_bounds(math.nan, texts.BOTH_ENDS_NEED.format(runs=fewest))
 
@@ -242,7 +243,7 @@ def _blocks(
         error, freedom, is_rounded = max(map(partial(probability_error, sample), inside))
         # A one-sided bound at 95 % is the upper end of a two-sided interval at 90 %.
         step = student_quantile(freedom, 2 * LEVEL - 1) * error
-        blocks = math.floor(sample.size * (content + step)) + 1
+        blocks: float = math.floor(sample.size * (content + step)) + 1
         yield _Blocks(blocks, texts.WOODRUFF, "discrete" if is_rounded else "nominal")
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
     blocks = float(upper_rank(sample.size, content, LEVEL))

@@ -1,0 +1,348 @@
+"""A running study on a page: what it shows, over real HTTP, and in a browser."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import uqpen
+from uqpen.core.progress_broadcast import ProgressBroadcast
+from uqpen.execution import Progress
+from uqpen.server.watch_server import WatchServer, serve_watch_page
+from uqpen.server.watch_state import watch_state
+from uqpen.study.study import ValidatedStudy
+from uqpen.workflow.running_results import RunningResults
+
+# Long enough for a machine that is busy with other work; nothing waits for it to pass.
+PATIENCE = 120
+
+DESIGNS = """
+[outputs.y]
+exceeds = [0.75]
+[designs.draws]
+kind = "monte-carlo"
+runs = 3000
+[designs.blocks]
+kind = "saltelli"
+base = 1024
+"""
+STATE: dict[str, Any] = {
+    "title": "Beam <b>1</b>",
+    "step": "design 1 of 2: draws",
+    "runs": "50 of 100 runs",
+    "done": 50,
+    "total": 100,
+    "designs": [["draws", "50", "below"], ["blocks", "0", "none: its points form blocks"]],
+    "tables": [
+        {
+            "title": "y [mm]",
+            "columns": ["draws"],
+            "rows": [["runs", "50"], ["mean", "0.50 ± 0.08 ¹"]],
+            "notes": ["fewer than 200 runs <script>document.title = 'hurt'</script>"],
+        }
+    ],
+    "causes": [{"text": "residual …", "runs": "3", "status": "failed", "example": "residual 5e-4"}],
+}
+
+
+class Seen(Progress):
+    """Keeps what a page would show after each report of finished runs.
+
+    Its clock goes on before each of them, so that an update is always due.
+    """
+
+    def __init__(self, study: ValidatedStudy) -> None:
+        self.time = 0.0
+        self.running = RunningResults(study, lambda: self.time)
+        self.states: list[dict[str, Any]] = []
+
+    def start_design(self, name: str, runs: int) -> None:
+        self.time += 5
+
+    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+        self.states.append(watch_state(self.running))
+        self.time += 5
+
+
+def watched(study: ValidatedStudy) -> tuple[Any, Seen]:
+    """The archive of a study, and what its page showed."""
+    seen = Seen(study)
+    archive = uqpen.run(study, progress=ProgressBroadcast(seen.running, seen))
+    return archive, seen
+
+
+def cells(state: dict[str, Any], row: str) -> list[str]:
+    return next(cells for label, *cells in state["tables"][0]["rows"] if label == row)
+
+
+def test_estimates_are_those_of_the_first_runs(study_of: Callable[..., ValidatedStudy]) -> None:
+    archive, seen = watched(study_of("x", DESIGNS, x=(0, 1)))
+    state = seen.states[1]  # after two batches of 1 024
+    assert cells(state, "runs") == ["2\u202f048"]
+    values = archive["runs/draws"]["y"].values[:2048]
+    mean, _ = cells(state, "mean")[0].split(" ± ")
+    assert float(mean) == pytest.approx(values.mean(), abs=0.005)
+    share = float(cells(state, "P(> 0.75)")[0].split(" ")[0])
+    assert share == pytest.approx((values > 0.75).mean(), abs=0.005)
+    last = seen.states[-1]
+    assert cells(last, "runs") == ["3\u202f000"], "a whole design stays"
+    finished = {name: (runs, why) for name, runs, why in last["designs"]}
+    assert finished["draws"] == ("3\u202f000", "below")
+    assert finished["blocks"][1] == (
+        "none: its points form blocks, and a part of them is no sample of the inputs"
+    )
+
+
+def test_failures_are_counted_by_cause(study_of: Callable[..., ValidatedStudy]) -> None:
+    text = '[designs.draws]\nkind = "monte-carlo"\nruns = 64\n'
+    study = study_of("np.where(x > 0.5, np.nan, x)", text, x=(0, 1))
+    _, seen = watched(study)
+    (cause,) = seen.states[-1]["causes"]
+    assert cause["status"] == "not finite"
+    assert int(cause["runs"]) > 10
+    assert f"{cause['runs']} failed" in seen.states[-1]["runs"]
+
+
+def test_the_archive_is_the_same_with_and_without(
+    study_of: Callable[..., ValidatedStudy], tmp_path: Path
+) -> None:
+    study = study_of("np.exp(x) * z", DESIGNS, x=(0, 1), z=(1, 2))
+    uqpen.make_archive(study, tmp_path / "without.nc")
+    seen = Seen(study)
+    progress = ProgressBroadcast(seen.running, seen)
+    uqpen.make_archive(study, tmp_path / "with.nc", progress=progress)
+    assert cells(seen.states[0], "runs") == ["1\u202f024"]
+    assert (tmp_path / "with.nc").read_bytes() == (tmp_path / "without.nc").read_bytes()
+
+
+def test_rounds_and_several_models_are_told_apart() -> None:
+    study = uqpen.Study(
+        models={
+            name: uqpen.PythonModel(
+                lambda x, factor=factor: {"y": factor * x}, {"x": "1"}, {"y": "1"}, vectorized=True
+            )
+            for name, factor in (("one", 1.0), ("ten", 10.0))
+        },
+        inputs={"x": uqpen.Uniform(0, 1)},
+        outputs={"y": "1"},
+        designs={
+            "some": uqpen.MonteCarlo(until=uqpen.Precision({"y": {"mean": 0.01}}), at_most=8192),
+        },
+        seed=1,
+    )
+    archive, seen = watched(study)
+    assert archive["models/one/runs/some"].sizes["run"] > 512, "it has several rounds"
+    tables = watch_state(seen.running)["tables"]
+    assert [table["title"] for table in tables] == ["one: y", "ten: y"]
+    size = archive["models/one/runs/some"].sizes["run"]
+    for table in tables:
+        label, count = table["rows"][0]
+        assert (label, int(re.sub(r"\D", "", count.split(" ")[0]))) == ("runs", size)
+
+
+def test_a_failing_estimate_ends_no_study(
+    study_of: Callable[..., ValidatedStudy], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> object:
+        raise ZeroDivisionError("by nought")
+
+    monkeypatch.setattr("uqpen.workflow.running_results.analyze", fail)
+    _, seen = watched(study_of("x", DESIGNS, x=(0, 1)))
+    assert seen.states[-1]["designs"][0][2] == "none: they fail: ZeroDivisionError: by nought"
+
+
+class TestServer:
+    """The page over real HTTP."""
+
+    def ask(
+        self, server: WatchServer, path: str, method: str = "GET", host: str | None = None
+    ) -> tuple[int, Any, bytes]:
+        connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=PATIENCE)
+        headers = {} if host is None else {"Host": host}
+        connection.request(method, path, headers=headers)
+        answer = connection.getresponse()
+        content = answer.read()
+        connection.close()
+        return answer.status, answer.headers, content
+
+    @pytest.mark.parametrize(
+        ("path", "kind", "part"),
+        [
+            ("/", "text/html; charset=utf-8", b"Do not stop the study by what you see here"),
+            ("/watch.css", "text/css; charset=utf-8", b"--paper"),
+            ("/watch.js", "text/javascript; charset=utf-8", b"state.json"),
+        ],
+    )
+    def test_its_files_load_nothing_from_elsewhere(self, path: str, kind: str, part: bytes) -> None:
+        with serve_watch_page(lambda: STATE) as server:
+            status, headers, content = self.ask(server, path)
+        assert status == 200
+        assert headers["Content-Type"] == kind
+        assert part in content
+        assert b"://" not in content
+        assert "default-src 'none'" in headers["Content-Security-Policy"]
+        assert "unsafe" not in headers["Content-Security-Policy"]
+        assert headers["Cache-Control"] == "no-store"
+
+    def test_the_state_is_that_of_now(self) -> None:
+        state = dict(STATE)
+        with serve_watch_page(lambda: state) as server:
+            assert json.loads(self.ask(server, "/state.json")[2]) == STATE
+            state["done"] = 99
+            assert json.loads(self.ask(server, "/state.json")[2])["done"] == 99
+
+    @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1", "evil.example:{port}", ""])
+    def test_a_request_for_another_host_is_refused(self, host: str) -> None:
+        """The name of a foreign page may be made to stand for this machine."""
+        with serve_watch_page(lambda: STATE) as server:
+            host = host.format(port=server.server_port)
+            status, _, content = self.ask(server, "/state.json", host=host)
+            assert status == 421
+            assert b"Beam" not in content
+            assert self.ask(server, "/", host=f"localhost:{server.server_port}")[0] == 200
+
+    def test_nothing_can_be_changed_or_found(self) -> None:
+        with serve_watch_page(lambda: STATE) as server:
+            for method in ("POST", "PUT", "DELETE", "OPTIONS"):
+                assert self.ask(server, "/state.json", method)[0] == 501
+            for path in ("/study.nc", "/../watch_server.py", "/watch.js?x=1"):
+                assert self.ask(server, path)[0] == 404
+            status, headers, content = self.ask(server, "/", "HEAD")
+            assert (status, content) == (200, b"")
+            assert int(headers["Content-Length"]) > 1000
+
+    def test_it_ends_with_its_context(self) -> None:
+        with serve_watch_page(lambda: STATE) as server:
+            port = server.server_port
+            assert server.server_address[0] == "127.0.0.1", "no other machine reaches it"
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
+        with pytest.raises(ConnectionRefusedError):
+            connection.request("GET", "/")
+
+
+MODEL = """
+import time
+from pathlib import Path
+
+def f(x):
+    if x > 0.9:
+        raise ValueError(f"no convergence (residual {x})")
+    with open("calls", "a") as calls:
+        calls.write("x")
+    while Path("calls").stat().st_size > 60 and not Path("go").exists():
+        time.sleep(0.01)
+    return {"y": x}
+"""
+STUDY = """\
+title = "Slow"
+seed = 1
+[model]
+python = "model.py:f"
+inputs = { x = "1" }
+outputs = { y = "1" }
+[inputs]
+x = { uniform = { lower = 0, upper = 1 } }
+[designs.draws]
+kind = "monte-carlo"
+runs = 200
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_the_command_serves_its_page_until_the_study_ends(
+    tmp_path: Path, interrupted: bool
+) -> None:
+    (tmp_path / "model.py").write_text(MODEL)
+    (tmp_path / "study.toml").write_text(STUDY)
+    line = [sys.executable, "-m", "uqpen", "study", "--watch", "study.toml"]
+    with subprocess.Popen(
+        line, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        told = process.stderr.readline()
+        match = re.fullmatch(
+            r"watch: http://127\.0\.0\.1:(\d+)/ shows the results so far, until the study ends\n",
+            told,
+        )
+        assert match, told
+        state = _state(int(match[1]))
+        deadline = time.monotonic() + PATIENCE
+        while not state["done"] > 20:
+            assert time.monotonic() < deadline
+            state = _state(int(match[1]))
+        assert state["title"] == "Slow"
+        assert state["step"] == "draws"
+        assert state["total"] == 200
+        if interrupted:
+            process.send_signal(signal.SIGINT)
+        else:
+            (tmp_path / "go").touch()
+        _, said = process.communicate(timeout=PATIENCE)
+    assert process.returncode == (130 if interrupted else 0)
+    assert ("runs are kept; the same command continues" in said) == interrupted
+    with pytest.raises(ConnectionRefusedError):
+        _state(int(match[1]))
+
+
+def _state(port: int) -> Any:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
+    connection.request("GET", "/state.json")
+    state = json.loads(connection.getresponse().read())
+    connection.close()
+    return state
+
+
+def test_a_port_in_use_is_a_mistake(command_line: Callable[..., Any], tmp_path: Path) -> None:
+    (tmp_path / "model.py").write_text(MODEL)
+    (tmp_path / "study.toml").write_text(STUDY)
+    with serve_watch_page(lambda: STATE) as server:
+        outcome = command_line("study", "study.toml", "--watch", str(server.server_port))
+    assert outcome.code == 2
+    assert f"--watch: cannot listen at port {server.server_port}" in outcome.err
+    assert not (tmp_path / "calls").exists(), "no model has run"
+
+
+@pytest.mark.slow
+def test_a_browser_follows_the_study() -> None:
+    path = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
+    if path is None:
+        pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
+    from playwright.sync_api import sync_playwright
+
+    flags = ["--disable-gpu"] + ["--no-sandbox"] * (os.geteuid() == 0)
+    state = dict(STATE)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=flags)
+        page = browser.new_page(viewport={"width": 390, "height": 800})
+        said: list[str] = []
+        page.on("console", lambda message: said.append(message.text))
+        with serve_watch_page(lambda: state) as server:
+            page.goto(server.url)
+            page.wait_for_selector("body[data-state=running]", timeout=1000 * PATIENCE)
+            assert page.inner_text("h1") == "Beam <b>1</b>", "text, not HTML"
+            assert page.title() == "50 % – Beam <b>1</b>"
+            assert "0.50 ± 0.08 ¹" in page.inner_text("#tables")
+            assert "its points form blocks" in page.inner_text("#designs")
+            assert "residual 5e-4" in page.inner_text("#causes")
+            width = page.evaluate("document.documentElement.scrollWidth")
+            assert width == 390, "tables scroll by themselves"
+            state["runs"] = "99 of 100 runs"
+            page.wait_for_selector("#runs:has-text('99 of 100')", timeout=1000 * PATIENCE)
+            assert said == []
+        page.wait_for_selector("body[data-state=ended]", timeout=1000 * PATIENCE)
+        assert "has ended, or was interrupted" in page.inner_text("#step")
+        assert "99 of 100" in page.inner_text("#runs"), "the last state stays"
+        browser.close()

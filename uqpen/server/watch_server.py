@@ -1,0 +1,121 @@
+"""The page of a running study, on this machine alone."""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
+from typing import Any
+
+__all__ = ["WatchServer", "serve_watch_page"]
+
+_HOST = "127.0.0.1"
+_ASSETS = files("uqpen.server") / "assets"
+_FILES = {
+    "/": ("watch.html", "text/html; charset=utf-8"),
+    "/watch.css": ("watch.css", "text/css; charset=utf-8"),
+    "/watch.js": ("watch.js", "text/javascript; charset=utf-8"),
+}
+_STATE = "/state.json"
+
+# A page may load what this server sends, and nothing else; no other page may contain it.
+_HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+        "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
+
+
+class WatchServer(ThreadingHTTPServer):
+    """A server of one page, which only this machine reaches, and which changes nothing.
+
+    Parameters
+    ----------
+    state : callable
+        Returns what the page shows, which JSON can hold. It is called in a thread of the server.
+    port : int
+        The port; 0 for any free one. `OSError` if it cannot be listened at.
+    """
+
+    daemon_threads = True
+
+    def __init__(self, state: Callable[[], Mapping[str, Any]], port: int = 0) -> None:
+        self.state = state
+        super().__init__((_HOST, port), _Handler)
+        self.hosts = {f"{name}:{self.server_port}" for name in (_HOST, "localhost")}
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return f"http://{_HOST}:{self.server_port}/"
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Report an error in uqpen with its traceback; ignore a client that disconnects."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
+
+
+@contextmanager
+def serve_watch_page(
+    state: Callable[[], Mapping[str, Any]], port: int = 0
+) -> Iterator[WatchServer]:
+    """Serve the page in a thread of its own, until the context is left."""
+    with WatchServer(state, port) as server:
+        # It looks every so many seconds whether it is to end.
+        thread = threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True)
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Handler of the requests of one browser."""
+
+    server: WatchServer
+    server_version = "uqpen"
+    sys_version = ""
+    timeout = 60  # seconds without a word from the client
+
+    def do_GET(self) -> None:
+        """Send the page, or the state of the study."""
+        # A page of any site can make its own name stand for 127.0.0.1, and read what it is sent.
+        # Its name is then in this header.
+        if self.headers.get_all("Host", []) not in [[name] for name in self.server.hosts]:
+            self._send(HTTPStatus.MISDIRECTED_REQUEST, "text/plain", b"this is another server\n")
+        elif self.path == _STATE:
+            content = json.dumps(self.server.state(), ensure_ascii=True).encode()
+            self._send(HTTPStatus.OK, "application/json", content)
+        elif self.path in _FILES:
+            name, kind = _FILES[self.path]
+            self._send(HTTPStatus.OK, kind, (_ASSETS / name).read_bytes())
+        else:
+            self._send(HTTPStatus.NOT_FOUND, "text/plain", b"there is no such page\n")
+
+    def do_HEAD(self) -> None:
+        """Send the headers alone."""
+        self.do_GET()
+
+    def _send(self, code: HTTPStatus, kind: str, content: bytes) -> None:
+        self.send_response(code)
+        for name, value in {**_HEADERS, "Content-Type": kind}.items():
+            self.send_header(name, value)
+        self.send_header("Content-Length", str(len(content)))
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(content)
+
+    def log_message(self, format: str, *values: Any) -> None:
+        """Say nothing: the page asks once a second."""
