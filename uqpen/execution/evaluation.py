@@ -14,7 +14,7 @@ from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, REPLICATE, ROLE, RUN, 
 from uqpen.core.model import Category, Dimension, Model, Output
 from uqpen.core.progress import Progress
 from uqpen.core.status import Status
-from uqpen.execution.batch import BatchResult, Map, PacedMap
+from uqpen.execution.batch import Batch, BatchResult, Map, PacedMap
 from uqpen.execution.batching import WORTH_SENDING, Pace, scalar_batches, vectorized_batches
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.evaluator import Evaluator, EvaluatorWork
@@ -148,18 +148,20 @@ def evaluate_blocks(
     progress.start_runs(label, lambda: _finished_runs(blocks, model, display_units))
     work = EvaluatorWork(evaluator, failures.retry)
     while blocks.position < blocks.size:
-        batches = (
-            vectorized_batches(blocks, is_batch_independent=model.is_batch_independent)
-            if model.vectorized
-            else scalar_batches(blocks, pace)
-        )
-        for batch_result in map(work, batches):
+        for batch_result in map(work, _batches(blocks, model, pace)):
             pace.record(len(batch_result))
             store(batch_result)
             yield from complete_blocks()
         if blocks.under_way > 0:
             raise WorkerError(f"the map has returned no result of {blocks.under_way} runs")
         yield from complete_blocks()
+
+
+def _batches(blocks: OpenBlocks, model: Model, pace: Pace) -> Iterator[Batch]:
+    """Return batches of the runs that are not done."""
+    if model.vectorized:
+        return vectorized_batches(blocks, is_batch_independent=model.is_batch_independent)
+    return scalar_batches(blocks, pace)
 
 
 def _check_names(points: xr.Dataset, model: Model) -> None:
