@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -135,12 +136,10 @@ def evaluate_blocks(
             progress.warn(warning)
         progress.advance(runs, failure_count.add(batch_result), blocks.under_way)
 
-    def complete_blocks() -> Iterator[xr.Dataset]:
-        for block in blocks.pop_complete():
-            failure_count.forget(block.stop)
-            runs = _dataset(block, model, display_units)
-            progress.end_block(label, runs)
-            yield runs
+    def dataset(block: BlockRecord) -> xr.Dataset:
+        runs = _dataset(block, model, display_units)
+        progress.end_block(label, runs)
+        return runs
 
     worth_sending = map.worth_sending if isinstance(map, PacedMap) else WORTH_SENDING
     pace = Pace(worth_sending, is_alone=bool(model.enforced_limits))
@@ -151,10 +150,17 @@ def evaluate_blocks(
         for batch_result in map(work, _batches(blocks, model, pace)):
             pace.record(len(batch_result))
             store(batch_result)
-            yield from complete_blocks()
+            yield from builtins.map(dataset, _pop_complete(blocks, failure_count))
         if blocks.under_way > 0:
             raise WorkerError(f"the map has returned no result of {blocks.under_way} runs")
-        yield from complete_blocks()
+        yield from builtins.map(dataset, _pop_complete(blocks, failure_count))
+
+
+def _pop_complete(blocks: OpenBlocks, failure_count: FailureCount) -> Iterator[BlockRecord]:
+    """Yield complete blocks in order, and forget the numbers of their runs."""
+    for block in blocks.pop_complete():
+        failure_count.forget(block.stop)
+        yield block
 
 
 def _batches(blocks: OpenBlocks, model: Model, pace: Pace) -> Iterator[Batch]:
