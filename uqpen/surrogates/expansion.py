@@ -64,8 +64,8 @@ class Expansion:
         Mean square of each training run's error when it is left out and the terms stay, as a share
         of the variance; NaN where there is none.
     cross_validation : float
-        The same at runs that took no part in choosing the terms either. Infinite where the runs
-        cannot tell it, as where one run alone decides a coefficient.
+        The same at runs that took no part in choosing the terms either. Infinite where it
+        cannot be estimated, as where one run alone decides a coefficient.
     smallest, largest : float
         The range of the output in the training runs.
     noise : FitNoise
