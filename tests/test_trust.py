@@ -11,6 +11,10 @@ import xarray as xr
 
 import uqpen
 from uqpen.archive.estimates import interval_text
+from uqpen.report.blocks import Text
+from uqpen.report.sections.surrogates import surrogates
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.surrogate.surrogate_statistics import TrainingRange
@@ -27,9 +31,10 @@ Statistics = dict[str, xr.DataArray]
 WIDE = TrainingRange(-100.0, 100.0, 0.0)
 
 
-def mean(value: float, lower: float, upper: float) -> Statistics:
+def mean(value: float, lower: float, upper: float, missing: str = "") -> Statistics:
     estimate = Estimate(value, lower, upper, "by hand", "nominal")
-    return {"mean": estimate.to_array(units="1", long_name="mean")}
+    array = estimate.to_array(units="1", long_name="mean")
+    return {"mean": array.assign_attrs({"missing": missing} if missing else {})}
 
 
 def verdict(
@@ -58,10 +63,51 @@ def test_a_figure_outside_is_refused() -> None:
     )
 
 
-def test_the_first_runs_with_an_interval_decide() -> None:
+def test_all_runs_with_an_interval_count() -> None:
     silent = mean(1.0, float("nan"), float("nan"))
     assert verdict(1.4, silent, mean(1.1, 0.9, 1.3))[0] == "refused"
-    assert verdict(1.0, mean(1.1, 0.9, 1.3), mean(3.0, 2.9, 3.1))[0] == "checked"
+    assert verdict(1.0, mean(1.1, 0.9, 1.3), silent, mean(1.05, 0.95, 1.15)) == (
+        "checked",
+        "inside the intervals of runs_0, runs_2 at one joint level",
+    )
+    assert verdict(1.0, mean(1.1, 0.9, 1.3), mean(3.0, 2.9, 3.1)) == (
+        "refused",
+        "outside the interval of runs_1 at the joint level of 2 designs",
+    )
+
+
+def test_intervals_of_several_runs_are_of_one_joint_level() -> None:
+    # Outside 95 % intervals of ± 1 by a tenth: one of four may be so by chance, a single one not.
+    off, near = mean(0.0, -1.0, 1.0), mean(1.0, 0.0, 2.0)
+    assert verdict(1.1, off)[0] == "refused"
+    assert verdict(1.1, off, near, near, near)[0] == "checked"
+    assert verdict(1.5, off, near, near, near)[0] == "refused"
+
+
+@pytest.mark.parametrize("designs", [1, 4])
+def test_right_figures_are_not_refused_more_often_by_more_runs(designs: int) -> None:
+    rng = np.random.default_rng(3)
+    refused = 0
+    for _ in range(1000):
+        # Student's t with as many degrees of freedom as 16 replicates leave.
+        errors = rng.normal(size=designs) * 0.1
+        halves = 2.131 * 0.1 * np.sqrt(rng.chisquare(15, designs) / 15)
+        found = [mean(e, e - half, e + half) for e, half in zip(errors, halves, strict=True)]
+        refused += verdict(0.0, *found)[0] == "refused"
+    # 5 % of 1 000 to three standard deviations; Bonferroni is at most that.
+    assert refused <= 50 + 21
+
+
+def test_runs_that_lack_failed_ones_are_of_another_population() -> None:
+    lacking = mean(1.1, 0.9, 1.3, missing="4.6 % of the admissible runs")
+    assert verdict(1.4, lacking) == verdict(1.0, lacking)
+    assert verdict(1.4, lacking) == (
+        "not comparable",
+        "failed runs are missing from runs_0, but not from the surrogate",
+    )
+    whole = mean(1.4, 1.3, 1.5)
+    assert verdict(1.4, lacking, whole) == ("checked", "inside the interval of runs_1")
+    assert verdict(1.6, lacking, whole)[0] == "refused"
 
 
 def test_what_no_runs_tell_is_unchecked() -> None:
@@ -74,19 +120,32 @@ def test_what_is_not_a_number_stays_without_a_verdict() -> None:
     assert verdict(float("nan"), mean(1.1, 0.9, 1.3))[0] == "none"
 
 
-@pytest.mark.parametrize(("beyond", "label"), [(0.01, "unchecked"), (0.2, "refused")])
-def test_a_spread_that_no_runs_vouch_for_must_not_hang_on_an_extrapolated_tail(
-    beyond: float, label: str
+@pytest.mark.parametrize(
+    ("beyond", "note"),
+    [
+        (0.01, "no independent runs give an interval for it"),
+        (
+            0.2,
+            "20 % of the variance is outside the training range of the surrogate; "
+            "no independent runs give an interval for it",
+        ),
+    ],
+)
+def test_a_spread_of_an_extrapolated_tail_is_unchecked_where_no_runs_tell(
+    beyond: float, note: str
 ) -> None:
-    vouched = Estimate(2.0, 1.0, 3.0, "by hand", "nominal")
+    told = Estimate(2.0, 1.0, 3.0, "by hand", "nominal")
     silent = Estimate.without_bounds(2.0, "heavy tail")
     reach = {"y": TrainingRange(0.0, 9.0, beyond)}
-    for estimate, expected in ((vouched, "checked"), (silent, label)):
+    for estimate, expected in (
+        (told, ("checked", "inside the interval of runs")),
+        (silent, ("unchecked", note)),
+    ):
         statistics = {"std": estimate.to_array(units="1", long_name="sd")}
         found = validate_surrogate(
             {"y": statistics}, [ValidationRuns("runs", {"y": statistics})], reach
-        )
-        assert interval_text(found["y"]["std"], "interval_label") == expected
+        )["y"]["std"]
+        assert (interval_text(found, "interval_label"), interval_text(found, "note")) == expected
 
 
 def quantiles(values: Mapping[float, float], half: float) -> Statistics:
@@ -105,8 +164,72 @@ def test_each_of_several_figures_is_judged_by_itself() -> None:
     )
     array = found["y"]["quantile"]
     labels = array["interval_label"].values.tolist()
-    assert labels == ["checked", "refused", "refused"]
-    assert "outside the training range" in str(array["note"].values[2])
+    assert labels == ["checked", "refused", "checked"]
+    assert str(array["note"].values[2]) == (
+        "inside the interval of runs; outside the training range of the surrogate"
+    )
+
+
+def exceedance(value: float, lower: float, upper: float) -> Statistics:
+    estimates = [Estimate(value, lower, upper, "by hand", "discrete")]
+    array = Estimate.stack(estimates, "threshold", units="1", long_name="P")
+    coordinates = {"threshold": ["12 m"], "threshold_value": ("threshold", [12.0])}
+    return {"exceedance": array.assign_coords(coordinates)}
+
+
+@pytest.mark.parametrize(
+    ("runs", "expected"),
+    [
+        ((0.01, 0.002, 0.03), "checked"),
+        ((0.05, 0.02, 0.1), "refused"),
+        # No run reached it: what the surrogate says so far out is no better known by them.
+        ((0.0, 0.0, 0.02), "unchecked"),
+    ],
+)
+def test_beyond_the_training_range_runs_that_reach_it_decide(
+    runs: tuple[float, float, float], expected: str
+) -> None:
+    found = validate_surrogate(
+        {"y": exceedance(0.005, 0.005, 0.005)},
+        [ValidationRuns("runs", {"y": exceedance(*runs)})],
+        {"y": TrainingRange(0.0, 10.0, 0.0)},
+    )["y"]["exceedance"]
+    assert found["interval_label"].item() == expected
+    assert ("outside the training range" in found["note"].item()) == (expected != "refused")
+
+
+def test_the_error_of_drawing_a_rare_event_is_told() -> None:
+    runs = [ValidationRuns("runs", {"y": exceedance(0.0, 0.0, 0.018)})]
+    for sampled, note in (
+        ((1e-4, 6e-5, 1.4e-4), "; sampling of the surrogate alone: 6e-05 to 0.00014"),
+        ((0.01, 0.0099, 0.0101), ""),
+    ):
+        found = validate_surrogate({"y": exceedance(*sampled)}, runs, {"y": WIDE})
+        array = found["y"]["exceedance"]
+        assert array["note"].item() == f"inside the interval of runs{note}"
+
+
+def index(value: float, half: float = np.nan) -> Statistics:
+    estimates = [Estimate(value, value - half, value + half, "by hand", "nominal")]
+    array = Estimate.stack(estimates, "input", units="1", long_name="first order")
+    return {"first_order": array.assign_coords(input=["x"])}
+
+
+@pytest.mark.parametrize(
+    ("of_surrogate", "of_runs", "expected"),
+    [
+        (0.001, 9e-6, "checked"),
+        (0.001, -0.002, "checked"),
+        (0.01, 9e-6, "refused"),
+        (0.52, 0.5, "refused"),
+    ],
+)
+def test_shares_of_the_variance_that_differ_by_nothing_are_no_contradiction(
+    of_surrogate: float, of_runs: float, expected: str
+) -> None:
+    runs = [ValidationRuns("runs", {"y": index(of_runs, 1e-6)})]
+    found = validate_surrogate({"y": index(of_surrogate)}, runs, {"y": WIDE})
+    assert found["y"]["first_order"]["interval_label"].item() == expected
 
 
 def test_statistics_that_share_a_dimension_keep_their_own_verdicts() -> None:
@@ -165,6 +288,44 @@ def test_a_bad_surrogate_is_refused_and_never_given_bounds(study_of: MakeStudy) 
     for array in statistics.values():
         if "bound" in array.dims:
             assert np.isnan(array.sel(bound=["lower", "upper"])).all()
+
+
+NORMAL = "{ normal = { mean = 0, std = 1 } }"
+
+
+def test_the_spread_of_an_exact_linear_surrogate_is_not_refused(study_of: MakeStudy) -> None:
+    # Of a normal output 5.6 % of the variance is outside the range of 200 runs.
+    text = DESIGNS.format(training=40).replace("2000", "100")
+    tree = uqpen.run(study_of("a + 2 * b", text, a=NORMAL, b=NORMAL))
+    std = tree["statistics/pce/y"]["std"]
+    assert float(std[0]) == pytest.approx(5**0.5, abs=1e-12)
+    assert std.attrs["interval_label"] == "unchecked"
+    assert "of the variance is outside the training range" in std.attrs["note"]
+
+
+def test_an_exact_surrogate_of_a_model_that_fails_in_a_corner_is_not_contradicted(
+    study_of: MakeStudy,
+) -> None:
+    text = "[outputs.y]\nexceeds = [1.3]\n" + DESIGNS.format(training=100)
+    corner = "np.where((a > 0.7) & (b > 0.7), np.nan, a + b)"
+    tree = uqpen.run(study_of(corner, text, a=(0, 1), b=(0, 1)))
+    assert "missing" in tree["statistics/runs/y"]["mean"].attrs
+    found = SourceStatistics(tree).statistics("pce", "y")
+    # Right figures of all inputs; the runs that came back have smaller ones.
+    assert float(found["mean"][0]) == pytest.approx(1.0, abs=1e-9)
+    for name in ("mean", "std", "quantile", "cdf_band", "first_order"):
+        labels = np.ravel(found[name]["interval_label"].values)
+        assert set(labels) == {"not comparable"}, name
+    # This interval allows for any outcome of the failed runs.
+    assert found["exceedance"]["interval_label"].values.tolist() == ["checked"]
+    table = next(output_tables(tree))
+    cells = dict(zip(table.columns, dict(table.rows)["mean"], strict=True))
+    assert cells["pce"].startswith("1 not comparable")
+    words = " ".join(
+        block.text for block in surrogates(ArchiveView(tree, "")) if isinstance(block, Text)
+    )
+    assert " are not comparable: failed runs are missing from the independent runs" in words
+    assert "0 are refused" in words
 
 
 def test_a_surrogate_over_admissible_draws_is_sampled_and_says_so(study_of: MakeStudy) -> None:

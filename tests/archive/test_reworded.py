@@ -10,23 +10,30 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uqpen import trust
 from uqpen.archive.estimates import estimate_array
 from uqpen.archive.reworded import REWORDED, reworded, reworded_array
 from uqpen.statistics import texts
+from uqpen.trust import verdict_texts
 
 PLACEHOLDER = r"\{(\w+)[^}]*\}"
 VALUES = st.from_regex(r"[a-z0-9_.%]+", fullmatch=True)
 
 WRITTEN = [
     re.compile(".+".join(map(re.escape, re.sub(PLACEHOLDER, "\0", value).split("\0"))))
-    for module in (texts, trust)
+    for module in (texts, verdict_texts)
     for name, value in vars(module).items()
     if name.isupper() and isinstance(value, str)
 ]
 
 
-@pytest.mark.parametrize("new", REWORDED.values())
+# Verdicts by an earlier rule, which stand in archives but are not written any more.
+EARLIER_VERDICTS = {
+    "inside the interval of {design} (completed runs only)",
+    "outside the interval of {design} (completed runs only)",
+}
+
+
+@pytest.mark.parametrize("new", sorted({*REWORDED.values()} - EARLIER_VERDICTS))
 def test_a_present_wording_is_one_that_is_written(new: str) -> None:
     note = new.removesuffix("; {note}")
     assert any(each.fullmatch(note) for each in WRITTEN)

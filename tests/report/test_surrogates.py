@@ -103,9 +103,9 @@ def test_verdicts_are_counted_and_refusals_listed(tree: xr.DataTree) -> None:
     assert counts["refused"] > 0
     assert one(tree, Text).text == (
         f"{sum(counts.values())} estimates by flat were compared with independent runs. "
-        f"{counts['checked']} are checked: inside the interval of the runs. "
-        f"{counts['refused']} are refused. "
-        f"{counts['unchecked']} are unchecked: no runs have an interval."
+        f"{counts['checked']} are checked: inside the intervals of the runs. "
+        f"{counts['refused']} are refused: outside the interval of some runs. "
+        f"{counts['unchecked']} are unchecked: no runs decide."
     )
     lines = one(tree, Remarks).lines
     assert any(line.startswith("distribution function of y: outside the simul") for line in lines)

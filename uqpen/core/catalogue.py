@@ -154,6 +154,11 @@ class Statistic:
         Whether it is an estimate with bounds; a place on an axis, say, is none.
     note_is_of_estimate : bool
         Whether a note concerns the estimate rather than its interval.
+    is_share_of_variance : bool
+        Whether it is a Sobol' index or a Shapley effect.
+    counts_missing_runs : bool
+        Whether its interval allows for any outcome of the failed runs, so that it is of all
+        admissible inputs.
     """
 
     name: str
@@ -162,6 +167,8 @@ class Statistic:
     unit: UnitRule = UnitRule.NONE
     has_bounds: bool = True
     note_is_of_estimate: bool = False
+    is_share_of_variance: bool = False
+    counts_missing_runs: bool = False
 
     @property
     def is_function(self) -> bool:
@@ -179,7 +186,13 @@ _INDICES = {
 def _indices(prefix: str, of: str, *along: str) -> list[Statistic]:
     """Return the three shares of a variance, of the output or of a function of it."""
     return [
-        Statistic(f"{prefix}{name}", f"{title}{of}", (*along, INPUT), note_is_of_estimate=True)
+        Statistic(
+            f"{prefix}{name}",
+            f"{title}{of}",
+            (*along, INPUT),
+            note_is_of_estimate=True,
+            is_share_of_variance=True,
+        )
         for name, title in _INDICES.items()
     ]
 
@@ -196,9 +209,13 @@ _STATISTICS = [
     Statistic("tolerance_limit", "upper tolerance limit", (CONTENT_LEVEL,), UnitRule.VALUE),
     Statistic("lower_tolerance_limit", "lower tolerance limit", (LOWER_CONTENT,), UnitRule.VALUE),
     Statistic("tolerance_interval", "tolerance interval", (INTERVAL_CONTENT,), UnitRule.VALUE),
-    Statistic("exceedance", "probability of exceeding a value", (THRESHOLD,)),
-    Statistic("below", "probability of lying below a value", (LOWER_THRESHOLD,)),
-    Statistic("share", "probability of a category", (CATEGORY,)),
+    Statistic(
+        "exceedance", "probability of exceeding a value", (THRESHOLD,), counts_missing_runs=True
+    ),
+    Statistic(
+        "below", "probability of lying below a value", (LOWER_THRESHOLD,), counts_missing_runs=True
+    ),
+    Statistic("share", "probability of a category", (CATEGORY,), counts_missing_runs=True),
     Statistic("cdf", "distribution function, pointwise bounds", (RANK,)),
     Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
@@ -214,7 +231,13 @@ _STATISTICS = [
         )
     ),
     *_indices("", ""),
-    Statistic("second_order", "second-order Sobol' index", (PAIR,), note_is_of_estimate=True),
+    Statistic(
+        "second_order",
+        "second-order Sobol' index",
+        (PAIR,),
+        note_is_of_estimate=True,
+        is_share_of_variance=True,
+    ),
     *_indices("log_", " of the logarithm"),
     *_indices("exceedance_", " of exceeding a value", THRESHOLD),
     *_indices("category_", " of a category", CATEGORY),

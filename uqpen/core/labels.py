@@ -40,10 +40,15 @@ INTERVAL_LABEL = "interval_label"
 INTERVAL_LEVEL = "interval_level"
 NOTE = "note"
 
-# Labels of a surrogate's estimate that validation runs confirm, contradict, or cannot check.
+# Verdicts on a surrogate's estimate, its labels: validation runs confirm it, contradict it, are of
+# another population as some of them failed, or tell nothing of it.
 CHECKED = "checked"
 REFUSED = "refused"
+NOT_COMPARABLE = "not comparable"
 UNCHECKED = "unchecked"
+VERDICTS = (CHECKED, REFUSED, NOT_COMPARABLE, UNCHECKED)
+# Of a surrogate among the sources: the rule of its verdicts.
+VERDICT_RULE = "verdict_rule"
 
 RUNS = "runs"
 STATISTICS_GROUP = "statistics"

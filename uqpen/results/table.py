@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.catalogue import CATALOGUE, UnitRule
-from uqpen.core.labels import INPUT, INTERVAL_LABEL, NOTE, PAIR, REFUSED, ROLE, RUNS, UNCHECKED
+from uqpen.core.labels import CHECKED, INPUT, INTERVAL_LABEL, NOTE, PAIR, ROLE, RUNS, VERDICTS
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
 
@@ -94,7 +94,7 @@ def estimate_with_verdict(array: xr.DataArray, convert: Conversion) -> str:
         values[0] = 0.0
     text = estimate_text(*values)
     label = interval_text(array, INTERVAL_LABEL)
-    return f"{text} {label}" if label in (REFUSED, UNCHECKED) else text
+    return f"{text} {label}" if label in VERDICTS and label != CHECKED else text
 
 
 def _is_share_of_variance(array: xr.DataArray) -> bool:

@@ -64,7 +64,8 @@ class Expansion:
         Mean square of each training run's error when it is left out and the terms stay, as a share
         of the variance; NaN where there is none.
     cross_validation : float
-        The same at runs that took no part in choosing the terms either.
+        The same at runs that took no part in choosing the terms either. Infinite where it
+        cannot be estimated, as where one run alone decides a coefficient.
     smallest, largest : float
         The range of the output in the training runs.
     noise : FitNoise
@@ -88,8 +89,8 @@ class Expansion:
 
     @property
     def q2(self) -> float:
-        """Share of the variance predicted at runs left out, by cross-validation."""
-        return 1 - self.cross_validation
+        """Share of the variance predicted at runs left out, by cross-validation; NaN if unknown."""
+        return 1 - self.cross_validation if math.isfinite(self.cross_validation) else math.nan
 
     @cached_property
     def nested(self) -> NestedSums:

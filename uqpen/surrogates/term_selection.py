@@ -52,8 +52,8 @@ class Terms:
         The highest order of all the terms that they were chosen from.
     leave_one_out, cross_validation : float
         Mean square error as a share of the variance: see `RegressionFit`, and at runs that took no
-        part in the choice of the terms either. Both are the same where all terms are kept, and NaN
-        for a projection.
+        part in the choice of the terms either. The second is at least the first. Both are the same
+        where all terms are kept, and NaN for a projection.
     """
 
     indices: IntArray
@@ -207,6 +207,18 @@ def _fitted(
         return None, np.inf
     unseen, compared = fit.leave_one_out, fit.corrected
     if method == "sparse":
-        unseen = compared = cross_validation(matrix, values, folds)
+        unseen = compared = _unseen_error(fit, cross_validation(matrix, values, folds))
     terms = Terms(indices[fit.terms], fit.coefficients, order, fit.leave_one_out, unseen)
     return terms, compared
+
+
+def _unseen_error(fit: RegressionFit, of_folds: float) -> float:
+    """Return the error of a sparse fit at runs that it has not seen.
+
+    Each fold of a cross-validation chooses terms of its own, so its error may be of another fit.
+    All runs chose the terms that are kept, so the error of these is at least their leave-one-out
+    error. It is just that for a constant, in which nothing was chosen.
+    """
+    if len(fit.terms) == 1:
+        return fit.leave_one_out
+    return max(of_folds, fit.leave_one_out)

@@ -31,6 +31,7 @@ from uqpen.verification.differences import (
     relative_difference,
     unequal,
 )
+from uqpen.verification.earlier_verdicts import earlier_verdict_groups, without_verdicts
 from uqpen.workflow import analyse_runs
 
 __all__ = ["Runs", "draw_runs", "repeated_points", "repeated_runs", "repeated_statistics"]
@@ -126,6 +127,8 @@ def repeated_statistics(
 ) -> CheckResult:
     """Repeat the statistics of the archived runs and compare them with the archived ones.
 
+    Verdicts on surrogates by another rule than today's are left out (`earlier_verdicts`).
+
     Parameters
     ----------
     study, tree, runs
@@ -145,9 +148,12 @@ def repeated_statistics(
     again = analyse_runs(study, in_order, progress)
     archived_groups, repeated_groups = _statistics_groups(tree), _statistics_groups(again)
     found = list(missing_keys(archived_groups, repeated_groups))
+    earlier = earlier_verdict_groups(tree)
     for path in sorted(archived_groups & repeated_groups):
         parts = path.strip("/").split("/") if path != "/" else []
         pair = read_group(tree, *parts), read_group(again, *parts)
+        if path in earlier or path.rpartition("/")[0] in earlier:
+            pair = without_verdicts(pair[0]), without_verdicts(pair[1])
         found += [
             difference._replace(what=f"{path}: {difference.what}")
             for difference in find_differences(*pair, besides=(CONTENT, *besides))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import xarray as xr
 
-from uqpen.core.labels import RUN, RUNS_SPENT, SOURCE_KIND
+from uqpen.core.labels import RUN, RUNS_SPENT, SOURCE_KIND, VERDICT_RULE
 from uqpen.core.streams import Stream
 from uqpen.models.user_code import error_text
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
@@ -17,7 +17,7 @@ from uqpen.statistics.surrogate.surrogate_statistics import (
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.fitting import fit_surrogate, is_built_in
 from uqpen.surrogates.output_surrogate import unfitted
-from uqpen.trust import ValidationRuns, validate_surrogate
+from uqpen.trust import VALIDATION_RULE, ValidationRuns, validate_surrogate
 from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs
 from uqpen.workflow.source import Source
@@ -58,7 +58,8 @@ def surrogate_source(
         RUNS_SPENT: sum(runs[design].sizes[RUN] for design in used),
         "check": validation_runs[0] if validation_runs else "none",
     }
-    source = Source({SOURCE_KIND: "surrogate", **attributes}, outputs)
+    rule = {VERDICT_RULE: VALIDATION_RULE}
+    source = Source({SOURCE_KIND: "surrogate", **attributes, **rule}, outputs)
     if name in study.surrogate_origins:
         tree.attrs["kind"] = study.surrogate_origins[name].kind
     tree.attrs |= attributes

@@ -18,10 +18,9 @@ from uqpen.core.labels import (
     INTERVAL_LABEL,
     MISSING,
     NOTE,
-    REFUSED,
     RUNS,
     SURROGATES,
-    UNCHECKED,
+    VERDICTS,
 )
 from uqpen.report.counting import count_text
 from uqpen.report.sections.view_statistics import STATISTIC_FAMILIES
@@ -85,7 +84,7 @@ def _notes(array: xr.DataArray, *, is_whole: bool = False) -> Iterator[tuple[str
     entries = zip(labels.tolist(), notes.tolist(), strict=True)
     for label, note in list(entries)[: 1 if is_whole else None]:
         if note and label != CHECKED:
-            yield label if label in (REFUSED, UNCHECKED) else "", _NUMBERS.sub("", note)
+            yield label if label in VERDICTS else "", _NUMBERS.sub("", note)
 
 
 def _note_line(label: str, note: str, count: int) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from uqpen.archive.estimates import interval_text
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import CHECKED, INPUT, INTERVAL_LABEL, REFUSED, UNCHECKED
+from uqpen.core.labels import INPUT, INTERVAL_LABEL, REFUSED, VERDICTS
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.figures.measures import MeasureSeries, rank_inputs
 from uqpen.report.axes import padded_limits
@@ -27,7 +27,6 @@ __all__ = ["MeasureChartSpec", "measures_chart"]
 
 
 _MARKERS = {"o": "circle", "s": "square", "D": "diamond", "^": "triangle-up"}
-_VERDICTS = (CHECKED, REFUSED, UNCHECKED)
 # Heights in CSS pixels: of all but the rows, between rows, and of a dot.
 _FRAME, _GAP, _DOT = 62, 14, 11
 # Reasons for having no interval that are written out below a chart.
@@ -145,7 +144,7 @@ def _traces(every: Sequence[_PlottedSeries], inputs: Sequence[str], unit: str) -
 
 def _hover(one: _InputEstimate, series: str, unit: str) -> str:
     text = f"{one.name}, {series}: {one.text(unit)}"
-    verdict = one.label if one.label in _VERDICTS else ""
+    verdict = one.label if one.label in VERDICTS else ""
     known = ", ".join(filter(None, (verdict, one.note)))
     return f"{text} ({known})" if known else text
 
@@ -186,7 +185,7 @@ def _names_by_text(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
 
 
 def _missing_interval_reason(one: _InputEstimate) -> str:
-    if one.label in _VERDICTS:
+    if one.label in VERDICTS:
         return f"{one.label}: {one.note}"
     return one.note or "no reason is known"
 

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from uqpen.core.catalogue import CATALOGUE, LOWER_THRESHOLD, PROBABILITY, THRESHOLD
-from uqpen.core.labels import CHECKED, INTERVAL_LABEL, NOTE, REFUSED, UNCHECKED
+from uqpen.core.labels import (
+    CHECKED,
+    INTERVAL_LABEL,
+    NOT_COMPARABLE,
+    NOTE,
+    REFUSED,
+    UNCHECKED,
+    VERDICTS,
+)
 from uqpen.report.blocks import Block, Remarks, Table, Text
 from uqpen.report.sections.view_statistics import STATISTIC_FAMILIES, failure_probabilities
 from uqpen.results.archive_view import ArchiveView
@@ -28,7 +36,11 @@ _FAMILIES = (
     _LOSSES,
     _SENSITIVITY,
 )
-_VERDICTS = (CHECKED, REFUSED, UNCHECKED)
+_MEANINGS = {
+    CHECKED: "checked: inside the intervals of the runs",
+    REFUSED: "refused: outside the interval of some runs",
+    UNCHECKED: "unchecked: no runs decide",
+}
 # The same function point by point, and a measure of heavy tails.
 _NOT_COUNTED = ("cdf", "effective_runs")
 
@@ -55,19 +67,28 @@ def surrogate_validation(view: ArchiveView, name: str) -> Iterator[Block]:
     ]
     if not every:
         return
-    counts = [sum(each.verdict == label for each in every) for label in _VERDICTS]
-    whole, checked, refused, unchecked = map(grouped_number, (len(every), *counts))
-    yield Text(
-        f"{whole} estimates by {name} were compared with independent runs. {checked} are checked: "
-        f"inside the interval of the runs. {refused} are refused. {unchecked} are unchecked: no "
-        "runs have an interval."
-    )
+    yield Text(_counts_text(name, every))
     lines = [f"{each.name}: {each.note}." for each in every if each.verdict == REFUSED]
     if more := lines[_MOST_LISTED:]:
         lines[_MOST_LISTED:] = [f"And {grouped_number(len(more))} more."]
     if lines:
         yield Remarks("Refused", tuple(lines))
     yield Table(_validation_table(name, every), is_folded=True)
+
+
+def _counts_text(name: str, every: Sequence[_ValidatedEstimate]) -> str:
+    """Return the sentences on the number of estimates with each verdict."""
+    counts = {label: sum(each.verdict == label for each in every) for label in VERDICTS}
+    sentences = [
+        f"{grouped_number(len(every))} estimates by {name} were compared with independent runs.",
+        *(f"{grouped_number(counts[label])} are {text}." for label, text in _MEANINGS.items()),
+    ]
+    if lacking := counts[NOT_COMPARABLE]:
+        sentences.append(
+            f"{grouped_number(lacking)} are not comparable: failed runs are missing from the "
+            "independent runs, but not from the surrogate."
+        )
+    return " ".join(sentences)
 
 
 def _failure_rows(view: ArchiveView, name: str) -> Iterator[_ValidatedEstimate]:
@@ -94,7 +115,7 @@ def _verdicts(family: str, array: xr.DataArray, title: str) -> Iterator[_Validat
     labels, notes = (array.coords[text].values for text in (INTERVAL_LABEL, NOTE))
     for place in [(0,) * labels.ndim] if title else np.ndindex(labels.shape):
         estimates = array.values[..., 0] if title else array.values[place][..., 0]
-        if labels[place] in _VERDICTS and np.isfinite(estimates).any():
+        if labels[place] in VERDICTS and np.isfinite(estimates).any():
             label = title or _estimate_name(array, place)
             yield _ValidatedEstimate(family, label, str(labels[place]), str(notes[place]))
 
@@ -114,11 +135,11 @@ def _estimate_name(array: xr.DataArray, place: tuple[int, ...]) -> str:
 
 
 def _validation_table(name: str, every: list[_ValidatedEstimate]) -> OutputTable:
-    table = OutputTable(f"{name}: verdicts on its estimates", list(_VERDICTS))
+    table = OutputTable(f"{name}: verdicts on its estimates", list(VERDICTS))
     for family in _FAMILIES:
         found = [each.verdict for each in every if each.family == family]
         if found:
             table.rows.append(
-                (family, [grouped_number(found.count(verdict)) for verdict in _VERDICTS])
+                (family, [grouped_number(found.count(verdict)) for verdict in VERDICTS])
             )
     return table
