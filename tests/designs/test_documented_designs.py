@@ -43,7 +43,7 @@ def block(start: str, language: str = "python") -> str:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    for name in ("my_salib.py", "my_stopping.py"):
+    for name in ("my_blocks.py", "my_salib.py", "my_stopping.py"):
         (tmp_path / name).write_text(block(f"# {name}"))
     return tmp_path
 
@@ -51,10 +51,22 @@ def folder(tmp_path: Path) -> Path:
 @pytest.fixture
 def modules(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, Any]]:
     monkeypatch.syspath_prepend(folder)
-    names = ("my_salib", "my_stopping")
+    names = ("my_blocks", "my_salib", "my_stopping")
     yield {name: importlib.import_module(name) for name in names}
     for name in names:
         sys.modules.pop(name, None)
+
+
+class TestPointsByBlocks:
+    def test_they_meet_the_contract_of_designs(self, modules: dict[str, Any]) -> None:
+        check_design(modules["my_blocks"].Antithetic(pairs=200))
+
+    def test_pairs_are_mirror_images_across_a_border(self, modules: dict[str, Any]) -> None:
+        joint = example_joint_distribution()
+        (points,) = modules["my_blocks"].Antithetic(pairs=20).rounds(joint, Stream(1))
+        parts = [points.read(0, 7)["length"].values, points.read(7, 40)["length"].values]
+        pairs = np.concatenate(parts).reshape(20, 2)
+        assert pairs.sum(axis=1) == pytest.approx(np.full(20, 4.0))
 
 
 class TestSalib:

@@ -11,6 +11,7 @@ from uqpen.benchmark.statistics import COMPARED_ANALYSES, Estimates
 from uqpen.core.labels import BOUND, BOUNDS
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
+from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.execution import Evaluator, Map, Progress, evaluate
 from uqpen.statistics.analyze import analyze
@@ -63,7 +64,8 @@ class BenchmarkRunner:
         count = _TIMED_VECTORIZED if self.study.model.vectorized else _TIMED
         evaluator = Evaluator(self.study.model, self.study.constraints)
         stream = Stream(self.study.seed, "head_to_head", "timing")
-        points = next(MonteCarlo(count).rounds(self.study.joint, stream))
+        # In memory, as the time is that of runs alone.
+        points = points_in_memory(next(MonteCarlo(count).rounds(self.study.joint, stream)))
         # The first time, the model may have to be loaded where it runs.
         evaluate(evaluator, points, {}, map=self.map)
         began = time.perf_counter()
