@@ -62,9 +62,11 @@ def _no_failure_text(view: ArchiveView) -> str:
 
 def _reason_table(view: ArchiveView, designs: Sequence[str]) -> OutputTable:
     counts: dict[tuple[Status, str], Counter[str]] = {}
+    examples: dict[tuple[Status, str], str] = {}
     for design in designs:
         for each in losses_of(view.tree, design):
             counts.setdefault((each.status, each.reason), Counter())[design] += each.runs
+            examples.setdefault((each.status, each.reason), each.example)
     ordered = sorted(counts.items(), key=lambda entry: -entry[1].total())
     columns = [
         f"{name}\nof {count_text(read_group(view.tree, RUNS, name).sizes[RUN], 'run')}"
@@ -72,7 +74,9 @@ def _reason_table(view: ArchiveView, designs: Sequence[str]) -> OutputTable:
     ]
     table = OutputTable("Failed runs, by status and reason", columns)
     for (status, reason), found in ordered[:_MOST_REASONS]:
-        label = f"{STATUS_TEXT[status]}: {plain_text(reason, 200)}"
+        example = plain_text(examples[status, reason], 200)
+        mark = table.note_mark(f"such as: {example}" if example else "")
+        label = f"{STATUS_TEXT[status]}: {plain_text(reason, 200)}{mark}"
         _add(table, label, [found[each] for each in designs])
     if rest := ordered[_MOST_REASONS:]:
         left = [sum(found[design] for _, found in rest) for design in designs]
