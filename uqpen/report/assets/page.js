@@ -8,6 +8,8 @@
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const isCoarse = window.matchMedia("(pointer: coarse)").matches;
   const plots = [...document.querySelectorAll(".plot")];
+  // A chart in a folded part has no width; it is drawn when that is opened.
+  const isOpen = (plot) => plot.closest("details:not([open])") === null;
   const charts = JSON.parse(document.getElementById("data").textContent);
   // The style sheet leaves room for charts from here on.
   root.dataset.script = "runs";
@@ -189,11 +191,16 @@
   }
   function drawAll() {
     delete root.dataset.ready;
-    waiting = [...plots];
+    waiting = plots.filter(isOpen);
     if (!isUnderWay) idle(drawNext);
     isUnderWay = true;
   }
   drawAll();
+  document.addEventListener("toggle", (event) => {
+    const inside = (plot) => event.target.contains(plot) && plot.dataset.drawn && isOpen(plot);
+    plots.filter(inside).forEach((plot) => Plotly.Plots.resize(plot));
+    drawAll();
+  }, true);
 
   // What does not scroll is no stop for the keyboard.
   const scrolls = [...document.querySelectorAll(".scroll, pre")];
@@ -230,11 +237,11 @@
     before = root.dataset.theme;
     root.dataset.theme = "light";
     root.dataset.printed = "yes";
-    plots.forEach((plot) => { begin(plot); draw(plot, true); });
+    plots.filter(isOpen).forEach((plot) => { begin(plot); draw(plot, true); });
   });
   window.addEventListener("afterprint", () => {
     if (before === undefined) delete root.dataset.theme; else root.dataset.theme = before;
     delete root.dataset.printed;
-    plots.forEach((plot) => { draw(plot); Plotly.Plots.resize(plot); });
+    plots.filter(isOpen).forEach((plot) => { draw(plot); Plotly.Plots.resize(plot); });
   });
 })();

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.table import OutputTable, exceedance_label, quantile_label
 
-__all__ = ["surrogate_validation"]
+__all__ = ["surrogate_validation", "verdict_counts"]
 
 # Refusals that are listed at the most.
 _MOST_LISTED = 12
@@ -44,15 +45,7 @@ class _ValidatedEstimate(NamedTuple):
 
 def surrogate_validation(view: ArchiveView, name: str) -> Iterator[Block]:
     """Yield the number of estimates that validation runs confirm, and those they contradict."""
-    statistics = view.statistics
-    found = {output: statistics.statistics(name, output) for output in statistics.outputs}
-    every = [
-        each
-        for family in _FAMILIES
-        for each in (
-            _failure_rows(view, name) if family == _LOSSES else _family_verdicts(family, found)
-        )
-    ]
+    every = _validated_estimates(view, name)
     if not every:
         return
     counts = [sum(each.verdict == label for each in every) for label in _VERDICTS]
@@ -68,6 +61,23 @@ def surrogate_validation(view: ArchiveView, name: str) -> Iterator[Block]:
     if lines:
         yield Remarks("Refused", tuple(lines))
     yield Table(_validation_table(name, every), is_folded=True)
+
+
+def verdict_counts(view: ArchiveView, name: str) -> Counter[str]:
+    """Return the number of a surrogate's estimates with each verdict."""
+    return Counter(each.verdict for each in _validated_estimates(view, name))
+
+
+def _validated_estimates(view: ArchiveView, name: str) -> list[_ValidatedEstimate]:
+    statistics = view.statistics
+    found = {output: statistics.statistics(name, output) for output in statistics.outputs}
+    return [
+        each
+        for family in _FAMILIES
+        for each in (
+            _failure_rows(view, name) if family == _LOSSES else _family_verdicts(family, found)
+        )
+    ]
 
 
 def _failure_rows(view: ArchiveView, name: str) -> Iterator[_ValidatedEstimate]:
