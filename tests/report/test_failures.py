@@ -89,17 +89,39 @@ def test_what_is_no_sample_has_a_share_without_an_interval(
     assert chart.notes == ("Hollow: no interval; the table gives the reason.",)
 
 
-def test_rare_reasons_are_counted_together(study_of: Callable[..., ValidatedStudy]) -> None:
-    text = '[designs.some]\nkind = "monte-carlo"\nruns = 60'
+def _with_reasons(study_of: Callable[..., ValidatedStudy], reasons: list[str]) -> xr.DataTree:
+    """A study all runs of which failed, for these reasons."""
+    text = f'[designs.some]\nkind = "monte-carlo"\nruns = {len(reasons)}'
     tree = uqpen.run(study_of("np.nan * a", text, a=(0.0, 1.0)))
     runs = read_group(tree, "runs", "some")
-    reasons = np.array([f"reason {max(number, 9)}" for number in range(60)], dtype=object)
-    tree["runs/some"] = xr.DataTree(runs.assign(lost_reason=("lost_run", reasons)))
-    table, *_ = failures(ArchiveView(tree, ""))
+    found = np.array(reasons, dtype=object)
+    tree["runs/some"] = xr.DataTree(runs.assign(lost_reason=("lost_run", found)))
+    return tree
+
+
+def test_rare_reasons_are_counted_together(study_of: Callable[..., ValidatedStudy]) -> None:
+    letters = [chr(ord("A") + max(number, 9)) for number in range(60)]
+    table, *_ = failures(ArchiveView(_with_reasons(study_of, letters), ""))
     assert isinstance(table, Table)
-    assert table.table.rows[0] == ("not finite: reason 9", ["10"])
+    assert table.table.rows[0] == ("not finite: J", ["10"])
     assert table.table.rows[-2:] == [("31 less frequent reasons", ["31"]), ("all", ["60"])]
     assert len(table.table.rows) == 22
+
+
+def test_reasons_that_differ_in_numbers_alone_are_one(
+    study_of: Callable[..., ValidatedStudy],
+) -> None:
+    newton = [f"no root of x1 after {n} steps (residual {n}.5e-4)" for n in range(20)]
+    codes = ["exit code 1", "exit code 2"] * 5
+    table, *_ = failures(ArchiveView(_with_reasons(study_of, [*newton, *codes]), ""))
+    assert isinstance(table, Table)
+    assert table.table.rows == [
+        ("not finite: no root of x1 after # steps (residual #) ¹", ["20"]),
+        ("not finite: exit code 1", ["5"]),
+        ("not finite: exit code 2", ["5"]),
+        ("all", ["30"]),
+    ]
+    assert table.table.notes == ["such as: no root of x1 after 0 steps (residual 0.5e-4)"]
 
 
 def test_only_some_of_many_inputs_are_drawn(wide: xr.DataTree) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import xarray as xr
 from hypothesis import given
@@ -248,6 +249,18 @@ def test_what_was_lost_is_told_with_its_reasons(tree: xr.DataTree) -> None:
     assert {loss.reason for loss in found} == {entry["reason"] for entry in counted["reasons"]}
     assert [loss.runs for loss in found] == sorted((loss.runs for loss in found), reverse=True)
     assert not has_failed_design(tree)
+
+
+def test_reasons_with_other_numbers_are_one_with_an_example(tree: xr.DataTree) -> None:
+    runs = tree["runs/few"].to_dataset(inherit=False)
+    numbers = [f"radius {n}.5 is too small" for n in range(runs.sizes["lost_run"])]
+    changed = tree.copy()
+    reasons = np.array(numbers, dtype=object)
+    changed["runs/few"] = xr.DataTree(runs.assign(lost_reason=("lost_run", reasons)))
+    (entry,) = archive_json(changed)["designs"]["few"]["reasons"]
+    assert entry["reason"] == "radius # is too small"
+    assert entry["example"] == "radius 0.5 is too small"
+    assert entry["runs"] == len(numbers) > 3
 
 
 def test_json_holds_every_figure_in_si_units(tree: xr.DataTree) -> None:

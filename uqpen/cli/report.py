@@ -25,16 +25,24 @@ __all__ = ["announce_report", "report", "write_and_announce"]
     metavar="FILE.py:FUNCTION",
     help="Add a section of your own, made by this function; can be given several times.",
 )
-def report(archive: Path, file: Path | None, sections: tuple[str, ...]) -> None:
+@click.option(
+    "--full", is_flag=True, help="Unfold the parts for a statistician, and so print them."
+)
+def report(archive: Path, file: Path | None, sections: tuple[str, ...], full: bool) -> None:
     """Write one HTML page with the results of ARCHIVE, to send to a colleague; nothing is run.
 
     It opens in any browser, without a network.
     """
-    write_and_announce(archive, Path(), file, sections)
+    write_and_announce(archive, Path(), file, sections, full=full)
 
 
 def write_and_announce(
-    archive: Path, here: Path, file: Path | None = None, sections: tuple[str, ...] = ()
+    archive: Path,
+    here: Path,
+    file: Path | None = None,
+    sections: tuple[str, ...] = (),
+    *,
+    full: bool = False,
 ) -> None:
     """Write the report of an archive, by default beside it, and show the path of the page.
 
@@ -49,7 +57,7 @@ def write_and_announce(
         from uqpen.archive.read import open_archive
         from uqpen.report.page import write_report
 
-        write_report(open_archive(here / archive), here / path, sections=sections)
+        write_report(open_archive(here / archive), here / path, sections=sections, full=full)
     click.echo(f"report: {printable(str(path))}")
 
 

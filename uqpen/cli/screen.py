@@ -97,7 +97,7 @@ def _show_failures(console: Console, tree: xr.DataTree) -> None:
     if not found:
         return
     rows = [
-        (head + failed.design, f"{failed.runs} {STATUS_TEXT[failed.status]}", failed.reason)
+        (head + failed.design, f"{failed.runs} {STATUS_TEXT[failed.status]}", failed.text)
         for head, failed in found[:_MOST_REASONS]
     ]
     console.print()

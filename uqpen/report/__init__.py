@@ -22,66 +22,67 @@ class ReportSection(NamedTuple):
     # itself where that is a benchmark of methods.
     function: str
     is_common: bool = False  # stated once, for all models of an archive together
+    is_folded: bool = False  # for a statistician: opened by its line, or by a link to it
+    is_printed: bool = True  # unless it is folded; otherwise to be explored on a screen
     absence_note: str = ""  # what an archive lacks without content, where some is expected
 
 
 # In the order of the page, by the names that links have.
 SECTIONS = {
     "answer": ReportSection(
-        "Main results",
-        "Sentences to quote on the outputs of the study. Each estimate has its interval, or the "
-        "reason why it has none. Below them: the design behind them, and what to keep in mind.",
-        "uqpen.report.sections.answer:answer",
-    ),
-    "distributions": ReportSection(
-        "How it is distributed",
-        "The probability that an output is at most a value, with a band that is valid for all "
-        "values at once. Move the threshold to read off a probability. Below it: the runs "
-        "themselves and their quantiles.",
-        "uqpen.report.sections.distributions:distributions",
-        absence_note="completed runs that are a sample of the inputs",
-    ),
-    "methods": ReportSection(
-        "All methods side by side",
-        "The same statistics by all designs, surrogates and publications. Further charts compare "
-        "the width of the intervals with the number of runs: further down and to the left is "
-        "better.",
-        "uqpen.report.sections.source_comparison:source_comparison",
+        "Main results", "", "uqpen.report.sections.answer:answer", is_common=True
     ),
     "models": ReportSection(
         "How the models differ",
-        "The distribution function of each model at the same points. Below it: the differences "
-        "run by run. They are often known better than either model alone.",
+        "The distribution function of each model at the same points, and the differences run by "
+        "run. Differences are often known better than either model alone.",
         "uqpen.report.sections.model_comparison:model_comparison",
         is_common=True,
+    ),
+    "distributions": ReportSection(
+        "How it is distributed",
+        "Move the threshold to read off a probability.",
+        "uqpen.report.sections.distributions:distributions",
+        absence_note="completed runs that are a sample of the inputs",
+    ),
+    "sensitivity": ReportSection(
+        "What drives it",
+        "First order: the part of the variance that an input causes by itself. Total order: with "
+        "its interactions. Shapley effects divide interactions evenly. Where inputs depend on each "
+        "other, first orders include what they share, and may add up to more than 1.",
+        "uqpen.report.sections.sensitivity:sensitivity",
+        absence_note="measures of the inputs' part",
+    ),
+    "scatter": ReportSection(
+        "Outputs against inputs",
+        "Each point is a run. Points along a line or a bend: the output depends on that input. A "
+        "cloud without a shape: other inputs decide.",
+        "uqpen.report.sections.scatter:scatter",
+        is_printed=False,
+    ),
+    "losses": ReportSection(
+        "Failed runs",
+        "Runs without a result: how many, why, and for which inputs.",
+        "uqpen.report.sections.failures:failures",
+    ),
+    "methods": ReportSection(
+        "Do the methods agree",
+        "The same statistics by all designs, surrogates and publications.",
+        "uqpen.report.sections.source_comparison:source_comparison",
     ),
     "convergence": ReportSection(
         "How it settles with more runs",
         "Estimates from growing parts of the runs. Each has the interval that it would have, had "
         "the study ended there.",
         "uqpen.report.sections.convergence:convergence",
-    ),
-    "sensitivity": ReportSection(
-        "Where the uncertainty comes from",
-        "The first-order index is the share of an output's variance that would vanish if one input "
-        "were known. The "
-        "total-order index adds its interactions with other inputs. Shapley effects divide the "
-        "interactions evenly among their inputs. Elementary effects and responses measure how much "
-        "the output changes with an input.",
-        "uqpen.report.sections.sensitivity:sensitivity",
-        absence_note="measures of the inputs' part",
-    ),
-    "scatter": ReportSection(
-        "Outputs against inputs",
-        "Each point is a run of the model. If the points follow a line or a bend, the output "
-        "depends on that input. If they are a cloud without a shape, other inputs decide.",
-        "uqpen.report.sections.scatter:scatter",
+        is_folded=True,
     ),
     "course": ReportSection(
         "Trajectory at the nominal inputs",
         "The states of the model within a single run, with all inputs at their nominal values.",
         "uqpen.report.sections.trajectory:trajectory",
         is_common=True,
+        is_folded=True,
         absence_note="trajectories of its models",
     ),
     "surrogates": ReportSection(
@@ -90,13 +91,8 @@ SECTIONS = {
         "the line, the better. A good fit as a whole does not make every estimate right, so each "
         "is checked by itself.",
         "uqpen.report.sections.surrogates:surrogates",
+        is_folded=True,
         absence_note="surrogates",
-    ),
-    "losses": ReportSection(
-        "Failed runs",
-        "Runs without a result: the reasons, the probability of failure, and the inputs that are "
-        "associated with it.",
-        "uqpen.report.sections.failures:failures",
     ),
     "archive": ReportSection(
         "The study and its provenance",
@@ -104,6 +100,7 @@ SECTIONS = {
         "archive or to repeat it.",
         "uqpen.report.sections.archive:archive",
         is_common=True,
+        is_folded=True,
     ),
 }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
-from uqpen.report.blocks import Block, Chart, Charts, Heading, RunExplorer
+from uqpen.report.blocks import Block, Chart, Fold, Heading, RunExplorer, flattened
 
 __all__ = ["block_anchors"]
 
@@ -38,14 +38,21 @@ def block_anchors(sections: Iterable[tuple[str, Iterable[Block]]]) -> dict[int, 
 def _titled_blocks(blocks: Iterable[Block]) -> Iterator[tuple[Block, tuple[str, ...]]]:
     """Yield headings and charts, each with the headings that it stands below and its own title."""
     above: dict[int, str] = {}
-    for block in blocks:
-        if isinstance(block, Heading):
-            above = {level: text for level, text in above.items() if level < block.level}
-            above[block.level] = block.text
+    for block in flattened(blocks):
+        if heading := _heading(block):
+            level, text = heading
+            above = {higher: each for higher, each in above.items() if higher < level}
+            above[level] = text
             yield block, tuple(above.values())
-        for chart in block.charts if isinstance(block, Charts) else (block,):
-            if isinstance(chart, Chart | RunExplorer):
-                yield chart, (*above.values(), chart.title)
+        elif isinstance(block, Chart | RunExplorer):
+            yield block, (*above.values(), block.title)
+
+
+def _heading(block: Block) -> tuple[int, str] | None:
+    """Return the level and the text of a heading; None of another block."""
+    if isinstance(block, Heading):
+        return block.level, block.text
+    return (block.level, block.title) if isinstance(block, Fold) and block.level else None
 
 
 def _unused_name(name: str, taken: set[str]) -> str:

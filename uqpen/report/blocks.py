@@ -11,10 +11,16 @@ from uqpen.report.shapes import Shape
 from uqpen.results.table import OutputTable
 
 __all__ = [
+    "Alert",
+    "Alerts",
+    "Answer",
+    "Answers",
     "Axis",
     "Block",
     "Chart",
     "Charts",
+    "Columns",
+    "Fold",
     "Heading",
     "LegendKey",
     "Listing",
@@ -29,6 +35,7 @@ __all__ = [
     "ThresholdReadout",
     "find_charts",
     "find_explorers",
+    "flattened",
 ]
 
 
@@ -61,6 +68,36 @@ class Quote(Block):
     """Sentences to be quoted, each complete by itself."""
 
     sentences: tuple[str, ...]
+
+
+class Answer(NamedTuple):
+    """A question in few words, and what the archive answers."""
+
+    question: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Answers(Block):
+    """Questions with their answers, one below the other."""
+
+    entries: tuple[Answer, ...]
+    is_verdict: bool = False  # of the study's own limits: set larger
+
+
+class Alert(NamedTuple):
+    """Something to mind, of a kind, and what a reader can do about it."""
+
+    about: str  # the kind, in one or two words
+    text: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class Alerts(Block):
+    """What to mind about the numbers of a page."""
+
+    alerts: tuple[Alert, ...]
 
 
 @dataclass(frozen=True)
@@ -232,15 +269,41 @@ class RunExplorer(Block):
     notes: tuple[str, ...] = ()
 
 
-def find_explorers(blocks: Iterable[Block]) -> Iterator[RunExplorer]:
-    """Yield the run explorers among blocks, in the order of the page."""
-    return (block for block in blocks if isinstance(block, RunExplorer))
+@dataclass(frozen=True)
+class Fold(Block):
+    """Blocks that a line opens; with a level, the line is a heading."""
+
+    title: str
+    blocks: tuple[Block, ...]
+    level: int = 0  # as that of a `Heading`; 0 for a plain line
+
+
+@dataclass(frozen=True)
+class Columns(Block):
+    """Blocks beside a picture where there is room, otherwise above it."""
+
+    blocks: tuple[Block, ...]
+    picture: Chart
+
+
+def flattened(blocks: Iterable[Block]) -> Iterator[Block]:
+    """Yield blocks, and those in them, in the order of the page."""
+    for block in blocks:
+        yield block
+        match block:
+            case Charts():
+                yield from block.charts
+            case Fold():
+                yield from flattened(block.blocks)
+            case Columns():
+                yield from flattened((*block.blocks, block.picture))
 
 
 def find_charts(blocks: Iterable[Block]) -> Iterator[Chart]:
-    """All charts among blocks, in the order of the page."""
-    for block in blocks:
-        if isinstance(block, Chart):
-            yield block
-        elif isinstance(block, Charts):
-            yield from block.charts
+    """Yield all charts among blocks, in the order of the page."""
+    return (block for block in flattened(blocks) if isinstance(block, Chart))
+
+
+def find_explorers(blocks: Iterable[Block]) -> Iterator[RunExplorer]:
+    """Yield the run explorers among blocks, in the order of the page."""
+    return (block for block in flattened(blocks) if isinstance(block, RunExplorer))

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
 from uqpen.report.blocks import Axis, Chart, RunColumn, RunExplorer, ThresholdReadout
 from uqpen.report.marks import escape_text
+from uqpen.results.texts import plain_text
 
 __all__ = ["charts_json"]
 
 # A list that is longer is written once.
 _SHORT = 50
+# Characters of a row's name in one line.
+_WIDEST_ROW = 28
 
 
 def charts_json(charts: Sequence[Chart], explorers: Sequence[RunExplorer] = ()) -> str:
@@ -114,7 +118,15 @@ def _axis_content(axis: Axis) -> dict[str, Any]:
         content["ticktext"] = [escape_text(text, 28) for _, text in axis.ticks]
     if axis.rows:
         content["tickvals"] = list(range(len(axis.rows)))
-        content["ticktext"] = [escape_text(row, 28) for row in axis.rows]
+        content["ticktext"] = [_row_text(row) for row in axis.rows]
         content["range"] = (len(axis.rows) - 0.5, -0.5)
         content["showgrid"] = False
     return content
+
+
+def _row_text(row: str) -> str:
+    """Return the name of a row, a long one in two lines."""
+    if len(row) <= _WIDEST_ROW:
+        return escape_text(row)
+    lines = textwrap.wrap(plain_text(row), _WIDEST_ROW, max_lines=2, placeholder="…")
+    return "<br>".join(map(escape_text, lines))

@@ -20,7 +20,7 @@ from uqpen.figures.page import check_archive
 from uqpen.report import BENCHMARK_SECTIONS, SECTIONS, ReportSection
 from uqpen.report.anchors import block_anchors
 from uqpen.report.benchmark.plotted_methods import check_benchmark
-from uqpen.report.blocks import Block, Heading, find_charts, find_explorers
+from uqpen.report.blocks import Block, Fold, Heading, find_charts, find_explorers
 from uqpen.report.chart_json import charts_json
 from uqpen.report.legend import OUTLINES, STROKES, colour_name
 from uqpen.report.masthead import page_facts, page_heading
@@ -52,7 +52,11 @@ class _FilledSection(NamedTuple):
 
 
 def write_report(
-    tree: xr.DataTree, path: str | Path, *, sections: Sequence[str | SectionFunction] = ()
+    tree: xr.DataTree,
+    path: str | Path,
+    *,
+    sections: Sequence[str | SectionFunction] = (),
+    full: bool = False,
 ) -> None:
     """Write the report of an archive to a file, which a browser opens without a network.
 
@@ -67,6 +71,9 @@ def write_report(
     sections : sequence of str or callable
         Sections of one's own. Each is a function that takes an `ArchiveView` and yields blocks, or
         a reference to it such as ``"my_section.py:my_section"``. No archive names one.
+    full : bool
+        Whether all parts are open, so that they are printed; otherwise those for a statistician are
+        folded.
 
     Raises
     ------
@@ -80,14 +87,16 @@ def write_report(
     if path.suffix.lower() not in _ENDINGS:
         found = f"found the ending {path.suffix or 'none'}"
         raise ReportError(f"{path}: {found}; expected {' or '.join(_ENDINGS)}")
-    content = report_page(tree, sections).encode("utf-8")
+    content = report_page(tree, sections, full=full).encode("utf-8")
     try:
         replace_file(path, content)
     except OSError as error:
         raise ReportError(f"{path}: cannot be written: {error.strerror}") from None
 
 
-def report_page(tree: xr.DataTree, sections: Sequence[str | SectionFunction] = ()) -> str:
+def report_page(
+    tree: xr.DataTree, sections: Sequence[str | SectionFunction] = (), *, full: bool = False
+) -> str:
     """The report of an archive as HTML; the same text each time.
 
     Raises
@@ -99,10 +108,13 @@ def report_page(tree: xr.DataTree, sections: Sequence[str | SectionFunction] = (
     """
     every = list(_sections(tree, find_sections(sections)))
     notes = (filled.section.absence_note for filled in every if not filled.blocks)
-    return _render(tree, [filled for filled in every if filled.blocks], list(filter(None, notes)))
+    shown = [filled for filled in every if filled.blocks]
+    return _render(tree, shown, list(filter(None, notes)), full=full)
 
 
-def _render(tree: xr.DataTree, sections: Sequence[_FilledSection], lacks: Sequence[str]) -> str:
+def _render(
+    tree: xr.DataTree, sections: Sequence[_FilledSection], lacks: Sequence[str], *, full: bool
+) -> str:
     charts = [chart for filled in sections for chart in find_charts(filled.blocks)]
     explorers = [each for filled in sections for each in find_explorers(filled.blocks)]
     # By identity, as the content of a chart has no hash.
@@ -119,6 +131,7 @@ def _render(tree: xr.DataTree, sections: Sequence[_FilledSection], lacks: Sequen
             facts=page_facts(tree),
             sections=sections,
             lacks=lacks,
+            is_full=full,
             number_of=lambda chart: numbers[id(chart)],
             anchor_of=lambda block: anchors[id(block)],
             study=str(tree.attrs.get("study_name", "")),
@@ -176,7 +189,7 @@ def _own_section(
         own.name, own.section, tuple(_model_blocks(views, own.section, own.blocks))
     )
     with own.function.in_context():  # the content of a block can be anything
-        _render(tree, [filled], [])
+        _render(tree, [filled], [], full=False)
     return filled
 
 
@@ -186,11 +199,15 @@ def _model_blocks(
     for view in views[:1] if section.is_common else views:
         blocks = list(make(view))
         if blocks and view.model and not section.is_common:
-            yield Heading(view.model)
-            blocks = [
-                replace(block, level=4) if isinstance(block, Heading) else block for block in blocks
-            ]
+            blocks = [Fold(view.model, tuple(map(_below_model, blocks)), level=3)]
         yield from blocks
+
+
+def _below_model(block: Block) -> Block:
+    """Return a block with its heading, if it has one, below that of a model."""
+    if isinstance(block, Heading) or (isinstance(block, Fold) and block.level):
+        return replace(block, level=4)
+    return block
 
 
 def _legible_text(value: Any) -> Any:

@@ -26,7 +26,7 @@ from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import status_counts
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.estimate_json import entries_json, estimate_json, json_value
-from uqpen.results.failed_runs import failed_runs
+from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.failure_tables import ASSOCIATIONS, ENDS
 from uqpen.results.field_texts import dimensions_json
 from uqpen.results.outside_rows import outside_json
@@ -184,10 +184,7 @@ def _design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
     return {
         "runs": int(runs.sizes[RUN]),
         "status": {status.meaning: count for status, count in status_counts(runs).items()},
-        "reasons": [
-            {"status": failed.status.meaning, "reason": failed.reason, "runs": failed.runs}
-            for failed in failed_runs(tree, design)
-        ],
+        "reasons": [_reason_json(failed) for failed in failed_runs(tree, design)],
         "lost": {
             status: estimate_json(chance)
             for status, chance in statistics.status_probabilities(design).items()
@@ -197,6 +194,12 @@ def _design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
         **{key: json_value(runs.attrs[key]) for key in _STOPPING if key in runs.attrs},
         "outputs": _outputs_json(statistics, design, runs),
     }
+
+
+def _reason_json(failed: FailedRuns) -> dict[str, Any]:
+    """Return one reason of failed runs; an example where its numbers are masked."""
+    found = {"status": failed.status.meaning, "reason": failed.reason, "runs": failed.runs}
+    return found | ({"example": failed.example} if failed.example else {})
 
 
 def _failure_json(failures: Mapping[str, xr.DataArray]) -> dict[str, Any]:

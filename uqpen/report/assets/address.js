@@ -50,11 +50,16 @@ function applyReading(part) {
   }
 }
 
-// Goes to a place, out of what is folded.
+// Opens what a place is folded in, and a section that is folded itself.
+function unfold(target) {
+  const own = target.querySelector(":scope > details.part");
+  for (let fold = own || target.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
+}
+
 function goTo(place) {
   const target = document.getElementById(place);
   if (!target) return;
-  for (let fold = target.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
+  unfold(target);
   target.scrollIntoView();
 }
 
@@ -72,3 +77,9 @@ followers.push(() => {
   if (movedKeys.size) writing = setTimeout(() => writeAddress(), 150);
 });
 window.addEventListener("hashchange", readAddress);
+// A link to the place where the address is already changes nothing in the address.
+document.addEventListener("click", (event) => {
+  const link = event.target.closest("a[href^='#']");
+  const target = link && document.getElementById(decoded(link.hash.slice(1)));
+  if (target) unfold(target);
+});

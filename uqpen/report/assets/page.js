@@ -1,6 +1,8 @@
 // What begins when the page is read: charts as they come near, the theme, paper.
 
 const plots = [...document.querySelectorAll(".plot")];
+// A chart in a folded part has no width; it is drawn when that is opened.
+const isOpen = (plot) => plot.closest("details:not([open])") === null;
 const near = new Set();
 followers.push(() => near.forEach(follow));
 
@@ -47,7 +49,7 @@ function drawNext() {
 }
 function drawAll() {
   delete root.dataset.ready;
-  waiting = [...plots];
+  waiting = plots.filter(isOpen);
   if (!isUnderWay) idle(drawNext);
   isUnderWay = true;
 }
@@ -62,7 +64,9 @@ window.addEventListener("resize", stops);
 // What was folded had no width.
 document.addEventListener("toggle", (event) => {
   stops();
-  if (event.target.open) event.target.querySelectorAll(".plot[data-drawn]").forEach((plot) => Plotly.Plots.resize(plot));
+  const inside = (plot) => event.target.contains(plot) && plot.dataset.drawn && isOpen(plot);
+  plots.filter(inside).forEach((plot) => Plotly.Plots.resize(plot));
+  drawAll();
 }, true);
 
 // The theme follows the system until the button is pressed.
@@ -91,12 +95,12 @@ window.addEventListener("beforeprint", () => {
   before = root.dataset.theme;
   root.dataset.theme = "light";
   root.dataset.printed = "yes";
-  plots.forEach((plot) => { begin(plot); draw(plot, true); });
+  plots.filter(isOpen).forEach((plot) => { begin(plot); draw(plot, true); });
 });
 window.addEventListener("afterprint", () => {
   if (before === undefined) delete root.dataset.theme; else root.dataset.theme = before;
   delete root.dataset.printed;
-  plots.forEach((plot) => { draw(plot); Plotly.Plots.resize(plot); });
+  plots.filter(isOpen).forEach((plot) => { draw(plot); Plotly.Plots.resize(plot); });
 });
 
 readAddress();

@@ -1,74 +1,117 @@
-"""The main results: sentences to quote for a decision, and their caveats."""
+"""The main results: verdicts, sentences to quote, one picture, and what to mind."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
-from uqpen.archive.read import read_group
-from uqpen.core.labels import RUN, RUNS, SURROGATES
+from uqpen.core.labels import RUN
 from uqpen.core.sampling import Sampling
-from uqpen.core.status import STATUS_TEXT, Status
+from uqpen.core.status import Status
 from uqpen.execution import status_counts
-from uqpen.report.blocks import Block, Quote, Remarks, Text
-from uqpen.report.counting import count_text
-from uqpen.report.sections.caveats import caveats
-from uqpen.report.sections.leading_design import leading_design
-from uqpen.report.sections.quoted_statistics import (
-    QuotedStatistic,
-    other_design_estimates,
-    output_name,
-    requested_statistics,
+from uqpen.report.blocks import (
+    Alerts,
+    Answer,
+    Answers,
+    Block,
+    Chart,
+    Columns,
+    Fold,
+    LegendKey,
+    Quote,
+    Text,
 )
+from uqpen.report.counting import count_text
+from uqpen.report.sections.alerts import alerts
+from uqpen.report.sections.answer_without_sample import answer_without_sample
+from uqpen.report.sections.drivers import driver_sentences
+from uqpen.report.sections.histograms import histogram
+from uqpen.report.sections.leading_design import leading_design, output_title
+from uqpen.report.sections.main_outputs import main_outputs, ordered_outputs
+from uqpen.report.sections.method_agreement import agreement_text
+from uqpen.report.sections.missing_runs import missing_run_sentences
+from uqpen.report.sections.model_answer import model_answer
+from uqpen.report.sections.published_agreement import published_sentences
 from uqpen.report.sections.sentences import OutputSentences, output_sentences
+from uqpen.report.shapes import vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
-from uqpen.results.failed_runs import FailedRuns, failed_runs
-from uqpen.results.texts import plain_text
+from uqpen.results.texts import capitalized, plain_text
 
 __all__ = ["answer"]
 
-# Outputs with sentences, quantities with a comparison of designs, and reasons shown.
+# Outputs with sentences, and sentences that are not folded.
 _MOST_OUTPUTS = 6
-_MOST_COMPARED = 3
-_MOST_REASONS = 3
-
-_OTHERS = "Estimates by other designs, from runs of their own (intervals are further down)"
+_MOST_SENTENCES = 3
 
 
 def answer(view: ArchiveView) -> Iterator[Block]:
-    """Sentences on each output, the design behind them, and their caveats."""
+    """The answers of a study; of several models, their differences first."""
+    if not view.model:
+        yield from _answer(view)
+        return
+    yield from model_answer(view)
+    for each in view.model_views:
+        yield Fold(f"By {each.model} alone", tuple(_answer(each)))
+
+
+def _answer(view: ArchiveView) -> Iterator[Block]:
+    """Verdicts and sentences by the leading design, what drives them, what to mind."""
     design = leading_design(view)
     if design is None:
-        yield from _blocks_without_sample(view)
+        yield from answer_without_sample(view)
         return
-    outputs = _ordered_outputs(view, design)
+    outputs = ordered_outputs(view, design)
     shown = [
         entry
         for output in outputs[:_MOST_OUTPUTS]
         if (entry := output_sentences(view, output, design)) is not None
     ]
-    for entry in shown:
-        yield Quote(entry.sentences)
-    if left_out := _omissions_note(shown, len(outputs) - _MOST_OUTPUTS):
-        yield Text(left_out)
-    yield Text(_origin_sentence(view, design))
-    if agreement := tuple(_agreement_remarks(shown, design)):
-        yield Remarks(_OTHERS, agreement)
-    notes = dict.fromkeys(note for entry in shown for note in entry.remarks)
-    if lines := (*notes, *caveats(view, design)):
-        yield Remarks("What to keep in mind", lines)
-
-
-def _ordered_outputs(view: ArchiveView, design: str) -> list[str]:
-    """All outputs, those with requested statistics first."""
-    numbers = sorted(
-        view.numeric_outputs, key=lambda output: not requested_statistics(view, output, design)
+    stated = tuple(_stated_blocks(view, design, shown, len(outputs) - _MOST_OUTPUTS))
+    if view.numeric_outputs:
+        yield Columns(stated, _picture(view, design))
+    else:
+        yield from stated
+    quantities = [each for entry in shown for each in entry.quantities]
+    answers = (
+        Answer("What drives it?", _driver_text(view)),
+        Answer("Did all runs succeed?", " ".join(missing_run_sentences(view, design))),
+        Answer("Does it agree with published values?", " ".join(published_sentences(view, design))),
+        Answer("Do the other methods agree?", agreement_text(quantities, design)),
     )
-    return [*numbers, *view.categorical_outputs]
+    yield Answers(tuple(each for each in answers if each.text))
+    main = main_outputs(view)
+    yield Alerts(tuple(alerts(view, design, [each for each in quantities if each.output in main])))
 
 
-def _omissions_note(shown: Sequence[OutputSentences], outputs: int) -> str:
+def _stated_blocks(
+    view: ArchiveView, design: str, shown: Sequence[OutputSentences], left: int
+) -> Iterator[Block]:
+    """Yield the verdicts on limits, the sentences, and the design behind them."""
+    if verdicts := tuple(each for entry in shown for each in entry.verdicts):
+        yield Answers(verdicts, is_verdict=True)
+    stated, further = _ordered_sentences(shown, main_outputs(view))
+    if stated:
+        yield Quote(stated)
+    if further:
+        title = f"{count_text(len(further), 'more sentence')} to quote"
+        yield Fold(title, (Quote(further),))
+    yield Text(" ".join(filter(None, (_origin_sentence(view, design), _omissions(shown, left)))))
+
+
+def _ordered_sentences(
+    shown: Sequence[OutputSentences], main: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the sentences that are seen at once, and the others: one on each main output first."""
+    of_main = [entry.sentences for entry in shown if entry.output in main]
+    rest = [each for entry in shown if entry.output not in main for each in entry.sentences]
+    first = [each for sentences in of_main for each in sentences[:1]]
+    second = [each for sentences in of_main for each in sentences[1:]]
+    room = max(_MOST_SENTENCES - len(first), 0)
+    return (*first, *second[:room]), (*second[room:], *rest)
+
+
+def _omissions(shown: Sequence[OutputSentences], outputs: int) -> str:
     omitted = sum(entry.omitted for entry in shown)
     parts = []
     if omitted:
@@ -84,13 +127,10 @@ def _origin_sentence(view: ArchiveView, design: str) -> str:
     known = [str(view.tree.attrs.get(name, "")) for name in ("model_name", "model_version")]
     model = plain_text(" ".join(filter(None, known)))
     some = "all" if completed == every else grouped_number(completed)
-    returned = f"Of its {grouped_number(every)} runs of the model {model}, {some} completed."
+    returned = f"{some} of {count_text(every, 'run')} of the model {model} completed"
     if every == 1:
-        returned = f"It is a single run of the model {model}."
-    return (
-        f"These estimates are by {design}, {_leading_reason(view, design)}. Its place in the study "
-        f"decides, not its results. {returned}"
-    )
+        returned = f"a single run of the model {model}"
+    return f"By {design}, {_leading_reason(view, design)}: {returned}."
 
 
 def _leading_reason(view: ArchiveView, design: str) -> str:
@@ -102,81 +142,34 @@ def _leading_reason(view: ArchiveView, design: str) -> str:
     earlier = [each for each in view.sample_designs if view.is_sample_design(each)]
     text = "" if earlier[0] == design else " with completed runs"
     taken = "presumed " if view.sampling(design) is Sampling.USER_SUPPLIED else ""
-    return f"the first design of the study that is a {taken}sample of the inputs{text}"
+    return f"the first {taken}sample of the inputs in the study{text}"
 
 
-def _agreement_remarks(shown: Sequence[OutputSentences], design: str) -> Iterator[str]:
-    """Yield the agreement of other designs, for the first quantities of the main results."""
-    for quantity in [each for entry in shown for each in entry.quantities][:_MOST_COMPARED]:
-        others = other_design_estimates(quantity, design)
-        own = quantity.estimate(design)
-        if others and own is not None:
-            values = [float(quantity.bounds(array)[0]) for array in others.values()]
-            here, _, _, lowest, highest = quantity.texts(own, min(values), max(values))
-            span = lowest if lowest == highest else f"{lowest} to {highest}"
-            by = count_text(len(others), "other design")
-            yield f"{quantity.heading}: {span} by {by}, {here} by {design}."
-
-
-def _blocks_without_sample(view: ArchiveView) -> Iterator[Block]:
-    means = list(_quadrature_means(view))
-    failed = [each for design in view.designs for each in failed_runs(view.tree, design)]
-    every = [read_group(view.tree, RUNS, design) for design in view.designs]
-    if not any(status_counts(runs)[Status.OK] for runs in every):
-        yield Text(_no_completed_runs_text(view, failed))
-        return
-    if view.sample_designs:
-        yield Text(
-            f"No run of {', '.join(view.sample_designs)} completed, so the distributions of the "
-            f"outputs are unknown. {_failure_reasons(failed)}"
-        )
-    else:
-        yield Text(
-            "No design of this study is a sample of its inputs, so the distributions of the "
-            "outputs and all probabilities are unknown. The results of its designs are further "
-            "down."
-        )
-    if means:
-        yield Quote(tuple(means))
-    if SURROGATES in view.tree.children:
-        yield Text(
-            "Estimates by surrogates have no interval of their own, so they are not quoted here."
-        )
-
-
-def _quadrature_means(view: ArchiveView) -> Iterator[str]:
-    rules = [each for each in view.designs if view.sampling(each) is Sampling.QUADRATURE]
-    for output in view.numeric_outputs[:_MOST_OUTPUTS]:
-        quantity = QuotedStatistic(view, output, "mean")
-        for design in rules:
-            array = quantity.estimate(design)
-            if array is not None:
-                name = output_name(view, output)
-                stated = f"{quantity.texts(array)[0]} {quantity.interval(array)}"
-                yield f"By the integration rule {design}, the mean of {name} is {stated}."
-                break
-
-
-def _no_completed_runs_text(view: ArchiveView, failed: Sequence[FailedRuns]) -> str:
-    runs = sum(read_group(view.tree, RUNS, design).sizes[RUN] for design in view.designs)
-    count = "The only run failed." if runs == 1 else f"All {grouped_number(runs)} runs failed."
-    return (
-        f"No run completed, so there are no estimates. {count} {_failure_reasons(failed)} "
-        "Mend the model, raise its time limit, or change the inputs to values that it allows; then "
-        "run the study again. The archive has the inputs of every failed run, so you can try a "
-        "single one."
+def _picture(view: ArchiveView, design: str) -> Chart:
+    """Return the runs of the first main output in bins, with the study's limits."""
+    (output, *_) = [each for each in main_outputs(view) if each in view.numeric_outputs]
+    chart = histogram(view, output, design)
+    limits = _limits_on_axis(view, output, design, chart)
+    return replace(
+        chart,
+        title=f"{capitalized(output_title(view, output))}: {chart.title}",
+        shapes=(*chart.shapes, *(vertical_line(place, "accent", "solid") for place in limits)),
+        keys=(*chart.keys, *(LegendKey(text, "accent", "line") for text in limits.values())),
     )
 
 
-def _failure_reasons(failed: Sequence[FailedRuns]) -> str:
-    counts: Counter[tuple[Status, str]] = Counter()
-    for each in failed:
-        counts[each.status, each.reason] += each.runs
-    texts = [
-        f"“{plain_text(reason, 160)}” ({STATUS_TEXT[status]}, {count_text(number, 'run')})"
-        for (status, reason), number in counts.most_common(_MOST_REASONS)
-    ]
-    more = len(counts) - len(texts)
-    rest = f"; and {grouped_number(more)} other reasons" if more > 0 else ""
-    head = "The reason" if len(counts) == 1 else "The most frequent reasons"
-    return f"{head}: {'; '.join(texts)}{rest}." if texts else ""
+def _limits_on_axis(view: ArchiveView, output: str, design: str, chart: Chart) -> dict[float, str]:
+    """Return the thresholds of an output that lie on the axis of its chart, and their texts."""
+    array = view.statistics.get(design, output, "exceedance")
+    if array is None or chart.x.ends is None:
+        return {}
+    places = view.scale(output).from_si(array["threshold_value"].values).tolist()
+    texts = [f"limit {plain_text(str(text))}" for text in array["threshold"].values.tolist()]
+    lower, upper = chart.x.ends
+    found = zip(places, texts, strict=True)
+    return {place: text for place, text in found if lower <= place <= upper}
+
+
+def _driver_text(view: ArchiveView) -> str:
+    found = (driver_sentences(view, output) for output in main_outputs(view))
+    return " ".join(text for sentences in found for text in sentences)

@@ -16,7 +16,7 @@ from uqpen.report.blocks import (
     Block,
     Chart,
     Charts,
-    Heading,
+    Fold,
     LegendKey,
     Table,
     ThresholdReadout,
@@ -28,9 +28,9 @@ from uqpen.report.sections.histograms import histogram, shares
 from uqpen.report.sections.leading_design import (
     leading_design,
     missing_runs_note,
-    output_heading,
     output_title,
 )
+from uqpen.report.sections.main_outputs import main_outputs, output_blocks
 from uqpen.report.sections.runs_beyond_axis import listed_bounds, runs_beyond_axis
 from uqpen.report.shapes import vertical_line
 from uqpen.results.archive_view import ArchiveView
@@ -51,22 +51,35 @@ def distributions(view: ArchiveView) -> Iterator[Block]:
     design = leading_design(view)
     if design is None:
         return
-    for output in view.numeric_outputs:
-        # The function of the leading design comes first.
-        found = distribution_curves(view, output)
-        if curves := sorted(found, key=lambda curve: curve.name != design):
-            yield Heading(output_heading(view, output))
-            yield _cdf(view, output, curves)
-            yield Charts((histogram(view, output, design), *exceedance(view, output, curves[0])))
-            yield Table(_quantile_table(view, output, design))
-    for output in view.categorical_outputs:
-        probabilities = view.statistics.get(design, output, "share")
-        if probabilities is not None:
-            yield Heading(output_heading(view, output))
-            yield shares(view, output, design, probabilities)
+    found = {each: _numeric_blocks(view, each, design) for each in view.numeric_outputs}
+    found |= {each: _category_blocks(view, each, design) for each in view.categorical_outputs}
+    yield from output_blocks(view, found)
+
+
+def _category_blocks(view: ArchiveView, output: str, design: str) -> Iterator[Block]:
+    probabilities = view.statistics.get(design, output, "share")
+    if probabilities is not None:
+        yield shares(view, output, design, probabilities)
+
+
+def _numeric_blocks(view: ArchiveView, output: str, design: str) -> Iterator[Block]:
+    # The function of the leading design comes first.
+    found = distribution_curves(view, output)
+    curves = sorted(found, key=lambda curve: curve.name != design)
+    if not curves:
+        return
+    # The main results have the histogram of the first main output.
+    is_pictured = output == next(iter(main_outputs(view)), "") and not view.model
+    bins = () if is_pictured else (histogram(view, output, design),)
+    tail = exceedance(view, output, curves[0])
+    yield Charts((_cdf(view, output, curves[:1]), *bins, *tail))
+    yield Table(_quantile_table(view, output, design), is_folded=True)
+    if len(curves) > 1:
+        yield Fold("Distribution functions by all methods", (_cdf(view, output, curves),))
 
 
 def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
+    is_all = len(curves) > 1
     lower, upper, is_cut = exceedance_span(view, output, curves[0])
     grid = Grid.between(lower, upper)
     drawn = [curve_at(view, output, curve, grid) for curve in curves]
@@ -101,7 +114,7 @@ def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
         tables=(_cdf_table(view, output, curves[0]),),
         height=380,
         is_compared=True,
-        reading=_threshold_readout(view, output, drawn[0], grid, begin),
+        reading=None if is_all else _threshold_readout(view, output, drawn[0], grid, begin),
     )
 
 

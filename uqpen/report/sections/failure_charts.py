@@ -16,6 +16,7 @@ from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import percent_texts
 from uqpen.report.marks import Trace, dot_trace, series_marker
 from uqpen.report.notes import hollow_note, interval_notes
+from uqpen.report.sections.drivers import input_label
 from uqpen.report.sections.view_statistics import (
     failure_probabilities,
     sample_account,
@@ -136,7 +137,8 @@ def failure_association_chart(view: ArchiveView, design: str, table: OutputTable
     strength = np.nan_to_num(np.abs(bounds[..., 0] - 0.5)).max(axis=0)
     order = np.argsort(-strength, kind="stable")
     bounds = bounds[:, order[:_MOST_INPUTS]]
-    rows = tuple(str(name) for name in associations["larger"][INPUT].values[order[:_MOST_INPUTS]])
+    names = associations["larger"][INPUT].values[order[:_MOST_INPUTS]]
+    rows = tuple(input_label(view, str(name)) for name in names)
     left_out = len(order) - len(rows)
     strongest = (
         f"P({label}) {estimate_text(*each)}"
@@ -145,7 +147,7 @@ def failure_association_chart(view: ArchiveView, design: str, table: OutputTable
     return Chart(
         title=f"Inputs associated with the failed runs of {design}",
         summary=f"The input with the strongest association is {rows[0]}: {', '.join(strongest)}.",
-        x=Axis("P(failed run's input is so)", (-0.02, 1.02)),
+        x=Axis("chance of this in a failed run", (-0.02, 1.02)),
         y=Axis("", rows=rows),
         traces=tuple(_measure_traces(rows, bounds)),
         shapes=(vertical_line(0.5, "quiet", "dot"),),
@@ -153,7 +155,8 @@ def failure_association_chart(view: ArchiveView, design: str, table: OutputTable
             LegendKey(label, n, series_marker(n)) for n, (_, label) in enumerate(ASSOCIATIONS)
         ),
         notes=(
-            "Larger: than in a completed run. Further out: further from the median than in one.",
+            "Larger: the input is larger in a failed run than in a completed one. Further out: it "
+            "is further from its median.",
             "0.5: the input is not associated with failure.",
             *interval_notes(associations[name] for name, _ in ASSOCIATIONS),
             *hollow_note(bounds),

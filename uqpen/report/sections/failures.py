@@ -11,12 +11,13 @@ from uqpen.archive.read import read_group
 from uqpen.core.labels import INTERVAL_LEVEL, RUN, RUNS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.figures.failure_panels import failed_run_counts
-from uqpen.report.blocks import Block, Table, Text
+from uqpen.report.blocks import Block, Fold, Table, Text
 from uqpen.report.counting import count_text, percent_texts
 from uqpen.report.sections.failure_charts import (
     failure_association_chart,
     failure_probability_chart,
 )
+from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.view_statistics import status_probability
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
@@ -39,8 +40,11 @@ def failures(view: ArchiveView) -> Iterator[Block]:
         yield Text(_no_failure_text(view))
         return
     yield Table(_reason_table(view, failed))
-    yield failure_probability_chart(view, failed)
-    yield from _association_blocks(view)
+    first, *others = [*_association_blocks(view), None]
+    if first is not None:
+        yield first
+    further = (each for each in others if each is not None)
+    yield Fold("By design", (failure_probability_chart(view, failed), *further))
 
 
 def _no_failure_text(view: ArchiveView) -> str:
@@ -62,9 +66,11 @@ def _no_failure_text(view: ArchiveView) -> str:
 
 def _reason_table(view: ArchiveView, designs: Sequence[str]) -> OutputTable:
     counts: dict[tuple[Status, str], Counter[str]] = {}
+    examples: dict[tuple[Status, str], str] = {}
     for design in designs:
         for each in losses_of(view.tree, design):
             counts.setdefault((each.status, each.reason), Counter())[design] += each.runs
+            examples.setdefault((each.status, each.reason), each.example)
     ordered = sorted(counts.items(), key=lambda entry: -entry[1].total())
     columns = [
         f"{name}\nof {count_text(read_group(view.tree, RUNS, name).sizes[RUN], 'run')}"
@@ -72,7 +78,9 @@ def _reason_table(view: ArchiveView, designs: Sequence[str]) -> OutputTable:
     ]
     table = OutputTable("Failed runs, by status and reason", columns)
     for (status, reason), found in ordered[:_MOST_REASONS]:
-        label = f"{STATUS_TEXT[status]}: {plain_text(reason, 200)}"
+        example = plain_text(examples[status, reason], 200)
+        mark = table.note_mark(f"such as: {example}" if example else "")
+        label = f"{STATUS_TEXT[status]}: {plain_text(reason, 200)}{mark}"
         _add(table, label, [found[each] for each in designs])
     if rest := ordered[_MOST_REASONS:]:
         left = [sum(found[design] for _, found in rest) for design in designs]
@@ -87,11 +95,15 @@ def _add(table: OutputTable, label: str, counts: Sequence[int]) -> None:
 
 
 def _association_blocks(view: ArchiveView) -> Iterator[Block]:
+    """Yield the inputs of failed runs: by the design of the main results, then by the others."""
     statistics = view.statistics
     designs = [each for each in view.designs if "larger" in statistics.failures(each)]
-    pairs = list(zip(designs, failure_tables(view.tree), strict=True))
-    for design, table in pairs[:_MOST_CHARTS]:
+    pairs = dict(zip(designs, failure_tables(view.tree), strict=True))
+    first = leading_design(view)
+    ordered = sorted(pairs, key=lambda name: name != first)
+    for design in ordered[:_MOST_CHARTS]:
+        table = pairs[design]
         yield failure_association_chart(view, design, table) or Table(table)
-    if more := pairs[_MOST_CHARTS:]:
+    if more := ordered[_MOST_CHARTS:]:
         yield Text(f"The other {len(more)} designs have tables only.")
-        yield from (Table(table, is_folded=True) for _, table in more)
+        yield from (Table(pairs[design], is_folded=True) for design in more)

@@ -33,7 +33,7 @@ from uqpen.results.table import (
 )
 from uqpen.results.texts import title_with_unit, unit_suffix
 
-__all__ = ["interval_costs"]
+__all__ = ["interval_costs", "main_statistics"]
 
 # Probabilities of one output that are shown.
 _MOST_SHARES = 2
@@ -61,7 +61,7 @@ def interval_costs(
     view: ArchiveView, output: str, found: Sequence[ComparedStatistic]
 ) -> Iterator[Block]:
     """Widths of intervals against runs, where there are several to be compared."""
-    every = ((each, _widths(view, each)) for each in _main_statistics(view, output, found))
+    every = ((each, _widths(view, each)) for each in main_statistics(view, output, found))
     compared = [(statistic, widths) for statistic, widths in every if len(widths) > 1]
     if not compared:
         return
@@ -85,7 +85,7 @@ def interval_costs(
         yield Table(_table(view, output, compared, sources, plain))
 
 
-def _main_statistics(
+def main_statistics(
     view: ArchiveView, output: str, found: Sequence[ComparedStatistic]
 ) -> list[ComparedStatistic]:
     """Return mean, median, and the first probabilities among statistics."""

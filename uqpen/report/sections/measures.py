@@ -17,6 +17,7 @@ from uqpen.report.axes import padded_limits
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.marks import Trace, cross_trace, dot_trace, series_marker
 from uqpen.report.notes import has_interval, interval_notes
+from uqpen.report.sections.drivers import input_label
 from uqpen.report.shapes import Shape, horizontal_line, vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
@@ -44,6 +45,7 @@ class MeasureChartSpec:
     summary_order: tuple[str, ...]
     unit: str = DIMENSIONLESS
     notes: tuple[str, ...] = ()
+    order: Sequence[str] = ()  # of the inputs, those of the most importance first
 
 
 class _InputEstimate(NamedTuple):
@@ -80,7 +82,8 @@ def measures_chart(
 ) -> Chart:
     """A chart of at least one measure, each with at least one estimate."""
     ranked = rank_inputs(found)
-    inputs = ranked.names
+    inputs = _in_order(ranked.names, spec.order)
+    rows = tuple(input_label(view, name) for name in inputs)
     every = [_plotted_series(view, each, inputs, spec.convert) for each in found]
     bounds = np.concatenate([[0.0], *(one.bounds for each in every for one in each.estimates)])
     shapes: list[Shape] = [vertical_line(0, "quiet", "dot")]
@@ -95,14 +98,19 @@ def measures_chart(
         title=spec.title,
         summary=_summary(every, spec),
         x=Axis(spec.axis, padded_limits(float(np.nanmin(bounds)), float(np.nanmax(bounds)))),
-        y=Axis("", rows=inputs),
-        traces=tuple(_traces(every, inputs, spec.unit)),
+        y=Axis("", rows=rows),
+        traces=tuple(_traces(every, rows, spec.unit)),
         shapes=tuple(shapes),
         keys=tuple(_keys(every)),
         notes=tuple(notes),
         tables=tuple(tables),
         height=_FRAME + len(inputs) * (_GAP + _DOT * len(found)),
     )
+
+
+def _in_order(inputs: Sequence[str], order: Sequence[str]) -> tuple[str, ...]:
+    """Return inputs in an order; those that it lacks stand last."""
+    return tuple(sorted(inputs, key=lambda name: (*order, name).index(name)))
 
 
 def _plotted_series(
@@ -113,7 +121,7 @@ def _plotted_series(
     entries = {name: of.array[known.index(name)] for name in inputs if name in known}
     estimates = [
         _InputEstimate(
-            name,
+            input_label(view, name),
             np.asarray(convert(entry.values), dtype=np.float64),
             interval_text(entry, INTERVAL_LABEL),
             estimate_remark(entry),
@@ -128,12 +136,12 @@ def _plotted_series(
     return _PlottedSeries(of, name, position, marker, estimates)
 
 
-def _traces(every: Sequence[_PlottedSeries], inputs: Sequence[str], unit: str) -> Iterator[Trace]:
+def _traces(every: Sequence[_PlottedSeries], rows: Sequence[str], unit: str) -> Iterator[Trace]:
     room = 1 / (len(every) + 1)
     for number, (_, name, colour, marker, estimates) in enumerate(every, 1):
         if not estimates:
             continue
-        places = np.array([inputs.index(one.name) + number * room - 0.5 for one in estimates])
+        places = np.array([rows.index(one.name) + number * room - 0.5 for one in estimates])
         bounds = np.array([one.bounds for one in estimates])
         hovers = [_hover(one, name, unit) for one in estimates]
         yield dot_trace(bounds, places, colour, hovers=hovers, name=name, marker=marker)

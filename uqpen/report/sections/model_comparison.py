@@ -12,25 +12,37 @@ from uqpen.report.blocks import Axis, Block, Chart, Heading, LegendKey, Table
 from uqpen.report.marks import Trace, series_dash
 from uqpen.report.sections.distribution_curves import Grid, curve_at, curve_quantile, curve_traces
 from uqpen.report.sections.leading_design import leading_design, output_heading, output_title
+from uqpen.report.sections.main_outputs import main_outputs
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.output_tables import difference_tables
 from uqpen.results.texts import capitalized, unit_suffix
 
-__all__ = ["model_comparison"]
+__all__ = ["model_chart", "model_comparison"]
 
 
 def model_comparison(view: ArchiveView) -> Iterator[Block]:
-    """Distribution functions by each of several models, and the models' differences."""
+    """Distribution functions by each of several models, and the models' differences.
+
+    The first main output is on the page already, with the main results.
+    """
     if not view.model:
         return
     design = leading_design(view)
+    first = main_outputs(view)[:1] if design else []
     for output in view.numeric_outputs if design else ():
-        if curves := model_curves(view, output, design or ""):
+        chart = model_chart(view, output, design or "")
+        if chart is not None and output not in first:
             yield Heading(output_heading(view, output))
-            yield _chart(view, output, design or "", curves)
+            yield chart
     for table in difference_tables(view.archive):
-        yield Table(table)
+        yield Table(table, is_folded=True)
+
+
+def model_chart(view: ArchiveView, output: str, design: str) -> Chart | None:
+    """Return the distribution functions of an output by each model; None without any."""
+    curves = model_curves(view, output, design)
+    return _chart(view, output, design, curves) if curves else None
 
 
 def _chart(view: ArchiveView, output: str, design: str, curves: list[Curve]) -> Chart:

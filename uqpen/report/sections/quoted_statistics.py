@@ -71,22 +71,22 @@ class QuotedStatistic:
 
     def bounds(self, array: xr.DataArray) -> FloatArray:
         """Estimate, lower, upper in the unit that is shown; a probability as it is."""
-        if self._is_probability:
+        if self.is_probability:
             return np.asarray(array.values, dtype=np.float64)
         return np.asarray(self.view.scale(self.output).from_si(array.values), dtype=np.float64)
 
     def texts(self, array: xr.DataArray, *others: float) -> tuple[str, ...]:
         """Estimate, lower, upper, and other values like those of `bounds`, each with its unit."""
         values = (*self.bounds(array), *others)
-        if self._is_probability:
+        if self.is_probability:
             return tuple(no_break(text) for text in percent_texts(*values))
-        return tuple(no_break(f"{text}{self._unit}") for text in estimate_texts(*values))
+        return tuple(no_break(f"{text}{self.unit_text}") for text in estimate_texts(*values))
 
     def end_texts(self, array: xr.DataArray) -> tuple[str, ...]:
         """Ends of a tolerance interval, rounded outward, each with its unit."""
         _, lower, upper = self.bounds(array)
         texts = tolerance_interval_texts(float(lower), float(upper))
-        return tuple(no_break(f"{text}{self._unit}") for text in texts)
+        return tuple(no_break(f"{text}{self.unit_text}") for text in texts)
 
     def interval(self, array: xr.DataArray) -> str:
         """Return the text in brackets after an estimate: its interval, or why it has none."""
@@ -103,10 +103,11 @@ class QuotedStatistic:
     @property
     def heading(self) -> str:
         """Name of the quantity, to stand before a colon."""
-        return f"{capitalized(output_name(self.view, self.output))}, {self._label}"
+        return f"{capitalized(output_name(self.view, self.output))}, {self.label}"
 
     @property
-    def _label(self) -> str:
+    def label(self) -> str:
+        """Name of the statistic, behind that of its output."""
         if what := _TOLERANCE_LIMITS.get(self.statistic):
             return f"{what} {no_break(percent_text(self.entry))} of cases"
         if self.statistic == "quantile":
@@ -118,11 +119,13 @@ class QuotedStatistic:
         return CATALOGUE[self.statistic].title
 
     @property
-    def _is_probability(self) -> bool:
+    def is_probability(self) -> bool:
+        """Whether it has no unit, and is shown in per cent."""
         return CATALOGUE[self.statistic].unit is UnitRule.NONE
 
     @property
-    def _unit(self) -> str:
+    def unit_text(self) -> str:
+        """The text behind a number: a space and the unit."""
         return unit_suffix(self.view.unit(self.output))
 
 

@@ -13,17 +13,19 @@ from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.figures.curves import axis_span
 from uqpen.figures.scatter import category_labels
 from uqpen.report.axes import padded_limits, quantity, quantity_axis
-from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey
+from uqpen.report.blocks import Axis, Block, Chart, Charts, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.marks import Trace, escape_text, point_trace
+from uqpen.report.sections.drivers import input_label, input_order
 from uqpen.report.sections.input_importance import input_importance
-from uqpen.report.sections.leading_design import leading_design, output_heading
+from uqpen.report.sections.leading_design import leading_design, output_title
+from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.report.sections.plotted_runs import PlottedRuns
 from uqpen.report.sections.run_explorer import run_explorer, run_heights
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
 from uqpen.results.table import NOTHING, OutputTable, identity
-from uqpen.results.texts import title_with_unit, unit_suffix
+from uqpen.results.texts import plain_text, title_with_unit, unit_suffix
 
 __all__ = ["scatter"]
 
@@ -51,21 +53,29 @@ def scatter(view: ArchiveView) -> Iterator[Block]:
     if cloud.shown_failed.sizes[RUN]:
         keys.append(LegendKey("failed run, at the foot", "ink", "x"))
     yield run_explorer(cloud)
-    for output in outputs:
-        inputs, note = _chosen_inputs(cloud, output, most)
-        if inputs:
-            yield Heading(output_heading(view, output))
-            yield Charts(
-                tuple(_chart(cloud, output, name) for name in inputs),
-                keys=(*keys, *_BEYOND * (output in view.numeric_outputs)),
-                notes=tuple(filter(None, (cloud.thinning_note, note, _cut_note(cloud, output)))),
-                tables=(_table(cloud, output),),
-            )
+    found = {output: _output_charts(cloud, output, most, tuple(keys)) for output in outputs}
+    yield from output_blocks(view, found, most=1)
+
+
+def _output_charts(
+    cloud: PlottedRuns, output: str, most: int, keys: tuple[LegendKey, ...]
+) -> Iterator[Charts]:
+    inputs, note = _chosen_inputs(cloud, output, most)
+    if inputs:
+        yield Charts(
+            tuple(_chart(cloud, output, name) for name in inputs),
+            keys=(*keys, *_BEYOND * (output in cloud.view.numeric_outputs)),
+            notes=tuple(filter(None, (cloud.thinning_note, note, _cut_note(cloud, output)))),
+            tables=(_table(cloud, output),),
+        )
 
 
 def _chosen_inputs(cloud: PlottedRuns, output: str, most: int) -> tuple[list[str], str]:
-    """The inputs with a chart, in the study's order, and a note if some have none."""
-    every = cloud.inputs
+    """The inputs with a chart, the most important first, and a note if some have none."""
+    ranked = input_order(cloud.view, output)
+    every = sorted(
+        cloud.inputs, key=lambda name: ranked.index(name) if name in ranked else len(ranked)
+    )
     if len(every) <= most:
         return every, ""
     sizes, reason = input_importance(cloud.view, cloud.design, output)
@@ -85,7 +95,12 @@ def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
     ends = padded_limits(float(finite.min()), float(finite.max()))
     y, axis = _vertical_axis(cloud, output)
     is_number = output in view.numeric_outputs
-    value = f"<br>{_hover_line(view, output, 'y')}" if is_number else "<br>%{text}"
+    across = _hover_line(view, name, input_label(view, name), "x")
+    value = (
+        f"<br>{_hover_line(view, output, output_title(view, output), 'y')}"
+        if is_number
+        else "<br>%{text}"
+    )
     kinds = {} if is_number else category_labels(cloud.shown_completed[output])
     codes = cloud.shown_completed[output].values.tolist()
     texts = [kinds.get(code, "") for code in codes] if kinds else ()
@@ -93,7 +108,7 @@ def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
         cloud.values(name, cloud.shown_completed),
         y,
         view.sources.index(cloud.design),
-        hover=f"run %{{customdata}}<br>{_hover_line(view, name, 'x')}{value}",
+        hover=f"run %{{customdata}}<br>{across}{value}",
         name=f"{output}, {name}",
         texts=texts,
         numbers=cloud.shown_completed["number"].values.tolist(),
@@ -102,9 +117,11 @@ def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
     if cloud.shown_failed.sizes[RUN]:
         traces.append(_failed_run_trace(cloud, name, axis))
     return Chart(
-        title=f"against {name}",
+        title=f"{output_title(view, output)} against {input_label(view, name)}",
         summary=_summary(cloud, output, name),
-        x=quantity_axis(view, name, ends, _short_title(view, name, _LONGEST)),
+        x=quantity_axis(
+            view, name, ends, _short_title(view, name, input_label(view, name), _LONGEST)
+        ),
         y=axis,
         traces=tuple(traces),
         height=_HEIGHT,
@@ -112,13 +129,14 @@ def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
     )
 
 
-def _short_title(view: ArchiveView, name: str, longest: int) -> str:
-    long = view.axis_label(name)
-    return long if len(long) <= longest else title_with_unit(name, view.unit(name))
+def _short_title(view: ArchiveView, name: str, label: str, longest: int) -> str:
+    """Return the title of an axis, its label cut where there is no room for it."""
+    room = longest - len(title_with_unit("", view.unit(name)))
+    return title_with_unit(plain_text(label, max(room, 8)), view.unit(name))
 
 
-def _hover_line(view: ArchiveView, name: str, along: str) -> str:
-    return f"{escape_text(name, 40)} %{{{along}:.4~g}}{escape_text(unit_suffix(view.unit(name)))}"
+def _hover_line(view: ArchiveView, name: str, label: str, along: str) -> str:
+    return f"{escape_text(label, 40)} %{{{along}:.4~g}}{escape_text(unit_suffix(view.unit(name)))}"
 
 
 def _vertical_axis(cloud: PlottedRuns, output: str) -> tuple[FloatArray, Axis]:
@@ -126,7 +144,8 @@ def _vertical_axis(cloud: PlottedRuns, output: str) -> tuple[FloatArray, Axis]:
     heights, rows = run_heights(cloud, output)
     if not rows:
         lower, upper, _ = _span(cloud, output)
-        title = _short_title(cloud.view, output, _HIGHEST)
+        label = output_title(cloud.view, output)
+        title = _short_title(cloud.view, output, label, _HIGHEST)
         return heights, quantity_axis(cloud.view, output, (lower, upper), title)
     return heights, Axis("", rows=rows, quantity=quantity(cloud.view, output))
 
@@ -152,7 +171,8 @@ def _failed_run_trace(cloud: PlottedRuns, name: str, axis: Axis) -> Trace:
         x,
         np.full(x.size, foot),
         "ink",
-        hover=f"run %{{customdata}}, failed: %{{text}}<br>{_hover_line(cloud.view, name, 'x')}",
+        hover="run %{customdata}, failed: %{text}<br>"
+        + _hover_line(cloud.view, name, input_label(cloud.view, name), "x"),
         name=f"failed, {name}",
         texts=[STATUS_TEXT[status] for status in statuses],
         numbers=cloud.shown_failed["number"].values.tolist(),
@@ -177,8 +197,10 @@ def _summary(cloud: PlottedRuns, output: str, name: str) -> str:
         if np.isfinite(array.values[0]):
             what = "rank correlation" if label == "Spearman" else label
             text = estimate_text(*array.values.tolist())
-            return f"{output} and {name} by {cloud.design}: {what} {text}."
-    return f"{name} ranges over {_range(cloud, name, cloud.completed)} in the runs."
+            both = f"{output_title(cloud.view, output)} and {input_label(cloud.view, name)}"
+            return f"{both} by {cloud.design}: {what} {text}."
+    span = _range(cloud, name, cloud.completed)
+    return f"{input_label(cloud.view, name)} ranges over {span} in the runs."
 
 
 def _range(cloud: PlottedRuns, name: str, which: BoolArray) -> str:
@@ -191,10 +213,12 @@ def _table(cloud: PlottedRuns, output: str) -> OutputTable:
     first = [label for label, _ in _association_estimates(cloud, output, (cloud.inputs or [""])[0])]
     if not first:
         return _range_table(cloud, output)
-    table = OutputTable(f"{output} and its inputs, by {cloud.design}", first)
+    title = f"{output_title(cloud.view, output)} and its inputs, by {cloud.design}"
+    table = OutputTable(title, first)
     for name in cloud.inputs:
         found = dict(_association_estimates(cloud, output, name))
-        table.rows.append((name, [table.cell(found.get(label), identity) for label in first]))
+        cells = [table.cell(found.get(label), identity) for label in first]
+        table.rows.append((input_label(cloud.view, name), cells))
     return table
 
 

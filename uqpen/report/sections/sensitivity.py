@@ -12,8 +12,9 @@ from uqpen.core.catalogue import CATEGORY
 from uqpen.core.labels import INPUT
 from uqpen.figures.measures import MeasureSeries, measure_series
 from uqpen.figures.sensitivity import EFFECTS, best_sources, index_series, response_measures
-from uqpen.report.blocks import Block, Chart, Charts, Heading, Table
-from uqpen.report.sections.leading_design import output_heading
+from uqpen.report.blocks import Block, Chart, Charts, Fold, Table
+from uqpen.report.sections.drivers import input_order
+from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.report.sections.measures import MeasureChartSpec, measures_chart
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.sensitivity_tables import named_tables
@@ -37,17 +38,24 @@ def sensitivity(view: ArchiveView) -> Iterator[Block]:
     """Yield the sources of the uncertainty: shares of the variance, effects, responses."""
     found = {output: _numeric_output_blocks(view, output) for output in view.numeric_outputs}
     found |= {each: _categorical_output_blocks(view, each) for each in view.categorical_outputs}
-    for output, blocks in found.items():
-        if listed := list(blocks):
-            yield Heading(output_heading(view, output))
-            yield from listed
+    yield from output_blocks(view, found)
 
 
 def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
+    """Yield the first measure that the archive has, and the others folded."""
+    first, *others = [*_measure_blocks(view, output), None]
+    if first is not None:
+        yield first
+    if further := tuple(each for each in others if each is not None):
+        yield Fold("Other measures", further)
+
+
+def _measure_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     tables: dict[str, list[OutputTable]] = {}
     for name, table in named_tables(view.tree, output, view.unit(output), everything=True):
         tables.setdefault(name, []).append(table)
     shares = variance_shares(view.tree)
+    order = input_order(view, output)
     every = index_series(view, output)
     if found := best_sources(view, every):
         notes = tuple(filter(None, (shares.note, _left_out_note(view, every, found))))
@@ -57,14 +65,15 @@ def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
             identity,
             _summary_order(shares),
             notes=notes,
+            order=order,
         )
         yield measures_chart(view, found, spec, tables.pop("shares", ()))
     if found := measure_series(view, output, EFFECTS):
         convert, unit = view.scale(output).difference_from_si, view.unit(output)
         axis, labels = title_with_unit("effect", unit), tuple(label for _, label, _ in EFFECTS)
-        spec = MeasureChartSpec("Elementary effects", axis, convert, labels, unit)
+        spec = MeasureChartSpec("Elementary effects", axis, convert, labels, unit, order=order)
         yield measures_chart(view, found, spec, tables.pop("effects", ()))
-    if charts := tuple(_responses(view, output)):
+    if charts := tuple(_responses(view, output, order)):
         yield Charts(charts, tables=tuple(tables.pop("responses", ())))
     for table in chain.from_iterable(tables.values()):
         if _has_estimates(table):
@@ -91,11 +100,13 @@ def _has_estimates(table: OutputTable) -> bool:
     return any(not cell.startswith(NOTHING) for _, cells in table.rows for cell in cells)
 
 
-def _responses(view: ArchiveView, output: str) -> Iterator[Chart]:
+def _responses(view: ArchiveView, output: str, order: Sequence[str]) -> Iterator[Chart]:
     for each in response_measures(view, output):
         if found := measure_series(view, output, ((each.statistic, "", "o"),)):
             title = f"{capitalized(each.label)}, near the nominal point"
-            spec = MeasureChartSpec(title, each.axis, each.convert, (each.label,), each.unit)
+            spec = MeasureChartSpec(
+                title, each.axis, each.convert, (each.label,), each.unit, order=order
+            )
             yield measures_chart(view, found, spec)
 
 

@@ -1,4 +1,4 @@
-"""Sentences on an output, each complete by itself, and remarks on them."""
+"""Sentences on an output, each complete by itself, and verdicts on the study's limits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.catalogue import CATEGORY
-from uqpen.core.labels import CONDITIONAL, INTERVAL_LEVEL, MISSING
+from uqpen.core.labels import INTERVAL_LEVEL, RUN
+from uqpen.core.status import Status
+from uqpen.execution import status_counts
+from uqpen.report.blocks import Answer
 from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted_statistics import (
     QuotedStatistic,
@@ -18,29 +21,29 @@ from uqpen.report.sections.quoted_statistics import (
     output_name,
     requested_statistics,
 )
-from uqpen.report.sections.view_statistics import sample_account
 from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import percent_text
+from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.table import estimate_remark
 from uqpen.results.texts import capitalized, plain_text
 
 __all__ = ["OutputSentences", "output_sentences"]
 
-# Sentences on an output with requested statistics, and categories in a sentence.
-_MOST_SENTENCES = 3
+# Requested statistics of an output that are stated, and categories in a sentence.
+_MOST_STATED = 3
 _MOST_CATEGORIES = 4
 
-# The verbs of the events that have a probability.
-_EVENTS = {"exceedance": "exceeds", "below": "lies below"}
+# Where an output lies in the event of a probability.
+_EVENTS = {"exceedance": "above", "below": "below"}
 
 
 class OutputSentences(NamedTuple):
     """Sentences of the report about one output."""
 
+    output: str
+    verdicts: tuple[Answer, ...]  # on the limits of the study
     sentences: tuple[str, ...]
     quantities: tuple[QuotedStatistic, ...]  # that they state
-    remarks: tuple[str, ...]  # on these estimates
     omitted: int = 0  # requested quantities that have no sentence
 
 
@@ -49,121 +52,107 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
     if output in view.categorical_outputs:
         return _category_sentences(view, output, design)
     every = requested_statistics(view, output, design)
-    kept = every[:_MOST_SENTENCES]
+    kept = every[:_MOST_STATED]
     common = default_statistic(view, output, design)
-    if common is not None and len(kept) < _MOST_SENTENCES:
+    if common is not None and len(kept) < _MOST_STATED:
         kept.append(common)
     estimates = [(each, found) for each in kept if (found := each.estimate(design)) is not None]
     if not estimates:
         return None
-    of = _Population.from_design(view, design)
+    limits = [each for each in estimates if each[0].statistic in _EVENTS]
+    others = [each for each in estimates if each[0].statistic not in _EVENTS]
     return OutputSentences(
-        tuple(_sentence(each, array, of) for each, array in estimates),
+        output,
+        tuple(_verdict(*each, design) for each in limits),
+        tuple(_sentence(*each, design) for each in others),
         tuple(each for each, _ in estimates),
-        tuple(_remarks(estimates)),
-        max(0, len(every) - _MOST_SENTENCES),
+        max(0, len(every) - _MOST_STATED),
     )
 
 
-def _sentence(quantity: QuotedStatistic, array: xr.DataArray, of: _Population) -> str:
-    name = output_name(quantity.view, quantity.output)
-    if quantity.statistic == "tolerance_interval":
-        return f"{_tolerance_interval_sentence(quantity, array, name, of)}{of.omission_sentence}"
-    if quantity.statistic in ("tolerance_limit", "lower_tolerance_limit"):
-        return f"{_tolerance_limit_sentence(quantity, array, name, of)}{of.omission_sentence}"
-    stated = f"{quantity.texts(array)[0]} {quantity.interval(array)}"
-    if quantity.statistic == "quantile":
-        half = f"half of {of.name} have at most this value"
-        return f"The median of {name} is {stated}: {half}.{of.omission_sentence}"
-    if verb := _EVENTS.get(quantity.statistic):
-        event = f"{name} {verb} {no_break(plain_text(quantity.entry))}{of.condition}"
-        return (
-            f"The probability that {event} is {stated}.{of.missing_run_sentence(array)}"
-            f"{_verdict_sentence(array)}"
-        )
-    return f"The mean of {name}{of.condition} is {stated}.{of.omission_sentence}"
+def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Answer:
+    """Return how often an output lies beyond a limit, and whether the study accepts that."""
+    name = capitalized(output_name(quantity.view, quantity.output))
+    estimate, lower, upper = quantity.texts(array)
+    counts = status_counts(quantity.view.runs(design))
+    runs = grouped_number(counts[Status.OK])
+    level = _level(array)
+    text = f"in {estimate} of cases {quantity.interval(array)}."
+    if array.values[0] == 0 and np.isfinite(array.values[2]):
+        text = f"in none of {runs} completed runs: at most {upper} of cases ({level} interval)."
+    elif array.values[0] == 1 and np.isfinite(array.values[1]):
+        text = f"in all {runs} completed runs: at least {lower} of cases ({level} interval)."
+    event = f"{name} {_EVENTS[quantity.statistic]} {no_break(plain_text(quantity.entry))}"
+    return Answer(event, f"{capitalized(text)}{_acceptance_sentence(array)}")
 
 
-def _verdict_sentence(array: xr.DataArray) -> str:
-    """A sentence on the acceptance limits of the study; empty for none."""
+def _acceptance_sentence(array: xr.DataArray) -> str:
+    """Return a sentence on the limit of a probability that the study accepts; empty for none."""
     acceptance = Acceptance.from_array(array)
     if acceptance is None:
         return ""
-    limit = f"the study's limit of {no_break(str(acceptance))}"
+    limit = f"limit of the study, {no_break(str(acceptance))},"
     if acceptance.verdict is AcceptanceVerdict.NOT_DECIDED:
         why = "contains it" if has_interval(array.values) else "is missing"
-        return f" These runs do not decide whether {limit} is met: the interval {why}."
+        return f" These runs do not decide whether the {limit} is met: the interval {why}."
     where = "within" if acceptance.verdict is AcceptanceVerdict.MET else "beyond"
-    return f" {capitalized(limit)} is {acceptance.verdict}: the whole interval lies {where} it."
+    return f" The {limit} is {acceptance.verdict}: the whole interval lies {where} it."
 
 
-def _tolerance_limit_sentence(
-    quantity: QuotedStatistic, array: xr.DataArray, name: str, of: _Population
-) -> str:
+def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> str:
+    name = output_name(quantity.view, quantity.output)
+    if quantity.statistic == "tolerance_interval":
+        return _tolerance_interval_sentence(quantity, array, capitalized(name))
+    if quantity.statistic in ("tolerance_limit", "lower_tolerance_limit"):
+        return _tolerance_limit_sentence(quantity, array, capitalized(name))
+    value = quantity.texts(array)[0]
+    if _is_constant(quantity, design):
+        return f"{capitalized(name)} is {value} in every run."
+    stated = f"{value} {quantity.interval(array)}"
+    if quantity.statistic == "quantile":
+        return f"The median of {name} is {stated}: half of all cases lie below."
+    return f"The mean of {name} is {stated}."
+
+
+def _tolerance_limit_sentence(quantity: QuotedStatistic, array: xr.DataArray, name: str) -> str:
+    value, lower, upper = quantity.texts(array)
     is_lower = quantity.statistic == "lower_tolerance_limit"
-    value, *ends = quantity.texts(array)
-    share = no_break(percent_text(quantity.entry))
-    beyond, side, end = ("at least", "lower", 0) if is_lower else ("at most", "upper", 1)
-    if np.isfinite(array.values[1 + end]):
+    beyond, bound, end = ("at least", lower, 1) if is_lower else ("at most", upper, 2)
+    share = _share_of_cases(quantity.entry)
+    if np.isfinite(array.values[end]):
         return (
-            f"With {_level(array)} confidence, {name} is {beyond} {ends[end]} in at least {share} "
-            f"of {of.name}. The best estimate of this limit is {value}."
+            f"{name} is {beyond} {bound} in {share}. Best estimate {value}; the {bound} allow for "
+            f"the finite number of runs ({_level(array)} confidence)."
         )
     return (
-        f"In {share} of {of.name} {name} is {beyond} {value} by estimate. This limit has no {side} "
-        f"bound: {estimate_remark(array)}."
+        f"{name} is {beyond} {value} in {share}, by estimate alone. No bound is known: "
+        f"{estimate_remark(array)}."
     )
 
 
-def _tolerance_interval_sentence(
-    quantity: QuotedStatistic, array: xr.DataArray, name: str, of: _Population
-) -> str:
-    share = no_break(percent_text(quantity.entry))
+def _tolerance_interval_sentence(quantity: QuotedStatistic, array: xr.DataArray, name: str) -> str:
     lower, upper = quantity.end_texts(array)
-    return (
-        f"With {_level(array)} confidence, {name} is from {lower} to {upper} in at least {share} "
-        f"of {of.name}."
-    )
+    share = _share_of_cases(quantity.entry)
+    return f"{name} is from {lower} to {upper} in {share} ({_level(array)} confidence)."
 
 
 def _level(array: xr.DataArray) -> str:
     return no_break(percent_text(array.attrs.get(INTERVAL_LEVEL, np.nan)))
 
 
-class _Population(NamedTuple):
-    """Population of a design's estimates, in the words of a sentence that stands by itself."""
+def _share_of_cases(content: float) -> str:
+    """Return a share of all cases in whole numbers, which are read more easily."""
+    for whole in (100, 1_000, 10_000):
+        part = content * whole
+        if abs(part - round(part)) < 1e-9:
+            return no_break(f"{grouped_number(round(part))} of {grouped_number(whole)} cases")
+    return f"{percent_text(content)} of cases"
 
-    name: str  # the cases with a result, which quantiles and tolerance limits refer to
-    every: str  # all cases, which the interval of a probability allows for
-    condition: str  # of a probability; empty for none
-    missing: str  # runs that did not complete; empty for none
 
-    @classmethod
-    def from_design(cls, view: ArchiveView, design: str) -> _Population:
-        """Return the population of a design's statistics."""
-        accounts = sample_account(view, design)
-        given, missing = accounts.get(CONDITIONAL), accounts.get(MISSING)
-        every = "all admissible cases" if given else "all cases"
-        return cls(
-            f"{every} in which the model gives a result" if missing else every,
-            every,
-            f", given {given}," if given else "",
-            str(missing or ""),
-        )
-
-    @property
-    def omission_sentence(self) -> str:
-        """A sentence on the runs that an estimate and its interval leave out."""
-        return f" This leaves out {self.missing}, which did not complete." * bool(self.missing)
-
-    def missing_run_sentence(self, array: xr.DataArray) -> str:
-        """Return the sentence for a probability, whose interval counts failed runs both ways."""
-        if not self.missing or not has_interval(array.values):
-            return self.omission_sentence
-        return (
-            f" The estimate leaves out {self.missing}, which did not complete; the interval "
-            "includes every result that they could have had."
-        )
+def _is_constant(quantity: QuotedStatistic, design: str) -> bool:
+    values = quantity.view.completed_values(design, quantity.output)
+    # Equal but for rounding.
+    return bool(values.size > 1 and np.ptp(values) <= 1e-12 * np.abs(values).max())
 
 
 def _category_sentences(view: ArchiveView, output: str, design: str) -> OutputSentences | None:
@@ -174,21 +163,16 @@ def _category_sentences(view: ArchiveView, output: str, design: str) -> OutputSe
     shown = found[:_MOST_CATEGORIES]
     if not shown:
         return None
-    of = _Population.from_design(view, design)
     parts = [
-        f"{label} in {each.texts(array)[0]} of {of.every} {each.interval(array)}"
+        f"{label} in {each.texts(array)[0]} of cases {each.interval(array)}"
         for label, each, array in shown
     ]
     start = capitalized(output_name(view, output))
-    notes: dict[str, list[str]] = {}
-    for label, _, array in shown:
-        if note := _estimate_remark(array):
-            notes.setdefault(note, []).append(label)
-    remarks = tuple(
-        f"{start}, share of {', '.join(those)}: {note}." for note, those in notes.items()
-    )
-    sentence = f"{start}: {'; '.join(parts)}.{of.missing_run_sentence(shown[0][2])}"
-    return OutputSentences((sentence,), (), remarks, len(found) - len(shown))
+    runs = view.runs(design).sizes[RUN]
+    if runs > 1 and float(shown[0][2].values[0]) == 1:
+        parts = parts[:1]
+    omitted = len(found) - len(shown)
+    return OutputSentences(output, (), (f"{start}: {'; '.join(parts)}.",), (), omitted)
 
 
 def _category_statistics(
@@ -202,14 +186,3 @@ def _category_statistics(
             quantity = QuotedStatistic(view, output, "share", flag)
             if (array := quantity.estimate(design)) is not None:
                 yield f"“{plain_text(str(label), 40)}”", quantity, array
-
-
-def _remarks(told: list[tuple[QuotedStatistic, xr.DataArray]]) -> Iterator[str]:
-    for quantity, array in told:
-        if note := _estimate_remark(array):
-            yield f"{quantity.heading}: {note}."
-
-
-def _estimate_remark(array: xr.DataArray) -> str:
-    """Return a remark on an estimate; the reason for no interval stands in the interval's place."""
-    return estimate_remark(array) if has_interval(array.values) else ""

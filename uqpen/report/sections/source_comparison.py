@@ -12,11 +12,12 @@ from uqpen.core.labels import INTERVAL_LABEL, REFUSED
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.figures.estimate_dots import REFUSED_NOTE
 from uqpen.figures.source_comparison import ComparedStatistic, compared_statistics
-from uqpen.report.blocks import Axis, Block, Chart, Charts, Heading, LegendKey, Table, Text
+from uqpen.report.blocks import Axis, Block, Chart, Charts, Fold, LegendKey, Table, Text
 from uqpen.report.marks import Trace, cross_trace, dot_trace, series_marker
 from uqpen.report.notes import has_interval, interval_notes
-from uqpen.report.sections.interval_costs import interval_costs
-from uqpen.report.sections.leading_design import output_heading, output_title
+from uqpen.report.sections.interval_costs import interval_costs, main_statistics
+from uqpen.report.sections.leading_design import output_title
+from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.output_tables import statistics_table
 from uqpen.results.table import estimate_with_verdict, identity
@@ -36,19 +37,31 @@ def source_comparison(view: ArchiveView) -> Iterator[Block]:
         for each in (*view.numeric_outputs, *view.categorical_outputs)
         if _available_statistics(view, each)
     ]
-    for output in outputs[:_MOST_OUTPUTS]:
-        found = _available_statistics(view, output)
-        yield Heading(output_heading(view, output))
-        if len(rows := _rows(view, found)) > 1:
-            yield _comparison_charts(view, output, found, rows)
-            yield from interval_costs(view, output, found)
-        else:
-            yield Text(f"Only {rows[0]} has estimates, so there is nothing to compare.")
-            yield from _tables(view, output)
+    drawn = outputs[:_MOST_OUTPUTS]
+    yield from output_blocks(view, {each: _output_blocks(view, each) for each in drawn}, most=1)
     if left := outputs[_MOST_OUTPUTS:]:
         yield Text(f"Without charts, as there are many outputs: {', '.join(left)}.")
         for output in left:
             yield from _tables(view, output, is_folded=True)
+
+
+def _output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
+    """Yield charts of the main statistics, and all others folded."""
+    found = _available_statistics(view, output)
+    rows = _rows(view, found)
+    if len(rows) < 2:
+        yield Text(f"Only {rows[0]} has estimates, so there is nothing to compare.")
+        yield from _tables(view, output, is_folded=True)
+        return
+    first = main_statistics(view, output, found)
+    yield _comparison_charts(view, output, first, rows)
+    others = [each for each in found if each not in first]
+    charts = (_comparison_charts(view, output, others, rows),) if others else ()
+    tables = _tables(view, output)
+    yield Fold(
+        "All statistics by all methods, and what their intervals cost",
+        (*charts, *tables, *interval_costs(view, output, found)),
+    )
 
 
 def _available_statistics(view: ArchiveView, output: str) -> list[ComparedStatistic]:
@@ -79,7 +92,6 @@ def _comparison_charts(
         charts=tuple(_chart(view, output, each, rows) for each in found),
         keys=tuple(keys),
         notes=tuple(interval_notes(every)),
-        tables=tuple(each.table for each in _tables(view, output)),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -24,7 +25,7 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number
 from uqpen.results.table import OutputTable, below_label, exceedance_label, quantile_label
 
-__all__ = ["surrogate_validation"]
+__all__ = ["surrogate_validation", "verdict_counts"]
 
 # Refusals that are listed at the most.
 _MOST_LISTED = 12
@@ -56,15 +57,7 @@ class _ValidatedEstimate(NamedTuple):
 
 def surrogate_validation(view: ArchiveView, name: str) -> Iterator[Block]:
     """Yield the number of estimates that validation runs confirm, and those they contradict."""
-    statistics = view.statistics
-    found = {output: statistics.statistics(name, output) for output in statistics.outputs}
-    every = [
-        each
-        for family in _FAMILIES
-        for each in (
-            _failure_rows(view, name) if family == _LOSSES else _family_verdicts(family, found)
-        )
-    ]
+    every = _validated_estimates(view, name)
     if not every:
         return
     yield Text(_counts_text(name, every))
@@ -78,7 +71,7 @@ def surrogate_validation(view: ArchiveView, name: str) -> Iterator[Block]:
 
 def _counts_text(name: str, every: Sequence[_ValidatedEstimate]) -> str:
     """Return the sentences on the number of estimates with each verdict."""
-    counts = {label: sum(each.verdict == label for each in every) for label in VERDICTS}
+    counts = Counter(each.verdict for each in every)
     sentences = [
         f"{grouped_number(len(every))} estimates by {name} were compared with independent runs.",
         *(f"{grouped_number(counts[label])} are {text}." for label, text in _MEANINGS.items()),
@@ -89,6 +82,23 @@ def _counts_text(name: str, every: Sequence[_ValidatedEstimate]) -> str:
             "independent runs, but not from the surrogate."
         )
     return " ".join(sentences)
+
+
+def verdict_counts(view: ArchiveView, name: str) -> Counter[str]:
+    """Return the number of a surrogate's estimates with each verdict."""
+    return Counter(each.verdict for each in _validated_estimates(view, name))
+
+
+def _validated_estimates(view: ArchiveView, name: str) -> list[_ValidatedEstimate]:
+    statistics = view.statistics
+    found = {output: statistics.statistics(name, output) for output in statistics.outputs}
+    return [
+        each
+        for family in _FAMILIES
+        for each in (
+            _failure_rows(view, name) if family == _LOSSES else _family_verdicts(family, found)
+        )
+    ]
 
 
 def _failure_rows(view: ArchiveView, name: str) -> Iterator[_ValidatedEstimate]:

@@ -1,0 +1,179 @@
+"""What to mind about the numbers of a page: few alerts, each with a remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from uqpen.archive.estimates import interval_text
+from uqpen.archive.read import group_names, read_group
+from uqpen.core.labels import (
+    CONDITIONAL,
+    DEPENDENCE,
+    INTERVAL_LEVEL,
+    NOTE,
+    REFUSED,
+    RUN,
+    RUNS,
+    SURROGATES,
+)
+from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
+from uqpen.execution import status_counts
+from uqpen.report.blocks import Alert
+from uqpen.report.counting import count_text
+from uqpen.report.sections.missing_runs import missing_count
+from uqpen.report.sections.quoted_statistics import QuotedStatistic
+from uqpen.report.sections.surrogate_validation import verdict_counts
+from uqpen.report.sections.view_statistics import sample_account
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.digits import grouped_number, percent_text
+
+__all__ = ["alerts"]
+
+# Notes of estimates that are written out.
+_MOST_NOTES = 2
+# Share of inadmissible points that is worth an alert.
+_MANY = 0.01
+
+
+def alerts(
+    view: ArchiveView, design: str, quantities: Sequence[QuotedStatistic]
+) -> Iterator[Alert]:
+    """Yield what to mind about quantities by a design, the gravest first."""
+    yield from _missing_alert(view, design)
+    yield from _precision_alert(view, design, quantities)
+    yield from _surrogate_alerts(view)
+    yield from _input_alerts(view, design)
+    yield _scope_alert(view, design)
+
+
+def _missing_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
+    if missing_count(view, design):
+        yield Alert(
+            "Failed runs",
+            "If the failed runs differ from the others, these numbers are biased, and no interval "
+            "shows it.",
+            "Mend the model where it fails, and run the study again.",
+        )
+
+
+def _precision_alert(
+    view: ArchiveView, design: str, quantities: Sequence[QuotedStatistic]
+) -> Iterator[Alert]:
+    """Yield one alert on the notes of quantities, and of the moments of their outputs."""
+    outputs = dict.fromkeys(each.output for each in quantities)
+    moments = [QuotedStatistic(view, each, name) for each in outputs for name in ("mean", "std")]
+    named: dict[str, list[str]] = {}
+    stated = {each.heading for each in quantities}
+    for quantity in (*quantities, *(each for each in moments if each.heading not in stated)):
+        estimate = quantity.estimate(design)
+        # That of a probability says how it counts failed runs, as the page does once.
+        is_said = quantity.is_probability and missing_count(view, design) > 0
+        if estimate is not None and not is_said and (note := interval_text(estimate, NOTE)):
+            named.setdefault(note, []).append(quantity.heading)
+    if named:
+        texts = [f"{', '.join(those)}: {note}" for note, those in named.items()]
+        more = [f"and {count_text(len(texts) - _MOST_NOTES, 'more note')} in the tables"]
+        shown = texts[:_MOST_NOTES] + more * (len(texts) > _MOST_NOTES)
+        yield Alert(
+            "Precision",
+            f"{'; '.join(shown)}.",
+            "Quote quantiles, which need no assumption on extreme values, or make more runs.",
+        )
+
+
+def _surrogate_alerts(view: ArchiveView) -> Iterator[Alert]:
+    for name in group_names(view.tree, SURROGATES):
+        counts = verdict_counts(view, name)
+        if refused := counts.get(REFUSED, 0):
+            whole = grouped_number(sum(counts.values()))
+            yield Alert(
+                "Surrogate",
+                f"{grouped_number(refused)} of {whole} estimates by {name} are refused: "
+                "independent runs do not confirm them.",
+                "Quote the runs in their place, or fit the surrogate to more runs.",
+            )
+
+
+def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
+    condition = sample_account(view, design).get(CONDITIONAL)
+    runs = view.runs(design)
+    excluded = status_counts(runs)[Status.INADMISSIBLE]
+    if condition and excluded >= _MANY * runs.sizes[RUN]:
+        yield Alert(
+            "Inadmissible",
+            _inadmissible_text(view, design, str(condition)),
+            "If such inputs occur, the model does not cover them; if not, truncate the "
+            "distributions.",
+        )
+    if dependence := str(read_group(view.tree, RUNS, design).attrs.get(DEPENDENCE, "")):
+        yield Alert(
+            "Dependence",
+            f"The inputs depend on each other: {dependence}. Their shares of a variance overlap.",
+            "Compare inputs by Shapley effects, which divide what is shared.",
+        )
+    if view.sampling(design) is Sampling.USER_SUPPLIED:
+        yield Alert(
+            "Points",
+            f"The points of {design} are the user's own, and presumed to be a sample of the "
+            "inputs.",
+            "Check how they were chosen.",
+        )
+    yield from _measured_alert(view, design)
+
+
+def _inadmissible_text(view: ArchiveView, design: str, condition: str) -> str:
+    runs = view.runs(design)
+    count = status_counts(runs)[Status.INADMISSIBLE]
+    some = f"{grouped_number(count)} of the {grouped_number(runs.sizes[RUN])} points of {design}"
+    were = "was" if count == 1 else "were"
+    return (
+        f"{some} {were} inadmissible, so outside of what the model or the study allows. All "
+        f"estimates are conditional on {condition}."
+    )
+
+
+def _measured_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
+    measured = {
+        name: str(view.attributes(name)["fit_measurements"])
+        for name in view.random_inputs(design)
+        if "fit_measurements" in view.attributes(name)
+    }
+    if measured:
+        fits = ", ".join(f"{name} ({count})" for name, count in measured.items())
+        yield Alert(
+            "Measured inputs",
+            "Distributions are fitted to measurements (their number in brackets): "
+            f"{fits}. No interval includes the uncertainty of these fits.",
+            "Measure more, or run the study with other fits, too.",
+        )
+
+
+def _scope_alert(view: ArchiveView, design: str) -> Alert:
+    runs = view.runs(design)
+    completed = status_counts(runs)[Status.OK]
+    rare = f" Events rarer than about 1 in {grouped_number(completed)} cannot be seen."
+    return Alert(
+        "Scope",
+        "Intervals cover the sampling error alone, not that of the model or of the assumed "
+        f"distributions. {_level_text(view, design)}, all together less often."
+        + rare
+        * (runs.sizes[RUN] > 1),
+        "Compare the model with measurements, and try other distributions.",
+    )
+
+
+def _level_text(view: ArchiveView, design: str) -> str:
+    """Return how often an interval is right, by the levels that the estimates have."""
+    levels = {
+        float(array.attrs[INTERVAL_LEVEL])
+        for output in view.numeric_outputs
+        for array in view.statistics.statistics(design, output).values()
+        if INTERVAL_LEVEL in array.attrs
+    }
+    if levels and np.allclose(sorted(levels), 0.95):
+        return "Each is right 19 times in 20"
+    texts = " or ".join(percent_text(level) for level in sorted(levels))
+    return f"Each is right with a probability of {texts}" if texts else "Each holds by itself"

@@ -1,0 +1,98 @@
+"""The main results of several models: how they differ, before what each says alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from uqpen.archive.read import group_names
+from uqpen.core.labels import DIFFERENCES
+from uqpen.core.units import DIMENSIONLESS
+from uqpen.report.blocks import Alerts, Answer, Answers, Block, Columns, Table, Text
+from uqpen.report.sections.alerts import alerts
+from uqpen.report.sections.leading_design import leading_design
+from uqpen.report.sections.main_outputs import main_outputs
+from uqpen.report.sections.missing_runs import missing_run_sentences
+from uqpen.report.sections.model_comparison import model_chart
+from uqpen.report.sections.quoted_statistics import (
+    QuotedStatistic,
+    default_statistic,
+    no_break,
+    output_name,
+    requested_statistics,
+)
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.digits import estimate_text
+from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.table import NOTHING, OutputTable, conversion, label_with_unit
+from uqpen.results.texts import unit_suffix
+
+__all__ = ["model_answer"]
+
+
+def model_answer(view: ArchiveView) -> Iterator[Block]:
+    """Yield the differences of the models, a table of their main results, and their curves."""
+    views = view.model_views
+    design = leading_design(view)
+    if design is None:
+        return
+    entries = tuple(_differences(view, design))
+    blocks: tuple[Block, ...] = (Text("The archive has no differences of its models."),)
+    if entries:
+        blocks = (Answers(entries, is_verdict=True),)
+    charts = (model_chart(view, output, design) for output in main_outputs(view))
+    if (chart := next(filter(None, charts), None)) is not None:
+        yield Columns(blocks, chart)
+    else:
+        yield from blocks
+    yield Table(_model_table(views, design))
+    yield Answers((Answer("Did all runs succeed?", " ".join(_missing(views))),))
+    yield Alerts(tuple(alerts(view, design, ())))
+
+
+def _missing(views: list[ArchiveView]) -> Iterator[str]:
+    """Yield the failed runs of each model by its leading design."""
+    for each in views:
+        if (design := leading_design(each)) is None:
+            yield f"{each.model}: no run completed."
+        else:
+            yield f"{each.model}: {next(missing_run_sentences(each, design))}"
+
+
+def _differences(view: ArchiveView, design: str) -> Iterator[Answer]:
+    """Yield the mean difference of each model from the first, for the main outputs."""
+    for other in group_names(view.archive, DIFFERENCES):
+        statistics = SourceStatistics.of_differences(view.archive, other)
+        texts = []
+        for output in view.numeric_outputs:
+            array = statistics.get(design, output, "mean")
+            if array is None or not np.isfinite(array.values[0]):
+                continue
+            convert = conversion("mean", view.scale(output), is_difference=True)
+            bounds = np.asarray(convert(array.values), dtype=np.float64)
+            size = no_break(f"{estimate_text(*bounds.tolist())}{unit_suffix(view.unit(output))}")
+            texts.append(f"{output_name(view, output)} {size}")
+        if texts:
+            first = statistics.minus(design) or view.model_views[0].model
+            yield Answer(f"{other} minus {first}", f"Mean difference: {'; '.join(texts)}.")
+
+
+def _model_table(views: list[ArchiveView], design: str) -> OutputTable:
+    """Return the requested and the usual statistics of each output, with a column a model."""
+    table = OutputTable(f"By model, {design}", [each.model for each in views])
+    for output in views[0].numeric_outputs:
+        asked = requested_statistics(views[0], output, design)
+        usual = default_statistic(views[0], output, design)
+        for quantity in (*asked, *([usual] if usual is not None else [])):
+            cells = [_cell(table, each, quantity, design) for each in views]
+            unit = DIMENSIONLESS if quantity.is_probability else views[0].unit(output)
+            table.rows.append((label_with_unit(quantity.heading, unit), cells))
+    return table
+
+
+def _cell(table: OutputTable, view: ArchiveView, quantity: QuotedStatistic, design: str) -> str:
+    if quantity.output not in view.numeric_outputs:
+        return NOTHING
+    own = QuotedStatistic(view, quantity.output, quantity.statistic, quantity.entry)
+    return table.cell(own.estimate(design), view.conversion(quantity.output, quantity.statistic))

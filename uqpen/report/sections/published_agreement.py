@@ -1,0 +1,86 @@
+"""A study's estimates against published ones, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from uqpen.report.sections.drivers import input_label, input_ranking
+from uqpen.report.sections.leading_design import output_title
+from uqpen.report.sections.quoted_statistics import QuotedStatistic, no_break
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.digits import estimate_text
+from uqpen.results.texts import capitalized, plain_text
+
+__all__ = ["published_sentences"]
+
+_COMPARED = {"mean": "mean", "std": "standard deviation"}
+
+
+def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
+    """Yield what agrees and what differs: a sentence on each output of each publication."""
+    for publication in view.statistics.publications:
+        texts = []
+        for output in view.numeric_outputs:
+            parts = [*_estimates(view, output, publication, design)]
+            parts += _largest_contribution(view, output, publication)
+            if parts:
+                texts.append(f"{capitalized(output_title(view, output))}: {'; '.join(parts)}.")
+        if texts:
+            citation = plain_text(view.statistics.citation(publication) or publication, 80)
+            yield f"Against {citation}, its value first."
+            yield from texts
+
+
+def _estimates(view: ArchiveView, output: str, publication: str, design: str) -> Iterator[str]:
+    for statistic, label in _COMPARED.items():
+        quantity = QuotedStatistic(view, output, statistic)
+        there, here = quantity.estimate(publication), _own_estimate(quantity, design)
+        if there is not None and here is not None:
+            yield _comparison(quantity, label, there, here)
+
+
+def _own_estimate(quantity: QuotedStatistic, design: str) -> xr.DataArray | None:
+    """Return the leading design's estimate; without an interval, another sample's with one."""
+    samples = dict.fromkeys((design, *quantity.view.sample_designs))
+    found = [each for name in samples if (each := quantity.estimate(name)) is not None]
+    bounded = [each for each in found if np.isfinite(each.values).all()]
+    return next(iter((*bounded, *found)), None)
+
+
+def _comparison(
+    quantity: QuotedStatistic, label: str, there: xr.DataArray, here: xr.DataArray
+) -> str:
+    published = float(quantity.bounds(there)[0])
+    bounds = quantity.bounds(here).tolist()
+    unit = quantity.unit_text
+    own = no_break(f"{estimate_text(*bounds)}{unit}")
+    stated = f"{no_break(f'{published:.4g}{unit}')}, {own}"
+    if not np.isfinite(bounds).all():
+        return f"{label} uncertain ({stated} without an interval)"
+    _, lower, upper = bounds
+    return f"{label} {'agrees' if lower <= published <= upper else 'differs'} ({stated})"
+
+
+def _largest_contribution(view: ArchiveView, output: str, publication: str) -> Iterator[str]:
+    named, ranking = view.statistics.largest_contribution(publication, output), None
+    if named:
+        ranking = input_ranking(view, output)
+    if ranking is None:
+        return
+    here = next(iter(ranking.estimates))
+    if here == named:
+        yield f"the largest contribution is the same ({input_label(view, named)})"
+        return
+    own, other = (
+        no_break(estimate_text(*ranking.estimates[name].values.tolist()))
+        if name in ranking.estimates
+        else "no estimate"
+        for name in (here, named)
+    )
+    yield (
+        f"the largest contribution differs ({input_label(view, named)}, which has {other} here; "
+        f"{input_label(view, here)} has {own})"
+    )

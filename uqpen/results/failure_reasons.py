@@ -1,0 +1,35 @@
+"""Reasons of failed runs that differ in their numbers alone, under one text."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable
+
+__all__ = ["common_reasons"]
+
+# Reasons that differ in their numbers alone and stay apart, at the most: there are few exit codes.
+_MOST_APART = 3
+
+# A number by itself; that of a name, as in x1, belongs to the name.
+_NUMBER = re.compile(r"(?<![\w.])(?:0x[0-9a-fA-F]+|[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)")
+
+
+def common_reasons(reasons: Iterable[str]) -> dict[str, str]:
+    """Return for each reason the text that it is counted under.
+
+    Where many reasons differ in their numbers alone, these are masked. All others stay as they are.
+
+    >>> common_reasons(["no root", *(f"residual {n}e-3 after {n} steps" for n in range(4))])[
+    ...     "residual 2e-3 after 2 steps"
+    ... ]
+    'residual # after # steps'
+    """
+    alike: dict[str, list[str]] = defaultdict(list)
+    for reason in dict.fromkeys(reasons):
+        alike[_NUMBER.sub("#", reason)].append(reason)
+    return {
+        reason: masked if len(found) > _MOST_APART else reason
+        for masked, found in alike.items()
+        for reason in found
+    }
