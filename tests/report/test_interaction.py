@@ -361,7 +361,9 @@ class TestSaving:
         assert re.fullmatch(
             r"Two outputs; (study \w+; )?archive sha256 [0-9a-f]{16}; uqpen [\w.]+\]", reference
         )
-        page.wait_for_function("() => !document.querySelector('main').textContent.includes('Copied')")
+        page.wait_for_function(
+            "() => !document.querySelector('main').textContent.includes('Copied')"
+        )
 
     def test_the_link_to_a_chart_has_the_threshold(self, page: Page) -> None:
         page.evaluate(CLIPBOARD)
