@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.report.blocks import Axis, Quantity
+from uqpen.report.blocks import Axis, PlottedQuantity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import SUPERSCRIPTS, grouped_number
 
@@ -19,10 +19,10 @@ _MOST = 6
 _STEPS = ((1, 2, 5), (1, 3), (1,))
 
 
-def quantity(view: ArchiveView, name: str) -> Quantity:
+def quantity(view: ArchiveView, name: str) -> PlottedQuantity:
     """Return an input or an output with its unit, as charts have it in common."""
     unit = view.unit(name)
-    return Quantity(name, "" if unit == DIMENSIONLESS else unit)
+    return PlottedQuantity(name, "" if unit == DIMENSIONLESS else unit)
 
 
 def quantity_axis(

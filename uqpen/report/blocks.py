@@ -24,7 +24,7 @@ __all__ = [
     "Heading",
     "LegendKey",
     "Listing",
-    "Quantity",
+    "PlottedQuantity",
     "Quote",
     "Remarks",
     "RunColumn",
@@ -126,7 +126,7 @@ class Table(Block):
     is_folded: bool = False
 
 
-class Quantity(NamedTuple):
+class PlottedQuantity(NamedTuple):
     """An input or an output, in the unit that the page shows it in.
 
     Charts with the same quantity along an axis have one threshold and one selection in common.
@@ -145,7 +145,7 @@ class Axis:
     rows: tuple[str, ...] = ()  # names in place of numbers: of the rows 0, 1, … from the top
     is_logarithmic: bool = False
     ticks: tuple[tuple[float, str], ...] = ()  # the only places that are marked, with texts
-    quantity: Quantity | None = None  # along it, if that is a single one
+    quantity: PlottedQuantity | None = None  # along it, if that is a single one
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ class RunColumn:
         The categories, in the order of their rows; empty of a number.
     """
 
-    quantity: Quantity
+    quantity: PlottedQuantity
     label: str
     unit: str  # as the page shows it; empty without one
     is_input: bool

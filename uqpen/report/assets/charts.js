@@ -97,6 +97,11 @@ function layout(style, chart, width) {
   };
 }
 
+// An estimate at the end of an axis is not cut.
+const tracesOf = (style, chart) => coloured(style, chart.traces).map(
+  (trace) => (trace.error_x || trace.error_y ? { ...trace, cliponaxis: false } : trace),
+);
+
 function draw(plot, isPrinted = false) {
   const style = getComputedStyle(root);
   const chart = charts[plot.dataset.chart];
@@ -105,6 +110,6 @@ function draw(plot, isPrinted = false) {
   plot.dataset.shapes = JSON.stringify(chosenShapes(chart));
   const width = plot.clientWidth;
   const set = { ...layout(style, chart, width), ...(isPrinted ? { width } : {}) };
-  Plotly.react(plot, coloured(style, chart.traces), set, CONFIGURATION);
+  Plotly.react(plot, tracesOf(style, chart), set, CONFIGURATION);
   if (chart.runs !== undefined) paint(plot, true);
 }

@@ -82,11 +82,12 @@ function comparison(table, isIn) {
 function sentence(table, { isIn, what }, found) {
   const count = isIn.filter(Boolean).length;
   const lost = hasRange(table) ? selected(table, true).filter(Boolean).length : 0;
-  const failures = lost ? ` ${grouped(lost)} of the ${grouped(table.failed.length)} failed runs shown, too.` : "";
+  const failures = lost ? ` So do ${grouped(lost)} of the ${grouped(table.failed.length)} failed runs shown.` : "";
   const head = `${grouped(count)} of the ${grouped(isIn.length)} completed runs shown ${what}.${failures}`;
   if (!count || count === isIn.length) return head;
-  const clear = found.filter((each) => each.isClear).slice(0, 3);
-  if (!clear.length) return `${head} No input differs clearly from that of the others.`;
+  // What is selected by an input differs in it.
+  const clear = found.filter(({ column, isClear }) => isClear && !ranges.has(keyOf(column.of))).slice(0, 3);
+  if (!clear.length) return `${head} No other input differs clearly from that of the other runs.`;
   const texts = clear.map(({ column, share, medians }) =>
     `${share > 0.5 ? "larger" : "smaller"} ${column.label} ` +
     `(median ${measured(column, medians[0])} against ${medians[1]})`);

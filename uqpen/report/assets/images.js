@@ -19,7 +19,7 @@ async function plotSvg(plot) {
   const figure = inLight(() => {
     const style = getComputedStyle(root);
     // The colours of runs are not those that the library was given.
-    const data = coloured(style, chart.traces).map((trace, place) => (chart.runs === undefined
+    const data = tracesOf(style, chart).map((trace, place) => (chart.runs === undefined
       ? trace : { ...trace, marker: { ...trace.marker, ...runMarkers(style, chart, place) } }));
     return { data, layout: { ...layout(style, chart, width), width } };
   });

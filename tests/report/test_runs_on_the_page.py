@@ -1,0 +1,113 @@
+"""What a page carries along for its reader: runs, distribution functions, names of its parts."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from uqpen.archive.content import with_hashes
+from uqpen.report.anchors import block_anchors
+from uqpen.report.blocks import (
+    Axis,
+    Chart,
+    Charts,
+    Heading,
+    RunExplorer,
+    find_charts,
+    find_explorers,
+)
+from uqpen.report.chart_json import charts_json
+from uqpen.report.reference import page_reference
+from uqpen.report.sections.distributions import distributions
+from uqpen.report.sections.scatter import scatter
+from uqpen.results.archive_view import ArchiveView
+
+pytestmark = pytest.mark.slow
+
+Archives = dict[str, xr.DataTree]
+
+
+def explorer_of(tree: xr.DataTree, model: str = "") -> RunExplorer:
+    (explorer,) = find_explorers(scatter(ArchiveView(tree, model)))
+    return explorer
+
+
+class TestRunExplorer:
+    def test_it_has_all_inputs_and_outputs_of_the_runs(self, archives: Archives) -> None:
+        explorer = explorer_of(archives["beam"])
+        runs = archives["beam"]["runs/only"]
+        is_ok = runs["status"].values == 0
+        assert list(explorer.completed) == np.flatnonzero(is_ok).tolist()
+        assert list(explorer.failed) == np.flatnonzero(~is_ok).tolist()
+        deflection, *inputs = explorer.columns
+        assert deflection.quantity == ("deflection", "mm")
+        assert (deflection.is_input, len(deflection.failed)) == (False, 0)
+        assert {column.quantity.name for column in inputs} == {"load", "span"}
+        (load,) = (column for column in inputs if column.quantity.name == "load")
+        np.testing.assert_allclose(load.values, runs["load"].values[is_ok] / 1e3, rtol=1e-4)
+        np.testing.assert_allclose(load.failed, runs["load"].values[~is_ok] / 1e3, rtol=1e-4)
+
+    def test_a_categorical_output_has_rows(self, archives: Archives) -> None:
+        explorer = explorer_of(archives["rods"], "original")
+        (kind,) = (column for column in explorer.columns if column.rows)
+        assert kind.rows == ("v = u", "u = 0", "rigid")
+        assert explorer.model == "original"
+
+    def test_its_lists_are_those_of_the_charts(self, archives: Archives) -> None:
+        blocks = list(scatter(ArchiveView(archives["beam"], "")))
+        charts, explorers = list(find_charts(blocks)), list(find_explorers(blocks))
+        content: dict[str, Any] = json.loads(charts_json(charts, explorers))
+        assert [chart["runs"] for chart in content["charts"]] == ["", ""]
+        (runs,) = content["runs"]
+        assert all("same" in column["values"] for column in runs["traces"])
+
+
+class TestThresholdsBeyondTheAxis:
+    def test_the_function_goes_on_to_the_most_extreme_runs(self, archives: Archives) -> None:
+        chart = next(find_charts(distributions(ArchiveView(archives["beam"], ""))))
+        runs = archives["beam"]["runs/only"]
+        values = np.sort(1e3 * runs["deflection"].values[runs["status"].values == 0])
+        assert chart.reading is not None
+        beyond = chart.reading.beyond
+        assert beyond is not None
+        assert beyond.runs == values.size
+        assert (beyond.smallest, beyond.largest) == pytest.approx((values[0], values[-1]), rel=1e-9)
+        assert beyond.nothing[:2] == [0.0, 0.0]
+        last = chart.reading.first + chart.reading.step * (len(chart.reading.bounds) - 1)
+        outside = values[values > last]
+        assert [row[0] for row in beyond.above] == pytest.approx(outside.tolist())
+        for at, share, *_ in beyond.above:
+            assert at is not None
+            assert share == pytest.approx(np.mean(values <= at * (1 + 1e-9)))
+
+
+class TestAnchors:
+    def test_each_part_has_a_name_of_its_own_that_says_where_it_is(self) -> None:
+        charts = tuple(_chart(title) for title in ("against a", "against a", "Γ"))
+        blocks = [Heading("Model"), Heading("y (m/s)", 4), Charts(charts), Heading("title")]
+        anchors = block_anchors([("scatter", blocks), ("title", [charts[0]])])
+        names = [anchors[id(each)] for each in (*blocks[:2], *charts[1:], blocks[3])]
+        assert names == [
+            "scatter-model",
+            "scatter-model-y-m-s",
+            "scatter-model-y-m-s-against-a-2",
+            "scatter-model-y-m-s-2",
+            "scatter-title-2",
+        ]
+
+
+def _chart(title: str) -> Chart:
+    return Chart(title, "Empty.", Axis("x"), Axis("y"), ())
+
+
+def test_the_reference_names_study_archive_and_version(archives: Archives) -> None:
+    tree = with_hashes(archives["beam"])
+    reference = page_reference(tree)
+    assert f"uqpen {tree.attrs['version_uqpen']}" in reference
+    changed = tree.copy(deep=True)
+    changed["runs/only/load"].values[0] += 1.0
+    assert page_reference(with_hashes(changed)) != reference
