@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -31,7 +31,7 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.texts import plain_text
 
-__all__ = ["report_page", "write_report"]
+__all__ = ["FilledSection", "render_page", "report_page", "write_page", "write_report"]
 
 _ASSETS = files("uqpen.report") / "assets"
 # Required, so that a mistyped name does not overwrite a study or an archive.
@@ -45,8 +45,8 @@ _UNFIT = re.compile(
 )
 
 
-class _FilledSection(NamedTuple):
-    """A section with its name in links, and its blocks for an archive."""
+class FilledSection(NamedTuple):
+    """A section of a page with its name in links, and its blocks for an archive."""
 
     name: str
     section: ReportSection
@@ -78,11 +78,22 @@ def write_report(
     ArchiveError
         If the archive lacks what the report goes by.
     """
+    write_page(path, lambda: report_page(tree, sections))
+
+
+def write_page(path: str | Path, make: Callable[[], str]) -> None:
+    """Make a page and write it to a file, which is replaced in one step.
+
+    Raises
+    ------
+    ReportError
+        If the name has another ending than .html or .htm, or the file cannot be written.
+    """
     path = Path(path)
     if path.suffix.lower() not in _ENDINGS:
         found = f"found the ending {path.suffix or 'none'}"
         raise ReportError(f"{path}: {found}; expected {' or '.join(_ENDINGS)}")
-    content = report_page(tree, sections).encode("utf-8")
+    content = make().encode("utf-8")
     try:
         replace_file(path, content)
     except OSError as error:
@@ -104,7 +115,17 @@ def report_page(tree: xr.DataTree, sections: Sequence[str | SectionFunction] = (
     return _render(tree, [filled for filled in every if filled.blocks], list(filter(None, notes)))
 
 
-def _render(tree: xr.DataTree, sections: Sequence[_FilledSection], lacks: Sequence[str]) -> str:
+def _render(tree: xr.DataTree, sections: Sequence[FilledSection], lacks: Sequence[str]) -> str:
+    return render_page(page_heading(tree), page_facts(tree), sections, lacks)
+
+
+def render_page(
+    title: str, facts: Sequence[str], sections: Sequence[FilledSection], lacks: Sequence[str]
+) -> str:
+    """Return a page as HTML, from its title, the facts at its head, and its sections.
+
+    `lacks` names what it has no sections for.
+    """
     charts = [chart for filled in sections for chart in find_charts(filled.blocks)]
     # By identity, as the content of a chart has no hash.
     numbers = {id(chart): number for number, chart in enumerate(charts)}
@@ -114,8 +135,8 @@ def _render(tree: xr.DataTree, sections: Sequence[_FilledSection], lacks: Sequen
         _environment()
         .get_template("page.html")
         .render(
-            title=page_heading(tree),
-            facts=page_facts(tree),
+            title=title,
+            facts=facts,
             sections=sections,
             lacks=lacks,
             number_of=lambda chart: numbers[id(chart)],
@@ -142,7 +163,7 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
-def _sections(tree: xr.DataTree, own: Sequence[OutsideSection]) -> Iterator[_FilledSection]:
+def _sections(tree: xr.DataTree, own: Sequence[OutsideSection]) -> Iterator[FilledSection]:
     """Yield all sections for an archive of its kind; some may be empty.
 
     Those of a user's own stand before the last, which states how the archive was made.
@@ -155,20 +176,20 @@ def _sections(tree: xr.DataTree, own: Sequence[OutsideSection]) -> Iterator[_Fil
             if name == next(reversed(SECTIONS)):
                 yield from (_own_section(tree, views, each) for each in own)
             blocks = _model_blocks(views, section, resolve(section.function))
-            yield _FilledSection(name, section, tuple(blocks))
+            yield FilledSection(name, section, tuple(blocks))
         return
     if own:
         raise ReportError("the report of a benchmark of methods has no further sections")
     check_benchmark(tree)
     for name, section in BENCHMARK_SECTIONS.items():
-        yield _FilledSection(name, section, tuple(resolve(section.function)(tree)))
+        yield FilledSection(name, section, tuple(resolve(section.function)(tree)))
 
 
 def _own_section(
     tree: xr.DataTree, views: Sequence[ArchiveView], own: OutsideSection
-) -> _FilledSection:
+) -> FilledSection:
     """Return a section of a user's own, which can be put on a page."""
-    filled = _FilledSection(
+    filled = FilledSection(
         own.name, own.section, tuple(_model_blocks(views, own.section, own.blocks))
     )
     with own.function.in_context():  # the content of a block can be anything
