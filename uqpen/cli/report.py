@@ -15,8 +15,12 @@ __all__ = ["announce_report", "report", "write_and_announce"]
 
 @click.command(short_help="Write the results of an archive as an HTML page.")
 @click.argument("archive", type=PATH)
+@click.argument("other", type=PATH, required=False)
 @click.option(
-    "-o", "file", type=PATH, help="The page to write.  [default: ARCHIVE with the ending .html]"
+    "-o",
+    "file",
+    type=PATH,
+    help="The page to write.  [default: ARCHIVE with the ending .html, or ARCHIVE_OTHER.html]",
 )
 @click.option(
     "--section",
@@ -28,12 +32,41 @@ __all__ = ["announce_report", "report", "write_and_announce"]
 @click.option(
     "--full", is_flag=True, help="Unfold the parts for a statistician, and so print them."
 )
-def report(archive: Path, file: Path | None, sections: tuple[str, ...], full: bool) -> None:
+def report(
+    archive: Path, other: Path | None, file: Path | None, sections: tuple[str, ...], full: bool
+) -> None:
     """Write one HTML page with the results of ARCHIVE, to send to a colleague; nothing is run.
 
     It opens in any browser, without a network.
+
+    With OTHER, the page shows both archives side by side: what changed in the study, and how its
+    answers moved.
     """
-    write_and_announce(archive, Path(), file, sections, full=full)
+    if other is None:
+        write_and_announce(archive, Path(), file, sections, full=full)
+    elif sections or full:
+        option = "--section" if sections else "--full"
+        raise click.UsageError(f"{option} is for the page of one archive")
+    else:
+        _write_side_by_side(archive, other, file)
+
+
+def _write_side_by_side(archive: Path, other: Path, file: Path | None) -> None:
+    """Write the page of two archives, by default beside the first, and show its path."""
+    from uqpen.cli.progress import show_step
+
+    path = file or archive.with_name(f"{_stem(archive)}_{_stem(other)}.html")
+    with show_step("writing the report"):
+        from uqpen.archive.read import open_archive
+        from uqpen.report.revisions.revision_page import write_revision_report
+
+        trees = open_archive(archive), open_archive(other)
+        write_revision_report(*trees, path, names=(archive.name, other.name))
+    click.echo(f"report: {printable(str(path))}")
+
+
+def _stem(archive: Path) -> str:
+    return archive.stem if archive.suffix == ".nc" else archive.name
 
 
 def write_and_announce(
@@ -51,8 +84,7 @@ def write_and_announce(
     """
     from uqpen.cli.progress import show_step
 
-    stem = archive.stem if archive.suffix == ".nc" else archive.name
-    path = file or archive.with_name(f"{stem}.html")
+    path = file or archive.with_name(f"{_stem(archive)}.html")
     with show_step("writing the report"):
         from uqpen.archive.read import open_archive
         from uqpen.report.page import write_report

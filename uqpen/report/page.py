@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,7 +31,7 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import percent_text
 from uqpen.results.texts import plain_text
 
-__all__ = ["report_page", "write_report"]
+__all__ = ["FilledSection", "PageHead", "render_page", "report_page", "write_page", "write_report"]
 
 # Required, so that a mistyped name does not overwrite a study or an archive.
 _ENDINGS = (".html", ".htm")
@@ -43,8 +43,8 @@ _UNFIT = re.compile(
 )
 
 
-class _FilledSection(NamedTuple):
-    """A section with its name in links, and its blocks for an archive."""
+class FilledSection(NamedTuple):
+    """A section of a page with its name in links, and its blocks for an archive."""
 
     name: str
     section: ReportSection
@@ -83,11 +83,22 @@ def write_report(
     ArchiveError
         If the archive lacks what the report goes by.
     """
+    write_page(path, lambda: report_page(tree, sections, full=full))
+
+
+def write_page(path: str | Path, make: Callable[[], str]) -> None:
+    """Make a page and write it to a file, which is replaced in one step.
+
+    Raises
+    ------
+    ReportError
+        If the name has another ending than .html or .htm, or the file cannot be written.
+    """
     path = Path(path)
     if path.suffix.lower() not in _ENDINGS:
         found = f"found the ending {path.suffix or 'none'}"
         raise ReportError(f"{path}: {found}; expected {' or '.join(_ENDINGS)}")
-    content = report_page(tree, sections, full=full).encode("utf-8")
+    content = make().encode("utf-8")
     try:
         replace_file(path, content)
     except OSError as error:
@@ -113,8 +124,37 @@ def report_page(
 
 
 def _render(
-    tree: xr.DataTree, sections: Sequence[_FilledSection], lacks: Sequence[str], *, full: bool
+    tree: xr.DataTree, sections: Sequence[FilledSection], lacks: Sequence[str], *, full: bool
 ) -> str:
+    return render_page(PageHead.of_archive(tree), sections, lacks, full=full)
+
+
+class PageHead(NamedTuple):
+    """Title of a page, the facts below it, and what is copied from the page goes along with."""
+
+    title: str
+    facts: Sequence[str]
+    study: str  # begins the names of files
+    reference: str
+
+    @classmethod
+    def of_archive(cls, tree: xr.DataTree) -> PageHead:
+        """Return the head of an archive's page."""
+        study = str(tree.attrs.get("study_name", ""))
+        return cls(page_heading(tree), list(page_facts(tree)), study, page_reference(tree))
+
+
+def render_page(
+    head: PageHead,
+    sections: Sequence[FilledSection],
+    lacks: Sequence[str],
+    *,
+    full: bool = False,
+) -> str:
+    """Return a page as HTML.
+
+    `lacks` names what it has no sections for.
+    """
     charts = [chart for filled in sections for chart in find_charts(filled.blocks)]
     explorers = [each for filled in sections for each in find_explorers(filled.blocks)]
     # By identity, as the content of a chart has no hash.
@@ -127,15 +167,15 @@ def _render(
         _environment()
         .get_template("page.html")
         .render(
-            title=page_heading(tree),
-            facts=page_facts(tree),
+            title=head.title,
+            facts=head.facts,
             sections=sections,
             lacks=lacks,
             is_full=full,
             number_of=lambda chart: numbers[id(chart)],
             anchor_of=lambda block: anchors[id(block)],
-            study=str(tree.attrs.get("study_name", "")),
-            reference=page_reference(tree),
+            study=head.study,
+            reference=head.reference,
             data=charts_json(charts, explorers),
             style=page_style(),
             library=library,
@@ -159,7 +199,7 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
-def _sections(tree: xr.DataTree, own: Sequence[OutsideSection]) -> Iterator[_FilledSection]:
+def _sections(tree: xr.DataTree, own: Sequence[OutsideSection]) -> Iterator[FilledSection]:
     """Yield all sections for an archive of its kind; some may be empty.
 
     Those of a user's own stand before the last, which states how the archive was made.
@@ -172,20 +212,20 @@ def _sections(tree: xr.DataTree, own: Sequence[OutsideSection]) -> Iterator[_Fil
             if name == next(reversed(SECTIONS)):
                 yield from (_own_section(tree, views, each) for each in own)
             blocks = _model_blocks(views, section, resolve(section.function))
-            yield _FilledSection(name, section, tuple(blocks))
+            yield FilledSection(name, section, tuple(blocks))
         return
     if own:
         raise ReportError("the report of a benchmark of methods has no further sections")
     check_benchmark(tree)
     for name, section in BENCHMARK_SECTIONS.items():
-        yield _FilledSection(name, section, tuple(resolve(section.function)(tree)))
+        yield FilledSection(name, section, tuple(resolve(section.function)(tree)))
 
 
 def _own_section(
     tree: xr.DataTree, views: Sequence[ArchiveView], own: OutsideSection
-) -> _FilledSection:
+) -> FilledSection:
     """Return a section of a user's own, which can be put on a page."""
-    filled = _FilledSection(
+    filled = FilledSection(
         own.name, own.section, tuple(_model_blocks(views, own.section, own.blocks))
     )
     with own.function.in_context():  # the content of a block can be anything

@@ -1,0 +1,93 @@
+"""Distribution functions of two archives over each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+from uqpen.figures.curves import Curve, axis_span
+from uqpen.figures.distributions import CUT
+from uqpen.report.blocks import Axis, Block, Chart, Heading, LegendKey
+from uqpen.report.marks import Trace, series_dash
+from uqpen.report.revisions.pair import ArchivePair, ModelPair
+from uqpen.report.sections.distribution_curves import Grid, curve_at, curve_quantile, curve_traces
+from uqpen.report.sections.leading_design import output_heading, output_title
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.digits import percent_text
+from uqpen.results.texts import capitalized, unit_suffix
+
+__all__ = ["cdf_charts"]
+
+
+class _Drawn(NamedTuple):
+    """The function of one of two archives: its name, the part of the archive, the function."""
+
+    label: str
+    view: ArchiveView
+    curve: Curve
+
+
+def cdf_charts(pair: ArchivePair) -> Iterator[Block]:
+    """Distribution functions of each output of both archives, by the first common source."""
+    for model, each in pair.models.items():
+        for output in each.outputs:
+            source, drawn = next(_common_curves(each, output), ("", []))
+            if drawn:
+                heading = output_heading(each.first, output)
+                yield Heading(f"{model}: " * bool(model) + heading)
+                yield _chart(each, output, source, drawn)
+
+
+def _common_curves(pair: ModelPair, output: str) -> Iterator[tuple[str, list[_Drawn]]]:
+    """Yield the functions of both archives by each source that has them in both."""
+    measure = pair.first.scale(output)
+    for source in pair.sources:
+        drawn = [
+            _Drawn(label, view, curve)
+            for label, view in (("A", pair.first), ("B", pair.second))
+            if (curve := Curve.from_source(source, view.statistics, source, output, measure))
+        ]
+        if len(drawn) == 2:
+            yield source, drawn
+
+
+def _chart(pair: ModelPair, output: str, source: str, drawn: list[_Drawn]) -> Chart:
+    view = pair.first
+    lower, upper, is_cut = axis_span([each.curve.values for each in drawn])
+    grid = Grid.between(lower, upper)
+    traces: list[Trace] = []
+    keys: list[LegendKey] = []
+    for series, (label, of, curve) in enumerate(drawn):
+        # Runs are read off in the unit of their archive; else the ranks of the function remain.
+        has_grid = of.unit(output) == view.unit(output)
+        function = curve_at(of, output, curve, grid) if has_grid else curve
+        dash, named = series_dash(series), replace(function, name=label)
+        traces += curve_traces(named, series, dash, is_stepped=curve.is_stepped)
+        keys.append(LegendKey(label, series, "line", dash))
+    return Chart(
+        title=f"Probability that {output_title(view, output)} is at most x, by {source}",
+        summary=" ".join(
+            f"In {each.label}, the median is "
+            f"{curve_quantile(each.curve, 0.5):.4g}{unit_suffix(view.unit(output))}."
+            for each in drawn
+        ),
+        x=Axis(view.axis_label(output), (lower, upper)),
+        y=Axis("P(at most x)", (0.0, 1.0)),
+        traces=tuple(traces),
+        keys=tuple(keys),
+        notes=tuple(_notes(drawn, is_cut=is_cut)),
+        height=340,
+        is_compared=True,
+    )
+
+
+def _notes(drawn: list[_Drawn], *, is_cut: bool) -> Iterator[str]:
+    for each in drawn:
+        if not each.curve.has_band:
+            yield f"no band of {each.label}: {each.curve.note}"
+    levels = [each.curve.level for each in drawn if each.curve.has_band]
+    if levels:
+        yield f"Shades: simultaneous {percent_text(levels[0])} bands, for each archive by itself."
+    if is_cut:
+        yield f"{capitalized(CUT)}."
