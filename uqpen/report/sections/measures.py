@@ -20,7 +20,7 @@ from uqpen.report.notes import has_interval, interval_notes
 from uqpen.report.shapes import Shape, horizontal_line, vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
-from uqpen.results.table import Conversion, OutputTable, estimate_remark
+from uqpen.results.table import Conversion, OutputTable, estimate_remark, shown_bounds
 from uqpen.results.texts import capitalized, unit_suffix
 
 __all__ = ["MeasureChartSpec", "measures_chart"]
@@ -115,7 +115,7 @@ def _plotted_series(
     estimates = [
         _InputEstimate(
             name,
-            np.asarray(convert(entry.values), dtype=np.float64),
+            np.array(shown_bounds(entry, convert)),
             interval_text(entry, INTERVAL_LABEL),
             estimate_remark(entry),
         )
