@@ -119,7 +119,7 @@ def _independent_design(view: ArchiveView) -> str:
 
 
 def _key(view: ArchiveView, source: str) -> LegendKey:
-    position = view.sources.index(source)
+    position = view.series(source)
     return LegendKey(source, position, series_marker(position))
 
 

@@ -110,7 +110,7 @@ def _plotted_series(
     view: ArchiveView, of: MeasureSeries, inputs: Sequence[str], convert: Conversion
 ) -> _PlottedSeries:
     """Give a series the colour of its source, and its own marker where there are several."""
-    position, known = view.sources.index(of.source), of.array[INPUT].values.tolist()
+    position, known = view.series(of.source), of.array[INPUT].values.tolist()
     entries = {name: of.array[known.index(name)] for name in inputs if name in known}
     estimates = [
         _InputEstimate(
