@@ -156,7 +156,7 @@ def test_an_archive_without_convergence_says_so() -> None:
         block.table for block in distributions(ArchiveView(tree, "")) if isinstance(block, Table)
     ]
     assert [[label for label, _ in each.rows] for each in tables] == [
-        ["5 % quantile", "median", "95 % quantile"]
+        ["5 % quantile", "median", "95 % quantile", "largest of 40 runs"]
     ]
 
 

@@ -46,7 +46,7 @@ def test_inputs_that_go_with_losses_are_drawn(archives: Mapping[str, xr.DataTree
     assert chart.title == "Inputs associated with the failed runs of only"
     assert chart.y.rows == ("load", "span")
     assert chart.summary == (
-        "The input with the strongest association is load: P(larger) 1, P(further out) 0.888 "
+        "The input with the strongest association is load: P(larger) 1.000, P(further out) 0.888 "
         "(0.812 … 0.935)."
     )
     # All lost runs have larger loads than the others, which no interval can be told of.

@@ -115,7 +115,7 @@ def test_responses_are_magnitudes_in_per_cent(archives: Archives) -> None:
     told = tree["statistics/steps/y"]["response"].values[:, 0]
     np.testing.assert_allclose(trace["x"], np.sort(100 * np.abs(told))[::-1], rtol=1e-5)
     assert chart.x.title == "|response| [%]"
-    assert set(trace["marker"]["symbol"]) == {"triangle-down-open"}
+    assert set(trace["marker"]["symbol"]) == {"pentagon-open"}
 
 
 def test_kinds_of_which_the_same_is_told_share_a_chart(archives: Archives) -> None:

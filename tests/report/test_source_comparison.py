@@ -119,7 +119,7 @@ def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> 
     assert guide["y"] == pytest.approx(expected, rel=1e-4)
     assert widths.keys[-1].text == "as 1/√runs, from monte_carlo"
     assert widths.notes == (
-        "± is half of an interval's length, also if its ends are not symmetric.",
+        "Half-width: half of an interval's length, also if its ends are not symmetric.",
         "No interval, so not shown: polynomial_chaos, report.",
     )
 
@@ -128,8 +128,11 @@ def test_a_table_says_how_many_draws_give_as_narrow_an_interval(
     concrete: xr.DataTree, told: list[Block]
 ) -> None:
     table = next(block.table for block in told if isinstance(block, Table))
-    assert table.title == "Cost of an interval: its ±, and the independent draws needed for it"
-    assert table.columns[:4] == ["runs", "mean ± [m]", "draws", "median ± [m]"]
+    assert (
+        table.title
+        == "Cost of an interval: its half-width, and the independent draws needed for it"
+    )
+    assert table.columns[:4] == ["runs", "mean, half-width [m]", "draws", "median, half-width [m]"]
     rows = dict(table.rows)
     assert list(rows) == SOURCES
     assert rows["monte_carlo"][0] == rows["monte_carlo"][2] == "400"

@@ -73,7 +73,7 @@ def test_points_are_the_model_and_its_surrogate(tree: xr.DataTree) -> None:
         "(not training runs).",
     )
     q2 = float(tree["surrogates/flat/y"].attrs["check_q2_of_output"])
-    assert chart.title == f"y: Q² {q2:.5g} (check runs)"
+    assert chart.title == f"y: Q² {q2:.5f} (check runs)"
     assert chart.summary.startswith(
         f"Half of the 2\u202f000 runs differ by at most {np.median(off):.3g}, 95 % by at most "
         f"{np.quantile(off, 0.95):.3g}, and the largest difference is {off.max():.3g}."

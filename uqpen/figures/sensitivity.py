@@ -12,10 +12,10 @@ from uqpen.figures.panel import Panel
 from uqpen.results import measure_labels
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.best_sources import best_sources as best_source_names
+from uqpen.results.index_titles import index_titles
 from uqpen.results.measure_labels import INDICES
 from uqpen.results.table import Conversion, identity
 from uqpen.results.texts import title_with_unit
-from uqpen.results.variance_shares import variance_shares
 
 __all__ = [
     "EFFECTS",
@@ -81,7 +81,7 @@ def response_measures(view: ArchiveView, output: str) -> tuple[ResponseMeasure, 
 
 def sensitivity_panels(view: ArchiveView) -> Iterator[Panel]:
     """Each input's share of the variance, and its effects."""
-    shares = variance_shares(view.tree)
+    shares = index_titles(view.tree)
     for output in view.numeric_outputs:
         if found := best_sources(view, index_series(view, output)):
             title = view.title(f"{output}: {shares.title('its variance')}")
@@ -104,7 +104,7 @@ def response_panels(view: ArchiveView) -> Iterator[Panel]:
 
 def index_series(view: ArchiveView, output: str) -> list[MeasureSeries]:
     """Return the indices of an output by all sources, in the order that they are shown."""
-    shares = variance_shares(view.tree)
+    shares = index_titles(view.tree)
     found = measure_series(view, output, shares.ordered(INDICES))
     if not shares.is_dependent:
         return found

@@ -19,6 +19,7 @@ from uqpen.results.digits import grouped_number
 from uqpen.results.source_style import GREY
 from uqpen.results.surrogate_fits import fit_diagnostics, fitted_outputs
 from uqpen.results.texts import title_with_unit
+from uqpen.surrogates.diagnostics import quality_text
 from uqpen.surrogates.restoring import is_restorable, restore_surrogate
 
 __all__ = ["fit_quality", "predict", "surrogate_panels", "test_design"]
@@ -85,5 +86,5 @@ def fit_quality(made: xr.DataTree, output: str) -> str:
     attributes = fit_diagnostics(made, output)
     for of, key in (("check runs", "check_q2_of_output"), ("runs left out", "q2")):
         if np.isfinite(attributes.get(key, np.nan)):
-            return f"Q² {float(attributes[key]):.5g} ({of})"
+            return f"Q² {quality_text(float(attributes[key]))} ({of})"
     return "Q² unknown"

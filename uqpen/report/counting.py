@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from decimal import Decimal, InvalidOperation
 
-from uqpen.results.digits import SUPERSCRIPTS, estimate_texts, grouped_number
+from uqpen.results.digits import (
+    MINUS,
+    SUPERSCRIPTS,
+    estimate_texts,
+    grouped_number,
+    typeset_minus,
+)
 
 __all__ = ["count_text", "percent_texts"]
 
@@ -38,7 +44,7 @@ def percent_texts(estimate: float, lower: float, upper: float, *others: float) -
 
 def _times_hundred(text: str) -> str:
     """Move the point of a number two places, in its text."""
-    mantissa, times, power = text.partition("×10")
+    mantissa, times, power = text.replace(MINUS, "-").partition("×10")
     exponent = int(power.translate(_PLAIN)) if times else 0
     try:
         moved = Decimal(mantissa).scaleb(exponent + 2)
@@ -46,4 +52,4 @@ def _times_hundred(text: str) -> str:
         return text
     if 0 < moved < _LEAST and times:
         return f"{mantissa}×10{str(exponent + 2).translate(SUPERSCRIPTS)}"
-    return f"{moved:f}"
+    return typeset_minus(f"{moved:f}")

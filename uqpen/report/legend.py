@@ -15,7 +15,7 @@ OUTLINES = {
     "diamond": "M0,-6L6,0L0,6L-6,0z",
     "triangle-down": "M0,5.5L5,-4H-5z",
     "pentagon": "M0,-5.5L5.2,-1.7L3.2,4.5H-3.2L-5.2,-1.7z",
-    "hexagon": "M0,-5.5L4.8,-2.7V2.7L0,5.5L-4.8,2.7V-2.7z",
+    "cross": "M-1.8,-5.4h3.6v3.6h3.6v3.6h-3.6v3.6h-3.6v-3.6h-3.6v-3.6h3.6z",
     "star-diamond": "M0,-6L1.8,-1.8L6,0L1.8,1.8L0,6L-1.8,1.8L-6,0L-1.8,-1.8z",
     "triangle-left": "M-5.5,0L4,-5V5z",
     "triangle-right": "M5.5,0L-4,-5V5z",

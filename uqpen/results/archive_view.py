@@ -20,6 +20,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.units import DIMENSIONLESS, Scale, scale
 from uqpen.results.best_sources import is_sample_design
+from uqpen.results.source_slots import source_slots
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle, source_style
 from uqpen.results.table import Conversion, conversion, first_runs, output_names
@@ -83,9 +84,17 @@ class ArchiveView:
             if self.source in (None, name) and self.sampling(name).is_sample
         ]
 
+    @cached_property
+    def _slots(self) -> dict[str, int]:
+        return source_slots(str(self.archive.attrs.get("study_text", "")), self.sources)
+
+    def series(self, source: str) -> int:
+        """Return the place of a source among colours and markers, by its kind."""
+        return self._slots[source]
+
     def look(self, source: str) -> SourceStyle:
-        """Return the style of a source, in every figure of the archive."""
-        return source_style(self.sources.index(source))
+        """Return the style of a source, in every figure of its study."""
+        return source_style(self.series(source))
 
     def estimates(self, output: str, statistic: str) -> dict[str, xr.DataArray]:
         """Return a statistic by source; only that of the selected one, if any."""

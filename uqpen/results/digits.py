@@ -6,6 +6,7 @@ import math
 from decimal import ROUND_CEILING, Decimal
 
 __all__ = [
+    "MINUS",
     "SUPERSCRIPTS",
     "estimate_text",
     "estimate_texts",
@@ -14,20 +15,25 @@ __all__ = [
     "percent_text",
     "tolerance_interval_texts",
     "tolerance_limit_text",
+    "typeset_minus",
 ]
 
+MINUS = "−"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-# The sides of an interval may differ by this factor before both ends are shown.
-_UNEVEN = 1.5
+# Digits of an estimate without an interval.
+_DIGITS = 4
+# From the first power of ten to below the second, numbers are written out.
+_WRITTEN_OUT = (-3, 6)
 
 
 def estimate_text(estimate: float, lower: float, upper: float) -> str:
     """An estimate in the digits that its interval leaves a meaning.
 
-    Two digits of the half-width, and the estimate to the same place; both ends where they lie
-    unevenly; four digits where there is no interval. The end of an interval to one side is rounded
-    outward, so that it remains a bound.
+    Two digits of the longer side, and the estimate to the same place. ± is the half-width of an
+    interval whose sides are equal in these digits; of any other, both ends are given. Four digits
+    where there is no interval. The end of an interval to one side is rounded outward, so that it
+    remains a bound.
 
     Parameters
     ----------
@@ -40,13 +46,15 @@ def estimate_text(estimate: float, lower: float, upper: float) -> str:
     '0.4927 ± 0.0027'
     >>> estimate_text(71.1, 70.6, 72.9)
     '71.1 (70.6 … 72.9)'
+    >>> estimate_text(0.4663, 0.4640, 0.4687)
+    '0.4663 (0.4640 … 0.4687)'
     """
     sides = _sides(estimate, lower, upper)
     half = max(sides, default=math.nan)
     if not 0 < half < math.inf:
-        return _text_without_interval(estimate)
+        return _text_without_interval(estimate, is_short=half == 0)
     number_format = _NumberFormat(estimate, half)
-    if len(sides) == 2 and half < _UNEVEN * min(sides):
+    if len(sides) == 2 and number_format.is_same(*sides):
         return number_format.write(f"{number_format(estimate)} ± {number_format(half)}")
     ends = " … ".join(number_format.ends(estimate, lower, upper))
     if number_format.exponent:
@@ -61,7 +69,7 @@ def tolerance_limit_text(estimate: float, upper: float) -> str:
     '13.48, at most 13.77'
     """
     if not 0 < upper - estimate < math.inf:
-        return _text_without_interval(estimate)
+        return _text_without_interval(estimate, is_short=upper == estimate)
     number_format = _NumberFormat(estimate, upper - estimate)
     return number_format.write(
         f"{number_format(estimate)}, at most {number_format.rounded_up(upper)}"
@@ -75,7 +83,7 @@ def lower_tolerance_limit_text(estimate: float, lower: float) -> str:
     '13.48, at least 13.20'
     """
     if not 0 < estimate - lower < math.inf:
-        return _text_without_interval(estimate)
+        return _text_without_interval(estimate, is_short=lower == estimate)
     number_format = _NumberFormat(estimate, estimate - lower)
     return number_format.write(
         f"{number_format(estimate)}, at least {number_format.rounded_down(lower)}"
@@ -89,7 +97,8 @@ def tolerance_interval_texts(lower: float, upper: float) -> tuple[str, str]:
     ('9.81', '14.22')
     """
     if not 0 < upper - lower < math.inf:
-        return _text_without_interval(lower), _text_without_interval(upper)
+        lowest, highest = (_text_without_interval(end, is_short=True) for end in (lower, upper))
+        return lowest, highest
     number_format = _NumberFormat(max(abs(lower), abs(upper)), (upper - lower) / 10)
     ends = number_format.rounded_down(lower), number_format.rounded_up(upper)
     return number_format.with_power(ends[0]), number_format.with_power(ends[1])
@@ -106,7 +115,7 @@ def estimate_texts(estimate: float, lower: float, upper: float, *others: float) 
     values = (estimate, lower, upper, *others)
     half = max(_sides(estimate, lower, upper), default=math.nan)
     if not 0 < half < math.inf:
-        return tuple(map(_text_without_interval, values))
+        return tuple(_text_without_interval(each, is_short=True) for each in values)
     number_format = _NumberFormat(estimate, half)
     texts = (
         number_format(estimate),
@@ -114,7 +123,7 @@ def estimate_texts(estimate: float, lower: float, upper: float, *others: float) 
         *map(number_format, others),
     )
     return tuple(
-        _text_without_interval(each) if each == 0 else number_format.with_power(text)
+        "0" if each == 0 else number_format.with_power(text)
         for each, text in zip(values, texts, strict=True)
     )
 
@@ -134,8 +143,34 @@ def _sides(estimate: float, lower: float, upper: float) -> list[float]:
     return [side for side in (estimate - lower, upper - estimate) if not math.isnan(side)]
 
 
-def _text_without_interval(estimate: float) -> str:
-    return "–" if math.isnan(estimate) else f"{estimate:.4g}"
+def _text_without_interval(estimate: float, *, is_short: bool) -> str:
+    """Write four digits; those of a short text, of an exact number, end before zeros."""
+    if not math.isfinite(estimate):
+        return "–" if math.isnan(estimate) else f"{estimate:g}"
+    mantissa, _, power = f"{estimate:.{_DIGITS - 1}e}".partition("e")
+    exponent = int(power)
+    first, end = _WRITTEN_OUT
+    if first <= exponent < end or not estimate:
+        rounded = Decimal(mantissa).scaleb(exponent)
+        text = f"{rounded:.{max(0, _DIGITS - 1 - exponent)}f}"
+        return typeset_minus(_shortened(text) if is_short or not estimate else text)
+    mantissa = _shortened(mantissa) if is_short else mantissa
+    return typeset_minus(f"{mantissa}×10{str(exponent).translate(SUPERSCRIPTS)}")
+
+
+def _shortened(decimal: str) -> str:
+    return decimal.rstrip("0").rstrip(".") if "." in decimal else decimal
+
+
+def typeset_minus(text: str) -> str:
+    """Return a number with a minus sign in place of a hyphen, and without one if it is zero.
+
+    >>> typeset_minus("-0.518"), typeset_minus("-0.000")
+    ('−0.518', '0.000')
+    """
+    if text.startswith("-") and not text.strip("-0."):
+        return text[1:]
+    return text.replace("-", MINUS)
 
 
 class _NumberFormat:
@@ -144,25 +179,34 @@ class _NumberFormat:
     def __init__(self, estimate: float, half: float) -> None:
         # Below 1e-300, ten to the exponent would be 0.
         exponent = max(-300, math.floor(math.log10(max(abs(estimate), half))))
-        self.exponent = 0 if -3 <= exponent < 6 else exponent
+        first, end = _WRITTEN_OUT
+        self.exponent = 0 if first <= exponent < end else exponent
         self._power = 10.0**self.exponent
         superscript = str(self.exponent).translate(SUPERSCRIPTS)
         self._power_text = f"×10{superscript}" if self.exponent else ""
         self._places = max(0, 1 - math.floor(math.log10(half / self._power)))
 
     def __call__(self, value: float) -> str:
-        return "?" if math.isnan(value) else f"{value / self._power:.{self._places}f}"
+        if math.isnan(value):
+            return "?"
+        return typeset_minus(f"{value / self._power:.{self._places}f}")
+
+    def is_same(self, one: float, other: float) -> bool:
+        """Return whether two lengths differ by at most half of the last place."""
+        return abs(one - other) <= 0.5 * self._power * 10.0**-self._places
 
     def rounded_up(self, value: float) -> str:
         """Write a bound from above, which may not become less."""
         # Twelve digits: 13.77 in binary is a little more or less.
         digits = Decimal(f"{value / self._power:.12g}")
-        return f"{digits.quantize(Decimal(1).scaleb(-self._places), ROUND_CEILING):f}"
+        return typeset_minus(
+            f"{digits.quantize(Decimal(1).scaleb(-self._places), ROUND_CEILING):f}"
+        )
 
     def rounded_down(self, value: float) -> str:
         """Write a bound from below, which may not become more."""
         mirrored = self.rounded_up(-value)
-        return mirrored[1:] if mirrored.startswith("-") else f"-{mirrored}"
+        return mirrored[1:] if mirrored.startswith(MINUS) else typeset_minus(f"-{mirrored}")
 
     def ends(self, estimate: float, lower: float, upper: float) -> tuple[str, str]:
         """Write the ends of an interval; where it reaches to one side only, its end outward."""

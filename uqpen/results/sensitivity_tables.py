@@ -10,6 +10,7 @@ import xarray as xr
 from uqpen.core.catalogue import THRESHOLD
 from uqpen.core.units import scale
 from uqpen.results.best_sources import best_sources
+from uqpen.results.index_titles import index_titles
 from uqpen.results.measure_labels import (
     ASSOCIATIONS,
     CHANGES,
@@ -24,7 +25,6 @@ from uqpen.results.measure_labels import (
 from uqpen.results.relative_changes import without_arbitrary_zeros
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, label_with_unit
-from uqpen.results.variance_shares import variance_shares
 
 __all__ = ["named_tables"]
 
@@ -51,7 +51,7 @@ def named_tables(
     tuple
         A name, such as "shares", "responses" or "effects", and a table.
     """
-    statistics, shares = SourceStatistics(tree), variance_shares(tree)
+    statistics, shares = SourceStatistics(tree), index_titles(tree)
     indices = list(_columns(statistics, output, shares.ordered(INDICES)))
     if not everything:
         shown = best_sources(tree, ((each.source, each.array) for each in indices))

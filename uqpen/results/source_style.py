@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["BLACK", "BLUE", "GREY", "VERMILION", "SourceStyle", "source_style"]
+__all__ = ["BLACK", "BLUE", "GREY", "STYLES", "VERMILION", "SourceStyle", "source_style"]
 
 # Distinct to every kind of colour vision (Okabe & Ito, 2008); without the yellow, which is too
 # light for a line on white.
@@ -13,8 +13,11 @@ BLUE, VERMILION, GREEN, PURPLE = "#0072b2", "#d55e00", "#009e73", "#aa4499"
 SKY, ORANGE, BLACK, GREY = "#56b4e9", "#e69f00", "#000000", "#666666"
 WINE, OLIVE = "#882255", "#707010"
 
+# Number of styles that differ.
+STYLES = 10
+
 _COLOURS = (BLUE, VERMILION, GREEN, PURPLE, BLACK, WINE, ORANGE, OLIVE, SKY, GREY)
-_MARKERS = ("o", "s", "^", "D", "v", "p", "h", "d", "<", ">")
+_MARKERS = ("o", "s", "^", "D", "v", "p", "P", "d", "<", ">")
 _LINES: tuple[Any, ...] = (
     "-",
     (0, (5, 1.5)),
@@ -42,7 +45,7 @@ class SourceStyle:
 
 
 def source_style(position: int) -> SourceStyle:
-    """Return the style of the source at a position among those of an archive."""
+    """Return the style at a place, that of a source (`source_slots`) or another number."""
     return SourceStyle(
         _COLOURS[position % len(_COLOURS)],
         _MARKERS[position % len(_MARKERS)],

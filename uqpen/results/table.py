@@ -29,6 +29,7 @@ __all__ = [
     "label_with_unit",
     "output_names",
     "quantile_label",
+    "shown_bounds",
 ]
 
 Conversion = Callable[[Any], Any]
@@ -89,15 +90,28 @@ class OutputTable:
 
 def estimate_with_verdict(array: xr.DataArray, convert: Conversion) -> str:
     """Return an estimate in the digits that it has, with the verdict if that is against it."""
-    values = [float(value) for value in convert(array.values)]
-    if _is_share_of_variance(array) and abs(values[0]) < _ROUNDING:
-        values[0] = 0.0
-    text = estimate_text(*values)
+    text = estimate_text(*shown_bounds(array, convert))
     label = interval_text(array, INTERVAL_LABEL)
     return f"{text} {label}" if label in VERDICTS and label != CHECKED else text
 
 
-def _is_share_of_variance(array: xr.DataArray) -> bool:
+def shown_bounds(array: xr.DataArray, convert: Conversion) -> list[float]:
+    """Return an estimate and its bounds in the unit that is shown; what is 0 but for rounding as 0.
+
+    Parameters
+    ----------
+    array : DataArray
+        Along ``bound``.
+    convert : callable
+        From SI to the unit.
+    """
+    values = [float(value) for value in convert(array.values)]
+    if _is_plain_measure(array) and abs(values[0]) < _ROUNDING:
+        values[0] = 0.0
+    return values
+
+
+def _is_plain_measure(array: xr.DataArray) -> bool:
     rule = CATALOGUE[str(array.name)].unit if array.name in CATALOGUE else None
     return rule is UnitRule.NONE and not {INPUT, PAIR}.isdisjoint(array.coords)
 

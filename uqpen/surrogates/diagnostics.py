@@ -11,7 +11,14 @@ import xarray as xr
 from uqpen.core.labels import NAME
 from uqpen.core.units import DIMENSIONLESS, scale
 
-__all__ = ["DIAGNOSTICS", "Diagnostic", "diagnostics_dataset", "shown_diagnostics", "shown_titles"]
+__all__ = [
+    "DIAGNOSTICS",
+    "Diagnostic",
+    "diagnostics_dataset",
+    "quality_text",
+    "shown_diagnostics",
+    "shown_titles",
+]
 
 # The group with the diagnostics of the fit to an output, in the group of that output.
 DIAGNOSTICS = "diagnostics"
@@ -23,6 +30,10 @@ _TITLES_OF_ATTRIBUTES = {
     "q2": "Q², runs left out",
     "check_q2_of_output": "Q², check runs",
 }
+
+# Diagnostics that are 1 for a fit without any error, and the largest that is written out.
+_QUALITIES = ("q2", "check_q2_of_output")
+_NEXT_TO_1 = 0.99999
 
 
 @dataclass(frozen=True)
@@ -56,8 +67,21 @@ class Diagnostic:
     @property
     def text(self) -> str:
         """Text of the value with its unit; empty if it is unknown."""
+        if self.name in _QUALITIES:
+            return quality_text(self.value)
         unit = "" if self.units == DIMENSIONLESS else f" {self.units}"
         return "" if math.isnan(self.value) else f"{self.value:.5g}{unit}"
+
+
+def quality_text(q2: float) -> str:
+    """Return a Q² in five decimals; one that is not 1 is not rounded to it; empty for NaN.
+
+    >>> quality_text(0.9997), quality_text(0.999998)
+    ('0.99970', '> 0.99999')
+    """
+    if math.isnan(q2):
+        return ""
+    return "> 0.99999" if q2 > _NEXT_TO_1 else f"{q2:.5f}"
 
 
 def diagnostics_dataset(diagnostics: Iterable[Diagnostic]) -> xr.Dataset:

@@ -23,6 +23,7 @@ from uqpen.results.benchmark_entries import (
     reference_attributes,
 )
 from uqpen.results.digits import grouped_number
+from uqpen.results.source_slots import source_slots
 from uqpen.results.table import OutputTable
 from uqpen.results.texts import title_with_name
 
@@ -80,9 +81,9 @@ def plotted_methods(tree: xr.DataTree, variant: str) -> list[PlottedMethod]:
     """The methods that are in a contest, in the order of the archive."""
     methods = read_group(tree, METHODS)
     sources = [str(source) for source in methods["source"].values]
-    looks = list(dict.fromkeys(sources))
+    slots = source_slots(str(tree.attrs.get("study_text", "")), sources)
     every = [
-        PlottedMethod(position, source, tuple(str(contests).split()), looks.index(source))
+        PlottedMethod(position, source, tuple(str(contests).split()), slots[source])
         for position, (source, contests) in enumerate(
             zip(sources, methods["contests"].values, strict=True)
         )

@@ -72,7 +72,7 @@ def _values(tree: xr.DataTree, output: str, found: list[BenchmarkEntry]) -> Outp
         value = entry.reference_text if math.isfinite(truth.values[0]) else NOTHING
         value += table.note_mark(estimate_remark(truth))
         own = reference_error(entry)
-        own_text = NOTHING if math.isnan(own) else f"± {percentage_text(own / 100)} %"
+        own_text = NOTHING if math.isnan(own) else f"{percentage_text(own / 100)} %"
         method = interval_text(truth, INTERVAL) or NOTHING
         table.rows.append((entry.label, [value, own_text, _error_scale_text(entry), method]))
     return table

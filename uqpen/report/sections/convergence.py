@@ -163,7 +163,7 @@ def _history_charts(
     view: ArchiveView, output: str, design: str, histories: Sequence[_EstimateHistory]
 ) -> Charts:
     charts = [_chart(view, output, design, history) for history in histories]
-    position = view.sources.index(design)
+    position = view.series(design)
     every = np.concatenate([history.bounds for history in histories])
     keys = [LegendKey("by all runs", "quiet", "line", "dot")]
     if not all_bounded(every):
@@ -178,7 +178,7 @@ def _history_charts(
 
 
 def _chart(view: ArchiveView, output: str, design: str, history: _EstimateHistory) -> Chart:
-    position = view.sources.index(design)
+    position = view.series(design)
     marker = series_marker(position)
     bounds, runs, unit = history.bounds, history.runs, unit_suffix(history.unit)
     lower, upper, is_cut = _axis_limits(bounds)

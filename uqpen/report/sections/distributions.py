@@ -86,7 +86,7 @@ def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
     traces: list[Trace] = []
     keys: list[LegendKey] = []
     for curve, shown in zip(curves, drawn, strict=True):
-        series, is_first = view.sources.index(curve.name), curve is curves[0]
+        series, is_first = view.series(curve.name), curve is curves[0]
         dash, width = ("solid", 2.5) if is_first else (series_dash(series), 1.5)
         traces += curve_traces(
             shown, series, dash, is_stepped=curve.is_stepped, width=width, has_band=is_first

@@ -84,7 +84,7 @@ def exceedance(view: ArchiveView, output: str, curve: Curve) -> Iterator[Chart]:
 def _tail_traces(
     view: ArchiveView, output: str, curve: Curve, tail: ExceedanceTail, least: float
 ) -> tuple[list[Trace], list[LegendKey]]:
-    series = view.sources.index(curve.name)
+    series = view.series(curve.name)
     unit = unit_suffix(view.unit(output))
     # An end at 0 has no logarithm.
     estimate, lower, upper = np.maximum(tail.band, least).T

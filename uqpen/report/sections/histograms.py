@@ -41,7 +41,7 @@ def histogram(view: ArchiveView, output: str, design: str) -> Chart:
     if lacks:
         notes.append(f"No two-sided interval, so no shade: {', '.join(lacks)}.")
     highest = int(np.argmax(counts))
-    series = view.sources.index(design)
+    series = view.series(design)
     return Chart(
         title=f"{count_text(values.size, 'run')} of {design}",
         summary=f"The fullest bin, with {count_text(int(counts[highest]), 'run')}, lies between "
@@ -83,7 +83,7 @@ def shares(view: ArchiveView, output: str, design: str, probabilities: xr.DataAr
     table = OutputTable(f"Category probabilities by {design}", [design])
     add_shares(table, view.tree, output)
     texts = [f"{label}: {cells[0]}" for label, cells in table.rows]
-    places, series = np.arange(len(labels)), view.sources.index(design)
+    places, series = np.arange(len(labels)), view.series(design)
     return Chart(
         title=f"{title}: probability of each category, by {design}",
         summary="; ".join(texts),

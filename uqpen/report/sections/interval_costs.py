@@ -42,7 +42,7 @@ _ROUGH = (
     "independent draws needed for as narrow an interval: a rough estimate, the square of the ratio "
     "of two widths, without an interval"
 )
-_HALF = "± is half of an interval's length, also if its ends are not symmetric."
+_HALF = "Half-width: half of an interval's length, also if its ends are not symmetric."
 
 
 class _Width(NamedTuple):
@@ -123,7 +123,7 @@ def _independent_design(view: ArchiveView) -> str:
 
 
 def _key(view: ArchiveView, source: str) -> LegendKey:
-    position = view.sources.index(source)
+    position = view.series(source)
     return LegendKey(source, position, series_marker(position))
 
 
@@ -149,7 +149,7 @@ def _chart(view: ArchiveView, output: str, compared: _ComparedWidths, plain: str
     texts = []
     for source, each in widths.items():
         key = _key(view, source)
-        width = f"± {_two_digits(each.half)}{shown}"
+        width = f"half-width {_two_digits(each.half)}{shown}"
         texts.append(f"{source}: {width} with {count_text(each.runs, 'run')}")
         traces.append(
             point_trace(
@@ -189,11 +189,11 @@ def _table(
     sources: Sequence[str],
     plain: str,
 ) -> OutputTable:
-    title = "Cost of an interval: its ±, and the independent draws needed for it"
+    title = "Cost of an interval: its half-width, and the independent draws needed for it"
     table = OutputTable(title, ["runs"])
     for statistic, _ in compared:
         unit = _unit(view, output, statistic)
-        table.columns += [title_with_unit(f"{statistic.label} ±", unit), "draws"]
+        table.columns += [title_with_unit(f"{statistic.label}, half-width", unit), "draws"]
     for source in sources:
         cells = [_runs(view, source, table)]
         for _, widths in compared:

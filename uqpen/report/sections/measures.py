@@ -21,7 +21,7 @@ from uqpen.report.sections.drivers import input_label
 from uqpen.report.shapes import Shape, horizontal_line, vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
-from uqpen.results.table import Conversion, OutputTable, estimate_remark
+from uqpen.results.table import Conversion, OutputTable, estimate_remark, shown_bounds
 from uqpen.results.texts import capitalized, unit_suffix
 
 __all__ = ["MeasureChartSpec", "measures_chart"]
@@ -117,12 +117,12 @@ def _plotted_series(
     view: ArchiveView, of: MeasureSeries, inputs: Sequence[str], convert: Conversion
 ) -> _PlottedSeries:
     """Give a series the colour of its source, and its own marker where there are several."""
-    position, known = view.sources.index(of.source), of.array[INPUT].values.tolist()
+    position, known = view.series(of.source), of.array[INPUT].values.tolist()
     entries = {name: of.array[known.index(name)] for name in inputs if name in known}
     estimates = [
         _InputEstimate(
             input_label(view, name),
-            np.asarray(convert(entry.values), dtype=np.float64),
+            np.array(shown_bounds(entry, convert)),
             interval_text(entry, INTERVAL_LABEL),
             estimate_remark(entry),
         )

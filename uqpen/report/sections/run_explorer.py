@@ -39,7 +39,7 @@ def run_explorer(cloud: PlottedRuns) -> RunExplorer:
         summary="Each run is a line, which crosses each axis at its value.",
         model=view.model,
         design=cloud.design,
-        series=view.sources.index(cloud.design),
+        series=view.series(cloud.design),
         completed=cloud.shown_completed["number"].values.tolist(),
         failed=cloud.shown_failed["number"].values.tolist(),
         columns=(

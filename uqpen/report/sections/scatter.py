@@ -49,7 +49,7 @@ def scatter(view: ArchiveView) -> Iterator[Block]:
         return
     cloud = PlottedRuns(view, design)
     most = max(1, _MOST_CHARTS // len(outputs))
-    keys = [LegendKey("run", view.sources.index(design), "circle")]
+    keys = [LegendKey("run", view.series(design), "circle")]
     if cloud.shown_failed.sizes[RUN]:
         keys.append(LegendKey("failed run, at the foot", "ink", "x"))
     yield run_explorer(cloud)
@@ -107,7 +107,7 @@ def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:
     drawn = point_trace(
         cloud.values(name, cloud.shown_completed),
         y,
-        view.sources.index(cloud.design),
+        view.series(cloud.design),
         hover=f"run %{{customdata}}<br>{across}{value}",
         name=f"{output}, {name}",
         texts=texts,

@@ -17,10 +17,10 @@ from uqpen.report.sections.drivers import input_order
 from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.report.sections.measures import MeasureChartSpec, measures_chart
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.index_titles import VarianceTitles, index_titles
 from uqpen.results.sensitivity_tables import named_tables
 from uqpen.results.table import NOTHING, OutputTable, identity
 from uqpen.results.texts import capitalized, title_with_unit
-from uqpen.results.variance_shares import VarianceShares, variance_shares
 
 __all__ = ["sensitivity"]
 
@@ -53,7 +53,7 @@ def _measure_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     tables: dict[str, list[OutputTable]] = {}
     for name, table in named_tables(view.tree, output, view.unit(output), everything=True):
         tables.setdefault(name, []).append(table)
-    shares = variance_shares(view.tree)
+    shares = index_titles(view.tree)
     order = input_order(view, output)
     every = index_series(view, output)
     if found := best_sources(view, every):
@@ -89,7 +89,7 @@ def _left_out_note(
     return f"First-order indices by {others}plain samples are in the table only."
 
 
-def _summary_order(shares: VarianceShares) -> tuple[str, ...]:
+def _summary_order(shares: VarianceTitles) -> tuple[str, ...]:
     """Return the measures for the summary of a chart, which takes the first that exists."""
     labels = ("total order", "first order", "Shapley effect")
     return (labels[2], *labels[:2]) if shares.is_dependent else labels
@@ -111,7 +111,7 @@ def _responses(view: ArchiveView, output: str, order: Sequence[str]) -> Iterator
 
 def _categorical_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     """Shares of the variance of an output being in a category."""
-    every, shares = _category_series(view, output), variance_shares(view.tree)
+    every, shares = _category_series(view, output), index_titles(view.tree)
     notes = tuple(filter(None, [shares.note]))
     charts = []
     for names, found in _group_categories(view, every)[:_MOST_CATEGORIES]:

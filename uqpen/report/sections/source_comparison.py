@@ -107,7 +107,7 @@ def _chart(
             f"{source} {estimate_with_verdict(estimate, statistic.convert)}{unit_suffix(unit)}"
         )
         bounds = np.asarray([statistic.convert(estimate.values)], dtype=np.float64)
-        place, position = [rows.index(source)], view.sources.index(source)
+        place, position = [rows.index(source)], view.series(source)
         marker = series_marker(position)
         traces.append(
             dot_trace(bounds, place, position, hovers=texts[-1:], name=source, marker=marker)

@@ -82,7 +82,7 @@ def _comparison(view: ArchiveView, name: str, design: str, outputs: list[str]) -
     is_fitted_to = design == str(made.attrs["design"])
     role = "its training runs" if is_fitted_to else "not training runs"
     drawn = f"{grouped_number(int(shown.sum()))} of {grouped_number(places.size)} runs of {design}"
-    keys = [LegendKey("run", view.sources.index(name), "circle")]
+    keys = [LegendKey("run", view.series(name), "circle")]
     if has_worst:
         drawn += f", and the {_WORST} with the largest differences"
         keys.append(LegendKey(f"the {_WORST} largest differences", "ink", "diamond-open"))
@@ -107,7 +107,7 @@ def _chart(
     middle, most, largest = (
         f"{value:.3g}{unit_text}" for value in (*np.nanquantile(off, [0.5, 0.95]), np.nanmax(off))
     )
-    series = view.sources.index(name)
+    series = view.series(name)
     traces = [
         _prediction_trace(compared, np.flatnonzero(shown), series, unit_text, f"{output} by {name}")
     ]

@@ -1,4 +1,4 @@
-"""Words for indices of the inputs' part in a variance, which overlap where inputs are dependent."""
+"""Titles of indices of the inputs' part in a variance; they overlap where inputs are dependent."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from uqpen.archive.read import group_names, read_group
 from uqpen.core.labels import DEPENDENCE, RUNS
 from uqpen.results.measure_labels import Measure
 
-__all__ = ["VarianceShares", "has_dependent_inputs", "variance_shares"]
+__all__ = ["VarianceTitles", "has_dependent_inputs", "index_titles"]
 
 
-class VarianceShares(NamedTuple):
+class VarianceTitles(NamedTuple):
     """Titles, order and note of the indices of a model's inputs.
 
     Attributes
@@ -63,6 +63,6 @@ def has_dependent_inputs(tree: xr.DataTree) -> bool:
     return any(runs.attrs.get(DEPENDENCE) for runs in designs)
 
 
-def variance_shares(tree: xr.DataTree) -> VarianceShares:
-    """Return the words for indices of a model's inputs."""
-    return VarianceShares(has_dependent_inputs(tree))
+def index_titles(tree: xr.DataTree) -> VarianceTitles:
+    """Return the titles of the indices of a model's inputs."""
+    return VarianceTitles(has_dependent_inputs(tree))
