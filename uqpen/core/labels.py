@@ -39,6 +39,8 @@ INTERVAL = "interval"
 INTERVAL_LABEL = "interval_label"
 INTERVAL_LEVEL = "interval_level"
 NOTE = "note"
+# Of all intervals, at the root of an archive whose study states another than the default.
+CONFIDENCE_LEVEL = "confidence_level"
 
 # Labels of a surrogate's estimate that validation runs confirm, contradict, or cannot check.
 CHECKED = "checked"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import xarray as xr
@@ -22,7 +23,7 @@ from uqpen.statistics import (
     texts,
 )
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
-from uqpen.statistics.estimate import unweighted
+from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -67,7 +68,11 @@ def analyze(
         found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
         if sampling.is_sample:
             drawn = input_sample(runs)
-            samples = Sample.several_from_runs(drawn, list(found))
+            levels = {q.output.name: q.confidence_level for q in quantities}
+            samples = {
+                name: replace(sample, level=levels[name])
+                for name, sample in Sample.several_from_runs(drawn, list(found)).items()
+            }
             analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.coords)
             _run_analyses(analyses, quantities, samples, _run_counts(drawn), found)
         # A design that is made for a statistic estimates it better than its sample does.
@@ -82,8 +87,15 @@ def analyze(
         return {output: in_catalogue_order(statistics) for output, statistics in found.items()}
 
 
-def analyze_failures(runs: xr.Dataset) -> OutputStatistics:
+def analyze_failures(runs: xr.Dataset, level: float = LEVEL) -> OutputStatistics:
     """Compute the probability of each status of a run, and the association of inputs with failure.
+
+    Parameters
+    ----------
+    runs : Dataset
+        As `analyze` takes them.
+    level : float
+        Confidence level of the intervals.
 
     Returns
     -------
@@ -96,9 +108,9 @@ def analyze_failures(runs: xr.Dataset) -> OutputStatistics:
     if Sampling(runs.attrs[SAMPLING]).is_sample:
         drawn = input_sample(runs)
         counts_of_sample = _run_counts(drawn)
-        found["probability"] = status_probabilities(drawn).assign_attrs(counts_of_sample)
+        found["probability"] = status_probabilities(drawn, level).assign_attrs(counts_of_sample)
     analysis = unweighted(failure_analysis) if WEIGHT in runs.coords else failure_analysis
-    for name, array in analysis(Sample.from_runs(runs, STATUS)):
+    for name, array in analysis(replace(Sample.from_runs(runs, STATUS), level=level)):
         found[name] = array.assign_attrs(counts)
     return found
 

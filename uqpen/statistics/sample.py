@@ -27,6 +27,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 from uqpen.statistics import texts
+from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.weights import effective_size, weighted_mean
 
 __all__ = ["ErrorModel", "Sample", "input_sample"]
@@ -91,6 +92,8 @@ class Sample:
     weights : ndarray, shape (point,), optional
         Relative weight of each point, where the points are draws of another distribution than the
         study's: the ratio of the two densities, up to a factor.
+    level : float
+        Confidence level of the intervals of its statistics.
     """
 
     values: FloatArray
@@ -103,6 +106,7 @@ class Sample:
     dependence: str = ""
     optimized_by: str = ""
     weights: FloatArray | None = None
+    level: float = LEVEL
 
     @classmethod
     def from_runs(cls, runs: xr.Dataset, name: str) -> Sample:
@@ -121,10 +125,10 @@ class Sample:
         return {name: replace(whole, values=found) for name, found in values.items()}
 
     @classmethod
-    def from_statuses(cls, runs: xr.Dataset) -> Sample:
+    def from_statuses(cls, runs: xr.Dataset, level: float = LEVEL) -> Sample:
         """Return the sample of the runs' statuses, in which no run is missing."""
         values = runs[STATUS].values.astype(np.float64)
-        return cls._from_values(runs, values, np.arange(len(values)))
+        return replace(cls._from_values(runs, values, np.arange(len(values))), level=level)
 
     @classmethod
     def _from_values(cls, runs: xr.Dataset, values: FloatArray, used: IntArray) -> Sample:

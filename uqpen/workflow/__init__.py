@@ -16,7 +16,7 @@ from uqpen.execution.checkpoint import Checkpoint
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.design_runs import Runs, run_design
 from uqpen.workflow.model_groups import difference_groups, model_groups
-from uqpen.workflow.root_attributes import root_attributes
+from uqpen.workflow.root_attributes import level_attribute, root_attributes
 
 __all__ = ["Checkpoints", "Progress", "analyse_runs", "root_attributes", "run", "run_design"]
 
@@ -61,7 +61,7 @@ def run(
 
 def analyse_runs(study: ValidatedStudy, runs: Mapping[str, Runs]) -> xr.DataTree:
     """Analyse runs, given by model and design, and return the content of an archive."""
-    groups = {"/": xr.Dataset(attrs=root_attributes(study))}
+    groups = {"/": xr.Dataset(attrs={**root_attributes(study), **level_attribute(study)})}
     for name, variant in study.models.items():
         root = f"/{MODELS}/{name}" if study.has_several_models else ""
         for path, dataset in model_groups(study, variant, runs[name]):

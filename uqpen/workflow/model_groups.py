@@ -45,7 +45,7 @@ def model_groups(study: ValidatedStudy, variant: Variant, runs: Runs) -> Groups:
         }
         outputs = analyze(design_runs, quantities, outside=study.analyses)
         sources[design] = Source(attributes, outputs, fields)
-        failures = analyze_failures(design_runs)
+        failures = analyze_failures(design_runs, study.confidence_level)
         yield f"/{RUNS}/{design}", design_runs
         if failures:
             yield f"/{FAILURES_GROUP}/{design}", pack(failures)
