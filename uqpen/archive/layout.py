@@ -17,6 +17,7 @@ from uqpen.core.labels import (
     BOUNDS,
     CITED,
     CONDITIONAL,
+    CONFIDENCE_LEVEL,
     INTERVAL,
     INTERVAL_LABEL,
     LARGEST_CONTRIBUTION,
@@ -48,6 +49,7 @@ _ATTRIBUTES = {
     **dict.fromkeys((SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED, NOT_ESTIMATED), "text"),
     **dict.fromkeys((RUNS_SPENT, "runs", "runs_used", "repeats", "reference_runs"), "count"),
     **dict.fromkeys(("order", "terms", "q2", "check_q2_of_output"), "number"),
+    CONFIDENCE_LEVEL: "number",
 }
 
 _KINDS = {"text": "OUS", "count": "iu", "number": "iuf"}

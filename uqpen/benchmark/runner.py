@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import xarray as xr
 
@@ -15,6 +15,8 @@ from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.execution import Evaluator, Map, Progress, evaluate
 from uqpen.statistics.analyze import analyze
+from uqpen.statistics.estimate import LEVEL
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy
@@ -35,6 +37,12 @@ class BenchmarkRunner:
     map: Map
     progress: Progress
 
+    @property
+    def quantities(self) -> tuple[QuantityOfInterest, ...]:
+        """The quantities of interest; all benchmarks have the same confidence level."""
+        asked = self.study.quantities_of_interest
+        return tuple(replace(quantity, confidence_level=LEVEL) for quantity in asked)
+
     def run_design(self, design: Design, stream: Stream) -> xr.Dataset:
         """Make the runs of a design, in all its rounds."""
         runs = run_design(self.study, design, stream, map=self.map, progress=self.progress)
@@ -42,7 +50,7 @@ class BenchmarkRunner:
 
     def estimates(self, runs: xr.Dataset) -> Estimates:
         """Return the estimates from runs, by output and statistic."""
-        return analyze(runs, self.study.quantities_of_interest, only=COMPARED_ANALYSES)
+        return analyze(runs, self.quantities, only=COMPARED_ANALYSES)
 
     def surrogate_estimates(self, fitted: FittedSurrogate, stream: Stream) -> Estimates:
         """Return the estimates of a fitted surrogate, without bounds.
@@ -52,8 +60,7 @@ class BenchmarkRunner:
         study = self.study
         given = study.models[ONLY_MODEL].given
         draws = SurrogateDraws(fitted, study.joint, study.constraints, given, stream)
-        quantities = study.quantities_of_interest
-        found = surrogate_statistics(draws, quantities, only=COMPARED_ANALYSES).outputs
+        found = surrogate_statistics(draws, self.quantities, only=COMPARED_ANALYSES).outputs
         return {
             output: {name: each.where(each[BOUND] == BOUNDS[0]) for name, each in arrays.items()}
             for output, arrays in found.items()

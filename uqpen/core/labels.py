@@ -39,6 +39,8 @@ INTERVAL = "interval"
 INTERVAL_LABEL = "interval_label"
 INTERVAL_LEVEL = "interval_level"
 NOTE = "note"
+# Of all intervals, at the root of an archive whose study states another than the default.
+CONFIDENCE_LEVEL = "confidence_level"
 
 # Verdicts on a surrogate's estimate, its labels: validation runs confirm it, contradict it, are of
 # another population as some of them failed, or tell nothing of it.

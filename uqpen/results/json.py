@@ -10,6 +10,7 @@ import xarray as xr
 from uqpen.archive.read import SCHEMA_ATTRIBUTE, group_names, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
+    CONFIDENCE_LEVEL,
     DIFFERENCES,
     INPUT,
     LARGEST_CONTRIBUTION,
@@ -77,9 +78,12 @@ def archive_json(tree: xr.DataTree) -> dict[str, Any]:
         ``designs.<name>`` with ``runs``, ``status.<meaning>`` and ``outputs.<output>``, and
         ``surrogates.<name>`` likewise; each figure ``{estimate, lower, upper}`` in SI units, None
         where there is none, with how its interval was made. Of several models, all that under
-        ``models.<name>``, and their differences under ``differences.<name>``.
+        ``models.<name>``, and their differences under ``differences.<name>``. The
+        ``confidence_level`` of all intervals, where it is not 0.95.
     """
     head = archive_identity(tree)
+    if CONFIDENCE_LEVEL in tree.attrs:
+        head[CONFIDENCE_LEVEL] = float(tree.attrs[CONFIDENCE_LEVEL])
     if MODELS not in tree.children:
         return {**head, **_model_json(tree)}
     models = model_trees(tree)

@@ -9,8 +9,9 @@ from typing import Any
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees
-from uqpen.core.labels import DIFFERENCES, SURROGATES
+from uqpen.core.labels import CONFIDENCE_LEVEL, DIFFERENCES, SURROGATES
 from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.results.digits import percent_text
 from uqpen.results.failure_tables import failure_tables
 from uqpen.results.outside_rows import OutputUnit, add_outside_rows
 from uqpen.results.sensitivity_tables import named_tables
@@ -40,20 +41,31 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
     everything : bool
         Whether to show all sensitivity measures of the archive.
     """
+    level = _level_text(tree)
     for name, model in model_trees(tree).items():
         head = f"{name}: " if name else ""
         for table in _model_tables(model, everything=everything):
+            yield replace(table, title=f"{head}{table.title}{level}")
+        for surrogate in group_names(model, SURROGATES):
+            table = fit_table(surrogate, model.children[SURROGATES].children[surrogate])
             yield replace(table, title=head + table.title)
     yield from difference_tables(tree)
 
 
 def statistics_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
     """Yield the statistics of each output of each model of an archive."""
+    level = _level_text(tree)
     for name, model in model_trees(tree).items():
         head = f"{name}: " if name else ""
         for output, attributes in _outputs(model).items():
             if table := statistics_table(model, output, attributes):
-                yield replace(table, title=head + table.title)
+                yield replace(table, title=f"{head}{table.title}{level}")
+
+
+def _level_text(tree: xr.DataTree) -> str:
+    """Return the confidence level for a title, where it is not the usual one."""
+    level = tree.attrs.get(CONFIDENCE_LEVEL)
+    return "" if level is None else f", {percent_text(float(level))} intervals"
 
 
 def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTable]:
@@ -63,8 +75,6 @@ def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTab
         measures = named_tables(model, output, _shown_unit(attributes), everything=everything)
         yield from (table for _, table in measures)
     yield from failure_tables(model)
-    for surrogate in group_names(model, SURROGATES):
-        yield fit_table(surrogate, model.children[SURROGATES].children[surrogate])
 
 
 def _outputs(model: xr.DataTree) -> dict[str, Mapping[Any, Any]]:
@@ -114,7 +124,8 @@ def difference_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
             if sources:
                 unit = _shown_unit(attributes)
                 title = f"{other} minus {statistics.minus(sources[0])}: {name}"
-                table = OutputTable(label_with_unit(title, unit), sources)
+                title = label_with_unit(title, unit) + _level_text(tree)
+                table = OutputTable(title, sources)
                 StatisticsRows(table, statistics, name, scale(unit)).add()
                 yield table
 

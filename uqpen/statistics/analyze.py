@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import xarray as xr
@@ -23,7 +24,7 @@ from uqpen.statistics import (
     texts,
 )
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
-from uqpen.statistics.estimate import unweighted
+from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -70,7 +71,11 @@ def analyze(
         found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
         if sampling.is_sample:
             drawn = _drawn_runs(handle)
-            samples = Sample.several_from_runs(drawn, list(found))
+            levels = {q.output.name: q.confidence_level for q in quantities}
+            samples = {
+                name: replace(sample, level=levels[name])
+                for name, sample in Sample.several_from_runs(drawn, list(found)).items()
+            }
             analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.template.coords)
             _run_analyses(analyses, quantities, samples, _run_counts(drawn), found)
         # A design that is made for a statistic estimates it better than its sample does.
@@ -86,10 +91,15 @@ def analyze(
         return {output: in_catalogue_order(statistics) for output, statistics in found.items()}
 
 
-def analyze_failures(runs: xr.Dataset | BlockedRuns) -> OutputStatistics:
+def analyze_failures(runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> OutputStatistics:
     """Compute the probability of each status of a run, and the association of inputs with failure.
 
-    `runs` are those of `analyze`.
+    Parameters
+    ----------
+    runs : Dataset or BlockedRuns
+        As `analyze` takes them.
+    level : float
+        Confidence level of the intervals.
 
     Returns
     -------
@@ -103,10 +113,10 @@ def analyze_failures(runs: xr.Dataset | BlockedRuns) -> OutputStatistics:
     if Sampling(handle.attrs[SAMPLING]).is_sample:
         drawn = _drawn_runs(handle)
         counts_of_sample = _run_counts(drawn)
-        found["probability"] = status_probabilities(drawn).assign_attrs(counts_of_sample)
+        found["probability"] = status_probabilities(drawn, level).assign_attrs(counts_of_sample)
     is_weighted = WEIGHT in handle.template.coords
     analysis = unweighted(failure_analysis) if is_weighted else failure_analysis
-    for name, array in analysis(Sample.from_runs(handle, STATUS)):
+    for name, array in analysis(replace(Sample.from_runs(handle, STATUS), level=level)):
         found[name] = array.assign_attrs(counts)
     return found
 

@@ -21,7 +21,6 @@ from uqpen.statistics.distribution_function.probabilities import (
     exceedance_probabilities,
 )
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
-from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -78,7 +77,7 @@ def convergence(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
     for name, analysis in _ANALYSES.items():
         estimates = [array for part in parts for _, array in islice(analysis(part, quantity), 1)]
         if estimates:
-            yield f"convergence_{name}", _stack_parts(estimates, sizes)
+            yield f"convergence_{name}", _stack_parts(estimates, sizes, sample.level)
 
 
 def _reason(sample: Sample) -> str:
@@ -136,7 +135,7 @@ def _part_sizes(sample: Sample) -> list[int]:
     return [*(end for end in ends if _GROWTH * end <= whole), whole][-_MOST:]
 
 
-def _stack_parts(arrays: Sequence[xr.DataArray], sizes: IntArray) -> xr.DataArray:
+def _stack_parts(arrays: Sequence[xr.DataArray], sizes: IntArray, level: float) -> xr.DataArray:
     """Put the estimate arrays of all parts along ``runs_so_far``."""
     last = arrays[-1]
     dims = {str(dim): last.sizes[dim] for dim in last.dims if dim != BOUND}
@@ -153,6 +152,6 @@ def _stack_parts(arrays: Sequence[xr.DataArray], sizes: IntArray) -> xr.DataArra
         texts,
         units=last.attrs["units"],
         long_name=f"{last.attrs['long_name']}, by the runs so far",
-        attributes={INTERVAL_LEVEL: LEVEL},
+        attributes={INTERVAL_LEVEL: level},
         coordinates={**own, RUNS_SO_FAR: (RUNS_SO_FAR, sizes, described)},
     )

@@ -16,7 +16,8 @@ from uqpen.statistics import texts
 
 __all__ = ["LEVEL", "Estimate", "refused", "unweighted"]
 
-# The probability with which an interval covers, and the confidence of a one-sided bound.
+# The probability with which an interval covers, and the confidence of a one-sided bound, where a
+# study states no other.
 LEVEL = 0.95
 
 
@@ -31,8 +32,8 @@ class Estimate:
     method : str
         The formula of the bounds, in words.
     label : str
-        ``"nominal"``: the coverage of the bounds is `LEVEL`. ``"discrete"``: it is at least
-        `LEVEL`, because counts are whole numbers. ``"conservative"``: it is at least `LEVEL`.
+        ``"nominal"``: the coverage of the bounds is the confidence level. ``"discrete"``: it is at
+        least that, because counts are whole numbers. ``"conservative"``: it is at least that.
         ``"none"``: there are no bounds.
     note : str
         Note for the reader: why there are no bounds, or when their coverage may be smaller.
@@ -59,9 +60,9 @@ class Estimate:
         """Value, lower and upper bound."""
         return self.value, self.lower, self.upper
 
-    def to_array(self, *, units: str, long_name: str) -> xr.DataArray:
+    def to_array(self, *, units: str, long_name: str, level: float = LEVEL) -> xr.DataArray:
         """Return the estimate as an estimate array along ``bound``."""
-        return _estimate_array([self], {}, units, long_name)
+        return _estimate_array([self], {}, units, long_name, level=level)
 
     @staticmethod
     def stack(
@@ -71,10 +72,11 @@ class Estimate:
         units: str,
         long_name: str,
         coordinates: Mapping[str, Any] | None = None,
+        level: float = LEVEL,
     ) -> xr.DataArray:
         """Return several estimates as an estimate array along a dimension and ``bound``."""
         dims = {dimension: len(estimates)}
-        return _estimate_array(estimates, dims, units, long_name, coordinates)
+        return _estimate_array(estimates, dims, units, long_name, coordinates, level=level)
 
     @staticmethod
     def table(
@@ -84,11 +86,12 @@ class Estimate:
         units: str,
         long_name: str,
         coordinates: Mapping[str, Any] | None = None,
+        level: float = LEVEL,
     ) -> xr.DataArray:
         """Return estimates as an estimate array along two dimensions and ``bound``."""
         shape = dict(zip(dimensions, (len(rows), len(rows[0])), strict=True))
         estimates = [estimate for row in rows for estimate in row]
-        return _estimate_array(estimates, shape, units, long_name, coordinates)
+        return _estimate_array(estimates, shape, units, long_name, coordinates, level=level)
 
 
 def _estimate_array(
@@ -97,6 +100,8 @@ def _estimate_array(
     units: str,
     long_name: str,
     coordinates: Mapping[str, Any] | None = None,
+    *,
+    level: float,
 ) -> xr.DataArray:
     """Return estimates along dimensions, each with its own texts, which no other may change."""
     has_bounds = any(estimate.label != "none" for estimate in estimates)
@@ -110,7 +115,7 @@ def _estimate_array(
         },
         units=units,
         long_name=long_name,
-        attributes={INTERVAL_LEVEL: LEVEL} if has_bounds or dims else {},
+        attributes={INTERVAL_LEVEL: level} if has_bounds or dims else {},
         coordinates=coordinates,
     )
 

@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import INPUT
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.sensitivity.input_measures import input_array, input_coordinate, mean_ranks
@@ -59,7 +59,7 @@ def failure_analysis(sample: Sample) -> Iterator[tuple[str, xr.DataArray]]:
     ):
         estimates = [_superiority_probability(sample, values, is_failed) for values in measured]
         long_name = texts.LARGER_IF_FAILED.format(is_larger=what)
-        yield name, input_array(estimates, sample.inputs, long_name)
+        yield name, input_array(estimates, sample.inputs, long_name, level=sample.level)
     for name, end in (("lowest", np.min), ("highest", np.max)):
         values = np.array([end(column[is_failed]) for column in columns])
         described = {"long_name": texts.END_OF_FAILED.format(end=name)}
@@ -89,7 +89,9 @@ def _superiority_probability(sample: Sample, values: FloatArray, is_failed: Bool
         return Estimate.without_bounds(value, reason)
     variances = [float(below[kind].var(ddof=1)) / kind.sum() for kind in (is_failed, ~is_failed)]
     slope = value * (1 - value)
-    half = student_quantile(min(failed, others) - 1, LEVEL) * math.sqrt(sum(variances)) / slope
+    half = (
+        student_quantile(min(failed, others) - 1, sample.level) * math.sqrt(sum(variances)) / slope
+    )
     centre = math.log(value / (1 - value))
     ends = (1 / (1 + math.exp(half - centre)), 1 / (1 + math.exp(-half - centre)))
     # The formula is for independent draws; points spread evenly scatter less.

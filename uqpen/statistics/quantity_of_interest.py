@@ -8,6 +8,7 @@ from uqpen.core.errors import QuantityError, toml_text
 from uqpen.core.model import Output
 from uqpen.core.settings import Context, probabilities, setting, validate
 from uqpen.core.units import are_convertible
+from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.threshold import Threshold, threshold_list
 
 __all__ = ["DEFAULT_QUANTILES", "QuantityOfInterest", "Threshold"]
@@ -47,6 +48,8 @@ class QuantityOfInterest:
         Contents of the lower tolerance limits: probabilities of lying at or above the limit.
     tolerance_interval_contents : tuple of float
         Contents of the tolerance intervals: probabilities of lying between their ends.
+    confidence_level : float
+        Confidence level of the intervals of its statistics.
     """
 
     output: Output
@@ -59,6 +62,7 @@ class QuantityOfInterest:
     tolerance_contents: tuple[float, ...] = probabilities(key="hold")
     lower_tolerance_contents: tuple[float, ...] = probabilities(key="hold_above")
     tolerance_interval_contents: tuple[float, ...] = probabilities(key="hold_between")
+    confidence_level: float = LEVEL
 
     def __post_init__(self) -> None:
         validate(self)

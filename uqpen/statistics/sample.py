@@ -27,6 +27,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 from uqpen.statistics import texts
+from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.weights import effective_size, weighted_mean
 
@@ -90,6 +91,8 @@ class Sample:
     weights : ndarray, shape (point,), optional
         Relative weight of each point, where the points are draws of another distribution than the
         study's: the ratio of the two densities, up to a factor.
+    level : float
+        Confidence level of the intervals of its statistics.
     """
 
     values: FloatArray
@@ -101,6 +104,7 @@ class Sample:
     dependence: str = ""
     optimized_by: str = ""
     weights: FloatArray | None = None
+    level: float = LEVEL
 
     @classmethod
     def from_runs(cls, runs: xr.Dataset | BlockedRuns, name: str) -> Sample:
@@ -122,11 +126,12 @@ class Sample:
         return {name: replace(whole, values=found) for name, found in values.items()}
 
     @classmethod
-    def from_statuses(cls, runs: xr.Dataset | BlockedRuns) -> Sample:
+    def from_statuses(cls, runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> Sample:
         """Return the sample of the runs' statuses, in which no run is missing."""
         handle = LoadedDataset.of(runs)
         values = handle.column(STATUS).astype(np.float64)
-        return cls._from_values(handle, values, np.arange(len(values)))
+        whole = cls._from_values(handle, values, np.arange(len(values)))
+        return replace(whole, level=level)
 
     @classmethod
     def _from_values(cls, runs: BlockedRuns, values: FloatArray, used: IntArray) -> Sample:

@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from uqpen.core.model import Model, violated_conditions
-from uqpen.core.settings import count, text
+from uqpen.core.settings import count, number, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, describe
 from uqpen.designs.design import Design
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
+from uqpen.statistics.estimate import LEVEL
 from uqpen.study.analyses_section import read_analyses
 from uqpen.study.dependence_section import read_dependence
 from uqpen.study.designs_section import (
@@ -103,6 +104,12 @@ class _Heading:
         maximum=math.inf,
         expected="a whole number, 0 or more: the same seed gives the same draws",
     )
+    confidence_level: float = number(
+        above=0.5,
+        below=1,
+        expected="a confidence level above 0.5 and below 1, such as 0.9",
+        default=LEVEL,
+    )
 
 
 def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> ValidatedStudy:
@@ -120,7 +127,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     surrogates, origins = read_surrogates(tables["surrogates"], list(tables["designs"]))
     inputs, joint, is_clear = _read_joint(root, tables, model, models, designs, heading.seed)
     constraints = read_constraints(tables["constraints"], model, inputs)
-    quantities = read_quantities_of_interest(tables["outputs"], model)
+    quantities = read_quantities_of_interest(tables["outputs"], model, heading.confidence_level)
     published = read_published(
         tables["published"], model, {*tables["designs"], *tables["surrogates"]}
     )
@@ -152,6 +159,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         analyses=analyses,
         design_modules=design_modules,
         surrogate_origins=origins,
+        confidence_level=heading.confidence_level,
     )
 
 

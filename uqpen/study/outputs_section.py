@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from uqpen.core.model import Model, Output
 from uqpen.statistics import texts
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -13,14 +15,26 @@ __all__ = ["read_quantities_of_interest"]
 _UNIT = "unit"
 
 
-def read_quantities_of_interest(table: TableReader, model: Model) -> tuple[QuantityOfInterest, ...]:
+def read_quantities_of_interest(
+    table: TableReader, model: Model, confidence_level: float
+) -> tuple[QuantityOfInterest, ...]:
     """Read the quantity of interest of each of the model's outputs, in the model's order."""
     check_names(table, [output.name for output in model.outputs], "output", model)
-    return tuple(_read_quantity(table.table(output.name), output) for output in model.outputs)
+    return tuple(
+        _read_quantity(table.table(output.name), output, confidence_level)
+        for output in model.outputs
+    )
 
 
-def _read_quantity(table: TableReader, output: Output) -> QuantityOfInterest:
-    default = QuantityOfInterest(output, output.preferred_unit)
+def _read_quantity(
+    table: TableReader, output: Output, confidence_level: float
+) -> QuantityOfInterest:
+    given: dict[str, Any] = {
+        "output": output,
+        "display_unit": output.preferred_unit,
+        "confidence_level": confidence_level,
+    }
+    default = QuantityOfInterest(**given)
     if output.categories:
         for key in table:
             table.add_problem(
@@ -29,7 +43,6 @@ def _read_quantity(table: TableReader, output: Output) -> QuantityOfInterest:
         return default
     if output.dims:
         table = _without_requests(table, output)
-    given = {"output": output, "display_unit": output.preferred_unit}
     quantity = table.settings(QuantityOfInterest, like=output.unit, given=given)
     table.check_unknown_keys()
     return quantity or default

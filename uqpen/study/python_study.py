@@ -22,8 +22,8 @@ __all__ = ["Study", "load_study"]
 
 # The order of the tables in the text of a study.
 _ORDER = (
-    "title", "seed", "analyses", "model", "models", "inputs", "joint", "dependence", "constraints",
-    "outputs", "designs", "surrogates", "published", "failures",
+    "title", "seed", "confidence_level", "analyses", "model", "models", "inputs", "joint",
+    "dependence", "constraints", "outputs", "designs", "surrogates", "published", "failures",
 )  # fmt: skip
 
 
@@ -61,6 +61,8 @@ class Study(ValidatedStudy):
         Conditions that every point meets, such as ``"a > 2 * b"``.
     analyses : sequence of str
         References to functions that compute further statistics.
+    confidence_level : float, optional
+        Confidence level of all intervals; 0.95 by default.
     folder : Path
         Folder to which the paths of files are relative.
 
@@ -102,12 +104,14 @@ class Study(ValidatedStudy):
         dependence: object | None = None,
         constraints: Sequence[str] = (),
         analyses: Sequence[str] = (),
+        confidence_level: float | None = None,
         folder: str | Path = ".",
     ) -> None:
         made = StudyContent(
             {
                 "title": title,
                 "seed": seed,
+                "confidence_level": confidence_level,
                 "model": {"use": model} if isinstance(model, str) else model,
                 "models": models,
                 "inputs": inputs,

@@ -16,6 +16,7 @@ from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
 from uqpen.models.unloaded_model import UnloadedModel
+from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.published import Publication
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -95,6 +96,8 @@ class ValidatedStudy:
         The files that a design from outside the package was loaded from, by its name.
     surrogate_origins : mapping of str to SurrogateOrigin
         The origins of surrogates from outside the package, by their names.
+    confidence_level : float
+        Confidence level of its intervals.
     """
 
     name: str
@@ -113,6 +116,7 @@ class ValidatedStudy:
     analyses: tuple[OutsideAnalysis, ...] = ()
     design_modules: Mapping[str, tuple[FileSnapshot, ...]] = field(default_factory=dict)
     surrogate_origins: Mapping[str, SurrogateOrigin] = field(default_factory=dict)
+    confidence_level: float = LEVEL
 
     @property
     def model(self) -> Model:

@@ -17,7 +17,7 @@ from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs, run_design
 from uqpen.workflow.model_groups import difference_groups, model_groups
-from uqpen.workflow.root_attributes import root_attributes
+from uqpen.workflow.root_attributes import level_attribute, root_attributes
 
 __all__ = ["Checkpoints", "Progress", "analyse_runs", "root_attributes", "run", "run_design"]
 
@@ -71,7 +71,7 @@ def analyse_runs(
     `progress` receives a report of each step; no result depends on it.
     """
     steps = AnalysisSteps(study, progress or Progress())
-    groups = {"/": xr.Dataset(attrs=root_attributes(study))}
+    groups = {"/": xr.Dataset(attrs={**root_attributes(study), **level_attribute(study)})}
     for name in study.models:
         root = f"/{MODELS}/{name}" if study.has_several_models else ""
         for path, dataset in model_groups(study, name, runs[name], steps):

@@ -48,7 +48,7 @@ def model_groups(study: ValidatedStudy, model: str, runs: Runs, steps: AnalysisS
         steps.start(f"statistics of {design}", model)
         outputs = analyze(design_runs, quantities, outside=study.analyses)
         sources[design] = Source(attributes, outputs, fields)
-        failures = analyze_failures(design_runs)
+        failures = analyze_failures(design_runs, study.confidence_level)
         yield f"/{RUNS}/{design}", design_runs
         if failures:
             yield f"/{FAILURES_GROUP}/{design}", pack(failures)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from uqpen.archive.provenance import CONVENTIONS, SCHEMA, of_python_functions, provenance
 from uqpen.archive.read import SCHEMA_ATTRIBUTE
+from uqpen.core.labels import CONFIDENCE_LEVEL
 from uqpen.core.model import Model
+from uqpen.statistics.estimate import LEVEL
 from uqpen.study.study import ValidatedStudy
 
-__all__ = ["model_identity", "root_attributes"]
+__all__ = ["level_attribute", "model_identity", "root_attributes"]
 
 
 def root_attributes(study: ValidatedStudy) -> dict[str, str | int]:
@@ -25,6 +27,12 @@ def root_attributes(study: ValidatedStudy) -> dict[str, str | int]:
         **provenance(),
         **of_python_functions(),
     }
+
+
+def level_attribute(study: ValidatedStudy) -> dict[str, float]:
+    """Return the confidence level of a study that states another than the default."""
+    level = study.confidence_level
+    return {} if level == LEVEL else {CONFIDENCE_LEVEL: level}
 
 
 def model_identity(model: Model) -> dict[str, str]:

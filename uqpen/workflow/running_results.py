@@ -202,7 +202,8 @@ class RunningResults(ProgressRecord):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the analysis of all runs has them again
             found = analyze(runs, quantities, only=_SHOWN)
-            failures = {"probability": status_probabilities(input_sample(runs))}
+            level = self._study.confidence_level
+            failures = {"probability": status_probabilities(input_sample(runs), level)}
         return {
             f"{root}/{RUNS}/{design}": runs,
             f"{root}/{FAILURES_GROUP}/{design}": pack(failures),

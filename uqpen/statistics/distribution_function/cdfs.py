@@ -13,7 +13,6 @@ from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE, RANK
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
-from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import clopper_pearson, dkw_half_width, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
@@ -55,10 +54,12 @@ def cdf(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.
         ("cdf_band", "simultaneous", simultaneous),
     ):
         long_name = f"probability that {title} lies below a value, {which}"
-        yield statistic, _band_array(band, coordinate, long_name)
+        yield statistic, _band_array(band, coordinate, long_name, sample.level)
 
 
-def _band_array(band: _Band, coordinate: Mapping[str, Any], long_name: str) -> xr.DataArray:
+def _band_array(
+    band: _Band, coordinate: Mapping[str, Any], long_name: str, level: float
+) -> xr.DataArray:
     """Return a band as an estimate array along ``rank`` and ``bound``."""
     return estimate_array(
         band.values,
@@ -66,7 +67,7 @@ def _band_array(band: _Band, coordinate: Mapping[str, Any], long_name: str) -> x
         {INTERVAL: band.method, INTERVAL_LABEL: band.label, NOTE: band.note},
         units="1",
         long_name=long_name,
-        attributes={} if band.label == "none" else {INTERVAL_LEVEL: LEVEL},
+        attributes={} if band.label == "none" else {INTERVAL_LEVEL: level},
         coordinates=coordinate,
     )
 
@@ -104,7 +105,7 @@ def _weighted_bands(sample: Sample, weights: FloatArray, values: FloatArray) -> 
     if reason := sample.reason_without_intervals:
         without = _no_band(estimate, reason)
         return without, without
-    ends = weighted_probability_interval(estimate, errors, weights, LEVEL)
+    ends = weighted_probability_interval(estimate, errors, weights, sample.level)
     band = np.stack([estimate, *ends], axis=-1)
     pointwise = _Band(band, texts.CLOPPER_PEARSON_WEIGHTED, "nominal")
     return pointwise, _no_band(estimate, texts.NO_WEIGHTED_BAND)
@@ -119,12 +120,12 @@ def _counts(sample: Sample, values: FloatArray) -> IntArray:
 
 def _pointwise(sample: Sample, counts: IntArray, estimate: FloatArray) -> _Band:
     total = counts.sum(axis=0)
-    lower, upper = clopper_pearson(total, sample.size, LEVEL)
+    lower, upper = clopper_pearson(total, sample.size, sample.level)
     method, label = texts.CLOPPER_PEARSON, "conservative"
     if sample.error_model is ErrorModel.INDEPENDENT:
         label = "discrete"
     elif sample.error_model is ErrorModel.REPLICATED:
-        half = student_quantile(sample.degrees_of_freedom, LEVEL) * _errors(sample, counts)
+        half = student_quantile(sample.degrees_of_freedom, sample.level) * _errors(sample, counts)
         regular = has_enough_runs_around(sample, total)
         lower = np.where(regular, np.maximum(estimate - half, 0.0), lower)
         upper = np.where(regular, np.minimum(estimate + half, 1.0), upper)
@@ -143,7 +144,7 @@ def _errors(sample: Sample, counts: IntArray) -> FloatArray:
 
 
 def _simultaneous(sample: Sample, estimate: FloatArray) -> _Band:
-    half = dkw_half_width(sample.size, LEVEL)
+    half = dkw_half_width(sample.size, sample.level)
     # On stratified points the band is wider than need be: the function scatters less than it does
     # over independent draws.
     label = "nominal" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"

@@ -58,7 +58,14 @@ def exceedance_probabilities(
     along = threshold_coordinates(quantity)
     yield (
         "exceedance",
-        Estimate.stack(estimates, THRESHOLD, units="1", long_name=long_name, coordinates=along),
+        Estimate.stack(
+            estimates,
+            THRESHOLD,
+            units="1",
+            long_name=long_name,
+            coordinates=along,
+            level=sample.level,
+        ),
     )
 
 
@@ -87,7 +94,12 @@ def below_probabilities(
     yield (
         "below",
         Estimate.stack(
-            estimates, LOWER_THRESHOLD, units="1", long_name=long_name, coordinates=along
+            estimates,
+            LOWER_THRESHOLD,
+            units="1",
+            long_name=long_name,
+            coordinates=along,
+            level=sample.level,
         ),
     )
 
@@ -146,7 +158,14 @@ def category_probabilities(
     along = category_coordinates(quantity)
     yield (
         "share",
-        Estimate.stack(estimates, CATEGORY, units="1", long_name=long_name, coordinates=along),
+        Estimate.stack(
+            estimates,
+            CATEGORY,
+            units="1",
+            long_name=long_name,
+            coordinates=along,
+            level=sample.level,
+        ),
     )
 
 
@@ -160,15 +179,17 @@ def category_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
     }
 
 
-def status_probabilities(runs: xr.Dataset | BlockedRuns) -> xr.DataArray:
+def status_probabilities(runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> xr.DataArray:
     """Estimate the probability of each status but ok, along ``status`` and ``bound``."""
-    sample = Sample.from_statuses(runs)
+    sample = Sample.from_statuses(runs, level)
     ends = [status for status in Status if status is not Status.OK]
     estimates = [_probability(sample, sample.values == status) for status in ends]
     long_name = "probability that a run ends so"
     names = np.array([status.meaning for status in ends], dtype=object)
     along = {STATUS: (STATUS, names, {"long_name": "end of a run"})}
-    return Estimate.stack(estimates, STATUS, units="1", long_name=long_name, coordinates=along)
+    return Estimate.stack(
+        estimates, STATUS, units="1", long_name=long_name, coordinates=along, level=level
+    )
 
 
 def _probability(sample: Sample, events: BoolArray) -> Estimate:
@@ -181,13 +202,13 @@ def _probability(sample: Sample, events: BoolArray) -> Estimate:
         return Estimate.without_bounds(value, reason)
     if sample.error_model is not ErrorModel.INDEPENDENT and has_enough_runs_around(sample, count):
         error, freedom, is_rounded = probability_error(sample, events)
-        half = student_quantile(freedom, LEVEL) * error
+        half = student_quantile(freedom, sample.level) * error
         ends = max(value - half, 0.0), min(value + half, 1.0)
         if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
             return Estimate(value, *ends, texts.STUDENT_ON_RESIDUALS, "conservative")
         label = "discrete" if is_rounded else "nominal"
         return Estimate(value, *ends, texts.STUDENT_OVER_REPLICATES, label)
-    lower, upper = clopper_pearson(count, sample.size, LEVEL)
+    lower, upper = clopper_pearson(count, sample.size, sample.level)
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
     return Estimate(value, float(lower), float(upper), texts.CLOPPER_PEARSON, label)
 
@@ -200,7 +221,7 @@ def _weighted_probability(sample: Sample, weights: FloatArray, events: BoolArray
         return Estimate.without_bounds(value, reason)
     if not 0 < value < 1:
         return Estimate.without_bounds(value, texts.CONSTANT_EVENT)
-    lower, upper = weighted_probability_interval(value, float(errors[0]), weights, LEVEL)
+    lower, upper = weighted_probability_interval(value, float(errors[0]), weights, sample.level)
     method = texts.CLOPPER_PEARSON_WEIGHTED
     is_doubtful = runs_on_a_side(weights, events) < _FEWEST_BEYOND
     note = texts.DOUBTFUL_AS.format(reason=texts.FEW_WEIGHTED_BEYOND) if is_doubtful else ""

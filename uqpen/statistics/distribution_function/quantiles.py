@@ -12,7 +12,7 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import PERCENT, PROBABILITY
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import (
     order_statistic_ranks,
     student_quantile,
@@ -58,6 +58,7 @@ def quantile_estimates(
         units=quantity.output.unit,
         long_name=f"quantiles of {quantity.output.title}",
         coordinates={PROBABILITY: (PROBABILITY, np.array(quantity.quantiles), described)},
+        level=sample.level,
     )
     yield "quantile", array
 
@@ -81,6 +82,7 @@ def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
         units=quantity.output.unit,
         long_name=f"percentiles of {quantity.output.title}",
         coordinates={PERCENT: (PERCENT, np.array(_PERCENTS), described)},
+        level=sample.level,
     )
     yield "percentile", array
 
@@ -125,11 +127,11 @@ def _quantile_estimate(sample: Sample, p: float) -> Estimate:
     if sample.run_weights is not None:
         return _weighted_quantile_estimate(sample, sample.run_weights, p, value)
     if _has_woodruff(sample, p):
-        lower, upper, label = _woodruff_ranks(sample, p, value, LEVEL)
+        lower, upper, label = _woodruff_ranks(sample, p, value, sample.level)
         if lower >= 1 and upper <= sample.size:
             ends = order_statistic(sample, lower), order_statistic(sample, upper)
             return Estimate(value, *ends, texts.WOODRUFF, label)
-    low, high = order_statistic_ranks(sample.size, p, LEVEL)
+    low, high = order_statistic_ranks(sample.size, p, sample.level)
     ends = order_statistic(sample, float(low)), order_statistic(sample, float(high))
     if all(map(math.isnan, ends)):
         return Estimate.without_bounds(value, sample.too_few_runs)
@@ -148,7 +150,7 @@ def _weighted_quantile_estimate(
     if runs_on_a_side(weights, sample.values > value) < _FEWEST_BEYOND:
         return Estimate.without_bounds(value, texts.FEW_WEIGHTED_BEYOND)
     error, freedom, _ = cdf_error(sample, value)
-    step = student_quantile(freedom, LEVEL) * error
+    step = student_quantile(freedom, sample.level) * error
     lower, upper = sample_quantile(sample, np.clip([p - step, p + step], 0.0, 1.0))
     return Estimate(value, float(lower), float(upper), texts.WOODRUFF_WEIGHTED, "nominal")
 

@@ -24,7 +24,7 @@ from uqpen.statistics.distribution_function.quantiles import (
     order_statistic,
     sample_quantile,
 )
-from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import (
     runs_needed,
     runs_needed_for_both,
@@ -139,7 +139,7 @@ def _stacked(
     dimension, contents = request.dimension, request.contents
     if quantity.output.categories or not contents:
         return
-    runs = [needed(content, LEVEL) for content in contents]
+    runs = [needed(content, sample.level) for content in contents]
     coordinates = {
         dimension: (
             dimension,
@@ -158,6 +158,7 @@ def _stacked(
         units=quantity.output.unit,
         long_name=request.of_values.format(title=quantity.output.title),
         coordinates=coordinates,
+        level=sample.level,
     )
     yield name, array
 
@@ -173,7 +174,7 @@ def _upper_limit(sample: Sample, content: float) -> Estimate:
             upper = order_statistic(sample, needed.blocks)
             method = texts.ONE_SIDED.format(method=needed.method)
             return Estimate(value, math.nan, upper, method, needed.label)
-    fewest = runs_needed(content, LEVEL)
+    fewest = runs_needed(content, sample.level)
     return Estimate.without_bounds(value, texts.UPPER_BOUND_NEEDS.format(runs=fewest))
 
 
@@ -188,7 +189,7 @@ def _lower_limit(sample: Sample, content: float) -> Estimate:
             lower = order_statistic(sample, sample.size + 1 - needed.blocks)
             method = texts.ONE_SIDED.format(method=needed.method)
             return Estimate(value, lower, math.nan, method, needed.label)
-    fewest = runs_needed(content, LEVEL)
+    fewest = runs_needed(content, sample.level)
     return Estimate.without_bounds(value, texts.LOWER_BOUND_NEEDS.format(runs=fewest))
 
 
@@ -204,13 +205,13 @@ def _interval(sample: Sample, content: float) -> Estimate:
     )
     for needed in _blocks(sample, content, inside, 1 - tail):
         if needed.blocks < sample.size:
-            # Numbers of runs outside; one more is left out where an odd one could be inside.
+            # As many runs lie outside on either side, so an odd one stays inside.
             first = (sample.size - 1 - int(needed.blocks)) // 2 + 1
             lower = order_statistic(sample, first)
             upper = order_statistic(sample, sample.size + 1 - first)
             method = texts.TWO_SIDED.format(method=needed.method)
             return Estimate(math.nan, lower, upper, method, needed.label)
-    fewest = runs_needed_for_both(content, LEVEL)
+    fewest = runs_needed_for_both(content, sample.level)
     return Estimate.without_bounds(math.nan, texts.BOTH_ENDS_NEED.format(runs=fewest))
 
 
@@ -242,9 +243,9 @@ def _blocks(
     if is_replicated and bool(has_enough_runs_around(sample, sample.size * furthest)):
         error, freedom, is_rounded = max(map(partial(probability_error, sample), inside))
         # A one-sided bound at 95 % is the upper end of a two-sided interval at 90 %.
-        step = student_quantile(freedom, 2 * LEVEL - 1) * error
-        blocks: float = math.floor(sample.size * (content + step)) + 1
-        yield _Blocks(blocks, texts.WOODRUFF, "discrete" if is_rounded else "nominal")
+        step = student_quantile(freedom, 2 * sample.level - 1) * error
+        needed = math.floor(sample.size * (content + step)) + 1
+        yield _Blocks(needed, texts.WOODRUFF, "discrete" if is_rounded else "nominal")
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
-    blocks = float(upper_rank(sample.size, content, LEVEL))
+    blocks = float(upper_rank(sample.size, content, sample.level))
     yield _Blocks(blocks, texts.ORDER_STATISTICS, label)

@@ -12,7 +12,7 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
-from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
@@ -70,7 +70,9 @@ def sample_moments(
         ("half_spread", partial(_half_spread, sample), "half the 16 % to 84 % range"),
     ):
         long_name = f"{long_name} of {title}"
-        yield statistic, estimated().to_array(units=quantity.output.unit, long_name=long_name)
+        units = quantity.output.unit
+        array = estimated().to_array(units=units, long_name=long_name, level=sample.level)
+        yield statistic, array
     for statistic, value, reason in (
         ("skewness", shape.skewness, texts.NO_INTERVAL),
         ("kurtosis", shape.kurtosis, texts.DIAGNOSTIC),
@@ -93,7 +95,7 @@ def _mean(sample: Sample, shape: SampleShape) -> Estimate:
     error, freedom = standard_error(sample, shape.deviations)
     if _is_falsely_exact(sample, error):
         return Estimate.without_bounds(shape.mean, texts.NO_SCATTER_OF_STRATA)
-    half = student_quantile(freedom, LEVEL) * error * shape.scale
+    half = student_quantile(freedom, sample.level) * error * shape.scale
     ends = shape.mean - half, shape.mean + half
     method, label = _MEAN_METHODS[sample.error_model]
     return Estimate(shape.mean, *ends, method, label, _mean_warning(sample, shape))
@@ -142,7 +144,7 @@ def _std(sample: Sample, shape: SampleShape) -> Estimate:
     error, freedom = standard_error(sample, shape.deviations**2)
     if _is_falsely_exact(sample, error):
         return Estimate.without_bounds(std * shape.scale, texts.NO_SCATTER_OF_STRATA)
-    factor = math.exp(student_quantile(freedom, LEVEL) * error / (2 * std**2))
+    factor = math.exp(student_quantile(freedom, sample.level) * error / (2 * std**2))
     value = std * shape.scale
     label = "conservative" if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET else "nominal"
     method = texts.DELTA_ON_LOGARITHM.format(error_model=sample.error_model)
@@ -197,7 +199,7 @@ def _half_spread(sample: Sample) -> Estimate:
         return Estimate.without_bounds(value, reason)
     errors, freedoms, _ = zip(*(cdf_error(sample, float(end)) for end in ends), strict=True)
     correlation = _correlation(sample, sample.values <= ends[0], sample.values <= ends[1])
-    step = student_quantile(freedoms[0], LEVEL) * np.array(errors)
+    step = student_quantile(freedoms[0], sample.level) * np.array(errors)
     down = (ends - sample_quantile(sample, np.clip(probabilities - step, 0.0, 1.0))) / 2
     up = (sample_quantile(sample, np.clip(probabilities + step, 0.0, 1.0)) - ends) / 2
     return Estimate(

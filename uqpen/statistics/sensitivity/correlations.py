@@ -13,7 +13,7 @@ import xarray as xr
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
@@ -62,7 +62,7 @@ def correlations(
             long_name = f"{long_name}, {texts.INCLUDES_CORRELATION}"
         inputs = range(len(sample.inputs))
         estimates = [columns.correlation(i, is_partial=is_partial) for i in inputs]
-        yield statistic, input_array(estimates, sample.inputs, long_name)
+        yield statistic, input_array(estimates, sample.inputs, long_name, level=sample.level)
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ class _CorrelatedColumns:
         error, freedom = standard_error(self.sample, influence)
         if 1 - abs(value) < _ROUNDING or not error > _ROUNDING:
             return Estimate.without_bounds(value, texts.NO_SCATTER_OF_RUNS)
-        half = student_quantile(freedom, LEVEL) * error / (1 - value**2)
+        half = student_quantile(freedom, self.sample.level) * error / (1 - value**2)
         centre = math.atanh(value)
         estimate = Estimate(
             value,

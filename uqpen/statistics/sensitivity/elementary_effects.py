@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -53,10 +54,14 @@ def elementary_effects(
     if quantity.output.categories:
         return
     name, title = quantity.output.name, quantity.output.title
-    effects = effects_by_input(runs, name)
+    effects, level = effects_by_input(runs, name), quantity.confidence_level
     measures: tuple[tuple[str, Callable[[FloatArray], Estimate], str], ...] = (
-        ("mu", mean_effect, "mean elementary effect"),
-        ("mu_star", lambda found: mean_effect(np.abs(found)), "mean absolute elementary effect"),
+        ("mu", partial(mean_effect, level=level), "mean elementary effect"),
+        (
+            "mu_star",
+            lambda found: mean_effect(np.abs(found), level),
+            "mean absolute elementary effect",
+        ),
         ("sigma", _sigma, "standard deviation of the elementary effects"),
     )
     for measure, estimator, long_name in measures:
@@ -65,7 +70,8 @@ def elementary_effects(
             for found in effects.values()
         ]
         long_name = f"{long_name} on {title}, for the whole of an input's probability"
-        yield measure, input_array(estimates, [*effects], long_name, units=quantity.output.unit)
+        units = quantity.output.unit
+        yield measure, input_array(estimates, [*effects], long_name, units=units, level=level)
 
 
 def effects_by_input(runs: xr.Dataset, name: str) -> dict[str, FloatArray]:
@@ -83,7 +89,7 @@ def effects_by_input(runs: xr.Dataset, name: str) -> dict[str, FloatArray]:
     }
 
 
-def mean_effect(effects: FloatArray) -> Estimate:
+def mean_effect(effects: FloatArray, level: float = LEVEL) -> Estimate:
     """Estimate the mean of an input's effects, or of their absolute values, one a trajectory."""
     if not effects.size:
         return Estimate.without_bounds(math.nan, texts.NO_EFFECT)
@@ -96,7 +102,7 @@ def mean_effect(effects: FloatArray) -> Estimate:
     distinct = effects.size - int(counts.max())
     if not distinct:
         return Estimate.without_bounds(mean, texts.NO_SCATTER_OF_EFFECTS)
-    half = student_quantile(effects.size - 1, LEVEL) * _deviation(effects)
+    half = student_quantile(effects.size - 1, level) * _deviation(effects)
     half /= math.sqrt(effects.size)
     estimate = Estimate(mean, mean - half, mean + half, texts.STUDENT_OVER_TRAJECTORIES, "nominal")
     if effects.size < _FEWEST_EFFECTS:

@@ -18,7 +18,7 @@ from uqpen.statistics.distribution_function.probabilities import (
     threshold_coordinates,
 )
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
-from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
@@ -103,7 +103,8 @@ class _LocalRegressions:
         has_doubtful_source = SampleShape(self.sample).is_doubtful
         variable = _Variable(replace(self.sample, values=values), has_doubtful_source)
         inputs, long_name = self.sample.inputs, self._long_name(title)
-        return f"{prefix}first_order", input_array(self._indices(variable), inputs, long_name)
+        estimates, level = self._indices(variable), self.sample.level
+        return f"{prefix}first_order", input_array(estimates, inputs, long_name, level=level)
 
     def event_indices(
         self, events: Sequence[BoolArray], coordinates: Mapping[str, Any], prefix: str, title: str
@@ -111,7 +112,8 @@ class _LocalRegressions:
         """Indices of events, given the runs in which each event occurs."""
         samples = [replace(self.sample, values=event.astype(np.float64)) for event in events]
         rows = [self._indices(_Variable(sample, is_event=True)) for sample in samples]
-        array = event_array(rows, coordinates, self.sample.inputs, self._long_name(title))
+        inputs, long_name = self.sample.inputs, self._long_name(title)
+        array = event_array(rows, coordinates, inputs, long_name, self.sample.level)
         return f"{prefix}first_order", array
 
     def _long_name(self, title: str) -> str:
@@ -187,7 +189,7 @@ class _Variable:
         variance = max(error**2 if self._warning else excess, noise**2)
         if not variance > _ROUNDING**2:
             return Estimate.without_bounds(value, texts.NO_SCATTER_OF_RUNS)
-        half = student_quantile(freedom, LEVEL) * math.sqrt(variance)
+        half = student_quantile(freedom, self.sample.level) * math.sqrt(variance)
         is_wider = bool(self._warning) or self.sample.error_model is ErrorModel.REPLICATED
         estimate = Estimate(
             value,

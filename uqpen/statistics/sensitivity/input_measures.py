@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import INPUT
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.sample import Sample
 
 __all__ = [
@@ -24,11 +24,18 @@ __all__ = [
 
 
 def input_array(
-    estimates: Sequence[Estimate], inputs: Sequence[str], long_name: str, *, units: str = "1"
+    estimates: Sequence[Estimate],
+    inputs: Sequence[str],
+    long_name: str,
+    *,
+    units: str = "1",
+    level: float = LEVEL,
 ) -> xr.DataArray:
     """Return one estimate for each input as an estimate array along ``input`` and ``bound``."""
     along = input_coordinate(inputs)
-    return Estimate.stack(estimates, INPUT, units=units, long_name=long_name, coordinates=along)
+    return Estimate.stack(
+        estimates, INPUT, units=units, long_name=long_name, coordinates=along, level=level
+    )
 
 
 def event_array(
@@ -36,6 +43,7 @@ def event_array(
     events: Mapping[str, Any],
     inputs: Sequence[str],
     long_name: str,
+    level: float = LEVEL,
 ) -> xr.DataArray:
     """Return estimates of several events as an estimate array along these and ``input``.
 
@@ -49,10 +57,14 @@ def event_array(
         Names of the inputs.
     long_name : str
         Meaning of the estimates.
+    level : float
+        Confidence level of their intervals.
     """
     dimensions = (next(iter(events)), INPUT)
     along = {**events, **input_coordinate(inputs)}
-    return Estimate.table(rows, dimensions, units="1", long_name=long_name, coordinates=along)
+    return Estimate.table(
+        rows, dimensions, units="1", long_name=long_name, coordinates=along, level=level
+    )
 
 
 def input_coordinate(inputs: Sequence[str]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -110,11 +110,14 @@ class BlockVariable:
         The variable, in any unit.
     is_event : bool
         True if it is the indicator (0 or 1) of an event.
+    level : float
+        Confidence level of the intervals of its indices.
     """
 
     blocks: PickFreezeBlocks
     values: npt.NDArray[Any]
     is_event: bool = False
+    level: float = LEVEL
 
     @cached_property
     def sample(self) -> Sample:
@@ -138,7 +141,7 @@ class BlockVariable:
     def logarithm(self) -> BlockVariable:
         """Return the variable's logarithm; NaN for failed runs."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            return BlockVariable(self.blocks, np.log(self.values))
+            return replace(self, values=np.log(self.values))
 
     @property
     def is_positive(self) -> bool:
@@ -214,13 +217,13 @@ class BlockVariable:
         )
         if error < _ROUNDING:
             return Estimate.without_bounds(value, texts.NO_SCATTER_OF_STRATA)
-        half = student_quantile(freedom, LEVEL) * error
+        half = student_quantile(freedom, self.level) * error
         if not self._warning:
             ends, note = (value - half, value + half), self._reservation
             return Estimate(value, *ends, texts.JACKKNIFE, "nominal", note)
         influence = numerator - value * self._denominator
         over_blocks = float(influence.std(ddof=1)) / math.sqrt(blocks.count)
-        half = max(half, student_quantile(blocks.count - 1, LEVEL) * over_blocks)
+        half = max(half, student_quantile(blocks.count - 1, self.level) * over_blocks)
         ends, note = (value - half, value + half), texts.DOUBTFUL_AS.format(reason=self._warning)
         return Estimate(value, *ends, texts.WIDER_OF_TWO, "conservative", note)
 

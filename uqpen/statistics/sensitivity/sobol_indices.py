@@ -40,16 +40,18 @@ def sobol_indices(
         first along ``threshold``, those of categories first along ``category``.
     """
     blocks = PickFreezeBlocks.from_runs(runs)
+    level = quantity.confidence_level
     name, title = quantity.output.name, quantity.output.title
     values = runs[name].values
     if kinds := quantity.output.categories:
         events = [
-            BlockVariable(blocks, values == kind, is_event=True) for kind in range(len(kinds))
+            BlockVariable(blocks, values == kind, is_event=True, level=level)
+            for kind in range(len(kinds))
         ]
         coordinates = category_coordinates(quantity)
         yield from _event_indices(events, "category_", f"the kind of {title}", coordinates)
         return
-    column = BlockVariable(blocks, values)
+    column = BlockVariable(blocks, values, level=level)
     yield from _variable_indices(column, "", title)
     if blocks.layout.pairs:
         yield _pair_indices(column, title)
@@ -57,7 +59,7 @@ def sobol_indices(
         yield from _variable_indices(column.logarithm(), "log_", f"the logarithm of {title}")
     if quantity.thresholds:
         events = [
-            BlockVariable(blocks, values > each.value, is_event=True)
+            BlockVariable(blocks, values > each.value, is_event=True, level=level)
             for each in quantity.thresholds
         ]
         what = f"whether {title} exceeds a value"
@@ -71,7 +73,8 @@ def _variable_indices(
     blocks = column.blocks
     for order, adjective in _ORDERS.items():
         long_name = f"{adjective} Sobol' indices of {title}"
-        array = input_array(_input_estimates(column, order), blocks.layout.inputs, long_name)
+        estimates, inputs = _input_estimates(column, order), blocks.layout.inputs
+        array = input_array(estimates, inputs, long_name, level=column.level)
         yield f"{prefix}{order}", array.assign_attrs(blocks.attributes)
 
 
@@ -83,7 +86,8 @@ def _event_indices(
     for order, adjective in _ORDERS.items():
         rows = [_input_estimates(event, order) for event in events]
         long_name = f"{adjective} Sobol' indices of {title}"
-        array = event_array(rows, coordinates, blocks.layout.inputs, long_name)
+        inputs, level = blocks.layout.inputs, events[0].level
+        array = event_array(rows, coordinates, inputs, long_name, level)
         yield f"{prefix}{order}", array.assign_attrs(blocks.attributes)
 
 
@@ -96,6 +100,7 @@ def _pair_indices(column: BlockVariable, title: str) -> tuple[str, xr.DataArray]
         PAIR,
         units="1",
         long_name=f"second-order Sobol' indices of {title}",
+        level=column.level,
     )
     texts = {
         PAIR: ([f"{one}, {other}" for one, other in names], "pair of inputs"),
