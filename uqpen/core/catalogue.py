@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
+from typing import Any
 
 from uqpen.core.labels import (
     BOUNDS,
@@ -20,6 +21,7 @@ from uqpen.core.labels import (
     NOTE,
     PAIR,
     RANK,
+    RECIPE,
     RESERVED,
     STATUS,
 )
@@ -30,6 +32,7 @@ __all__ = [
     "CONTENT_LEVEL",
     "DIMENSIONS",
     "FAILURE_STATISTICS",
+    "INTERVAL_RECIPE",
     "NAMES_IN_USE",
     "PERCENT",
     "PROBABILITY",
@@ -40,6 +43,7 @@ __all__ = [
     "DimensionLabels",
     "Statistic",
     "UnitRule",
+    "interval_recipe",
 ]
 
 PROBABILITY = "probability"
@@ -123,6 +127,9 @@ class Statistic:
         Whether it is an estimate with bounds; a place on an axis, say, is none.
     note_is_of_estimate : bool
         Whether a note concerns the estimate rather than its interval.
+    recipe : int
+        Version of the recipe that its interval is made by: the number of the last change. Whoever
+        changes how the interval is made takes the next number after `INTERVAL_RECIPE`.
     """
 
     name: str
@@ -131,6 +138,7 @@ class Statistic:
     unit: UnitRule = UnitRule.NONE
     has_bounds: bool = True
     note_is_of_estimate: bool = False
+    recipe: int = 1
 
     @property
     def is_function(self) -> bool:
@@ -154,8 +162,9 @@ def _indices(prefix: str, of: str, *along: str) -> list[Statistic]:
 
 
 _STATISTICS = [
-    Statistic("mean", "mean", unit=UnitRule.VALUE),
-    Statistic("std", "standard deviation", unit=UnitRule.DIFFERENCE),
+    # Recipe 2 moves the ends out for skewed replicates and long tails.
+    Statistic("mean", "mean", unit=UnitRule.VALUE, recipe=2),
+    Statistic("std", "standard deviation", unit=UnitRule.DIFFERENCE, recipe=2),
     Statistic("half_spread", "half the 16 % to 84 % range", unit=UnitRule.DIFFERENCE),
     Statistic("skewness", "skewness"),
     Statistic("kurtosis", "kurtosis"),
@@ -170,12 +179,18 @@ _STATISTICS = [
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
     Statistic("percentile", "percentile", (PERCENT,), UnitRule.VALUE),
     *(
-        Statistic(f"convergence_{name}", f"{title}, by the runs so far", (RUNS_SO_FAR, *dims), unit)
-        for name, title, dims, unit in (
-            ("mean", "mean", (), UnitRule.VALUE),
-            ("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
-            ("exceedance", "probability of exceeding a value", (THRESHOLD,), UnitRule.NONE),
-            ("share", "probability of a category", (CATEGORY,), UnitRule.NONE),
+        Statistic(
+            f"convergence_{name}",
+            f"{title}, by the runs so far",
+            (RUNS_SO_FAR, *dims),
+            unit,
+            recipe=recipe,
+        )
+        for name, title, dims, unit, recipe in (
+            ("mean", "mean", (), UnitRule.VALUE, 2),
+            ("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE, 1),
+            ("exceedance", "probability of exceeding a value", (THRESHOLD,), UnitRule.NONE, 1),
+            ("share", "probability of a category", (CATEGORY,), UnitRule.NONE, 1),
         )
     ),
     *_indices("", ""),
@@ -217,3 +232,11 @@ CATALOGUE = _by_name(_STATISTICS)
 
 # Statistics of a design's runs as a whole, of no output in particular.
 FAILURE_STATISTICS = _by_name(_FAILURE_STATISTICS)
+
+# The recipe by which this uqpen makes intervals: that of the statistic that was changed last.
+INTERVAL_RECIPE = max(each.recipe for each in (*_STATISTICS, *_FAILURE_STATISTICS))
+
+
+def interval_recipe(attributes: Mapping[Any, Any]) -> int:
+    """Return the recipe by which the intervals of an archive were made, from its root."""
+    return int(attributes.get(RECIPE, 1))

@@ -40,6 +40,9 @@ INTERVAL_LABEL = "interval_label"
 INTERVAL_LEVEL = "interval_level"
 NOTE = "note"
 
+# Version of the recipe of intervals, at the root of an archive; without it, it is the first.
+RECIPE = "interval_recipe"
+
 # Labels of a surrogate's estimate that validation runs confirm, contradict, or cannot check.
 CHECKED = "checked"
 REFUSED = "refused"

@@ -45,6 +45,7 @@ from uqpen.verification.archived_study import (
 )
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.differences import TOLERANCE
+from uqpen.verification.interval_recipes import check_recipe
 from uqpen.verification.outside_statistics import without_outside_statistics
 from uqpen.verification.repetition import Runs, repeated_runs, repeated_statistics
 from uqpen.verification.restored_study import restored_study
@@ -275,6 +276,8 @@ def _repeat_statistics(
     if not trust and (analyses := outside_analyses(study.text)):
         yield unchecked_analyses(analyses, tree)
         study, tree = replace(study, analyses=()), without_outside_statistics(tree)
+    if recipe := check_recipe(tree):
+        yield recipe
     ignored = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES, *besides]
     try:
         yield repeated_statistics(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from uqpen.archive.provenance import CONVENTIONS, SCHEMA, of_python_functions, provenance
 from uqpen.archive.read import SCHEMA_ATTRIBUTE
+from uqpen.core.catalogue import INTERVAL_RECIPE
+from uqpen.core.labels import RECIPE
 from uqpen.core.model import Model
 from uqpen.study.study import ValidatedStudy
 
@@ -16,6 +18,7 @@ def root_attributes(study: ValidatedStudy) -> dict[str, str | int]:
         "title": study.title,
         "Conventions": CONVENTIONS,
         SCHEMA_ATTRIBUTE: SCHEMA,
+        RECIPE: INTERVAL_RECIPE,
         "study_name": study.name,
         "study_text": study.text,
         "study_sha256": study.sha256,
