@@ -25,6 +25,7 @@ from uqpen.core.labels import (
     NOT_ESTIMATED,
     NOT_FITTED,
     NOTE,
+    RECIPE,
     ROLE,
     RUNS_SPENT,
     SOURCE_KIND,
@@ -47,7 +48,9 @@ _ATTRIBUTES = {
     ),
     **dict.fromkeys(("source", "minus", "outputs", "check", "flag_meanings"), "text"),
     **dict.fromkeys((SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED, NOT_ESTIMATED), "text"),
-    **dict.fromkeys((RUNS_SPENT, "runs", "runs_used", "repeats", "reference_runs"), "count"),
+    **dict.fromkeys(
+        (RECIPE, RUNS_SPENT, "runs", "runs_used", "repeats", "reference_runs"), "count"
+    ),
     **dict.fromkeys(("order", "terms", "q2", "check_q2_of_output"), "number"),
     CONFIDENCE_LEVEL: "number",
 }

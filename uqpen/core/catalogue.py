@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
+from typing import Any
 
 from uqpen.core.labels import (
     BOUNDS,
@@ -20,6 +21,7 @@ from uqpen.core.labels import (
     NOTE,
     PAIR,
     RANK,
+    RECIPE,
     RESERVED,
     STATUS,
 )
@@ -31,6 +33,7 @@ __all__ = [
     "DIMENSIONS",
     "FAILURE_STATISTICS",
     "INTERVAL_CONTENT",
+    "INTERVAL_RECIPE",
     "LOWER_CONTENT",
     "LOWER_THRESHOLD",
     "NAMES_IN_USE",
@@ -44,6 +47,7 @@ __all__ = [
     "DimensionLabels",
     "Statistic",
     "UnitRule",
+    "interval_recipe",
 ]
 
 PROBABILITY = "probability"
@@ -159,6 +163,9 @@ class Statistic:
     counts_missing_runs : bool
         Whether its interval allows for any outcome of the failed runs, so that it is of all
         admissible inputs.
+    recipe : int
+        Version of the recipe that its interval is made by: the number of the last change. Whoever
+        changes how the interval is made takes the next number after `INTERVAL_RECIPE`.
     """
 
     name: str
@@ -169,6 +176,7 @@ class Statistic:
     note_is_of_estimate: bool = False
     is_share_of_variance: bool = False
     counts_missing_runs: bool = False
+    recipe: int = 1
 
     @property
     def is_function(self) -> bool:
@@ -198,8 +206,9 @@ def _indices(prefix: str, of: str, *along: str) -> list[Statistic]:
 
 
 _STATISTICS = [
-    Statistic("mean", "mean", unit=UnitRule.VALUE),
-    Statistic("std", "standard deviation", unit=UnitRule.DIFFERENCE),
+    # Recipe 2 moves the ends out for skewed replicates and long tails.
+    Statistic("mean", "mean", unit=UnitRule.VALUE, recipe=2),
+    Statistic("std", "standard deviation", unit=UnitRule.DIFFERENCE, recipe=2),
     Statistic("half_spread", "half the 16 % to 84 % range", unit=UnitRule.DIFFERENCE),
     Statistic("skewness", "skewness"),
     Statistic("kurtosis", "kurtosis"),
@@ -221,13 +230,19 @@ _STATISTICS = [
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
     Statistic("percentile", "percentile", (PERCENT,), UnitRule.VALUE),
     *(
-        Statistic(f"convergence_{name}", f"{title}, by the runs so far", (RUNS_SO_FAR, *dims), unit)
-        for name, title, dims, unit in (
-            ("mean", "mean", (), UnitRule.VALUE),
-            ("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE),
-            ("exceedance", "probability of exceeding a value", (THRESHOLD,), UnitRule.NONE),
-            ("below", "probability of lying below a value", (LOWER_THRESHOLD,), UnitRule.NONE),
-            ("share", "probability of a category", (CATEGORY,), UnitRule.NONE),
+        Statistic(
+            f"convergence_{name}",
+            f"{title}, by the runs so far",
+            (RUNS_SO_FAR, *dims),
+            unit,
+            recipe=recipe,
+        )
+        for name, title, dims, unit, recipe in (
+            ("mean", "mean", (), UnitRule.VALUE, 2),
+            ("quantile", "quantile", (PROBABILITY,), UnitRule.VALUE, 1),
+            ("exceedance", "probability of exceeding a value", (THRESHOLD,), UnitRule.NONE, 1),
+            ("below", "probability of lying below a value", (LOWER_THRESHOLD,), UnitRule.NONE, 1),
+            ("share", "probability of a category", (CATEGORY,), UnitRule.NONE, 1),
         )
     ),
     *_indices("", ""),
@@ -276,3 +291,11 @@ CATALOGUE = _by_name(_STATISTICS)
 
 # Statistics of a design's runs as a whole, of no output in particular.
 FAILURE_STATISTICS = _by_name(_FAILURE_STATISTICS)
+
+# The recipe by which this uqpen makes intervals: that of the statistic that was changed last.
+INTERVAL_RECIPE = max(each.recipe for each in (*_STATISTICS, *_FAILURE_STATISTICS))
+
+
+def interval_recipe(attributes: Mapping[Any, Any]) -> int:
+    """Return the recipe by which the intervals of an archive were made, from its root."""
+    return int(attributes.get(RECIPE, 1))

@@ -42,6 +42,9 @@ NOTE = "note"
 # Of all intervals, at the root of an archive whose study states another than the default.
 CONFIDENCE_LEVEL = "confidence_level"
 
+# Version of the recipe of intervals, at the root of an archive; without it, it is the first.
+RECIPE = "interval_recipe"
+
 # Verdicts on a surrogate's estimate, its labels: validation runs confirm it, contradict it, are of
 # another population as some of them failed, or tell nothing of it.
 CHECKED = "checked"

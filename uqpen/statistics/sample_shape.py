@@ -88,11 +88,19 @@ class SampleShape:
         return self.kurtosis > _HEAVY_KURTOSIS and self.has_few_effective_runs
 
     @property
+    def may_be_heavy(self) -> bool:
+        """True if the runs are a heavy tail's, or may be: no interval of the spread is reliable."""
+        return self.kurtosis > _DOUBTFUL_KURTOSIS and self.has_few_effective_runs
+
+    @property
+    def is_small(self) -> bool:
+        """True if there are so few runs that any of them may hide a heavy tail."""
+        return self.sample.effective_size < _ENOUGH_RUNS_FOR_TAILS
+
+    @property
     def is_doubtful(self) -> bool:
         """True if the distribution may have a heavier tail than these runs show."""
-        if self.sample.effective_size < _ENOUGH_RUNS_FOR_TAILS:
-            return True
-        return self.kurtosis > _DOUBTFUL_KURTOSIS and self.has_few_effective_runs
+        return self.is_small or self.may_be_heavy
 
     @property
     def hidden_tail(self) -> str:

@@ -7,9 +7,13 @@ into `uqpen.archive.reworded`: `uqpen verify` compares the texts of earlier arch
 from __future__ import annotations
 
 # Methods of intervals.
-STUDENT = "Student t"
-STUDENT_WEIGHTED = "Student t at the effective size, self-normalised weights"
+STUDENT_WITH_EXTREMES = "Student t, both ends moved out by the furthest runs"
+STUDENT_WEIGHTED_WITH_EXTREMES = (
+    "Student t at the effective size, self-normalised weights, both ends moved out by the furthest "
+    "runs"
+)
 STUDENT_OVER_REPLICATES = "Student t over replicates"
+STUDENT_FOR_SKEWED_REPLICATES = "Student t over replicates, the end of the longer tail moved out"
 STUDENT_ON_RESIDUALS = "Student t on the residuals of an additive fit"
 STUDENT_OVER_TRAJECTORIES = "Student t over trajectories"
 CLOPPER_PEARSON = "Clopper-Pearson"
@@ -27,6 +31,7 @@ TWO_SIDED = "two-sided, {method}"
 TWO_WOODRUFF = "two Woodruff intervals combined, {error_model}"
 DELTA_METHOD = "delta method, {error_model}"
 DELTA_ON_LOGARITHM = "delta method on the logarithm, {error_model}"
+DELTA_FOR_SKEWED = f"{DELTA_ON_LOGARITHM}, the end of the longer tail moved out"
 DELTA_ON_FISHER = "delta method on Fisher's transform, {error_model}"
 JACKKNIFE = "jackknife over replicates"
 WIDER_OF_TWO = "the wider of jackknife over replicates and delta method over blocks"
@@ -76,13 +81,11 @@ NO_INTERVAL_OF_DELTA = "no reliable interval is known: the bias may exceed the s
 NO_INTERVAL_AS = "{reason}: no reliable interval is known"
 DOUBTFUL_AS = "{reason}: the coverage may be below nominal"
 HEAVY_TAIL = "heavy tail (kurtosis {kurtosis:.3g}, {runs:.0f} effective runs)"
-HEAVY_MEAN = "{heavy_tail}: below 5 000 runs the coverage may be below nominal"
 MEAN_MAY_NOT_EXIST = "{heavy_tail}: the mean may not exist"
 HIDDEN_TAIL = "fewer than {runs} runs are too few to detect a heavy tail"
 HIDDEN_TAIL_OF_WEIGHTED = (
     "weights: an effective sample size below {runs} is too small to detect a heavy tail"
 )
-IF_HEAVY_TAIL = "with a heavy tail the coverage is below nominal"
 DOUBTFUL_TAIL = (
     "the interval may be too narrow if extreme values are more frequent than in these runs"
 )
@@ -152,3 +155,7 @@ SEPARATED = "the failed runs are completely separated from the others"
 
 # Publications.
 PUBLISHED = "published in {source}"
+
+# Notes on means in archives whose intervals an earlier recipe has made.
+HEAVY_MEAN = "{heavy_tail}: below 5 000 runs the coverage may be below nominal"
+IF_HEAVY_TAIL = "with a heavy tail the coverage is below nominal"

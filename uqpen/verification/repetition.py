@@ -12,7 +12,7 @@ from uqpen.archive.fields import place_text
 from uqpen.archive.files import FILES
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import IntArray
-from uqpen.core.labels import CONTENT, MODELS, RUN, RUNS, STATUS
+from uqpen.core.labels import CONTENT, MODELS, RECIPE, RUN, RUNS, STATUS
 from uqpen.core.model import Output
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import points_in_memory
@@ -32,6 +32,7 @@ from uqpen.verification.differences import (
     unequal,
 )
 from uqpen.verification.earlier_verdicts import earlier_verdict_groups, without_verdicts
+from uqpen.verification.interval_recipes import other_recipe, without_intervals
 from uqpen.workflow import analyse_runs
 
 __all__ = ["Runs", "draw_runs", "repeated_points", "repeated_runs", "repeated_statistics"]
@@ -148,15 +149,15 @@ def repeated_statistics(
     again = analyse_runs(study, in_order, progress)
     archived_groups, repeated_groups = _statistics_groups(tree), _statistics_groups(again)
     found = list(missing_keys(archived_groups, repeated_groups))
-    earlier = earlier_verdict_groups(tree)
+    earlier, uncompared = earlier_verdict_groups(tree), other_recipe(tree)
     for path in sorted(archived_groups & repeated_groups):
         parts = path.strip("/").split("/") if path != "/" else []
-        pair = read_group(tree, *parts), read_group(again, *parts)
+        pair = [without_intervals(read_group(each, *parts), uncompared) for each in (tree, again)]
         if path in earlier or path.rpartition("/")[0] in earlier:
-            pair = without_verdicts(pair[0]), without_verdicts(pair[1])
+            pair = [without_verdicts(each) for each in pair]
         found += [
             difference._replace(what=f"{path}: {difference.what}")
-            for difference in find_differences(*pair, besides=(CONTENT, *besides))
+            for difference in find_differences(*pair, besides=(CONTENT, RECIPE, *besides))
         ]
     total = len(found)
     found = [each for each in found if each.relative > NEGLIGIBLE]

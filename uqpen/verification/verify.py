@@ -46,6 +46,7 @@ from uqpen.verification.archived_study import (
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.differences import TOLERANCE
 from uqpen.verification.earlier_verdicts import earlier_verdict_groups, unchecked_verdicts
+from uqpen.verification.interval_recipes import check_recipe
 from uqpen.verification.outside_statistics import without_outside_statistics
 from uqpen.verification.repetition import Runs, repeated_runs, repeated_statistics
 from uqpen.verification.restored_study import restored_study
@@ -279,6 +280,8 @@ def _repeat_statistics(
         study, tree = replace(study, analyses=()), without_outside_statistics(tree)
     if earlier := earlier_verdict_groups(tree):
         yield unchecked_verdicts(earlier.values())
+    if recipe := check_recipe(tree):
+        yield recipe
     ignored = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES, *besides]
     try:
         yield repeated_statistics(

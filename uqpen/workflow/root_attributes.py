@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from uqpen.archive.provenance import CONVENTIONS, SCHEMA, of_python_functions, provenance
 from uqpen.archive.read import SCHEMA_ATTRIBUTE
-from uqpen.core.labels import CONFIDENCE_LEVEL
+from uqpen.core.catalogue import INTERVAL_RECIPE
+from uqpen.core.labels import CONFIDENCE_LEVEL, RECIPE
 from uqpen.core.model import Model
 from uqpen.statistics.estimate import LEVEL
 from uqpen.study.study import ValidatedStudy
@@ -18,6 +19,7 @@ def root_attributes(study: ValidatedStudy) -> dict[str, str | int]:
         "title": study.title,
         "Conventions": CONVENTIONS,
         SCHEMA_ATTRIBUTE: SCHEMA,
+        RECIPE: INTERVAL_RECIPE,
         "study_name": study.name,
         "study_text": study.text,
         "study_sha256": study.sha256,

@@ -14,6 +14,7 @@ from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile
+from uqpen.statistics.mean_margins import mean_margins, student_margins
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.sample_shape import SampleShape
@@ -23,10 +24,10 @@ from uqpen.statistics.weights import effective_size
 __all__ = ["sample_moments"]
 
 
-# With fewer runs, means over replicates had less than nominal coverage on heavy tails.
-_FEWEST_RUNS_FOR_HEAVY_MEANS = 5000
-# With fewer effective runs than this, the distribution may have no variance, or not even a mean.
-_FEWEST_RUNS_FOR_A_MEAN = 20
+# With fewer runs, a tail that no run has met may be long enough to move any mean.
+_ENOUGH_RUNS_FOR_MEANS = 2000
+# Where still fewer effective runs than this decide the variance, there may be no mean.
+_FEWEST_EFFECTIVE_RUNS_FOR_A_MEAN = 3
 # Below this number of effective runs, intervals of the standard deviation of weighted draws
 # covered in 70 to 90 %: few weights decided it.
 _FEWEST_RUNS_FOR_A_WEIGHTED_STD = 20
@@ -36,10 +37,10 @@ _LOW, _HIGH = 0.16, 0.84
 
 # Method and label of the interval of a mean.
 _MEAN_METHODS = {
-    ErrorModel.INDEPENDENT: (texts.STUDENT, "nominal"),
-    ErrorModel.REPLICATED: (texts.STUDENT_OVER_REPLICATES, "nominal"),
+    ErrorModel.INDEPENDENT: (texts.STUDENT_WITH_EXTREMES, "nominal"),
+    ErrorModel.REPLICATED: (texts.STUDENT_FOR_SKEWED_REPLICATES, "nominal"),
     ErrorModel.SINGLE_STRATIFIED_SET: (texts.STUDENT_ON_RESIDUALS, "conservative"),
-    ErrorModel.WEIGHTED: (texts.STUDENT_WEIGHTED, "nominal"),
+    ErrorModel.WEIGHTED: (texts.STUDENT_WEIGHTED_WITH_EXTREMES, "nominal"),
 }
 
 # A sum of as many runs as there ever are is exact to this, relative to the largest.
@@ -92,33 +93,20 @@ def sample_moments(
 def _mean(sample: Sample, shape: SampleShape) -> Estimate:
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(shape.mean, reason)
-    error, freedom = standard_error(sample, shape.deviations)
+    error, _ = standard_error(sample, shape.deviations)
     if _is_falsely_exact(sample, error):
         return Estimate.without_bounds(shape.mean, texts.NO_SCATTER_OF_STRATA)
-    half = student_quantile(freedom, sample.level) * error * shape.scale
-    ends = shape.mean - half, shape.mean + half
-    method, label = _MEAN_METHODS[sample.error_model]
-    return Estimate(shape.mean, *ends, method, label, _mean_warning(sample, shape))
-
-
-def _mean_warning(sample: Sample, shape: SampleShape) -> str:
-    """Reason why the interval of a mean may not have its nominal coverage; empty for none."""
-    if sample.is_constant:
-        return ""
-    is_replicated = sample.error_model is ErrorModel.REPLICATED
-    may_hide = is_replicated and sample.size < _FEWEST_RUNS_FOR_HEAVY_MEANS
-    if may_hide and shape.is_heavy:
-        return texts.HEAVY_MEAN.format(heavy_tail=shape.tail_note)
-    if sample.weights is not None and shape.effective_runs < _FEWEST_RUNS_FOR_A_MEAN:
-        reason = texts.FEW_WEIGHTS_DECIDE.format(runs=shape.effective_runs)
-        return texts.DOUBTFUL_AS.format(reason=reason)
-    if shape.hidden_tail:
-        return f"{shape.hidden_tail}; {texts.IF_HEAVY_TAIL}"
-    if shape.effective_runs < _FEWEST_RUNS_FOR_A_MEAN:
-        return texts.MEAN_MAY_NOT_EXIST.format(heavy_tail=shape.tail_note)
-    # With 256 runs of the concrete study, one sample in seven looks light-tailed. The coverage of
-    # means over replicates of such samples is 61 %.
-    return texts.DOUBTFUL_TAIL if may_hide and shape.is_doubtful else ""
+    is_small = sample.effective_size < _ENOUGH_RUNS_FOR_MEANS
+    # Of small samples, those without an interval would be the ones that have met the tail.
+    if not is_small and shape.effective_runs < _FEWEST_EFFECTIVE_RUNS_FOR_A_MEAN:
+        reason = texts.MEAN_MAY_NOT_EXIST.format(heavy_tail=shape.tail_note)
+        return Estimate.without_bounds(shape.mean, reason)
+    margins = mean_margins(sample, shape.deviations, is_heavy=shape.is_heavy)
+    ends = shape.mean - margins.below * shape.scale, shape.mean + margins.above * shape.scale
+    # The note depends on the number of runs alone: a note on samples that look heavy would leave
+    # those without it that have missed the tail.
+    note = texts.DOUBTFUL_TAIL if is_small and not sample.is_constant else ""
+    return Estimate(shape.mean, *ends, *_MEAN_METHODS[sample.error_model], note)
 
 
 def _std(sample: Sample, shape: SampleShape) -> Estimate:
@@ -130,26 +118,29 @@ def _std(sample: Sample, shape: SampleShape) -> Estimate:
         return Estimate.without_bounds(_unbiased_std(sample, shape) * shape.scale, reason)
     # The squares about the sample's mean are too small by the variance of that mean. Independent
     # draws correct for it by a divisor of one run less. Over strata the variance is smaller.
-    error, freedom = standard_error(sample, shape.deviations)
+    error, _ = standard_error(sample, shape.deviations)
     std = math.hypot(_biased_std(sample, shape), error)
     if shape.hidden_tail:
         return Estimate.without_bounds(std * shape.scale, shape.hidden_tail)
-    if shape.is_heavy:
+    if shape.may_be_heavy:
         reason = texts.NO_INTERVAL_AS.format(reason=shape.tail_note)
         return Estimate.without_bounds(std * shape.scale, reason, texts.SEE_HALF_SPREAD)
     if reason := _few_weights_decide(sample, shape.deviations**2 - std**2):
         reason = texts.NO_INTERVAL_AS.format(reason=reason)
         return Estimate.without_bounds(std * shape.scale, reason, texts.SEE_HALF_SPREAD)
     # The delta method on log(std), whose distribution is closer to normal than that of std itself.
-    error, freedom = standard_error(sample, shape.deviations**2)
+    error, _ = standard_error(sample, shape.deviations**2)
     if _is_falsely_exact(sample, error):
         return Estimate.without_bounds(std * shape.scale, texts.NO_SCATTER_OF_STRATA)
-    factor = math.exp(student_quantile(freedom, sample.level) * error / (2 * std**2))
+    margins = student_margins(sample, shape.deviations**2)
+    below, above = (math.exp(margin / (2 * std**2)) for margin in margins)
     value = std * shape.scale
     label = "conservative" if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET else "nominal"
-    method = texts.DELTA_ON_LOGARITHM.format(error_model=sample.error_model)
-    note = texts.DOUBTFUL_TAIL if shape.is_doubtful else ""
-    return Estimate(value, value / factor, value * factor, method, label, note)
+    is_replicated = sample.error_model is ErrorModel.REPLICATED
+    method = texts.DELTA_FOR_SKEWED if is_replicated else texts.DELTA_ON_LOGARITHM
+    method = method.format(error_model=sample.error_model)
+    note = texts.DOUBTFUL_TAIL if shape.is_small else ""
+    return Estimate(value, value / below, value * above, method, label, note)
 
 
 def _few_weights_decide(sample: Sample, influence: FloatArray) -> str:

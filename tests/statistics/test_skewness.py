@@ -1,0 +1,175 @@
+"""Intervals of means and standard deviations where replicates are skewed or outputs heavy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy import stats
+
+from uqpen.archive.estimates import interval_text
+from uqpen.core.model import Output
+from uqpen.core.sampling import Sampling
+from uqpen.statistics import texts
+from uqpen.statistics.moments.sample_moments import sample_moments
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import Sample
+from uqpen.statistics.skewness import Margins, extreme_margins, skewness_margins
+
+FloatArray = npt.NDArray[np.float64]
+
+QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
+SEEDS = 400
+# One that covers in 94 % falls below this in one of a thousand sets of so many seeds.
+FEWEST = int(stats.binom.ppf(1e-3, SEEDS, 0.94))
+
+# Sums of some hundred terms agree to this.
+ROUNDING = 1e-12
+
+
+def sample_of(values: FloatArray, weights: FloatArray | None = None) -> Sample:
+    """Replicates in rows; independent draws where there is one dimension."""
+    everything = np.arange(values.size)
+    return Sample(
+        values=values.ravel(),
+        used=everything,
+        missing=everything[:0],
+        points=np.empty((values.size, 0)),
+        inputs=(),
+        replicates=everything // values.shape[-1],
+        sampling=Sampling.INDEPENDENT if values.ndim == 1 else Sampling.STRATIFIED,
+        weights=weights,
+    )
+
+
+def interval(sample: Sample, statistic: str) -> tuple[float, float, float, str]:
+    """Estimate, lower, upper and note."""
+    moments = sample_moments(sample, QUANTITY)
+    array = next(array for name, array in moments if name == statistic)
+    estimate, lower, upper = array.values.tolist()
+    return estimate, lower, upper, interval_text(array, "note")
+
+
+def exponential_replicates(rng: np.random.Generator) -> FloatArray:
+    """Ten replicates whose means are exponential; within them the runs differ little."""
+    return np.asarray(rng.exponential(size=(10, 1)) + rng.normal(size=(10, 20)) / 20)
+
+
+def exponential_variances(rng: np.random.Generator) -> FloatArray:
+    """Ten replicates of mean 0 whose mean squares are exponential; the kurtosis is 2."""
+    return np.asarray(np.sqrt(rng.exponential(size=(10, 1))) * np.tile([-1.0, 1.0], 100))
+
+
+def pareto_hypercubes(rng: np.random.Generator) -> FloatArray:
+    """A Pareto output of index 2.5 over ten hypercubes of 20 points of its only input."""
+    return np.asarray((1 - (np.arange(20) + rng.random((10, 20))) / 20) ** -0.4)
+
+
+def lognormal_draws(rng: np.random.Generator) -> FloatArray:
+    return rng.lognormal(size=60)
+
+
+# By Student's t alone they cover in 89, 88, 83 and 90 % of many seeds; thus in 95, 95, 94 and 94.
+CELLS: dict[str, tuple[Callable[[np.random.Generator], FloatArray], str, float]] = {
+    "exponential replicates": (exponential_replicates, "mean", 1.0),
+    "exponential variances": (exponential_variances, "std", 1.0),
+    "Pareto over hypercubes": (pareto_hypercubes, "mean", 2.5 / 1.5),
+    "lognormal draws": (lognormal_draws, "mean", math.exp(0.5)),
+}
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_skewed_and_heavy_outputs_are_covered(cell: str) -> None:
+    draw, statistic, truth = CELLS[cell]
+    covering = 0
+    for seed in range(SEEDS):
+        rng = np.random.default_rng(seed)
+        _, lower, upper, _ = interval(sample_of(draw(rng)), statistic)
+        covering += lower <= truth <= upper
+    assert covering >= FEWEST
+
+
+def test_normal_replicates_widen_their_interval_by_no_more_than_a_fourth() -> None:
+    widths = []
+    for seed in range(100):
+        values = np.random.default_rng(seed).normal(size=(16, 64))
+        _, lower, upper, _ = interval(sample_of(values), "mean")
+        student = stats.t.ppf(0.975, 15) * values.mean(axis=1).std(ddof=1) / 4
+        widths.append((upper - lower) / (2 * student))
+    # Measured over 20 000 sets: 1.16; the mean of 100 scatters by 0.01.
+    assert 1.1 < np.mean(widths) < 1.25
+
+
+def test_the_end_of_the_shorter_tail_is_that_of_student() -> None:
+    means = np.array([0.0, 0.0, 0.0, 1.0])
+    values = np.column_stack([means - 1, means + 1])
+    estimate, lower, upper, _ = interval(sample_of(values), "mean")
+    half = stats.t.ppf(0.975, 3) * means.std(ddof=1) / 2
+    assert estimate - lower == pytest.approx(half, rel=1e-9)
+    # The skewness of three zeros and a one is 2, by the formula of unbiased cumulants.
+    skew = 0.5 * 2 * (1 + 2 * stats.t.ppf(0.975, 3) ** 2) / 24
+    assert upper - estimate == pytest.approx(half + skew + 0.75 / 4, rel=1e-9)
+
+
+def test_a_mirrored_output_has_the_mirrored_interval() -> None:
+    values = pareto_hypercubes(np.random.default_rng(1))
+    for statistic, sign in (("mean", -1), ("half_spread", 1)):
+        _, lower, upper, _ = interval(sample_of(values), statistic)
+        _, *mirrored, _ = interval(sample_of(-values), statistic)
+        assert sorted(sign * end for end in mirrored) == pytest.approx([lower, upper], rel=1e-9)
+
+
+def test_independent_draws_move_both_ends_by_their_furthest_run() -> None:
+    values = np.array([0.0, 1.0, 2.0, 3.0, 14.0])
+    estimate, lower, upper, _ = interval(sample_of(values), "mean")
+    half = stats.t.ppf(0.975, 4) * values.std(ddof=1) / math.sqrt(5)
+    assert estimate == 4
+    assert [lower, upper] == pytest.approx([4 - half - 4 / 5, 4 + half + 10 / 5], rel=1e-9)
+
+
+def test_equal_weights_give_the_interval_of_equal_draws() -> None:
+    values = np.random.default_rng(2).lognormal(size=100)
+    weighted = interval(sample_of(values, np.full(100, 3.0)), "mean")
+    assert weighted[:3] == pytest.approx(interval(sample_of(values), "mean")[:3], rel=ROUNDING)
+
+
+def test_two_replicates_have_no_skewness() -> None:
+    influence, replicate = np.array([0.0, 1.0, 5.0, 6.0]), np.array([0, 0, 1, 1])
+    nothing = Margins(0.0, 0.0)
+    assert skewness_margins(influence, replicate, 2, 0.95) == (nothing, nothing)
+
+
+def test_extremes_are_shares_of_the_weight() -> None:
+    found = extreme_margins(np.array([0.0, 4.0]), np.array([3.0, 1.0]))
+    assert found == pytest.approx((0.75, 0.75))
+
+
+@pytest.mark.parametrize(("runs", "has_note"), [(60, True), (1999, True), (2000, False)])
+@pytest.mark.parametrize("draw", ["normal", "lognormal"])
+def test_a_mean_has_its_note_by_its_runs_alone(draw: str, runs: int, has_note: bool) -> None:
+    values = getattr(np.random.default_rng(3), draw)(size=runs)
+    *_, note = interval(sample_of(values), "mean")
+    assert note == (texts.DOUBTFUL_TAIL if has_note else "")
+
+
+def test_a_mean_that_two_of_many_runs_decide_has_no_interval() -> None:
+    values = np.random.default_rng(4).normal(size=3000)
+    values[:2] = 1e6
+    estimate, lower, _, note = interval(sample_of(values), "mean")
+    assert estimate == pytest.approx(values.mean())
+    assert math.isnan(lower)
+    assert note.endswith("2 effective runs): the mean may not exist")
+
+
+@pytest.mark.parametrize("runs", [300, 2000])
+def test_a_spread_that_few_runs_decide_has_no_interval(runs: int) -> None:
+    # Laplace's distribution has a kurtosis of 6, its quantiles one of 5.5 and more.
+    values = stats.laplace.ppf((np.arange(runs) + 0.5) / runs)
+    estimate, lower, _, note = interval(sample_of(values), "std")
+    assert estimate == pytest.approx(math.sqrt(2), rel=0.02)
+    assert math.isnan(lower)
+    assert note.startswith("heavy tail (kurtosis 5.")
+    assert texts.SEE_HALF_SPREAD in note

@@ -1,0 +1,109 @@
+"""Archives whose intervals another recipe has made are whole, and their estimates are checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.core.catalogue import CATALOGUE, INTERVAL_RECIPE
+from uqpen.core.labels import RECIPE
+from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.verify import verify
+
+STUDY = """\
+seed = 1
+[model]
+use = "ishigami"
+[inputs]
+x1 = { uniform = { lower = -3, upper = 3 } }
+x2 = { uniform = { lower = -3, upper = 3 } }
+x3 = 1
+[designs.hypercubes]
+kind = "latin-hypercube"
+runs = 40
+replicates = 4
+"""
+GROUP = "statistics/hypercubes/y"
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("recipes") / "now.nc"
+    uqpen.write(uqpen.run(uqpen.parse_study(STUDY)), path)
+    return path
+
+
+@pytest.fixture
+def tree(archive: Path) -> xr.DataTree:
+    return uqpen.open_archive(archive)
+
+
+def checks(tree: xr.DataTree, folder: Path) -> dict[str, CheckResult]:
+    """What `verify` says of an archive, by part."""
+    uqpen.write(tree, folder / "changed.nc")
+    return {each.name: each for each in verify(folder / "changed.nc", runs=5)}
+
+
+def move_bounds(tree: xr.DataTree, statistic: str) -> None:
+    tree[GROUP][statistic].values[..., 1:] *= 1.5
+    tree[GROUP][statistic].attrs["interval"] = "another rule"
+
+
+def test_an_archive_states_the_recipe_of_its_intervals(tree: xr.DataTree, tmp_path: Path) -> None:
+    assert tree.attrs[RECIPE] == INTERVAL_RECIPE == CATALOGUE["mean"].recipe
+    found = checks(tree, tmp_path)
+    assert "intervals" not in found
+    assert found["statistics"].verdict is CheckOutcome.EQUAL
+
+
+def test_intervals_of_the_first_recipe_are_no_difference(tree: xr.DataTree, tmp_path: Path) -> None:
+    del tree.attrs[RECIPE]
+    move_bounds(tree, "mean")
+    found = checks(tree, tmp_path)
+    assert found["statistics"].verdict is CheckOutcome.EQUAL
+    assert found["intervals"].verdict is CheckOutcome.UNCHECKED
+    made = "those of mean, std, convergence_mean are made by an earlier recipe (1, here 2)"
+    assert found["intervals"].text == f"{made}; only the estimates are compared"
+
+
+def test_the_same_intervals_of_this_recipe_are_a_difference(
+    tree: xr.DataTree, tmp_path: Path
+) -> None:
+    move_bounds(tree, "mean")
+    assert checks(tree, tmp_path)["statistics"].verdict is CheckOutcome.DIFFERENT
+
+
+@pytest.mark.parametrize("statistic", ["mean", "quantile"])
+def test_estimates_of_an_earlier_recipe_are_compared(
+    tree: xr.DataTree, tmp_path: Path, statistic: str
+) -> None:
+    del tree.attrs[RECIPE]
+    values = tree[GROUP][statistic].values
+    values[..., 0] = np.nextafter(values[..., 0], np.inf)
+    assert checks(tree, tmp_path)["statistics"].verdict is CheckOutcome.DIFFERENT
+
+
+def test_intervals_that_no_recipe_has_changed_are_compared(
+    tree: xr.DataTree, tmp_path: Path
+) -> None:
+    del tree.attrs[RECIPE]
+    tree[GROUP]["quantile"].values[..., 1:] *= 1.5
+    assert checks(tree, tmp_path)["statistics"].verdict is CheckOutcome.DIFFERENT
+
+
+def test_intervals_of_a_later_recipe_are_not_compared(tree: xr.DataTree, tmp_path: Path) -> None:
+    tree.attrs[RECIPE] = INTERVAL_RECIPE + 1
+    tree[GROUP]["quantile"].values[..., 1:] *= 1.5
+    found = checks(tree, tmp_path)
+    assert found["statistics"].verdict is CheckOutcome.EQUAL
+    assert found["intervals"].text == "made by a later recipe (3, here 2): not compared"
+
+
+def test_a_recipe_that_is_no_number_is_damage(tree: xr.DataTree, tmp_path: Path) -> None:
+    tree.attrs[RECIPE] = "new"
+    found = checks(tree, tmp_path)
+    assert found["structure"].text == "damaged: /: interval_recipe is no count"
