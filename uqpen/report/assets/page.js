@@ -87,7 +87,9 @@
     const chart = charts[plot.dataset.chart];
     plot.dataset.drawn = theme();
     const width = plot.clientWidth;
-    const set = { ...layout(style, chart, width), ...(isPrinted ? { width } : {}) };
+    // Paper is smaller, and so are its charts.
+    const size = { width, height: Math.round(0.8 * chart.height) };
+    const set = { ...layout(style, chart, width), ...(isPrinted ? size : {}) };
     Plotly.react(plot, coloured(style, chart.traces), set, CONFIGURATION);
   }
 

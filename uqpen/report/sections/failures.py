@@ -40,11 +40,9 @@ def failures(view: ArchiveView) -> Iterator[Block]:
         yield Text(_no_failure_text(view))
         return
     yield Table(_reason_table(view, failed))
-    first, *others = [*_association_blocks(view), None]
-    if first is not None:
-        yield first
-    further = (each for each in others if each is not None)
-    yield Fold("By design", (failure_probability_chart(view, failed), *further))
+    associations = list(_association_blocks(view))
+    yield from associations[:1]
+    yield Fold("By design", (failure_probability_chart(view, failed), *associations[1:]))
 
 
 def _no_failure_text(view: ArchiveView) -> str:

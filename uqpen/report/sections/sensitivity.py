@@ -45,10 +45,9 @@ def sensitivity(view: ArchiveView) -> Iterator[Block]:
 
 def _numeric_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     """Yield the first measure that the archive has, and the others folded."""
-    first, *others = [*_measure_blocks(view, output), None]
-    if first is not None:
-        yield first
-    if further := tuple(each for each in others if each is not None):
+    blocks = list(_measure_blocks(view, output))
+    yield from blocks[:1]
+    if further := tuple(blocks[1:]):
         yield Fold("Other measures", further)
 
 
