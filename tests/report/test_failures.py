@@ -139,7 +139,7 @@ def test_only_some_of_many_inputs_are_drawn(wide: xr.DataTree) -> None:
     tree["runs/monte_carlo"] = xr.DataTree(runs.assign(status=("run", 2 * lost.astype(np.int8))))
     _, chart, _ = failures(ArchiveView(tree, ""))
     assert isinstance(chart, Chart)
-    assert chart.y.rows[0] == "heat_transfer_in_layer_x"
+    assert chart.y.rows[0] == "heat transfer in layer x"
     assert len(chart.y.rows) == 15
     assert chart.notes[-1] == "9 more inputs are in the table."
     assert len(chart.tables[0].rows) == 24
