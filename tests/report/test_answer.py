@@ -161,7 +161,9 @@ def test_of_several_models_the_differences_stand_first(
     assert any(text.startswith("How erosion ends: “v = u” in 63.0 % of cases") for text in first)
     assert any(text.startswith("How erosion ends: “rigid” in 100.0 % of cases") for text in other)
     # Of a length that never changes there is no median to read.
-    assert any(text.startswith("Length of projectile left is 16 cm in every run") for text in other)
+    assert any(
+        text.startswith("Length of projectile left is 0.16 m in every run") for text in other
+    )
 
 
 @pytest.mark.parametrize(

@@ -61,6 +61,16 @@ def test_a_study_can_write_its_report_at_once(
     assert (tmp_path / "later.html").read_bytes() == at_once
 
 
+def test_a_full_page_is_asked_for(command_line: Command, study: Path, tmp_path: Path) -> None:
+    command_line("study", "sum.toml")
+    command_line("report", "archives/sum.nc", "-o", "short.html")
+    done = command_line("report", "archives/sum.nc", "--full", "-o", "full.html")
+    assert (done.code, done.out) == (0, "report: full.html\n")
+    short, full = ((tmp_path / f"{name}.html").read_text() for name in ("short", "full"))
+    assert '<details class="part">' in short
+    assert '<details class="part" open>' in full
+
+
 class TestMistakes:
     def test_the_archive_is_not_overwritten(
         self, command_line: Command, archives: dict[str, xr.DataTree], tmp_path: Path

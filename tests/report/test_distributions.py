@@ -11,9 +11,9 @@ import xarray as xr
 
 import uqpen
 from uqpen.core.status import Status
-from uqpen.report.blocks import Block, Chart, Heading, Table, find_charts
+from uqpen.report.blocks import Block, Chart, Charts, Fold, Heading, Table, find_charts
 from uqpen.report.sections.distributions import distributions
-from uqpen.report.sections.model_comparison import model_comparison
+from uqpen.report.sections.model_comparison import model_chart, model_comparison
 from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.intervals import dkw_half_width
 from uqpen.study.study import ValidatedStudy
@@ -94,7 +94,7 @@ class TestTheThreshold:
 
 
 def test_the_tail_is_drawn_run_by_run(archives: Archives, beam: list[Block]) -> None:
-    tail = list(find_charts(beam))[2]
+    _, tail = find_charts(beam)
     assert tail.title == "Probability that deflection is more than x"
     values = deflections(archives["beam"])
     drawn = next(trace for trace in tail.traces if trace.get("name") == "only")
@@ -129,8 +129,26 @@ def test_an_axis_that_cuts_the_tail_off_says_how_far_it_goes(
     assert cdf.notes[-1].endswith(f"The largest of 400 runs is {largest:.4g}.")
 
 
+def test_only_the_leading_curve_is_drawn_and_the_others_on_demand(concrete: xr.DataTree) -> None:
+    _, first, _, fold, _ = distributions(ArchiveView(concrete, ""))
+    assert isinstance(first, Charts)
+    lines = [trace["name"] for trace in first.charts[0].traces if trace.get("name")]
+    assert lines == ["monte_carlo"]
+    assert isinstance(fold, Fold)
+    (every,) = find_charts(fold.blocks)
+    assert every.reading is None
+    assert [trace["name"] for trace in every.traces if trace.get("name")] == [
+        "monte_carlo",
+        "latin_hypercube",
+        "sobol_sequence",
+        "sobol_indices",
+        "training",
+        "polynomial_chaos",
+    ]
+
+
 def test_what_is_lost_is_told_with_the_curves(beam: list[Block]) -> None:
-    cdf, _, tail = find_charts(beam)
+    cdf, tail = find_charts(beam)
     note = (
         "The curve uses the completed runs; 18.3 % of the admissible runs failed. A band includes "
         "every result that they could have had."
@@ -148,10 +166,10 @@ class TestThresholdsFarAway:
         return list(find_charts(distributions(ArchiveView(tree, ""))))
 
     def test_the_tail_can_be_seen_all_the_same(self, told: list[Chart]) -> None:
-        (asked,) = (trace for trace in told[2].traces if trace.get("name") == "requested")
+        (asked,) = (trace for trace in told[1].traces if trace.get("name") == "requested")
         assert asked["x"] == [1.5]
-        assert told[2].notes[-1] == "In the table only: P(> 1e9), P(> -1e9)."
-        assert [label for label, _ in told[2].tables[0].rows] == [
+        assert told[1].notes[-1] == "In the table only: P(> 1e9), P(> -1e9)."
+        assert [label for label, _ in told[1].tables[0].rows] == [
             "P(> 1e9)",
             "P(> 1.5)",
             "P(> -1e9)",
@@ -168,9 +186,8 @@ def test_of_whole_numbers_the_function_reaches_whole_numbers(
 ) -> None:
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 40'
     tree = uqpen.run(study_of("(3 * a) // 1 + 0 * b", text, a=(0.0, 1.0), b=(0.0, 1.0)))
-    cdf, bins, _ = find_charts(distributions(ArchiveView(tree, "")))
+    cdf, _ = find_charts(distributions(ArchiveView(tree, "")))
     assert "rises from 5 % at 0 through one half at 1 to 95 % at 2." in cdf.summary
-    assert bins.title == "40 runs of some"
 
 
 def test_quantiles_have_the_intervals_that_the_archive_gives_them(
@@ -193,18 +210,18 @@ def test_an_output_that_is_the_same_in_all_runs_has_no_tail(
     study_of: Callable[..., ValidatedStudy],
 ) -> None:
     blocks = list(distributions(ArchiveView(uqpen.run(study_of("0 * a + 2", a=(0, 1))), "")))
-    assert [chart.title for chart in find_charts(blocks)] == [
-        "Probability that y is at most x",
-        "10 runs of some",
-    ]
+    assert [chart.title for chart in find_charts(blocks)] == ["Probability that y is at most x"]
 
 
 class TestSeveralModels:
     def test_their_functions_and_differences_stand_together(self, archives: Archives) -> None:
-        blocks = list(model_comparison(ArchiveView(archives["rods"], "original")))
+        view = ArchiveView(archives["rods"], "original")
+        blocks = list(model_comparison(view))
         headings = [block.text for block in blocks if isinstance(block, Heading)]
-        assert headings[0] == "depth of penetration (penetration_depth)"
-        depth = next(find_charts(blocks))
+        # The depth stands with the main results.
+        assert headings[0] == "length of projectile left (projectile_residue)"
+        depth = model_chart(view, "penetration_depth", "latin")
+        assert depth is not None
         assert [key.text for key in depth.keys] == ["original", "smoothed", "rigid"]
         assert "By rigid, the median is 102.5 cm." in depth.summary
         depths = archives["rods"]["models/rigid/runs/latin"]["penetration_depth"].values

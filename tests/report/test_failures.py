@@ -10,7 +10,7 @@ import xarray as xr
 import uqpen
 from uqpen.archive.estimates import pack
 from uqpen.archive.read import read_group
-from uqpen.report.blocks import Chart, Table, Text
+from uqpen.report.blocks import Block, Chart, Fold, Table, Text
 from uqpen.report.sections.failures import failures
 from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics.failure_analysis import failure_analysis
@@ -18,11 +18,17 @@ from uqpen.statistics.sample import Sample
 from uqpen.study.study import ValidatedStudy
 
 
+def _folded(block: Block) -> tuple[Block, ...]:
+    assert isinstance(block, Fold)
+    return block.blocks
+
+
 def test_losses_are_told_by_reason_and_design(archives: Mapping[str, xr.DataTree]) -> None:
-    table, chances, places = failures(ArchiveView(archives["beam"], ""))
+    table, places, fold = failures(ArchiveView(archives["beam"], ""))
     assert isinstance(table, Table)
     assert table.table.columns == ["only\nof 120 runs"]
     assert table.table.rows == [("failed: ValueError: too heavy", ["22"])]
+    (chances,) = _folded(fold)
     assert isinstance(chances, Chart)
     assert chances.summary == "only: failed 18.3 % (11.9 % to 26.4 %)."
     assert chances.y.rows == ("only",)
@@ -41,7 +47,7 @@ def test_losses_are_told_by_reason_and_design(archives: Mapping[str, xr.DataTree
 
 
 def test_inputs_that_go_with_losses_are_drawn(archives: Mapping[str, xr.DataTree]) -> None:
-    *_, chart = failures(ArchiveView(archives["beam"], ""))
+    _, chart, _ = failures(ArchiveView(archives["beam"], ""))
     assert isinstance(chart, Chart)
     assert chart.title == "Inputs associated with the failed runs of only"
     assert chart.y.rows == ("load", "span")
@@ -61,7 +67,7 @@ def test_inputs_that_go_with_losses_are_drawn(archives: Mapping[str, xr.DataTree
 
 
 def test_where_all_are_lost_no_input_goes_with_it(archives: Mapping[str, xr.DataTree]) -> None:
-    table, _, places = failures(ArchiveView(archives["lost"], ""))
+    table, places, _ = failures(ArchiveView(archives["lost"], ""))
     assert isinstance(table, Table)
     assert table.table.rows == [("failed: ValueError: too heavy", ["120"])]
     assert isinstance(places, Table)
@@ -81,7 +87,8 @@ def test_what_is_no_sample_has_a_share_without_an_interval(
 ) -> None:
     text = '[designs.some]\nkind = "quadrature"\norder = 3'
     tree = uqpen.run(study_of("np.where(a > 0.9, np.nan, a)", text, a=(0.0, 1.0)))
-    _, chart = list(failures(ArchiveView(tree, "")))[:2]
+    *_, fold = failures(ArchiveView(tree, ""))
+    (chart,) = _folded(fold)
     assert isinstance(chart, Chart)
     (table,) = chart.tables
     assert table.rows == [("some", ["0.25 ¹"])]
@@ -130,9 +137,9 @@ def test_only_some_of_many_inputs_are_drawn(wide: xr.DataTree) -> None:
     tree = wide.copy()
     tree["failures/monte_carlo"] = xr.DataTree(_where_lost(runs, lost))
     tree["runs/monte_carlo"] = xr.DataTree(runs.assign(status=("run", 2 * lost.astype(np.int8))))
-    *_, chart = failures(ArchiveView(tree, ""))
+    _, chart, _ = failures(ArchiveView(tree, ""))
     assert isinstance(chart, Chart)
-    assert chart.y.rows[0] == "heat_transfer_in_layer_x"
+    assert chart.y.rows[0] == "heat transfer in layer x"
     assert len(chart.y.rows) == 15
     assert chart.notes[-1] == "9 more inputs are in the table."
     assert len(chart.tables[0].rows) == 24

@@ -141,7 +141,22 @@ def test_outputs_stand_below_the_model_that_they_are_of(
     found = re.findall(r"<h([34])[^>]*>(.*?)</h", section)
     models = [text for level, text in found if level == "3"]
     assert models == ["original", "smoothed", "rigid"]
+    assert section.count("<details><summary><h3>") == 3
     assert found[1] == ("4", "depth of penetration (penetration_depth)")
+
+
+class TestFolding:
+    def test_parts_for_a_statistician_are_folded(self, page_of: PageOf) -> None:
+        text = page_of("schema_2")
+        folded = re.findall(r'<section id="(\w+)"[^>]*>\s*<details class="part">', text)
+        named = [name for name, section in SECTIONS.items() if section.is_folded]
+        assert folded == [name for name in named if f'<section id="{name}"' in text]
+        assert {"convergence", "surrogates", "archive"} <= {*folded}
+
+    def test_a_full_page_has_everything_open(self, archives: Archives) -> None:
+        text = _own(report_page(archives["schema_2"], full=True))
+        assert re.findall(r"<details(?![^>]* open>)[^>]*>", text) == []
+        assert 'class="screen"' not in text
 
 
 class TestBytes:

@@ -9,8 +9,9 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.report.blocks import Charts
+from uqpen.report.blocks import Charts, Fold
 from uqpen.report.chart_json import charts_json
+from uqpen.report.sections.drivers import input_order
 from uqpen.report.sections.scatter import scatter
 from uqpen.results.archive_view import ArchiveView
 
@@ -20,7 +21,12 @@ Archives = dict[str, xr.DataTree]
 
 
 def groups(tree: xr.DataTree, model: str = "") -> list[Charts]:
-    return [block for block in scatter(ArchiveView(tree, model)) if isinstance(block, Charts)]
+    found = [
+        each
+        for block in scatter(ArchiveView(tree, model))
+        for each in (block.blocks if isinstance(block, Fold) else [block])
+    ]
+    return [block for block in found if isinstance(block, Charts)]
 
 
 def test_runs_stand_where_the_archive_has_them(archives: Archives) -> None:
@@ -28,7 +34,7 @@ def test_runs_stand_where_the_archive_has_them(archives: Archives) -> None:
     runs = archives["beam"]["runs/only"]
     is_ok = runs["status"].values == 0
     first, second = group.charts
-    assert [first.title, second.title] == ["against load", "against span"]
+    assert [first.title, second.title] == ["deflection against load", "deflection against span"]
     came_back, lost = first.traces
     np.testing.assert_allclose(came_back["x"], runs["load"].values[is_ok] / 1e3, rtol=1e-4)
     np.testing.assert_allclose(came_back["y"], 1e3 * runs["deflection"].values[is_ok], rtol=1e-4)
@@ -72,9 +78,14 @@ def test_many_runs_are_thinned_and_many_inputs_chosen(study_of: Any) -> None:
     inputs = {f"x{number:02}": (0, 1) for number in range(30)}
     body = " + ".join(f"{number} * {name}" for number, name in enumerate(inputs))
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 1000'
-    (group,) = groups(uqpen.run(study_of(body, text, **inputs)))
+    tree = uqpen.run(study_of(body, text, **inputs))
+    (group,) = groups(tree)
     assert len(group.charts) == 24
-    assert "against x29" in [chart.title for chart in group.charts]
+    # The most important inputs first.
+    ranked = input_order(ArchiveView(tree, ""), "y")
+    titles = [chart.title for chart in group.charts]
+    assert titles == [f"y against {name}" for name in ranked if f"y against {name}" in titles]
+    assert "y against x29" in titles
     assert len(group.charts[0].traces[0]["x"]) == 400
     assert group.notes == (
         "Runs of some in the charts: 400 of 1\u202f000 completed.",

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.report.blocks import Block, Chart, Table, find_charts
+from uqpen.report.blocks import Block, Chart, Fold, Table, find_charts
 from uqpen.report.sections.sensitivity import sensitivity
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
@@ -126,7 +126,9 @@ def test_kinds_of_which_the_same_is_told_share_a_chart(archives: Archives) -> No
 
 
 def test_what_has_no_chart_is_folded_and_nothing_is_told_without_runs(archives: Archives) -> None:
-    tables = [block for block in blocks(archives["beam"]) if isinstance(block, Table)]
+    *_, fold = blocks(archives["beam"])
+    assert isinstance(fold, Fold)
+    tables = [block for block in fold.blocks if isinstance(block, Table)]
     assert [table.table.title for table in tables] == [
         "deflection: shares of its logarithm's variance",
         "deflection: association with its inputs",

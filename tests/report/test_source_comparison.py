@@ -10,7 +10,7 @@ import xarray as xr
 
 import uqpen
 from uqpen.report.axes import logarithmic_axis
-from uqpen.report.blocks import Block, Chart, Charts, Heading, Table, Text
+from uqpen.report.blocks import Block, Chart, Charts, Fold, Heading, Table, Text
 from uqpen.report.chart_json import charts_json
 from uqpen.report.sections.source_comparison import source_comparison
 from uqpen.results.archive_view import ArchiveView
@@ -28,8 +28,17 @@ def told(concrete: xr.DataTree) -> list[Block]:
     return list(source_comparison(ArchiveView(concrete, "")))
 
 
+def flat(blocks: Iterable[Block]) -> list[Block]:
+    """All blocks, with those of folded parts in their places."""
+    return [
+        each
+        for block in blocks
+        for each in (flat(block.blocks) if isinstance(block, Fold) else [block])
+    ]
+
+
 def groups(blocks: Iterable[Block]) -> list[Charts]:
-    return [block for block in blocks if isinstance(block, Charts)]
+    return [block for block in flat(blocks) if isinstance(block, Charts)]
 
 
 def chart(charts: Charts, title: str) -> Chart:
@@ -38,30 +47,25 @@ def chart(charts: Charts, title: str) -> Chart:
 
 def test_each_statistic_has_a_chart_with_a_row_for_each_source(told: list[Block]) -> None:
     assert told[0] == Heading("depth of penetration (penetration_depth)")
-    side_by_side = groups(told)[0]
-    assert [each.title for each in side_by_side.charts] == [
-        "mean",
-        "sd",
-        "5 % quantile",
-        "median",
-        "95 % quantile",
-        "P(> 60 cm)",
-    ]
-    for each in side_by_side.charts:
+    assert [type(block) for block in told] == [Heading, Charts, Fold, Fold]
+    side_by_side, others = groups(told)[:2]
+    assert [each.title for each in side_by_side.charts] == ["mean", "median", "P(> 60 cm)"]
+    assert [each.title for each in others.charts] == ["sd", "5 % quantile", "95 % quantile"]
+    for each in (*side_by_side.charts, *others.charts):
         assert each.y.rows == (*SOURCES, "polynomial_chaos", "report")
     assert chart(side_by_side, "mean").x.title == "mean [m]"
     assert chart(side_by_side, "P(> 60 cm)").x.title == "P(> 60 cm)"
     assert side_by_side.notes == ("Bars: 95 % intervals.",)
-    (table,) = side_by_side.tables
+    table = next(block.table for block in flat(told) if isinstance(block, Table))
     assert table.title == "penetration_depth [m]"
     assert table.rows[0] == ("runs", ["400", "400", "256", "384", "80", "480", "–"])
 
 
 def test_dots_are_the_archives_figures(concrete: xr.DataTree, told: list[Block]) -> None:
-    side_by_side = groups(told)[0]
-    for title, name in (("mean", "mean"), ("sd", "std")):
-        traces = chart(side_by_side, title).traces
-        assert [trace["name"] for trace in traces][:7] == list(chart(side_by_side, title).y.rows)
+    main, others = groups(told)[:2]
+    for group, title, name in ((main, "mean", "mean"), (others, "sd", "std")):
+        traces = chart(group, title).traces
+        assert [trace["name"] for trace in traces][:7] == list(chart(group, title).y.rows)
         for row, trace in enumerate(traces[:7]):
             estimate, lower, upper = concrete["statistics"][trace["name"]]["penetration_depth"][
                 name
@@ -75,22 +79,25 @@ def test_dots_are_the_archives_figures(concrete: xr.DataTree, told: list[Block])
             else:
                 assert (left, right) == ("none", "none")
             assert symbol.endswith("-open") == bool(np.isnan(lower))
-    table = dict(side_by_side.tables[0].rows)
-    hover = chart(side_by_side, "mean").traces[0]["text"][0]
+    (shown, *_) = (block.table for block in flat(told) if isinstance(block, Table))
+    table = dict(shown.rows)
+    hover = chart(main, "mean").traces[0]["text"][0]
     assert hover.split(" ¹")[0] == f"monte_carlo {table['mean'][0].split(' ¹')[0]} m"
 
 
 def test_a_refused_figure_is_crossed_out(archives: Archives) -> None:
-    side_by_side = groups(source_comparison(ArchiveView(archives["schema_2"], "")))[0]
-    assert [(key.text, key.mark) for key in side_by_side.keys] == [
+    blocks = flat(source_comparison(ArchiveView(archives["schema_2"], "")))
+    side_by_side, others = groups(blocks)[:2]
+    keys = [(key.text, key.mark) for key in others.keys]
+    assert keys == [
         ("no interval", "circle-open"),
         ("crossed out: refused, as independent runs contradict it", "x"),
     ]
-    rows = dict(side_by_side.tables[0].rows)
-    columns = side_by_side.tables[0].columns
-    for each in side_by_side.charts:
+    table = next(block.table for block in blocks if isinstance(block, Table))
+    rows = dict(table.rows)
+    for each in (*side_by_side.charts, *others.charts):
         crossed = [trace for trace in each.traces if trace["name"] == "refused"]
-        refused = ["refused" in rows[each.title][columns.index("chaos")]]
+        refused = ["refused" in rows[each.title][table.columns.index("chaos")]]
         assert [True] * len(crossed) == [one for one in refused if one]
         for trace in crossed:
             assert trace["marker"]["symbol"] == "x-thin-open"
@@ -101,7 +108,7 @@ def test_a_refused_figure_is_crossed_out(archives: Archives) -> None:
 
 
 def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> None:
-    widths = groups(told)[1]
+    widths = groups(told)[2]
     assert [each.title for each in widths.charts] == [
         "Width of the interval: mean",
         "Width of the interval: median",
@@ -127,7 +134,7 @@ def test_widths_stand_against_runs(concrete: xr.DataTree, told: list[Block]) -> 
 def test_a_table_says_how_many_draws_give_as_narrow_an_interval(
     concrete: xr.DataTree, told: list[Block]
 ) -> None:
-    table = next(block.table for block in told if isinstance(block, Table))
+    _, table, *_ = (block.table for block in flat(told) if isinstance(block, Table))
     assert (
         table.title
         == "Cost of an interval: its half-width, and the independent draws needed for it"
@@ -171,8 +178,8 @@ def test_widths_need_no_independent_draws_but_their_costs_do(archives: Archives)
         }
     )
     blocks = list(source_comparison(ArchiveView(without, "")))
-    assert [type(block) for block in blocks] == [Heading, Charts, Charts]
-    assert [trace["name"] for trace in groups(blocks)[1].charts[0].traces] == [
+    assert [type(block) for block in blocks] == [Heading, Charts, Fold]
+    assert [trace["name"] for trace in groups(blocks)[2].charts[0].traces] == [
         "latin_hypercube",
         "blocks",
     ]
@@ -196,7 +203,7 @@ def test_of_many_outputs_the_last_have_tables_only(
             folder=folder,
         )
     )
-    blocks = list(source_comparison(ArchiveView(tree, "")))
+    blocks = flat(source_comparison(ArchiveView(tree, "")))
     assert sum(isinstance(block, Heading) for block in blocks) == 6
     *_, text, one, other = blocks
     assert text == Text("Without charts, as there are many outputs: y6, y7.")

@@ -244,9 +244,12 @@ def _model_blocks(
 
 
 def _below_model(block: Block) -> Block:
-    """Return a block with its heading, if it has one, below that of a model."""
-    if isinstance(block, Heading) or (isinstance(block, Fold) and block.level):
+    """Return a block with its headings, if it has any, below that of a model."""
+    if isinstance(block, Heading):
         return replace(block, level=4)
+    if isinstance(block, Fold):
+        level = 4 if block.level else 0
+        return replace(block, level=level, blocks=tuple(map(_below_model, block.blocks)))
     return block
 
 

@@ -109,7 +109,9 @@ function draw(plot, isPrinted = false) {
   plot.dataset.chosen = version;
   plot.dataset.shapes = JSON.stringify(chosenShapes(chart));
   const width = plot.clientWidth;
-  const set = { ...layout(style, chart, width), ...(isPrinted ? { width } : {}) };
+  // Paper is smaller, and so are its charts.
+  const size = { width, height: Math.round(0.8 * chart.height) };
+  const set = { ...layout(style, chart, width), ...(isPrinted ? size : {}) };
   Plotly.react(plot, tracesOf(style, chart), set, CONFIGURATION);
   if (chart.runs !== undefined) paint(plot, true);
 }
