@@ -32,7 +32,7 @@ def block_ranges(size: int) -> Iterator[tuple[int, int]]:
 
 
 class BlockedDataset(ABC):
-    """Dataset along ``run`` of which parts can be read; joined in order, its blocks are the whole.
+    """Dataset along ``run`` that can be read in parts; joined in order, its blocks are the whole.
 
     What it returns may be shared with others, and must not be written to.
     """
@@ -114,7 +114,7 @@ class LoadedDataset(BlockedRuns):
 
 
 def join_blocks(blocks: Iterable[xr.Dataset], size: int) -> xr.Dataset:
-    """Join consecutive blocks of runs, each of which is released when the next one is there.
+    """Join consecutive blocks of runs; each is released when the next one is there.
 
     Parameters
     ----------

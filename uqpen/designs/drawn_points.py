@@ -17,7 +17,7 @@ __all__ = ["DrawnPoints", "Points", "points_in_memory"]
 
 @dataclass(frozen=True, eq=False)
 class DrawnPoints(BlockedDataset):
-    """Points of a round, none of which is in memory before it is drawn.
+    """Points of a round that are in memory only where they have been drawn.
 
     Parameters
     ----------
