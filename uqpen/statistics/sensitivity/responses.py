@@ -174,16 +174,6 @@ class _Slopes:
         return self.is_central and abs(self.up - self.down) > _CURVED * larger
 
 
-def _input_note(described: Mapping[Any, Any]) -> str:
-    si = str(described.get("units", DIMENSIONLESS))
-    return _offset_note("input", si, str(described.get("display_units", si)))
-
-
-def _offset_note(of: str, si: str, unit: str) -> str:
-    """Return a note on relative changes of what is shown in a unit with an offset, if it is."""
-    return texts.OF_SI_VALUE.format(of=of, si=si, unit=unit) if scale(unit).offset else ""
-
-
 def _response(steps: _Steps) -> Estimate:
     if math.isnan(steps.nominal):
         return Estimate.without_bounds(math.nan, texts.NOMINAL_RUN_FAILED)
