@@ -231,3 +231,11 @@ class TestSeveralModels:
 
     def test_one_model_has_nothing_to_differ_from(self, archives: Archives) -> None:
         assert list(model_comparison(ArchiveView(archives["beam"], ""))) == []
+
+
+def test_a_legend_has_units_and_no_two_quantiles_have_the_same_line(beam: list[Block]) -> None:
+    bins = list(find_charts(beam))[1]
+    marked = [key for key in bins.keys if key.mark == "line"]
+    assert [key.text.split()[0] for key in marked] == ["mean", "5", "median", "95"]
+    assert all(key.text.rpartition(")")[2] == " mm" or key.text.endswith(" mm") for key in marked)
+    assert len({(key.series, key.dash) for key in marked}) == len(marked)

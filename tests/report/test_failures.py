@@ -57,8 +57,8 @@ def test_inputs_that_go_with_losses_are_drawn(archives: Mapping[str, xr.DataTree
     )
     # All lost runs have larger loads than the others, which no interval can be told of.
     larger, further = chart.traces
-    assert larger["marker"]["symbol"] == ["circle-open", "circle"]
-    assert further["marker"]["symbol"] == ["square", "square"]
+    assert larger["marker"]["symbol"] == ["pentagon-open", "pentagon"]
+    assert further["marker"]["symbol"] == ["cross", "cross"]
     assert chart.notes[-2:] == (
         "Bars: 95 % intervals.",
         "Hollow: no interval; the table gives the reason.",

@@ -18,10 +18,18 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.source_style import GREY, source_style
 from uqpen.results.table import identity
 
-__all__ = ["ASSOCIATIONS", "failed_run_counts", "failure_panels"]
+__all__ = [
+    "ASSOCIATIONS",
+    "ASSOCIATION_SLOTS",
+    "by_strength",
+    "failed_run_counts",
+    "failure_panels",
+]
 
 # The statistics of the inputs of failed runs, and their names in a legend.
 ASSOCIATIONS = (("larger", "larger"), ("further_out", "further out"))
+# Their places among colours and markers; those before are of the statuses of failed runs.
+ASSOCIATION_SLOTS = (5, 6)
 
 
 def failure_panels(view: ArchiveView) -> Iterator[Panel]:
@@ -36,10 +44,18 @@ def failure_panels(view: ArchiveView) -> Iterator[Panel]:
         failures = view.statistics.failures(design)
         associations = {name: failures[name] for name, _ in ASSOCIATIONS if name in failures}
         if any(np.isfinite(each.values[:, 0]).any() for each in associations.values()):
+            associations = by_strength(associations)
             inputs = tuple(map(str, next(iter(associations.values()))[INPUT].values))
             title = view.title(f"{design}: inputs of failed runs")
             height = 0.9 + 0.3 * len(inputs)
             yield Panel(title, partial(_draw_associations, associations), height, inputs)
+
+
+def by_strength(associations: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
+    """Return associations along ``input``, that of the strongest input first."""
+    strengths = [np.nan_to_num(np.abs(a.values[:, 0] - 0.5)) for a in associations.values()]
+    order = np.argsort(-np.max(strengths, axis=0), kind="stable")
+    return {name: array[{INPUT: order}] for name, array in associations.items()}
 
 
 def failed_run_counts(view: ArchiveView, design: str) -> dict[Status, int]:
@@ -77,7 +93,8 @@ def _draw_associations(associations: Mapping[str, xr.DataArray], axes: Axes) -> 
     for number, (name, label) in enumerate(ASSOCIATIONS):
         for row, chance in enumerate(associations.get(name, ())):
             if np.isfinite(chance.values[0]):
-                place, style = row + 0.3 * (number - 0.5), source_style(number)
+                place = row + 0.3 * (number - 0.5)
+                style = source_style(ASSOCIATION_SLOTS[number])
                 legend = "" if row else label
                 dots.append(EstimateDot.from_array(chance, identity, place, style, legend))
     axes.set(xlabel="P(failed run's input is so)", xlim=(-0.02, 1.02))

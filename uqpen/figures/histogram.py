@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -26,11 +26,12 @@ __all__ = ["bin_values", "histogram", "marked_estimates"]
 _MOST_BINS, _FEWEST_BINS = 70, 8
 # A bin's opacity and that of an interval's shade, which is seen on top of it.
 _LIGHT, _SHADE = 0.45, 0.2
-# Colours and dashes of the lines at marked estimates; other lines are dotted.
+# Colours and dashes of the lines at marked estimates, and in turn dashes of the other lines.
 _LINES: dict[str, tuple[str, object]] = {
     "mean": (VERMILION, (0, (5, 1.5))),
     "median": (BLACK, "-"),
 }
+_OTHER_DASHES = ((0, (1, 1.2)), (0, (6, 1.5, 1, 1.5)), (0, (1, 3)), (0, (8, 2)))
 
 
 def histogram(view: ArchiveView) -> Iterator[Panel]:
@@ -74,7 +75,11 @@ def _draw(
         yield f"{output}: {grouped_number(outside)} runs lie outside of the axis"
     marks = list(marked_estimates(view, output, design))
     convert = view.scale(output).from_si
-    lacks = [_mark(axes, name, convert(estimate.values)) for name, estimate in marks]
+    styles = _line_styles([name for name, _ in marks])
+    lacks = [
+        _mark(axes, name, convert(estimate.values), style)
+        for (name, estimate), style in zip(marks, styles, strict=True)
+    ]
     levels = {each.attrs[INTERVAL_LEVEL] for _, each in marks if INTERVAL_LEVEL in each.attrs}
     if not all(lacks) and levels:
         yield f"shades: {percent_text(max(levels))} intervals of what the lines mark"
@@ -93,9 +98,18 @@ def marked_estimates(
         yield quantile_label(quantile[PROBABILITY].item()), quantile
 
 
-def _mark(axes: Axes, name: str, bounds: FloatArray) -> str:
+def _line_styles(names: Sequence[str]) -> list[tuple[str, object]]:
+    """Return colour and dashes of the line of each estimate; no two quantiles look the same."""
+    others = [name for name in names if name not in _LINES]
+    return [
+        _LINES.get(name) or (BLACK, _OTHER_DASHES[others.index(name) % len(_OTHER_DASHES)])
+        for name in names
+    ]
+
+
+def _mark(axes: Axes, name: str, bounds: FloatArray, style: tuple[str, object]) -> str:
     """Draw a line at an estimate and shade its interval; return its name if it has none."""
-    colour, line = _LINES.get(name, (BLACK, (0, (1, 1.2))))
+    colour, line = style
     axes.axvline(bounds[0], color=colour, linestyle=line, linewidth=1.2, label=plain_text(name))
     if not np.isfinite(bounds[1:]).all():
         return name

@@ -108,7 +108,7 @@ def _vertical_positions(axes: Axes, view: ArchiveView, output: str, runs: xr.Dat
         return heights
     kinds = category_labels(runs[output])
     axes.set_yticks(range(len(kinds)), [plain_text(label, 20) for label in kinds.values()])
-    axes.set_ylim(-0.6, len(kinds) - 0.4)
+    axes.set_ylim(len(kinds) - 0.4, -0.6)  # the first on top, as on the page
     return jitter(runs[output].values, kinds)
 
 

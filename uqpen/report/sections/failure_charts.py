@@ -11,7 +11,12 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INPUT, RUN, RUNS
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution import status_counts
-from uqpen.figures.failure_panels import ASSOCIATIONS, failed_run_counts
+from uqpen.figures.failure_panels import (
+    ASSOCIATION_SLOTS,
+    ASSOCIATIONS,
+    by_strength,
+    failed_run_counts,
+)
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.counting import percent_texts
 from uqpen.report.marks import Trace, dot_trace, series_marker
@@ -130,16 +135,14 @@ def failure_association_chart(view: ArchiveView, design: str, table: OutputTable
 
     The table has the numbers behind it. None without an estimate.
     """
-    associations = view.statistics.failures(design)
-    bounds = np.stack([associations[name].values for name, _ in ASSOCIATIONS])
+    found = view.statistics.failures(design)
+    associations = by_strength({name: found[name] for name, _ in ASSOCIATIONS})
+    bounds = np.stack([each.values[:_MOST_INPUTS] for each in associations.values()])
     if not np.isfinite(bounds[..., 0]).any():
         return None
-    strength = np.nan_to_num(np.abs(bounds[..., 0] - 0.5)).max(axis=0)
-    order = np.argsort(-strength, kind="stable")
-    bounds = bounds[:, order[:_MOST_INPUTS]]
-    names = associations["larger"][INPUT].values[order[:_MOST_INPUTS]]
+    names = associations["larger"][INPUT].values[:_MOST_INPUTS]
     rows = tuple(input_label(view, str(name)) for name in names)
-    left_out = len(order) - len(rows)
+    left_out = associations["larger"].sizes[INPUT] - len(rows)
     strongest = (
         f"P({label}) {estimate_text(*each)}"
         for (_, label), each in zip(ASSOCIATIONS, bounds[:, 0], strict=True)
@@ -152,7 +155,8 @@ def failure_association_chart(view: ArchiveView, design: str, table: OutputTable
         traces=tuple(_measure_traces(rows, bounds)),
         shapes=(vertical_line(0.5, "quiet", "dot"),),
         keys=tuple(
-            LegendKey(label, n, series_marker(n)) for n, (_, label) in enumerate(ASSOCIATIONS)
+            LegendKey(label, slot, series_marker(slot))
+            for slot, (_, label) in zip(ASSOCIATION_SLOTS, ASSOCIATIONS, strict=True)
         ),
         notes=(
             "Larger: the input is larger in a failed run than in a completed one. Further out: it "
@@ -174,5 +178,6 @@ def _measure_traces(rows: Sequence[str], bounds: FloatArray) -> Iterator[Trace]:
             for row, each in zip(rows, bounds[number], strict=True)
         ]
         places = np.arange(len(rows), dtype=np.float64) + 0.3 * (number - 0.5)
-        marker = series_marker(number)
-        yield dot_trace(bounds[number], places, number, hovers=hovers, name=label, marker=marker)
+        slot = ASSOCIATION_SLOTS[number]
+        marker = series_marker(slot)
+        yield dot_trace(bounds[number], places, slot, hovers=hovers, name=label, marker=marker)

@@ -21,6 +21,9 @@ from uqpen.results.texts import capitalized, unit_suffix
 
 __all__ = ["histogram", "shares"]
 
+# Dashes of the lines at marked estimates, and in turn of those at other quantiles.
+_DASHES = {"mean": "dash", "median": "solid"}
+_OTHER_DASHES = ("dot", "dashdot", "2px,5px", "longdash")
 _HOVER = "%{customdata[0]} … %{customdata[1]}<br>%{y} runs"
 
 
@@ -63,16 +66,19 @@ def _estimate_marks(
     shapes: list[Shape] = []
     keys: list[LegendKey] = []
     lacks: list[str] = []
+    others = 0
     for name, estimate in marked:
         bounds = view.scale(output).from_si(estimate.values)
-        series, dash = (1, "dash") if name == "mean" else ("ink", "solid")
-        dash = "dot" if series == "ink" and name != "median" else dash
+        series: int | str = 1 if name == "mean" else "ink"
+        dash = _DASHES.get(name) or _OTHER_DASHES[others % len(_OTHER_DASHES)]
+        others += name not in _DASHES
         if np.isfinite(bounds[1:]).all():
             shapes.append(shaded_interval(float(bounds[1]), float(bounds[2]), series))
         else:
             lacks.append(name)
         shapes.append(vertical_line(float(bounds[0]), series, dash))
-        keys.append(LegendKey(f"{name} {estimate_text(*bounds)}", series, "line", dash))
+        text = f"{name} {estimate_text(*bounds)}{unit_suffix(view.unit(output))}"
+        keys.append(LegendKey(text, series, "line", dash))
     return shapes, keys, lacks
 
 
