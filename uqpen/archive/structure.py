@@ -19,7 +19,7 @@ from uqpen.archive.layout import (
     has_kind,
 )
 from uqpen.archive.tree import model_trees
-from uqpen.core.catalogue import FAILURE_STATISTICS
+from uqpen.core.catalogue import FAILURE_STATISTICS, JOINT_STATISTICS
 from uqpen.core.labels import (
     BENCHMARK,
     BOUND,
@@ -27,6 +27,7 @@ from uqpen.core.labels import (
     FAILED_RUN,
     FAILURE_REASON,
     FAILURES_GROUP,
+    JOINT_GROUP,
     KIND,
     MODELS,
     RUN,
@@ -117,6 +118,9 @@ def _model_faults(tree: xr.DataTree) -> Iterator[str]:
     for name, child in _children(tree, FAILURES_GROUP):
         for fault in find_dataset_faults(child.to_dataset(inherit=False), FAILURE_STATISTICS):
             yield f"/{FAILURES_GROUP}/{name}: {fault}"
+    for name, child in _children(tree, JOINT_GROUP):
+        for fault in find_dataset_faults(child.to_dataset(inherit=False), JOINT_STATISTICS):
+            yield f"/{JOINT_GROUP}/{name}: {fault}"
     for name, surrogate in _children(tree, SURROGATES):
         yield from (f"/{SURROGATES}/{name}: {fault}" for fault in _surrogate_faults(surrogate))
 

@@ -29,8 +29,10 @@ __all__ = [
     "CATEGORY",
     "CONTENT_LEVEL",
     "DIMENSIONS",
+    "EVENT",
     "FAILURE_STATISTICS",
     "INTERVAL_CONTENT",
+    "JOINT_STATISTICS",
     "LOWER_CONTENT",
     "LOWER_THRESHOLD",
     "NAMES_IN_USE",
@@ -55,6 +57,8 @@ THRESHOLD = "threshold"
 # A threshold to lie below; the thresholds to exceed may be others.
 LOWER_THRESHOLD = "lower_threshold"
 CATEGORY = "category"
+# An event of several outputs.
+EVENT = "event"
 PERCENT = "percent"
 RUNS_SO_FAR = "runs_so_far"
 
@@ -100,6 +104,11 @@ DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
             for name in (THRESHOLD, LOWER_THRESHOLD)
         },
         CATEGORY: DimensionLabels("text", {"category_label": "text"}),
+        EVENT: DimensionLabels(
+            "text",
+            {"event_condition": "text"},
+            {"event_at_most": "number", "event_at_least": "number"},
+        ),
         RANK: DimensionLabels("number"),
         PERCENT: DimensionLabels("number"),
         RUNS_SO_FAR: DimensionLabels("count"),
@@ -252,3 +261,8 @@ CATALOGUE = _by_name(_STATISTICS)
 
 # Statistics of a design's runs as a whole, of no output in particular.
 FAILURE_STATISTICS = _by_name(_FAILURE_STATISTICS)
+
+# Statistics of a design's runs that concern several outputs.
+JOINT_STATISTICS = _by_name(
+    [Statistic("joint_probability", "probability of an event of several outputs", (EVENT,))]
+)

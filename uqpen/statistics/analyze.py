@@ -29,7 +29,7 @@ from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample, input_sample
 
-__all__ = ["OutputStatistics", "analyze", "analyze_failures", "in_catalogue_order"]
+__all__ = ["OutputStatistics", "analyze", "analyze_failures", "in_catalogue_order", "run_counts"]
 
 Analysis = Callable[..., Iterable[tuple[str, xr.DataArray]]]
 # Estimate arrays by the names of their statistics.
@@ -74,12 +74,12 @@ def analyze(
                 for name, sample in Sample.several_from_runs(drawn, list(found)).items()
             }
             analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.coords)
-            _run_analyses(analyses, quantities, samples, _run_counts(drawn), found)
+            _run_analyses(analyses, quantities, samples, run_counts(drawn), found)
         # A design that is made for a statistic estimates it better than its sample does.
         own = _select(ANALYSES_OF_DESIGNS.get(sampling, {}), only)
-        _run_analyses(own, quantities, dict.fromkeys(found, runs), _run_counts(runs), found)
+        _run_analyses(own, quantities, dict.fromkeys(found, runs), run_counts(runs), found)
         if sampling.is_sample and outside:
-            counts = _run_counts(drawn)
+            counts = run_counts(drawn)
             for quantity in (each for each in quantities if not each.output.dims):
                 name = quantity.output.name
                 added = outside_statistics(outside, samples[name], quantity, found[name])
@@ -104,10 +104,10 @@ def analyze_failures(runs: xr.Dataset, level: float = LEVEL) -> OutputStatistics
         `failure_analysis`, where runs failed.
     """
     found: OutputStatistics = {}
-    counts = _run_counts(runs)
+    counts = run_counts(runs)
     if Sampling(runs.attrs[SAMPLING]).is_sample:
         drawn = input_sample(runs)
-        counts_of_sample = _run_counts(drawn)
+        counts_of_sample = run_counts(drawn)
         found["probability"] = status_probabilities(drawn, level).assign_attrs(counts_of_sample)
     analysis = unweighted(failure_analysis) if WEIGHT in runs.coords else failure_analysis
     for name, array in analysis(replace(Sample.from_runs(runs, STATUS), level=level)):
@@ -156,7 +156,7 @@ def _run_analyses(
                 found[name][statistic] = array.assign_attrs(attributes)
 
 
-def _run_counts(runs: xr.Dataset) -> dict[str, int | str]:
+def run_counts(runs: xr.Dataset) -> dict[str, int | str]:
     """Return the counts of the runs of a statistic, as attributes."""
     counts = status_counts(runs)
     failed = {status: count for status, count in counts.items() if count and status}

@@ -13,6 +13,7 @@ from uqpen.execution import status_counts
 from uqpen.report.blocks import Block, Quote, Remarks, Text
 from uqpen.report.counting import count_text
 from uqpen.report.sections.caveats import caveats
+from uqpen.report.sections.joint_sentences import joint_sentences
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.quoted_statistics import (
     QuotedStatistic,
@@ -50,6 +51,8 @@ def answer(view: ArchiveView) -> Iterator[Block]:
     ]
     for entry in shown:
         yield Quote(entry.sentences)
+    if joint := tuple(joint_sentences(view, design)):
+        yield Quote(joint)
     if left_out := _omissions_note(shown, len(outputs) - _MOST_OUTPUTS):
         yield Text(left_out)
     yield Text(_origin_sentence(view, design))

@@ -25,7 +25,7 @@ from uqpen.results.digits import percent_text
 from uqpen.results.table import estimate_remark
 from uqpen.results.texts import capitalized, plain_text
 
-__all__ = ["OutputSentences", "output_sentences"]
+__all__ = ["OutputSentences", "Population", "output_sentences", "verdict_sentence"]
 
 # Sentences on an output with requested statistics, and categories in a sentence.
 _MOST_SENTENCES = 3
@@ -56,7 +56,7 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
     estimates = [(each, found) for each in kept if (found := each.estimate(design)) is not None]
     if not estimates:
         return None
-    of = _Population.from_design(view, design)
+    of = Population.from_design(view, design)
     return OutputSentences(
         tuple(_sentence(each, array, of) for each, array in estimates),
         tuple(each for each, _ in estimates),
@@ -65,7 +65,7 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
     )
 
 
-def _sentence(quantity: QuotedStatistic, array: xr.DataArray, of: _Population) -> str:
+def _sentence(quantity: QuotedStatistic, array: xr.DataArray, of: Population) -> str:
     name = output_name(quantity.view, quantity.output)
     if quantity.statistic == "tolerance_interval":
         return f"{_tolerance_interval_sentence(quantity, array, name, of)}{of.omission_sentence}"
@@ -79,12 +79,12 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, of: _Population) -
         event = f"{name} {verb} {no_break(plain_text(quantity.entry))}{of.condition}"
         return (
             f"The probability that {event} is {stated}.{of.missing_run_sentence(array)}"
-            f"{_verdict_sentence(array)}"
+            f"{verdict_sentence(array)}"
         )
     return f"The mean of {name}{of.condition} is {stated}.{of.omission_sentence}"
 
 
-def _verdict_sentence(array: xr.DataArray) -> str:
+def verdict_sentence(array: xr.DataArray) -> str:
     """A sentence on the acceptance limits of the study; empty for none."""
     acceptance = Acceptance.from_array(array)
     if acceptance is None:
@@ -98,7 +98,7 @@ def _verdict_sentence(array: xr.DataArray) -> str:
 
 
 def _tolerance_limit_sentence(
-    quantity: QuotedStatistic, array: xr.DataArray, name: str, of: _Population
+    quantity: QuotedStatistic, array: xr.DataArray, name: str, of: Population
 ) -> str:
     is_lower = quantity.statistic == "lower_tolerance_limit"
     value, *ends = quantity.texts(array)
@@ -116,7 +116,7 @@ def _tolerance_limit_sentence(
 
 
 def _tolerance_interval_sentence(
-    quantity: QuotedStatistic, array: xr.DataArray, name: str, of: _Population
+    quantity: QuotedStatistic, array: xr.DataArray, name: str, of: Population
 ) -> str:
     share = no_break(percent_text(quantity.entry))
     lower, upper = quantity.end_texts(array)
@@ -130,7 +130,7 @@ def _level(array: xr.DataArray) -> str:
     return no_break(percent_text(array.attrs.get(INTERVAL_LEVEL, np.nan)))
 
 
-class _Population(NamedTuple):
+class Population(NamedTuple):
     """Population of a design's estimates, in the words of a sentence that stands by itself."""
 
     name: str  # the cases with a result, which quantiles and tolerance limits refer to
@@ -139,7 +139,7 @@ class _Population(NamedTuple):
     missing: str  # runs that did not complete; empty for none
 
     @classmethod
-    def from_design(cls, view: ArchiveView, design: str) -> _Population:
+    def from_design(cls, view: ArchiveView, design: str) -> Population:
         """Return the population of a design's statistics."""
         accounts = sample_account(view, design)
         given, missing = accounts.get(CONDITIONAL), accounts.get(MISSING)
@@ -174,7 +174,7 @@ def _category_sentences(view: ArchiveView, output: str, design: str) -> OutputSe
     shown = found[:_MOST_CATEGORIES]
     if not shown:
         return None
-    of = _Population.from_design(view, design)
+    of = Population.from_design(view, design)
     parts = [
         f"{label} in {each.texts(array)[0]} of {of.every} {each.interval(array)}"
         for label, each, array in shown
