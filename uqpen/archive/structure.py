@@ -20,7 +20,7 @@ from uqpen.archive.layout import (
 )
 from uqpen.archive.requirements import find_level_faults, find_model_faults
 from uqpen.archive.tree import model_trees
-from uqpen.core.catalogue import FAILURE_STATISTICS
+from uqpen.core.catalogue import FAILURE_STATISTICS, JOINT_STATISTICS
 from uqpen.core.labels import (
     BENCHMARK,
     BOUND,
@@ -28,6 +28,7 @@ from uqpen.core.labels import (
     FAILED_RUN,
     FAILURE_REASON,
     FAILURES_GROUP,
+    JOINT_GROUP,
     KIND,
     MODELS,
     RUN,
@@ -119,6 +120,9 @@ def _model_faults(tree: xr.DataTree) -> Iterator[str]:
     for name, child in _children(tree, FAILURES_GROUP):
         for fault in find_dataset_faults(child.to_dataset(inherit=False), FAILURE_STATISTICS):
             yield f"/{FAILURES_GROUP}/{name}: {fault}"
+    for name, child in _children(tree, JOINT_GROUP):
+        for fault in find_dataset_faults(child.to_dataset(inherit=False), JOINT_STATISTICS):
+            yield f"/{JOINT_GROUP}/{name}: {fault}"
     for name, surrogate in _children(tree, SURROGATES):
         yield from (f"/{SURROGATES}/{name}: {fault}" for fault in _surrogate_faults(surrogate))
     yield from find_model_faults(tree)

@@ -31,9 +31,11 @@ __all__ = [
     "CATEGORY",
     "CONTENT_LEVEL",
     "DIMENSIONS",
+    "EVENT",
     "FAILURE_STATISTICS",
     "INTERVAL_CONTENT",
     "INTERVAL_RECIPE",
+    "JOINT_STATISTICS",
     "LOWER_CONTENT",
     "LOWER_THRESHOLD",
     "NAMES_IN_USE",
@@ -59,6 +61,8 @@ THRESHOLD = "threshold"
 # A threshold to lie below; the thresholds to exceed may be others.
 LOWER_THRESHOLD = "lower_threshold"
 CATEGORY = "category"
+# An event of several outputs.
+EVENT = "event"
 PERCENT = "percent"
 RUNS_SO_FAR = "runs_so_far"
 
@@ -104,6 +108,11 @@ DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
             for name in (THRESHOLD, LOWER_THRESHOLD)
         },
         CATEGORY: DimensionLabels("text", {"category_label": "text"}),
+        EVENT: DimensionLabels(
+            "text",
+            {"event_condition": "text"},
+            {"event_at_most": "number", "event_at_least": "number"},
+        ),
         RANK: DimensionLabels("number"),
         PERCENT: DimensionLabels("number"),
         RUNS_SO_FAR: DimensionLabels("count"),
@@ -292,8 +301,20 @@ CATALOGUE = _by_name(_STATISTICS)
 # Statistics of a design's runs as a whole, of no output in particular.
 FAILURE_STATISTICS = _by_name(_FAILURE_STATISTICS)
 
+# Statistics of a design's runs that concern several outputs.
+JOINT_STATISTICS = _by_name(
+    [Statistic("joint_probability", "probability of an event of several outputs", (EVENT,))]
+)
+
 # The recipe by which this uqpen makes intervals: that of the statistic that was changed last.
-INTERVAL_RECIPE = max(each.recipe for each in (*_STATISTICS, *_FAILURE_STATISTICS))
+INTERVAL_RECIPE = max(
+    each.recipe
+    for each in (
+        *CATALOGUE.values(),
+        *FAILURE_STATISTICS.values(),
+        *JOINT_STATISTICS.values(),
+    )
+)
 
 
 def interval_recipe(attributes: Mapping[Any, Any]) -> int:

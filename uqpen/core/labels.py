@@ -58,6 +58,7 @@ VERDICT_RULE = "verdict_rule"
 RUNS = "runs"
 STATISTICS_GROUP = "statistics"
 FAILURES_GROUP = "failures"
+JOINT_GROUP = "joint_probabilities"
 # Kind of a source (a design, a surrogate or a publication), and the citation of a publication.
 SOURCE_KIND = "kind"
 CITED = "cited"

@@ -8,10 +8,14 @@ from enum import StrEnum
 
 import xarray as xr
 
-from uqpen.core.catalogue import LOWER_THRESHOLD, THRESHOLD
+from uqpen.core.catalogue import EVENT, LOWER_THRESHOLD, THRESHOLD
 from uqpen.results.digits import percent_text
 
 __all__ = ["Acceptance", "AcceptanceVerdict"]
+
+
+# What has acceptance limits lies along one of these.
+_DIMENSIONS = (THRESHOLD, LOWER_THRESHOLD, EVENT)
 
 
 class AcceptanceVerdict(StrEnum):
@@ -59,7 +63,7 @@ class Acceptance:
 
 
 def _limit(array: xr.DataArray, name: str) -> float:
-    found = (array.coords.get(f"{dimension}_{name}") for dimension in (THRESHOLD, LOWER_THRESHOLD))
+    found = (array.coords.get(f"{dimension}_{name}") for dimension in _DIMENSIONS)
     return next((float(each) for each in found if each is not None), math.nan)
 
 

@@ -13,6 +13,7 @@ from uqpen.core.labels import (
     CONFIDENCE_LEVEL,
     DIFFERENCES,
     INPUT,
+    JOINT_GROUP,
     LARGEST_CONTRIBUTION,
     MODELS,
     RUN,
@@ -194,6 +195,7 @@ def _design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
             for status, chance in statistics.status_probabilities(design).items()
         },
         "where_lost": _failure_json(failures),
+        **_joint_json(statistics, design),
         **statistics.run_accounts(design),
         **{key: json_value(runs.attrs[key]) for key in _STOPPING if key in runs.attrs},
         "outputs": _outputs_json(statistics, design, runs),
@@ -204,6 +206,17 @@ def _reason_json(failed: FailedRuns) -> dict[str, Any]:
     """Return one reason of failed runs; an example where its numbers are masked."""
     found = {"status": failed.status.meaning, "reason": failed.reason, "runs": failed.runs}
     return found | ({"example": failed.example} if failed.example else {})
+
+
+def _joint_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
+    """Return the probabilities of events of several outputs, where a study asks for them."""
+    joint = statistics.joint_probability(design)
+    if joint is None:
+        return {}
+    entries = _family_json(joint)
+    for entry, condition in zip(entries.values(), joint["event_condition"].values, strict=True):
+        entry["condition"] = str(condition)
+    return {JOINT_GROUP: entries}
 
 
 def _failure_json(failures: Mapping[str, xr.DataArray]) -> dict[str, Any]:

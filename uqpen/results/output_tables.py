@@ -13,6 +13,7 @@ from uqpen.core.labels import CONFIDENCE_LEVEL, DIFFERENCES, SURROGATES
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import percent_text
 from uqpen.results.failure_tables import failure_tables
+from uqpen.results.joint_tables import joint_tables
 from uqpen.results.outside_rows import OutputUnit, add_outside_rows
 from uqpen.results.sensitivity_tables import named_tables
 from uqpen.results.source_statistics import SourceStatistics
@@ -74,6 +75,7 @@ def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTab
             yield table
         measures = named_tables(model, output, _shown_unit(attributes), everything=everything)
         yield from (table for _, table in measures)
+    yield from joint_tables(model)
     yield from failure_tables(model)
 
 

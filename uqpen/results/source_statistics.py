@@ -18,6 +18,7 @@ from uqpen.core.labels import (
     DIFFERENCES,
     FAILURES_GROUP,
     INPUT,
+    JOINT_GROUP,
     LARGEST_CONTRIBUTION,
     MISSING,
     RUNS,
@@ -149,6 +150,13 @@ class SourceStatistics:
         """
         return unpack_all(read_group(self.tree, FAILURES_GROUP, design))
 
+    def joint_probability(self, design: str) -> xr.DataArray | None:
+        """Return a design's probabilities of events of several outputs; None without any.
+
+        Along ``event`` and ``bound``; the coordinate ``event_condition`` has each event in words.
+        """
+        return unpack_all(read_group(self.tree, JOINT_GROUP, design)).get("joint_probability")
+
     def status_probabilities(self, design: str) -> dict[str, xr.DataArray]:
         """Return the probability of each status of a design's runs, by its meaning."""
         chances = self.failures(design).get("probability")
@@ -199,8 +207,12 @@ class SourceStatistics:
                 yield from self._failure_rows(source, described)
 
     def _failure_rows(self, design: str, described: dict[str, str]) -> Iterator[dict[str, Any]]:
-        """Yield the rows of a design's failed runs."""
+        """Yield the rows of a design's runs as a whole: events of several outputs, failed runs."""
         runs = read_group(self.tree, RUNS, design)
+        joint = self.joint_probability(design)
+        if joint is not None:
+            statistic = "joint_probability"
+            yield from estimate_rows(joint, **described, output="", statistic=statistic)
         for name, array in self.failures(design).items():
             for row in estimate_rows(array, **described, output="", statistic=name):
                 # The lowest and the highest are values of an input, each in its own unit.

@@ -30,7 +30,14 @@ from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample, input_sample
 
-__all__ = ["OutputStatistics", "analyze", "analyze_failures", "in_catalogue_order"]
+__all__ = [
+    "OutputStatistics",
+    "analyze",
+    "analyze_failures",
+    "drawn_runs",
+    "in_catalogue_order",
+    "run_counts",
+]
 
 Analysis = Callable[..., Iterable[tuple[str, xr.DataArray]]]
 # Estimate arrays by the names of their statistics.
@@ -70,20 +77,20 @@ def analyze(
         sampling = Sampling(handle.attrs[SAMPLING])
         found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
         if sampling.is_sample:
-            drawn = _drawn_runs(handle)
+            drawn = drawn_runs(handle)
             levels = {q.output.name: q.confidence_level for q in quantities}
             samples = {
                 name: replace(sample, level=levels[name])
                 for name, sample in Sample.several_from_runs(drawn, list(found)).items()
             }
             analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.template.coords)
-            _run_analyses(analyses, quantities, samples, _run_counts(drawn), found)
+            _run_analyses(analyses, quantities, samples, run_counts(drawn), found)
         # A design that is made for a statistic estimates it better than its sample does.
         if own := list(_select(ANALYSES_OF_DESIGNS.get(sampling, {}), only)):
             whole = dict.fromkeys(found, handle.dataset())
-            _run_analyses(own, quantities, whole, _run_counts(handle), found)
+            _run_analyses(own, quantities, whole, run_counts(handle), found)
         if sampling.is_sample and outside:
-            counts = _run_counts(drawn)
+            counts = run_counts(drawn)
             for quantity in (each for each in quantities if not each.output.dims):
                 name = quantity.output.name
                 added = outside_statistics(outside, samples[name], quantity, found[name])
@@ -109,10 +116,10 @@ def analyze_failures(runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> Ou
     """
     found: OutputStatistics = {}
     handle = LoadedDataset.of(runs)
-    counts = _run_counts(handle)
+    counts = run_counts(handle)
     if Sampling(handle.attrs[SAMPLING]).is_sample:
-        drawn = _drawn_runs(handle)
-        counts_of_sample = _run_counts(drawn)
+        drawn = drawn_runs(handle)
+        counts_of_sample = run_counts(drawn)
         found["probability"] = status_probabilities(drawn, level).assign_attrs(counts_of_sample)
     is_weighted = WEIGHT in handle.template.coords
     analysis = unweighted(failure_analysis) if is_weighted else failure_analysis
@@ -121,7 +128,7 @@ def analyze_failures(runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> Ou
     return found
 
 
-def _drawn_runs(runs: BlockedRuns) -> BlockedRuns:
+def drawn_runs(runs: BlockedRuns) -> BlockedRuns:
     """Return the runs of a design whose points are a sample of the joint distribution."""
     if Sampling(runs.attrs[SAMPLING]) is Sampling.PICK_FREEZE:
         return LoadedDataset(input_sample(runs.dataset()))
@@ -169,7 +176,7 @@ def _run_analyses(
                 found[name][statistic] = array.assign_attrs(attributes)
 
 
-def _run_counts(runs: BlockedRuns) -> dict[str, int | str]:
+def run_counts(runs: BlockedRuns) -> dict[str, int | str]:
     """Return the counts of the runs of a statistic, as attributes."""
     counts = status_counts(runs)
     failed = {status: count for status, count in counts.items() if count and status}

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import Context, read_each, read_list, setting, share, validate
 
-__all__ = ["AcceptanceLimits", "Threshold", "threshold_list"]
+__all__ = ["Acceptable", "AcceptanceLimits", "Threshold", "threshold_list"]
 
 _PROBABILITY = 'a probability from 0 to 1, such as 0.05 or "5 %"'
 _LIMITS = "a table such as { at_most = 0.05 }"
@@ -39,6 +39,14 @@ class AcceptanceLimits:
         if self.at_most is not None and self.at_least is not None and self.at_most < self.at_least:
             found = f"{toml_text(self.at_most)}, less than at_least"
             raise SettingsError([Problem(("at_most",), found, "at least that of at_least")])
+
+
+class Acceptable(Protocol):
+    """Request for a probability, which may have acceptance limits."""
+
+    @property
+    def accepted(self) -> AcceptanceLimits:
+        """The probabilities that the study accepts."""
 
 
 @dataclass(frozen=True)

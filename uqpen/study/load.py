@@ -27,6 +27,7 @@ from uqpen.study.designs_section import (
 )
 from uqpen.study.document import Document, Objects, parse_document, read_document
 from uqpen.study.inputs_section import Inputs, read_constraints, read_inputs
+from uqpen.study.joint_probabilities_section import read_joint_probabilities
 from uqpen.study.joint_section import read_groups
 from uqpen.study.models_section import check_variants, read_models
 from uqpen.study.outputs_section import read_quantities_of_interest
@@ -91,7 +92,10 @@ def parse_study(
 
 # What is expected of the tables that a study must have beside its models; the other tables.
 _REQUIRED = {"inputs": "an [inputs] table", "designs": "at least one [designs.<name>]"}
-_OPTIONAL = ("joint", "dependence", "constraints", "outputs", "surrogates", "published", "failures")
+_OPTIONAL = (
+    "joint", "dependence", "constraints", "outputs", "joint_probabilities", "surrogates",
+    "published", "failures",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,6 +132,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     inputs, joint, is_clear = _read_joint(root, tables, model, models, designs, heading.seed)
     constraints = read_constraints(tables["constraints"], model, inputs)
     quantities = read_quantities_of_interest(tables["outputs"], model, heading.confidence_level)
+    events = read_joint_probabilities(tables["joint_probabilities"], model)
     published = read_published(
         tables["published"], model, {*tables["designs"], *tables["surrogates"]}
     )
@@ -160,6 +165,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         design_modules=design_modules,
         surrogate_origins=origins,
         confidence_level=heading.confidence_level,
+        joint_events=events,
     )
 
 

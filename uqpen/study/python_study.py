@@ -23,7 +23,8 @@ __all__ = ["Study", "load_study"]
 # The order of the tables in the text of a study.
 _ORDER = (
     "title", "seed", "confidence_level", "analyses", "model", "models", "inputs", "joint",
-    "dependence", "constraints", "outputs", "designs", "surrogates", "published", "failures",
+    "dependence", "constraints", "outputs", "joint_probabilities", "designs", "surrogates",
+    "published", "failures",
 )  # fmt: skip
 
 
@@ -55,7 +56,7 @@ class Study(ValidatedStudy):
         Name of the study.
     models : mapping, optional
         Several models by name, in place of `model`.
-    joint, surrogates, published, failures, dependence : optional
+    joint, joint_probabilities, surrogates, published, failures, dependence : optional
         As the tables of these names in a study file.
     constraints : sequence of str
         Conditions that every point meets, such as ``"a > 2 * b"``.
@@ -98,6 +99,7 @@ class Study(ValidatedStudy):
         name: str = "study",
         models: Mapping[str, object] | None = None,
         joint: Mapping[str, object] | None = None,
+        joint_probabilities: Mapping[str, object] | None = None,
         surrogates: Mapping[str, object] | None = None,
         published: Mapping[str, object] | None = None,
         failures: object | None = None,
@@ -117,6 +119,7 @@ class Study(ValidatedStudy):
                 "inputs": inputs,
                 "joint": joint,
                 "outputs": outputs,
+                "joint_probabilities": joint_probabilities,
                 "designs": designs,
                 "surrogates": surrogates,
                 "published": published,

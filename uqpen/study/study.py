@@ -17,6 +17,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.statistics.estimate import LEVEL
+from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.published import Publication
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -98,6 +99,8 @@ class ValidatedStudy:
         The origins of surrogates from outside the package, by their names.
     confidence_level : float
         Confidence level of its intervals.
+    joint_events : tuple of JointEvent
+        Events of several outputs whose probabilities are requested.
     """
 
     name: str
@@ -117,6 +120,7 @@ class ValidatedStudy:
     design_modules: Mapping[str, tuple[FileSnapshot, ...]] = field(default_factory=dict)
     surrogate_origins: Mapping[str, SurrogateOrigin] = field(default_factory=dict)
     confidence_level: float = LEVEL
+    joint_events: tuple[JointEvent, ...] = ()
 
     @property
     def model(self) -> Model:

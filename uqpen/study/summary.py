@@ -11,7 +11,7 @@ from uqpen.designs import DESIGNS
 from uqpen.distributions.joint_distribution import FixedInput
 from uqpen.statistics import texts
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.threshold import Threshold
+from uqpen.statistics.threshold import Acceptable
 from uqpen.study.study import ValidatedStudy
 
 __all__ = [
@@ -49,10 +49,13 @@ def input_rows(study: ValidatedStudy) -> Rows:
 
 
 def output_rows(study: ValidatedStudy) -> Rows:
-    """Return the name of each output with the statistics that are estimated of it."""
+    """Return the name of each output, and of each joint event, with what is estimated of it."""
     return [
-        (quantity.output.name, "; ".join(_requested(quantity)))
-        for quantity in study.quantities_of_interest
+        *(
+            (quantity.output.name, "; ".join(_requested(quantity)))
+            for quantity in study.quantities_of_interest
+        ),
+        *((event.name, f"P({event.condition}){_accepted(event)}") for event in study.joint_events),
     ]
 
 
@@ -116,7 +119,7 @@ def _requested(quantity: QuantityOfInterest) -> list[str]:
     ]
 
 
-def _accepted(threshold: Threshold) -> str:
-    """Return the acceptance limits of a threshold, to stand behind it; empty for none."""
-    limits = (("at least", threshold.accepted.at_least), ("at most", threshold.accepted.at_most))
+def _accepted(request: Acceptable) -> str:
+    """Return the acceptance limits of a probability, to stand behind it; empty for none."""
+    limits = (("at least", request.accepted.at_least), ("at most", request.accepted.at_most))
     return "".join(f", {words} {limit:g}" for words, limit in limits if limit is not None)

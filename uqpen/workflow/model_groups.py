@@ -12,6 +12,7 @@ from uqpen.core.labels import (
     CITED,
     DIFFERENCES,
     FAILURES_GROUP,
+    JOINT_GROUP,
     LARGEST_CONTRIBUTION,
     RUN,
     RUNS,
@@ -22,6 +23,7 @@ from uqpen.core.labels import (
     TRAJECTORY,
 )
 from uqpen.statistics.analyze import analyze, analyze_failures
+from uqpen.statistics.joint_probability import joint_probabilities
 from uqpen.statistics.model_differences import model_differences
 from uqpen.statistics.published import Publication, published_estimates
 from uqpen.study.study import ValidatedStudy, Variant
@@ -52,6 +54,9 @@ def model_groups(study: ValidatedStudy, model: str, runs: Runs, steps: AnalysisS
         yield f"/{RUNS}/{design}", design_runs
         if failures:
             yield f"/{FAILURES_GROUP}/{design}", pack(failures)
+        joint = joint_probabilities(design_runs, study.joint_events, study.confidence_level)
+        if joint:
+            yield f"/{JOINT_GROUP}/{design}", pack(joint)
     for name in study.surrogates:
         fitted, sources[name] = surrogate_source(study, model, name, runs, sources, steps)
         for node in fitted.subtree:

@@ -27,7 +27,7 @@ from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.table import estimate_remark
 from uqpen.results.texts import capitalized, plain_text
 
-__all__ = ["OutputSentences", "output_sentences"]
+__all__ = ["OutputSentences", "acceptance_sentence", "output_sentences"]
 
 # Requested statistics of an output that are stated, and categories in a sentence.
 _MOST_STATED = 3
@@ -83,10 +83,10 @@ def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Ans
     elif array.values[0] == 1 and np.isfinite(array.values[1]):
         text = f"in all {runs} completed runs: at least {lower} of cases ({level} interval)."
     event = f"{name} {_EVENTS[quantity.statistic]} {no_break(plain_text(quantity.entry))}"
-    return Answer(event, f"{capitalized(text)}{_acceptance_sentence(array)}")
+    return Answer(event, f"{capitalized(text)}{acceptance_sentence(array)}")
 
 
-def _acceptance_sentence(array: xr.DataArray) -> str:
+def acceptance_sentence(array: xr.DataArray) -> str:
     """Return a sentence on the limit of a probability that the study accepts; empty for none."""
     acceptance = Acceptance.from_array(array)
     if acceptance is None:

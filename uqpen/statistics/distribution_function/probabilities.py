@@ -20,13 +20,15 @@ from uqpen.statistics.intervals import clopper_pearson, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import probability_error
-from uqpen.statistics.threshold import Threshold
+from uqpen.statistics.threshold import Acceptable, Threshold
 from uqpen.statistics.weights import runs_on_a_side, weighted_cdf, weighted_probability_interval
 
 __all__ = [
+    "acceptance_coordinates",
     "below_probabilities",
     "category_coordinates",
     "category_probabilities",
+    "event_probability",
     "exceedance_probabilities",
     "status_probabilities",
     "threshold_coordinates",
@@ -54,7 +56,7 @@ def exceedance_probabilities(
         return
     events = [sample.values > threshold.value for threshold in quantity.thresholds]
     long_name = f"probability that {quantity.output.title} exceeds a value"
-    estimates = [_probability_with_missing(sample, event) for event in events]
+    estimates = [event_probability(sample, event) for event in events]
     along = threshold_coordinates(quantity)
     yield (
         "exceedance",
@@ -88,7 +90,7 @@ def below_probabilities(
         return
     events = [sample.values < threshold.value for threshold in quantity.lower_thresholds]
     long_name = f"probability that {quantity.output.title} lies below a value"
-    estimates = [_probability_with_missing(sample, event) for event in events]
+    estimates = [event_probability(sample, event) for event in events]
     unit = quantity.output.unit
     along = _coordinates(quantity.lower_thresholds, LOWER_THRESHOLD, "value to lie below", unit)
     yield (
@@ -122,16 +124,16 @@ def _coordinates(
     return {
         dimension: (dimension, written, {"long_name": f"{long_name}, as written"}),
         f"{dimension}_value": (dimension, values, described),
-        **dict(_acceptance_coordinates(thresholds, dimension)),
+        **dict(acceptance_coordinates(thresholds, dimension)),
     }
 
 
-def _acceptance_coordinates(
-    thresholds: Sequence[Threshold], dimension: str
+def acceptance_coordinates(
+    requested: Sequence[Acceptable], dimension: str
 ) -> Iterator[tuple[str, Any]]:
-    """Yield the coordinates of those acceptance limits that at least one threshold has."""
+    """Yield the coordinates of those acceptance limits that at least one request has."""
     for name, long_name in (("at_most", "largest"), ("at_least", "smallest")):
-        limits = [getattr(threshold.accepted, name) for threshold in thresholds]
+        limits = [getattr(each.accepted, name) for each in requested]
         if any(limit is not None for limit in limits):
             values = np.array([np.nan if limit is None else limit for limit in limits])
             described = {"units": "1", "long_name": f"{long_name} accepted probability"}
@@ -153,7 +155,7 @@ def category_probabilities(
     if not quantity.output.categories:
         return
     events = [sample.values == kind for kind in range(len(quantity.output.categories))]
-    estimates = [_probability_with_missing(sample, event) for event in events]
+    estimates = [event_probability(sample, event) for event in events]
     long_name = f"share of {quantity.output.title}"
     along = category_coordinates(quantity)
     yield (
@@ -228,7 +230,7 @@ def _weighted_probability(sample: Sample, weights: FloatArray, events: BoolArray
     return Estimate(value, float(lower), float(upper), method, "nominal", note)
 
 
-def _probability_with_missing(sample: Sample, events: BoolArray) -> Estimate:
+def event_probability(sample: Sample, events: BoolArray) -> Estimate:
     """Probability of an event, its interval widened for any outcome of the missing runs."""
     estimate = _probability(sample, events)
     if not sample.missing.size or estimate.label == "none":

@@ -1,0 +1,142 @@
+"""Probabilities of events that concern several outputs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy import special
+
+import uqpen
+from uqpen.archive.structure import find_faults
+from uqpen.report.sections.answer import answer
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.json import archive_json
+from uqpen.results.long_table import long_table
+from uqpen.results.output_tables import output_tables
+
+
+def model(a: np.ndarray, b: np.ndarray) -> dict[str, np.ndarray]:
+    return {"depth": np.where(a > 0.97, np.nan, a), "width": (a + b) / 2, "rest": 1 - a}
+
+
+def study(events: dict[str, object]) -> uqpen.Study:
+    return uqpen.Study(
+        uqpen.PythonModel(
+            model,
+            {"a": "1", "b": "1"},
+            {"depth": "m", "width": "m", "rest": "m"},
+            vectorized=True,
+        ),
+        {"a": uqpen.Uniform(0, 1), "b": uqpen.Uniform(0, 1)},
+        designs={"mc": uqpen.MonteCarlo(runs=200), "sobol": uqpen.SobolSequence(runs=256)},
+        joint_probabilities=events,
+        seed=1,
+    )
+
+
+EVENTS: dict[str, object] = {
+    "safe": ["depth < 60 cm", "width < 0.5 m"],
+    "unsafe": {"any": ["depth > 60 cm", "width > 0.5 m"], "at_most": "10 %"},
+    # The output "rest" is the complement of "depth", so that this never occurs.
+    "never": {"all": ["depth > 0.7 m", "rest > 0.7 m"], "at_most": 0.2},
+}
+
+
+@pytest.fixture(scope="module")
+def tree() -> xr.DataTree:
+    return uqpen.run(study(EVENTS))
+
+
+def probabilities(tree: xr.DataTree, design: str = "mc") -> xr.DataArray:
+    return tree[f"joint_probabilities/{design}"]["joint_probability"]
+
+
+def test_the_interval_is_the_exact_binomial_one_for_any_outcome_of_failed_runs(
+    tree: xr.DataTree,
+) -> None:
+    runs = tree["runs/mc"]
+    done = runs["status"].values == 0
+    depth, width = runs["depth"].values[done], runs["width"].values[done]
+    occurs = int(((depth < 0.6) & (width < 0.5)).sum())
+    failed, every = int((~done).sum()), len(done)
+    assert failed > 0
+    assert probabilities(tree).sel(event="safe").values == pytest.approx(
+        [
+            occurs / done.sum(),
+            special.betaincinv(occurs, every - occurs + 1, 0.025),
+            special.betaincinv(occurs + failed + 1, every - occurs - failed, 0.975),
+        ]
+    )
+
+
+def test_all_hold_or_any_is_exceeded_are_complements(tree: xr.DataTree) -> None:
+    for design in ("mc", "sobol"):
+        found = probabilities(tree, design)
+        safe, unsafe = found.sel(event="safe").values, found.sel(event="unsafe").values
+        assert unsafe == pytest.approx([1 - safe[0], 1 - safe[2], 1 - safe[1]])
+
+
+def test_outputs_occur_together(tree: xr.DataTree) -> None:
+    never = probabilities(tree).sel(event="never").values
+    assert never[:2].tolist() == [0.0, 0.0]
+    # Half of the unit square below the line a + b = 1, without the corner at a > 0.6, of a < 0.97.
+    exact = (0.5 - 0.4**2 / 2) / 0.97
+    assert float(probabilities(tree, "sobol").sel(event="safe")[0]) == pytest.approx(
+        exact, abs=0.02
+    )
+
+
+def test_archive_tables_json_and_the_long_table_agree(tree: xr.DataTree) -> None:
+    assert list(find_faults(tree)) == []
+    found = probabilities(tree)
+    assert found["event_condition"].values.tolist() == [
+        "depth < 60 cm and width < 0.5 m",
+        "depth > 60 cm or width > 0.5 m",
+        "depth > 0.7 m and rest > 0.7 m",
+    ]
+    told = archive_json(tree)["designs"]["mc"]["joint_probabilities"]
+    assert told["safe"]["estimate"] == float(found[0, 0])
+    assert told["unsafe"]["condition"] == "depth > 60 cm or width > 0.5 m"
+    assert (told["unsafe"]["verdict"], told["never"]["verdict"]) == ("not met", "met")
+    table = next(each for each in output_tables(tree) if each.title == "joint probabilities")
+    rows = dict(table.rows)
+    assert table.columns == ["mc", "sobol"]
+    assert rows["accepted: at most 10 %"] == ["not met", "not met"]
+    assert "depth < 60 cm and width < 0.5 m" in table.notes
+    frame = long_table(tree).query("source == 'mc' and statistic == 'joint_probability'")
+    assert frame["estimate"].tolist() == found.values[:, 0].tolist()
+    assert frame["event"].tolist() == ["safe", "unsafe", "never"]
+
+
+def test_the_page_has_a_sentence_of_each(tree: xr.DataTree) -> None:
+    page = str(list(answer(ArchiveView(tree, "")))).replace("\\xa0", " ").replace("\u00a0", " ")
+    assert "The probability that depth < 60 cm and width < 0.5 m is " in page
+    assert "The study's limit of at most 10 % is not met: the whole interval lies beyond" in page
+
+
+def test_without_events_there_is_no_group() -> None:
+    made = study({})
+    assert made.joint_events == ()
+
+
+@pytest.mark.parametrize(
+    ("written", "place", "found", "expected"),
+    [
+        (["depth <= 60 cm"], "safe[0]", '"depth <= 60 cm"', 'such as "depth < 60 cm"'),
+        (["dept < 60 cm"], "safe[0]", '"dept"', 'did you mean "depth"'),
+        (["depth < 60 kg"], "safe[0]", '"60 kg"', "a length"),
+        ([], "safe", "an empty list", 'such as "depth < 60 cm"'),
+        ("depth < 60 cm", "safe", '"depth < 60 cm"', "a list of limits"),
+        ({"at_most": 0.1}, "safe", "neither all nor any", "a list of limits"),
+        ({"any": ["depth > 1 m"], "most": 1}, "safe.most", "an unknown key", "at_most"),
+        ({"any": [3]}, "safe.any[0]", "3", 'such as "depth < 60 cm"'),
+    ],
+)
+def test_a_mistake_is_told_with_its_place(
+    written: object, place: str, found: str, expected: str
+) -> None:
+    with pytest.raises(uqpen.StudyError) as caught:
+        study({"safe": written})
+    for part in (f"joint_probabilities.{place}", found, expected):
+        assert part in str(caught.value)

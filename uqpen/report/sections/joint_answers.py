@@ -1,0 +1,36 @@
+"""Answers on the probabilities of events of several outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import xarray as xr
+
+from uqpen.core.labels import INTERVAL_LEVEL
+from uqpen.report.blocks import Answer
+from uqpen.report.counting import percent_texts
+from uqpen.report.notes import has_interval
+from uqpen.report.sections.quoted_statistics import no_break
+from uqpen.report.sections.sentences import acceptance_sentence
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.digits import percent_text
+from uqpen.results.table import estimate_remark
+from uqpen.results.texts import capitalized, plain_text
+
+__all__ = ["joint_answers"]
+
+
+def joint_answers(view: ArchiveView, design: str) -> Iterator[Answer]:
+    """Yield how often each event occurs whose probability the study requests."""
+    joint = view.statistics.joint_probability(design)
+    for array in () if joint is None else joint:
+        event = capitalized(plain_text(str(array["event_condition"].values)))
+        yield Answer(event, f"In {_stated(array)}.{acceptance_sentence(array)}")
+
+
+def _stated(array: xr.DataArray) -> str:
+    value, lower, upper = map(no_break, percent_texts(*array.values.tolist()))
+    if not has_interval(array.values):
+        return f"{value} of cases (without an interval: {estimate_remark(array)})"
+    level = no_break(percent_text(array.attrs[INTERVAL_LEVEL]))
+    return f"{value} of cases ({lower} to {upper}, {level} interval)"

@@ -1,0 +1,86 @@
+"""Joint probabilities: of events that concern several outputs at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import reduce
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.core.blocks import BlockedRuns, LoadedDataset
+from uqpen.core.catalogue import EVENT
+from uqpen.core.labels import SAMPLING
+from uqpen.core.sampling import Sampling
+from uqpen.statistics.analyze import OutputStatistics, drawn_runs, run_counts
+from uqpen.statistics.distribution_function.probabilities import (
+    acceptance_coordinates,
+    event_probability,
+)
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.joint_event import JointEvent
+from uqpen.statistics.sample import Sample
+
+__all__ = ["joint_probabilities"]
+
+
+def joint_probabilities(
+    runs: xr.Dataset | BlockedRuns, events: Sequence[JointEvent], level: float
+) -> OutputStatistics:
+    """Estimate the probabilities of events over the runs of a design.
+
+    The outputs of a run occur together, so their dependence is that of the runs. Intervals are
+    those of the probability of exceeding a value, and count failed runs both ways.
+
+    Parameters
+    ----------
+    runs : Dataset or BlockedRuns
+        With every output that an event concerns; events with others are left out.
+    events : sequence of JointEvent
+    level : float
+        Confidence level of the intervals.
+
+    Returns
+    -------
+    dict of str to DataArray
+        ``joint_probability`` along ``event`` and ``bound``. Empty without an event, or for a design
+        that is no sample of the inputs.
+    """
+    handle = LoadedDataset.of(runs)
+    names = set(map(str, handle.template.data_vars))
+    known = [event for event in events if event.outputs <= names]
+    if not known or not Sampling(handle.attrs[SAMPLING]).is_sample:
+        return {}
+    drawn = drawn_runs(handle)
+    outputs = sorted(set[str]().union(*(event.outputs for event in known)))
+    samples = Sample.several_from_runs(drawn, outputs)
+    array = Estimate.stack(
+        [_estimate(event, samples, level) for event in known],
+        EVENT,
+        units="1",
+        long_name="probability of an event of several outputs",
+        coordinates={
+            EVENT: (EVENT, _texts([event.name for event in known]), {"long_name": "event"}),
+            f"{EVENT}_condition": (
+                EVENT,
+                _texts([event.condition for event in known]),
+                {"long_name": "condition that the outputs meet"},
+            ),
+            **dict(acceptance_coordinates(known, EVENT)),
+        },
+        level=level,
+    )
+    return {"joint_probability": array.assign_attrs(run_counts(drawn))}
+
+
+def _estimate(event: JointEvent, samples: dict[str, Sample], level: float) -> Estimate:
+    met = [limit.is_met(samples[limit.output].values) for limit in event.limits]
+    occurs = reduce(np.logical_or if event.is_any else np.logical_and, met)
+    sample = samples[event.limits[0].output]
+    return event_probability(replace(sample, values=occurs.astype(np.float64), level=level), occurs)
+
+
+def _texts(texts: list[str]) -> npt.NDArray[np.object_]:
+    return np.array(texts, dtype=object)

@@ -1,0 +1,78 @@
+"""``[joint_probabilities]``: events that concern several outputs."""
+
+from __future__ import annotations
+
+import re
+
+from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
+from uqpen.core.labels import NAME
+from uqpen.core.lookup import choices
+from uqpen.core.model import Model
+from uqpen.core.quantities import parse_quantity
+from uqpen.core.settings import read_list
+from uqpen.statistics.joint_event import JointEvent, OutputLimit
+from uqpen.statistics.threshold import AcceptanceLimits
+from uqpen.study.table_reader import TableReader
+
+__all__ = ["read_joint_probabilities"]
+
+_COMPARISON = re.compile(r"\s*(\w+)\s*([<>])(?!=)\s*(.+?)\s*\Z", re.ASCII)
+_LIMIT = 'a limit of an output, such as "depth < 60 cm"'
+_ALL, _ANY = "all", "any"
+_EVENT = 'a list of limits, or a table such as { any = ["depth > 60 cm"], at_most = 0.05 }'
+
+
+def read_joint_probabilities(table: TableReader, model: Model) -> tuple[JointEvent, ...]:
+    """Read the events whose probabilities a study requests; invalid ones are noted and left out."""
+    found = []
+    for name in table:
+        written = table.take(name)
+        if not NAME.match(name):
+            table.add_wrong(name, name, "a name of letters, digits and _, at most 100")
+            continue
+        try:
+            found.append(_read_event(name, written, model))
+        except (SettingsError, QuantityError) as error:
+            table.add_problems(error.problems, name)
+    return tuple(found)
+
+
+def _read_event(name: str, written: object, model: Model) -> JointEvent:
+    if isinstance(written, list):
+        return JointEvent(name, _read_limits(written, model))
+    if not isinstance(written, dict):
+        raise QuantityError(toml_text(written), _EVENT)
+    content = dict(written)
+    quantifiers = [key for key in (_ALL, _ANY) if key in content]
+    if len(quantifiers) != 1:
+        found = "both all and any" if quantifiers else "neither all nor any"
+        raise QuantityError(found, _EVENT)
+    (quantifier,) = quantifiers
+    try:
+        limits = _read_limits(content.pop(quantifier), model)
+    except (SettingsError, QuantityError) as error:
+        raise SettingsError([each.within(quantifier) for each in error.problems]) from None
+    if unknown := [key for key in content if key not in ("at_most", "at_least")]:
+        expected = "all or any, at_most or at_least"
+        raise SettingsError([Problem((unknown[0],), "an unknown key", expected)])
+    return JointEvent(name, limits, quantifier == _ANY, AcceptanceLimits(**content))
+
+
+def _read_limits(written: object, model: Model) -> tuple[OutputLimit, ...]:
+    limits = read_list(written, lambda each: _read_limit(each, model))
+    if not limits:
+        raise QuantityError("an empty list", _LIMIT)
+    return tuple(limits)
+
+
+def _read_limit(written: object, model: Model) -> OutputLimit:
+    match = _COMPARISON.match(written) if isinstance(written, str) else None
+    if match is None:
+        raise QuantityError(toml_text(written), _LIMIT)
+    name, sign, value = match.groups()
+    outputs = {output.name: output for output in model.outputs if output.is_number}
+    if name not in outputs:
+        expected = f"an output of {model.name} that is a number; {choices(name, outputs)}"
+        raise QuantityError(toml_text(name), expected)
+    number = parse_quantity(value, outputs[name].unit).value
+    return OutputLimit(f"{name} {sign} {value}", name, sign == ">", number)
