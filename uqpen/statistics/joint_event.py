@@ -1,4 +1,4 @@
-"""Event of several outputs: limits that all hold, or of which any does."""
+"""Event of several outputs: all of its limits are met, or any of them."""
 
 from __future__ import annotations
 

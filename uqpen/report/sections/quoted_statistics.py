@@ -16,6 +16,7 @@ from uqpen.core.catalogue import CATALOGUE, UnitRule
 from uqpen.core.labels import INTERVAL_LEVEL, RUNS
 from uqpen.core.sampling import Sampling
 from uqpen.report.counting import percent_texts
+from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_texts, percent_text, tolerance_interval_texts
 from uqpen.results.table import (
@@ -150,7 +151,8 @@ def no_break(text: str) -> str:
 def requested_statistics(view: ArchiveView, output: str, design: str) -> list[QuotedStatistic]:
     """Return the requested statistics of an output.
 
-    The first tolerance limit of each kind comes first, then thresholds, then the other limits.
+    What has a verdict comes first, then the first tolerance limit of each kind, thresholds, and the
+    other limits.
     """
     limits, thresholds = (
         [
@@ -164,7 +166,14 @@ def requested_statistics(view: ArchiveView, output: str, design: str) -> list[Qu
         for names in (_TOLERANCE_LIMITS, ("exceedance", "below"))
     )
     first, others = ([each for kind in limits for each in kind[part]] for part in _FIRST_AND_OTHERS)
-    return [*first, *chain(*thresholds), *others]
+    every = [*first, *chain(*thresholds), *others]
+    return sorted(every, key=lambda quantity: not _has_acceptance(quantity, design))
+
+
+def _has_acceptance(quantity: QuotedStatistic, design: str) -> bool:
+    """Check if the study has acceptance limits of a probability, so that there is a verdict."""
+    array = quantity.estimate(design)
+    return array is not None and Acceptance.from_array(array) is not None
 
 
 def default_statistic(view: ArchiveView, output: str, design: str) -> QuotedStatistic | None:
