@@ -16,10 +16,10 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.core.errors import FigureError, UnknownNameError
+from uqpen.core.errors import ArchiveError, FigureError, UnknownNameError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.lookup import resolve
-from uqpen.figures import FIGURES
+from uqpen.figures import BENCHMARK_FIGURES, FIGURES
 from uqpen.figures.figure_file import FORMATS, figure_bytes
 from uqpen.figures.page import available, figure, panels
 from uqpen.results.texts import plain_text, typeset_unit
@@ -36,8 +36,8 @@ Command = Callable[..., Any]
 
 def test_what_is_in_the_family_says_what_it_shows() -> None:
     table = re.findall(r"^\| `([\w-]+)` \|", (DOCS / "figures.md").read_text(), re.MULTILINE)
-    assert table == list(FIGURES)
-    for reference in FIGURES.values():
+    assert table == [*FIGURES, *BENCHMARK_FIGURES]
+    for reference in (*FIGURES.values(), *BENCHMARK_FIGURES.values()):
         assert len(resolve(reference).__doc__.splitlines()[0]) <= 62, reference
 
 
@@ -96,8 +96,8 @@ class TestMessages:
         with pytest.raises(UnknownNameError, match=re.escape(message)):
             figure(archives["schema_2"], name, **asked)
 
-    def test_methods_head_to_head_have_none(self) -> None:
-        with pytest.raises(FigureError, match="no figures of a benchmark of methods"):
+    def test_a_damaged_benchmark(self) -> None:
+        with pytest.raises(ArchiveError, match="the archive is damaged"):
             available(xr.DataTree(xr.Dataset(attrs={KIND: BENCHMARK})))
 
     def test_without_matplotlib(self, archives: Archives, monkeypatch: pytest.MonkeyPatch) -> None:

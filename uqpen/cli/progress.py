@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -44,6 +45,8 @@ def show_progress() -> Iterator[Progress]:
         console=console,
         transient=True,
         refresh_per_second=10,
+        # What a model prints goes above the bar, unless it goes elsewhere than to the terminal.
+        redirect_stdout=sys.stdout.isatty(),
     ):
         yield bar
     bar.show_warnings()

@@ -6,7 +6,7 @@ for, and yields the panels that this has something for; nothing is drawn before 
 
 from __future__ import annotations
 
-__all__ = ["FIGURES"]
+__all__ = ["BENCHMARK_FIGURES", "FIGURES"]
 
 FIGURES = {
     "cdf": "uqpen.figures.distributions:cdf",
@@ -21,4 +21,10 @@ FIGURES = {
     "trajectory": "uqpen.figures.trajectory:trajectory_panels",
     "velocity-profile": "uqpen.figures.velocity_profile:velocity_profile_panels",
     "losses": "uqpen.figures.failure_panels:failure_panels",
+}
+
+# Likewise of an archive of a benchmark of methods; these take the archive itself.
+BENCHMARK_FIGURES = {
+    "errors": "uqpen.figures.benchmark_panels:error_panels",
+    "coverage": "uqpen.figures.benchmark_panels:coverage_panels",
 }

@@ -16,6 +16,7 @@ from uqpen.archive.requirements import find_level_faults, find_model_faults
 from uqpen.core.errors import ArchiveError, FigureError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.figures import FIGURES
+from uqpen.figures.benchmark_figures import available_benchmark_figures, benchmark_panels
 from uqpen.figures.outside_figures import FIGURE, FigureFunction, figure_panels
 from uqpen.figures.panel import LONGEST_ROW, Axes, Panel
 from uqpen.figures.style import figure_style, require_matplotlib
@@ -99,6 +100,8 @@ def panels(
 
     Parameters and errors are those of `figure`.
     """
+    if tree.attrs.get(KIND) == BENCHMARK:
+        return benchmark_panels(tree, name, output=output, source=source, model=model)
     view = _select_view(tree, output, source, model)
     found = figure_panels(name, view)
     if not found:
@@ -114,13 +117,15 @@ def panels(
 
 def available(tree: xr.DataTree) -> dict[str, str]:
     """Return the figures that an archive has data for, each with its description."""
+    if tree.attrs.get(KIND) == BENCHMARK:
+        return available_benchmark_figures(tree)
     return _available_names(_select_view(tree, None, None, None))
 
 
 def check_archive(tree: xr.DataTree) -> None:
     """Raise a `FigureError` for a benchmark of methods, an `ArchiveError` for a damaged archive."""
     if tree.attrs.get(KIND) == BENCHMARK:
-        raise FigureError("there are no figures of a benchmark of methods")
+        raise FigureError("this is a benchmark of methods, not the archive of a study")
     for each in model_trees(tree).values():
         if fault := next(chain(find_model_faults(each), find_level_faults(each)), None):
             raise ArchiveError(f"the archive is damaged: {fault}")
