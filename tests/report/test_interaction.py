@@ -288,6 +288,12 @@ class TestSelection:
         assert float(cells["="][3]) == pytest.approx(np.mean(above > below), abs=0.0051)
         assert float(cells["="][0]) == pytest.approx(np.median(values.b[is_in]), rel=1e-3)
         assert "larger a (median" in page.locator(".told").inner_text()
+        page.locator(".handle[aria-label='y [m], to']").focus()
+        for _ in range(5):
+            page.keyboard.press("PageDown")
+        page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 1")
+        first = page.locator(".told-runs tbody tr").first.inner_text().split("\t")
+        assert (first[0], first[-1]) == ("a [m]", "0.00")
 
     def test_inputs_against_each_other_are_the_dependent_ones(
         self, page: Page, values: Values
