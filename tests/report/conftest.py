@@ -156,7 +156,7 @@ class Reports:
 
     def _open(self, address: str) -> Shown:
         page = self._browser.new_page(viewport={"width": WIDE, "height": 900})
-        page.set_default_timeout(120_000)  # of a busy machine
+        page.set_default_timeout(110_000)  # of a busy machine
         said: list[str] = []
         page.on("console", lambda message: said.append(f"{message.type}: {message.text}"))
         page.on("pageerror", lambda error: said.append(str(error)))

@@ -141,7 +141,7 @@ class TestThreshold:
         assert page.evaluate(LINES, ["z", 0.7]) == [[along, False] for along, _ in lines]
         count = int((values.y > 0.7).sum())
         assert 0 < count < values.y.size
-        assert page.locator(".lines .beyond").count() == count
+        assert page.locator(".parallel .beyond").count() == count
         told = page.locator(".told").inner_text()
         assert told.startswith(f"{count} of the {values.y.size} completed runs shown have y above")
         colours = page.evaluate(
@@ -210,7 +210,7 @@ class TestThreshold:
         assert _type(page, 0, "deep") == "“deep” is not understood; type a number in m."
         box = page.locator(".threshold").first
         assert box.get_attribute("aria-invalid") == "true"
-        assert page.locator(".lines line.threshold[visibility=visible]").count() > 0
+        assert page.locator(".parallel line.threshold[visibility=visible]").count() > 0
         _type(page, 0, "0.5")
         assert box.get_attribute("aria-invalid") is None
 
@@ -245,17 +245,17 @@ class TestSelection:
         column = {"a": values.a, "=": values.b}[name]
         count = int((column >= lower).sum())
         assert 0 < count < column.size
-        page.wait_for_function("() => document.querySelectorAll('.lines .chosen').length === 1")
+        page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 1")
         told = page.locator(".told").inner_text()
         assert told.startswith(f"{count} of the {column.size} completed runs shown have")
-        assert page.locator(".lines .in:not(.failed)").count() == count
+        assert page.locator(".parallel .in:not(.failed)").count() == count
         chart = page.locator("#scatter .charts .plot").first
         chart.scroll_into_view_if_needed()
         page.wait_for_timeout(100)
         assert chart.evaluate(IN_FRONT) == count
         handle = page.locator(".handle:focus")
         page.keyboard.press("Escape")
-        page.wait_for_function("() => document.querySelectorAll('.lines .chosen').length === 0")
+        page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 0")
 
     def test_a_rectangle_over_runs_selects_them_everywhere(
         self, page: Page, values: Values
@@ -267,16 +267,16 @@ class TestSelection:
         page.mouse.down()
         page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + box["height"] - 2, steps=4)
         page.mouse.up()
-        page.wait_for_function("() => document.querySelectorAll('.lines .chosen').length === 1")
+        page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 1")
         count = int(page.locator(".told").inner_text().split(" ")[0])
         assert 0 < count < values.y.size
-        assert page.locator(".lines .in:not(.failed)").count() == count
+        assert page.locator(".parallel .in:not(.failed)").count() == count
         for other in page.locator("#scatter .charts .plot").all()[:2]:
             other.scroll_into_view_if_needed()
             page.wait_for_timeout(100)
             assert other.evaluate(IN_FRONT) == count
         page.get_by_role("button", name="Select all runs").click()
-        page.wait_for_function("() => document.querySelectorAll('.lines .chosen').length === 0")
+        page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 0")
 
     def test_how_the_inputs_of_these_runs_differ(self, page: Page, values: Values) -> None:
         page.get_by_text("How their inputs differ").click()
@@ -288,6 +288,12 @@ class TestSelection:
         assert float(cells["="][3]) == pytest.approx(np.mean(above > below), abs=0.0051)
         assert float(cells["="][0]) == pytest.approx(np.median(values.b[is_in]), rel=1e-3)
         assert "larger a (median" in page.locator(".told").inner_text()
+        page.locator(".handle[aria-label='y [m], to']").focus()
+        for _ in range(5):
+            page.keyboard.press("PageDown")
+        page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 1")
+        first = page.locator(".told-runs tbody tr").first.inner_text().split("\t")
+        assert (first[0], first[-1]) == ("a [m]", "0.00")
 
     def test_inputs_against_each_other_are_the_dependent_ones(
         self, page: Page, values: Values
@@ -427,5 +433,5 @@ def test_the_contents_stay_in_view_and_lead_back_up(page: Page) -> None:
 def test_it_has_no_faults_with_a_selection(page: Page) -> None:
     page.locator(".handle").first.focus()
     page.keyboard.press("PageUp")
-    page.wait_for_function("() => document.querySelectorAll('.lines .chosen').length === 1")
+    page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 1")
     assert [each["id"] for each in Axe().run(page).response["violations"]] == []

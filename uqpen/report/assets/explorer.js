@@ -64,6 +64,9 @@ function group(table) {
   };
 }
 
+// How far two groups differ; not at all where one is empty.
+const difference = (share) => (Number.isFinite(share) ? Math.abs(share - 0.5) : 0);
+
 function comparison(table, isIn) {
   const outside = isIn.map((each) => !each);
   const sizes = [isIn, outside].map((each) => each.filter(Boolean).length);
@@ -74,9 +77,9 @@ function comparison(table, isIn) {
     return {
       column, share, medians: parts.map((each) => (each.length ? short(median(each)) : "–")),
       ends: parts[0].length ? `${short(Math.min(...parts[0]))} … ${short(Math.max(...parts[0]))}` : "–",
-      isClear: Math.abs(share - 0.5) > Math.max(0.1, 3 * noise),
+      isClear: difference(share) > Math.max(0.1, 3 * noise),
     };
-  }).sort((one, other) => Math.abs((other.share || 0.5) - 0.5) - Math.abs((one.share || 0.5) - 0.5));
+  }).sort((one, other) => difference(other.share) - difference(one.share));
 }
 
 function sentence(table, { isIn, what }, found) {

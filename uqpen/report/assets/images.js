@@ -89,7 +89,7 @@ function composed(title, image, keys) {
 // The picture of a figure, with the legend that stands below it or below its group.
 async function figureSvg(figure) {
   const plot = figure.querySelector(".plot");
-  const own = figure.querySelector(".lines svg");
+  const own = figure.querySelector(".parallel svg");
   const image = own ? inlined(own) : await plotSvg(plot);
   const legend = figure.querySelector(":scope > .legend") ?? figure.closest(".charts")?.parentElement.querySelector(":scope > .legend");
   const heading = figure.closest(".charts") ? headingOf(figure) : "";

@@ -34,7 +34,7 @@ function endsOf(column) {
 }
 
 function parallelCoordinates(figure, table) {
-  const place = figure.querySelector(".lines");
+  const place = figure.querySelector(".parallel");
   const columns = table.traces.map((column, row) => ({
     ...column, key: keyOf(column.of), ends: endsOf(column), y: TOP + row * ROW,
   }));

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import WEIGHT
 from uqpen.figures.scatter import category_labels, jitter
 from uqpen.report.axes import quantity
 from uqpen.report.blocks import RunColumn, RunExplorer
@@ -32,6 +33,8 @@ def run_explorer(cloud: PlottedRuns) -> RunExplorer:
     importance, _ = input_importance(view, cloud.design, outputs[0])
     inputs = sorted(cloud.inputs, key=lambda name: -importance.get(name, 0.0))
     notes = [cloud.thinning_note]
+    if WEIGHT in cloud.runs.coords:
+        notes.append("The runs have weights, which these lines and counts leave out.")
     if len(inputs) > _MOST_INPUTS:
         notes.append(f"Shown are {_MOST_INPUTS} of {len(inputs)} inputs.")
     return RunExplorer(
