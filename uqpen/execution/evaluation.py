@@ -141,13 +141,12 @@ def evaluate_blocks(
             for warning in batch_result.warnings:
                 progress.warn(warning)
             progress.advance(runs, failure_count.add(batch_result), blocks.under_way)
-            for block in blocks.pop_complete():
-                failure_count.forget(block.stop)
-                yield _dataset(block, model, display_units)
+            yield from _complete_blocks(blocks, failure_count, model, display_units)
         if blocks.under_way > 0:
             raise WorkerError(f"the map has returned no result of {blocks.under_way} runs")
-        for block in blocks.pop_complete():
-            yield _dataset(block, model, display_units)
+        yield from _complete_blocks(blocks, failure_count, model, display_units)
+    if not blocks.size:  # no points are one empty block
+        yield from _complete_blocks(blocks, failure_count, model, display_units)
 
 
 def _check_names(points: xr.Dataset, model: Model) -> None:
@@ -162,12 +161,19 @@ def _check_names(points: xr.Dataset, model: Model) -> None:
         raise StudyError(f'weighted points cannot go to a model with an output "{WEIGHT}"')
 
 
-def _dataset(block: BlockRecord, model: Model, display_units: Mapping[str, str]) -> xr.Dataset:
-    """Return the runs of a complete block."""
-    runs = block.points.assign(block.variables(model.outputs))
-    runs = runs.assign_coords(_coordinates(model))
-    _add_attributes(runs, model, display_units)
-    return runs
+def _complete_blocks(
+    blocks: OpenBlocks,
+    failure_count: FailureCount,
+    model: Model,
+    display_units: Mapping[str, str],
+) -> Iterator[xr.Dataset]:
+    """Yield the runs of complete blocks, which are then forgotten."""
+    for block in blocks.pop_complete():
+        failure_count.forget(block.stop)
+        runs = block.points.assign(block.variables(model.outputs))
+        runs = runs.assign_coords(_coordinates(model))
+        _add_attributes(runs, model, display_units)
+        yield runs
 
 
 def _coordinates(model: Model) -> dict[str, Any]:
