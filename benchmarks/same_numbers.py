@@ -397,7 +397,8 @@ def compared(old: Flat, new: Flat) -> Comparison:
         Of the base and of this checkout.
     """
     comparison = Comparison()
-    had = {key.name for key in old.estimates}
+    # Coordinates of a statistic have names of their own.
+    had = {key.name for each in (old.estimates, old.texts, old.facts) for key in each}
     estimates = _without_added(new.estimates, had)
     comparison.equal["added"] += len(new.estimates) - len(estimates)
     _compare_estimates(old.estimates, estimates, comparison)

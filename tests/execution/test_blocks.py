@@ -261,6 +261,13 @@ def test_memory_is_that_of_a_few_blocks() -> None:
     assert peak < 6 * BLOCK * (8 + 8 + 1 + 8) < runs * 25 / 5
 
 
+@pytest.mark.parametrize("vectorized", [False, True])
+def test_no_points_have_no_runs(vectorized: bool) -> None:
+    found = evaluate(Evaluator(function(vectorized)), xr.Dataset({"x": (RUN, np.empty(0))}), {})
+    assert found.sizes == {RUN: 0}
+    assert found["y"].attrs["units"] == "m^2"
+
+
 def test_a_column_takes_the_type_that_has_room_for_all_blocks() -> None:
     parts = [
         xr.Dataset({"n": (RUN, np.array([1, 2])), "t": (RUN, np.array(["a", "b"]))}),

@@ -22,12 +22,12 @@ _AlongRun = npt.NDArray[Any]
 
 
 def block_ranges(size: int) -> Iterator[tuple[int, int]]:
-    """Yield the first run of each block and the first run after it.
+    """Yield the first run of each block and the first run after it; no runs are one empty block.
 
     >>> list(block_ranges(100_000))
     [(0, 65536), (65536, 100000)]
     """
-    for start in range(0, size, BLOCK):
+    for start in range(0, max(size, 1), BLOCK):
         yield start, min(start + BLOCK, size)
 
 

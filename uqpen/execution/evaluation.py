@@ -146,7 +146,7 @@ def evaluate_blocks(
     blocks = OpenBlocks(points, model.outputs, restore)
     progress.start_runs(label, lambda: _finished_runs(blocks, model, display_units))
     work = EvaluatorWork(evaluator, failures.retry)
-    while blocks.position < blocks.size:
+    while True:
         for batch_result in map(work, _batches(blocks, model, pace)):
             pace.record(len(batch_result))
             store(batch_result)
@@ -154,6 +154,8 @@ def evaluate_blocks(
         if blocks.under_way > 0:
             raise WorkerError(f"the map has returned no result of {blocks.under_way} runs")
         yield from builtins.map(dataset, _pop_complete(blocks, failure_count))
+        if blocks.position >= blocks.size:  # else the batches ended before a restored block
+            return
 
 
 def _pop_complete(blocks: OpenBlocks, failure_count: FailureCount) -> Iterator[BlockRecord]:
@@ -183,7 +185,7 @@ def _check_names(points: xr.Dataset, model: Model) -> None:
 
 
 def _dataset(block: BlockRecord, model: Model, display_units: Mapping[str, str]) -> xr.Dataset:
-    """Return the runs of a complete block."""
+    """Return the runs of a block."""
     runs = block.points.assign(block.variables(model.outputs))
     runs = runs.assign_coords(_coordinates(model))
     _add_attributes(runs, model, display_units)

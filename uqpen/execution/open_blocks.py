@@ -95,6 +95,8 @@ class OpenBlocks:
         self._points, self._outputs, self._restore = points, outputs, restore
         self._open: dict[int, BlockRecord] = {}
         self._drawn = 0
+        if not self.size:
+            self._open[0] = BlockRecord(0, points.read(0, 0), outputs)
 
     def block(self, run: int) -> BlockRecord:
         """Return the block of a run; it is drawn if no run of it has been needed yet."""

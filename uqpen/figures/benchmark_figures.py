@@ -9,11 +9,11 @@ from typing import Any
 import xarray as xr
 
 from uqpen.archive.benchmark_structure import find_benchmark_faults
+from uqpen.archive.requirements import find_level_faults
 from uqpen.core.errors import ArchiveError, FigureError, UnknownNameError
 from uqpen.core.lookup import choices, resolve
 from uqpen.figures import BENCHMARK_FIGURES
 from uqpen.figures.panel import Panel
-from uqpen.figures.requirements import find_level_faults
 from uqpen.results.benchmark_entries import entries
 
 __all__ = ["available_benchmark_figures", "benchmark_panels"]

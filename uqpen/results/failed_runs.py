@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
-import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, RUN, RUNS, STATUS
+from uqpen.core.labels import RUNS
 from uqpen.core.status import Status
 from uqpen.execution import status_counts
-from uqpen.results.failure_reasons import common_reasons
+from uqpen.results.failure_causes import common_texts, failure_causes
 
 __all__ = ["FailedRuns", "failed_runs", "has_failed_design"]
 
@@ -43,32 +41,11 @@ class FailedRuns(NamedTuple):
 
 def failed_runs(tree: xr.DataTree, design: str) -> Iterator[FailedRuns]:
     """Yield the failed runs of a design by reason, the most frequent first."""
-    runs = read_group(tree, RUNS, design)
-    if FAILURE_REASON not in runs:
-        return
-    at = np.searchsorted(runs[RUN].values, runs[FAILED_RUN].values)
-    reasons = runs[FAILURE_REASON].values.tolist()
-    common = _common_reasons(tree)
-    keys = [
-        (status, common[reason])
-        for status, reason in zip(runs[STATUS].values[at].tolist(), reasons, strict=True)
-    ]
-    examples = dict(zip(reversed(keys), reversed(reasons), strict=True))
-    for (status, reason), count in Counter(keys).most_common():
-        example = str(examples[status, reason])
-        is_masked = example != reason
-        yield FailedRuns(design, Status(status), str(reason), count, example * is_masked)
-
-
-def _common_reasons(tree: xr.DataTree) -> dict[str, str]:
-    """Return the text of each reason of a model's failed runs; the same for all of its designs."""
-    designs = (read_group(tree, RUNS, design) for design in group_names(tree, RUNS))
-    return common_reasons(
-        reason
-        for runs in designs
-        if FAILURE_REASON in runs
-        for reason in runs[FAILURE_REASON].values.tolist()
-    )
+    every = [read_group(tree, RUNS, name) for name in group_names(tree, RUNS)]
+    # The text of a reason is the same for all designs of a model.
+    causes = failure_causes([read_group(tree, RUNS, design)], common_texts(every))
+    for status, text, example, runs in causes:
+        yield FailedRuns(design, status, text, runs, example * (example != text))
 
 
 def has_failed_design(tree: xr.DataTree) -> bool:
