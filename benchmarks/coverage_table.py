@@ -97,10 +97,11 @@ values are more frequent than in the runs.
 _SKEWED = """\
 ## Skewed and heavy outputs
 
-Functions of few inputs that matter, most of them unbounded, some with Pareto-like tails (by their index).
-A cell gives the coverage of intervals without a note, and in brackets of those with the sentence on
-tails, each with its share of the seeds where it is not all of them. *None* is a cell whose samples
-have no interval. `benchmarks/skewed_coverage.py` makes this table. No cell without a note is below 92 %.
+Functions of few inputs that matter, most of them unbounded, some with Pareto-like tails (by their
+index). A cell gives the coverage of intervals without a note, and in brackets of those with the
+sentence on tails, each with its share of the seeds where it is not all of them. *None* is a cell
+whose samples have no interval. `benchmarks/skewed_coverage.py` makes this table. No cell without a
+note is below 92 %.
 """
 
 _NONE = """\
