@@ -8,13 +8,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-__all__ = ["FEWEST_SEEDS", "LOWEST", "markdown", "read", "write"]
+__all__ = ["BEGIN", "END", "FEWEST_SEEDS", "LOWEST", "markdown", "read", "write"]
 
 Row = Mapping[str, Any]
 
 LOWEST = 0.92
 # A cell with fewer seeds has too large an error to be judged.
 FEWEST_SEEDS = 50
+# Between these marks of the page is the table that `skewed_coverage.py` makes.
+BEGIN, END = "<!-- skewed outputs: begin -->", "<!-- skewed outputs: end -->"
 LABELS = ("nominal", "discrete", "conservative")
 
 _KEY = ("problem", "design", "runs", "statistic")
@@ -92,13 +94,23 @@ All other cells with a note, by design. Their coverage suffices here. It may be 
 values are more frequent than in the runs.
 """
 
+_SKEWED = """\
+## Skewed and heavy outputs
+
+Functions of few inputs that matter, most of them unbounded, some with Pareto-like tails (by their
+index). A cell gives the coverage of intervals without a note, and in brackets of those with the
+sentence on tails, each with its share of the seeds where it is not all of them. *None* is a cell
+whose samples have no interval. `benchmarks/skewed_coverage.py` makes this table. No cell without a
+note is below 92 %.
+"""
+
 _NONE = """\
 ## Without an interval
 
 Skewness, delta, Morris's sigma and responses have no interval. Nor have the estimates of a
 surrogate: mean and standard deviation of a polynomial chaos have verdicts (checked, refused,
-unchecked) instead. The standard deviation has no interval below 200 runs or where the runs show a
-heavy tail. A quantile has none if no order statistic bounds it. See [what the statistics
+unchecked) instead. The standard deviation has no interval below 200 runs or where the runs may be
+those of a heavy tail. A quantile has none if no order statistic bounds it. See [what the statistics
 mean](statistics.md).
 """
 
@@ -131,8 +143,12 @@ def write(path: Path, table: Sequence[Row]) -> None:
         writer.writerows(table)
 
 
-def markdown(table: Sequence[Row], designs: Sequence[str]) -> str:
-    """Coverage by statistic and design, over all problems and sizes, and the noted cells."""
+def markdown(table: Sequence[Row], designs: Sequence[str], page: str) -> str:
+    """Coverage by statistic and design, over all problems and sizes, and the noted cells.
+
+    What stands between the marks of the page is kept.
+    """
+    kept = page.partition(BEGIN)[2].partition(END)[0]
     designs = [each for each in designs if any(row["design"] == each for row in table)]
     failing = [row for row in table if row["verdict"] == "FAILS"]
     noted = [row for row in table if _is_noted(row)]
@@ -141,7 +157,8 @@ def markdown(table: Sequence[Row], designs: Sequence[str]) -> str:
     parts = [_head(table), _grid(table, designs, _certain), _FAILING]
     parts.append(_lines(_by_size(failing, "coverage")) if failing else _NO_EXCEPTIONS)
     parts += [_UNCOVERED, _lines(_by_size(uncovered, "coverage_warned"))]
-    parts += [_NOTED, _grid(covered, designs, _warned), _NONE]
+    parts += [_NOTED, _grid(covered, designs, _warned)]
+    parts += [_SKEWED, f"{BEGIN}{kept}{END}\n", _NONE]
     return "\n".join(parts)
 
 

@@ -162,7 +162,9 @@ def main() -> int:
     if options.output:
         write(options.output, table)
     if options.markdown:
-        options.markdown.write_text(markdown(table, list(DESIGNS)), encoding="utf-8")
+        path = options.markdown
+        page = path.read_text(encoding="utf-8") if path.exists() else ""
+        path.write_text(markdown(table, list(DESIGNS), page), encoding="utf-8")
     return 1 if any(row["verdict"] == "FAILS" for row in table) else 0
 
 

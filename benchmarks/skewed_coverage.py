@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from coverage_table import BEGIN, END
 from scipy import integrate, special
 
 from uqpen.core.labels import NOTE
@@ -40,7 +41,6 @@ FEWEST = 50
 OUTPUT = Output("y", "1")
 QUANTITY = QuantityOfInterest(OUTPUT, "1")
 STATISTICS = {"mean": "mean", "std": "standard deviation"}
-BEGIN, END = "<!-- skewed outputs: begin -->", "<!-- skewed outputs: end -->"
 
 
 class Function(NamedTuple):

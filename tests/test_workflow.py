@@ -388,7 +388,7 @@ def test_a_mean_that_hangs_on_a_handful_of_runs_says_so(tmp_path: Path) -> None:
     assert "may not exist" in mean.attrs["note"]
 
 
-@pytest.mark.parametrize(("runs", "is_doubted"), [(500, True), (1000, False)])
+@pytest.mark.parametrize(("runs", "is_doubted"), [(1000, True), (2000, False)])
 def test_few_replicates_do_not_show_a_tail_that_their_mean_suffers_from(
     tmp_path: Path, runs: int, is_doubted: bool
 ) -> None:

@@ -18,6 +18,7 @@ from uqpen.core.status import Status
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.source_statistics import SourceStatistics
+from uqpen.statistics import texts
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.convergence import reason_without_parts
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
@@ -153,7 +154,7 @@ def test_replicates_are_taken_whole_wherever_their_runs_stand() -> None:
     assert answers["y"]["mean"]["runs_so_far"].values.tolist() == [120, 180, 240]
     alone = analyze(runs.isel(run=mixed < 3), [Y])["y"]
     assert_same(answers["y"]["mean"][1], alone["mean"])
-    assert interval_text(answers["y"]["mean"][0], "interval") == "Student t over replicates"
+    assert interval_text(answers["y"]["mean"][0], "interval") == texts.STUDENT_FOR_SKEWED_REPLICATES
 
 
 @pytest.mark.parametrize(

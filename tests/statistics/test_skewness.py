@@ -23,8 +23,8 @@ FloatArray = npt.NDArray[np.float64]
 
 QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
 SEEDS = 400
-# One that covers in 94 % falls below this in one of a thousand sets of so many seeds.
-FEWEST = int(stats.binom.ppf(1e-3, SEEDS, 0.94))
+# One that covers in 93 % falls below this in one of two hundred sets of so many seeds.
+FEWEST = int(stats.binom.ppf(5e-3, SEEDS, 0.93))
 
 # Sums of some hundred terms agree to this.
 ROUNDING = 1e-12
@@ -53,14 +53,14 @@ def interval(sample: Sample, statistic: str) -> tuple[float, float, float, str]:
     return estimate, lower, upper, interval_text(array, "note")
 
 
-def exponential_replicates(rng: np.random.Generator) -> FloatArray:
-    """Ten replicates whose means are exponential; within them the runs differ little."""
-    return np.asarray(rng.exponential(size=(10, 1)) + rng.normal(size=(10, 20)) / 20)
+def lognormal_replicates(rng: np.random.Generator) -> FloatArray:
+    """Sixteen replicates whose means are lognormal; within them the runs differ little."""
+    return np.asarray(rng.lognormal(size=(16, 1)) + rng.normal(size=(16, 20)) / 20)
 
 
-def exponential_variances(rng: np.random.Generator) -> FloatArray:
-    """Ten replicates of mean 0 whose mean squares are exponential; the kurtosis is 2."""
-    return np.asarray(np.sqrt(rng.exponential(size=(10, 1))) * np.tile([-1.0, 1.0], 100))
+def lognormal_variances(rng: np.random.Generator) -> FloatArray:
+    """Sixteen replicates of mean 0 whose mean squares are lognormal; the kurtosis is e."""
+    return np.asarray(np.sqrt(rng.lognormal(size=(16, 1))) * np.tile([-1.0, 1.0], 10))
 
 
 def pareto_hypercubes(rng: np.random.Generator) -> FloatArray:
@@ -72,10 +72,10 @@ def lognormal_draws(rng: np.random.Generator) -> FloatArray:
     return rng.lognormal(size=60)
 
 
-# By Student's t alone they cover in 89, 88, 83 and 90 % of many seeds; thus in 95, 95, 94 and 94.
+# Student's t alone covers in 339, 355, 328 and 351 of the 400 seeds.
 CELLS: dict[str, tuple[Callable[[np.random.Generator], FloatArray], str, float]] = {
-    "exponential replicates": (exponential_replicates, "mean", 1.0),
-    "exponential variances": (exponential_variances, "std", 1.0),
+    "lognormal replicates": (lognormal_replicates, "mean", math.exp(0.5)),
+    "lognormal variances": (lognormal_variances, "std", math.exp(0.25)),
     "Pareto over hypercubes": (pareto_hypercubes, "mean", 2.5 / 1.5),
     "lognormal draws": (lognormal_draws, "mean", math.exp(0.5)),
 }
