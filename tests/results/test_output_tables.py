@@ -338,3 +338,9 @@ def test_a_fixed_input_may_be_called_a_coefficient(study_of: Callable[..., Valid
     (fit,) = [table for table in output_tables(tree) if table.title.startswith("chaos: fit")]
     assert [label for label, _ in fit.rows] == ["y"]
     assert list(archive_json(tree)["surrogates"]["chaos"]["outputs"]) == ["y"]
+
+
+def test_a_published_number_keeps_its_digits() -> None:
+    number = xr.DataArray([0.5, math.nan, math.nan], dims="bound", name="mean")
+    assert estimate_with_verdict(number, identity) == "0.5"
+    assert estimate_with_verdict(number.assign_attrs(runs=10), identity) == "0.5000"

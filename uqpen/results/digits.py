@@ -27,7 +27,7 @@ _DIGITS = 4
 _WRITTEN_OUT = (-3, 6)
 
 
-def estimate_text(estimate: float, lower: float, upper: float) -> str:
+def estimate_text(estimate: float, lower: float, upper: float, *, is_short: bool = False) -> str:
     """An estimate in the digits that its interval leaves a meaning.
 
     Two digits of the longer side, and the estimate to the same place. ± is the half-width of an
@@ -39,6 +39,8 @@ def estimate_text(estimate: float, lower: float, upper: float) -> str:
     ----------
     estimate, lower, upper : float
         NaN for a bound that does not exist.
+    is_short : bool
+        Whether a number without an interval ends before zeros, as in a publication.
 
     Examples
     --------
@@ -52,7 +54,7 @@ def estimate_text(estimate: float, lower: float, upper: float) -> str:
     sides = _sides(estimate, lower, upper)
     half = max(sides, default=math.nan)
     if not 0 < half < math.inf:
-        return _text_without_interval(estimate, is_short=half == 0)
+        return _text_without_interval(estimate, is_short=is_short or half == 0)
     number_format = _NumberFormat(estimate, half)
     if len(sides) == 2 and number_format.is_same(*sides):
         return number_format.write(f"{number_format(estimate)} ± {number_format(half)}")

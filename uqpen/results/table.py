@@ -11,7 +11,17 @@ import xarray as xr
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.catalogue import CATALOGUE, UnitRule
-from uqpen.core.labels import CHECKED, INPUT, INTERVAL_LABEL, NOTE, PAIR, ROLE, RUNS, VERDICTS
+from uqpen.core.labels import (
+    CHECKED,
+    ESTIMATOR,
+    INPUT,
+    INTERVAL_LABEL,
+    NOTE,
+    PAIR,
+    ROLE,
+    RUNS,
+    VERDICTS,
+)
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
 
@@ -90,7 +100,9 @@ class OutputTable:
 
 def estimate_with_verdict(array: xr.DataArray, convert: Conversion) -> str:
     """Return an estimate in the digits that it has, with the verdict if that is against it."""
-    text = estimate_text(*shown_bounds(array, convert))
+    # What no runs and no estimator have given is published, in digits of its own.
+    is_published = not {"runs", ESTIMATOR} & array.attrs.keys()
+    text = estimate_text(*shown_bounds(array, convert), is_short=is_published)
     label = interval_text(array, INTERVAL_LABEL)
     return f"{text} {label}" if label in VERDICTS and label != CHECKED else text
 
