@@ -12,7 +12,7 @@ from uqpen.core.catalogue import CATEGORY
 from uqpen.core.labels import INTERVAL_LEVEL, RUN
 from uqpen.core.status import Status
 from uqpen.execution import status_counts
-from uqpen.report.blocks import Answer
+from uqpen.report.blocks import Finding
 from uqpen.report.sections.quoted_statistics import (
     QuotedStatistic,
     default_statistic,
@@ -36,7 +36,7 @@ class OutputSentences(NamedTuple):
     """Sentences of the report about one output."""
 
     output: str
-    verdicts: tuple[Answer, ...]  # on the limits of the study
+    verdicts: tuple[Finding, ...]  # on the limits of the study
     sentences: tuple[str, ...]
     quantities: tuple[QuotedStatistic, ...]  # that they state
     omitted: int = 0  # requested quantities that have no sentence
@@ -65,7 +65,7 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
     )
 
 
-def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Answer:
+def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Finding:
     """Return whether an output exceeds a limit of the study, and how often."""
     name = capitalized(output_name(quantity.view, quantity.output))
     estimate, lower, upper = quantity.texts(array)
@@ -77,7 +77,7 @@ def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Ans
         text = f"in none of {runs} completed runs: at most {upper} of cases ({level} interval)."
     elif array.values[0] == 1 and np.isfinite(array.values[1]):
         text = f"in all {runs} completed runs: at least {lower} of cases ({level} interval)."
-    return Answer(f"{name} above {no_break(plain_text(quantity.entry))}", capitalized(text))
+    return Finding(f"{name} above {no_break(plain_text(quantity.entry))}", capitalized(text))
 
 
 def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> str:
