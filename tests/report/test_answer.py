@@ -10,7 +10,7 @@ import xarray as xr
 
 import uqpen
 from uqpen.archive.read import read_group
-from uqpen.report.blocks import Alerts, Answers, Block, Columns, Fold, Quote, Text
+from uqpen.report.blocks import Alerts, Block, Columns, Findings, Fold, Quote, Text
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_texts
@@ -35,8 +35,8 @@ def _texts(blocks: Iterable[Block]) -> list[str]:
                 found += sentences
             case Text(text):
                 found.append(text)
-            case Answers(entries):
-                found += [f"{entry.question}: {entry.text}" for entry in entries]
+            case Findings(entries):
+                found += [f"{entry.head}: {entry.text}" for entry in entries]
             case Alerts(alerts):
                 found += [" ".join(alert) for alert in alerts]
             case Columns(columns):

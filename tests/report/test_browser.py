@@ -353,6 +353,7 @@ def test_a_decision_maker_reads_it_to_its_end(show: Show) -> None:
     # The verdict, what drives it and the failed runs are on the first screen.
     for text in ("Depth of penetration above", "What drives it?", "Did all runs succeed?"):
         assert page.get_by_text(text).first.bounding_box()["y"] < 900, text
+    page.emulate_media(media="print")
     side = "15mm"
     margin = {"top": side, "bottom": side, "left": side, "right": side}
     pages = re.findall(rb"/Type\s*/Page\b", page.pdf(format="A4", margin=margin))

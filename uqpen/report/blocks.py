@@ -13,13 +13,13 @@ from uqpen.results.table import OutputTable
 __all__ = [
     "Alert",
     "Alerts",
-    "Answer",
-    "Answers",
     "Axis",
     "Block",
     "Chart",
     "Charts",
     "Columns",
+    "Finding",
+    "Findings",
     "Fold",
     "Heading",
     "LegendKey",
@@ -70,18 +70,18 @@ class Quote(Block):
     sentences: tuple[str, ...]
 
 
-class Answer(NamedTuple):
-    """A question in few words, and what the archive answers."""
+class Finding(NamedTuple):
+    """What the archive says about something, below a head of few words."""
 
-    question: str
+    head: str
     text: str
 
 
 @dataclass(frozen=True)
-class Answers(Block):
-    """Questions with their answers, one below the other."""
+class Findings(Block):
+    """Findings with their heads, one below the other."""
 
-    entries: tuple[Answer, ...]
+    entries: tuple[Finding, ...]
     is_verdict: bool = False  # of the study's own limits: set larger
 
 

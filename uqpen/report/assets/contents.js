@@ -50,7 +50,7 @@ function copyButton(label, hint, text) {
 }
 
 const { study, reference } = document.body.dataset;
-for (const quoted of document.querySelectorAll("blockquote p, .answers dd")) {
+for (const quoted of document.querySelectorAll("blockquote p, .findings dd")) {
   const text = quoted.textContent.trim();
   quoted.append(" ", copyButton("Copy", "Copy this sentence with its reference", () => `${text} [${reference}]`));
 }

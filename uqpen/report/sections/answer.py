@@ -11,11 +11,11 @@ from uqpen.core.status import Status
 from uqpen.execution import status_counts
 from uqpen.report.blocks import (
     Alerts,
-    Answer,
-    Answers,
     Block,
     Chart,
     Columns,
+    Finding,
+    Findings,
     Fold,
     LegendKey,
     Quote,
@@ -47,7 +47,7 @@ _MOST_SENTENCES = 3
 
 
 def answer(view: ArchiveView) -> Iterator[Block]:
-    """The answers of a study; of several models, their differences first."""
+    """The main results of a study; of several models, their differences first."""
     if not view.model:
         yield from _answer(view)
         return
@@ -74,13 +74,15 @@ def _answer(view: ArchiveView) -> Iterator[Block]:
     else:
         yield from stated
     quantities = [each for entry in shown for each in entry.quantities]
-    answers = (
-        Answer("What drives it?", _driver_text(view)),
-        Answer("Did all runs succeed?", " ".join(missing_run_sentences(view, design))),
-        Answer("Does it agree with published values?", " ".join(published_sentences(view, design))),
-        Answer("Do the other methods agree?", agreement_text(quantities, design)),
+    findings = (
+        Finding("What drives it?", _driver_text(view)),
+        Finding("Did all runs succeed?", " ".join(missing_run_sentences(view, design))),
+        Finding(
+            "Does it agree with published values?", " ".join(published_sentences(view, design))
+        ),
+        Finding("Do the other methods agree?", agreement_text(quantities, design)),
     )
-    yield Answers(tuple(each for each in answers if each.text))
+    yield Findings(tuple(each for each in findings if each.text))
     main = main_outputs(view)
     yield Alerts(tuple(alerts(view, design, [each for each in quantities if each.output in main])))
 
@@ -91,7 +93,7 @@ def _stated_blocks(
     """Yield the verdicts on limits, the sentences, and the design behind them."""
     verdicts = [each for entry in shown for each in entry.verdicts]
     if every := (*verdicts, *joint_answers(view, design)):
-        yield Answers(every, is_verdict=True)
+        yield Findings(every, is_verdict=True)
     stated, further = _ordered_sentences(shown, main_outputs(view))
     if stated:
         yield Quote(stated)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import xarray as xr
 
 from uqpen.core.labels import INTERVAL_LEVEL
-from uqpen.report.blocks import Answer
+from uqpen.report.blocks import Finding
 from uqpen.report.counting import percent_texts
 from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted_statistics import no_break
@@ -20,12 +20,12 @@ from uqpen.results.texts import capitalized, plain_text
 __all__ = ["joint_answers"]
 
 
-def joint_answers(view: ArchiveView, design: str) -> Iterator[Answer]:
+def joint_answers(view: ArchiveView, design: str) -> Iterator[Finding]:
     """Yield how often each event occurs whose probability the study requests."""
     joint = view.statistics.joint_probability(design)
     for array in () if joint is None else joint:
         event = capitalized(plain_text(str(array["event_condition"].values)))
-        yield Answer(event, f"In {_stated(array)}.{acceptance_sentence(array)}")
+        yield Finding(event, f"In {_stated(array)}.{acceptance_sentence(array)}")
 
 
 def _stated(array: xr.DataArray) -> str:

@@ -41,9 +41,9 @@ def missing_run_sentences(view: ArchiveView, design: str) -> Iterator[str]:
         admissible = " at admissible points" * bool(excluded)
         yield f"{every}{admissible} completed."
     else:
-        where = _where(view, design)
+        inputs = _associated_inputs(view, design)
         share = f"{grouped_number(missing)} of {grouped_number(runs)}"
-        yield f"{share} runs failed{', mainly where ' * bool(where)}{where}."
+        yield f"{share} runs failed{', mainly where ' * bool(inputs)}{inputs}."
         yield (
             "Intervals of probabilities hold even if all of these were beyond a limit, or none; "
             f"all other numbers describe the {count_text(counts[Status.OK], 'completed run')}."
@@ -53,7 +53,7 @@ def missing_run_sentences(view: ArchiveView, design: str) -> Iterator[str]:
         yield f"{count_text(excluded, 'point')} of {grouped_number(runs)} {were} inadmissible."
 
 
-def _where(view: ArchiveView, design: str) -> str:
+def _associated_inputs(view: ArchiveView, design: str) -> str:
     """Return the inputs that go with failure, in words; empty if none clearly does."""
     found = view.statistics.failures(design)
     clear = {

@@ -9,7 +9,7 @@ import numpy as np
 from uqpen.archive.read import group_names
 from uqpen.core.labels import DIFFERENCES
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.report.blocks import Alerts, Answer, Answers, Block, Columns, Table, Text
+from uqpen.report.blocks import Alerts, Block, Columns, Finding, Findings, Table, Text
 from uqpen.report.sections.alerts import alerts
 from uqpen.report.sections.leading_design import leading_design
 from uqpen.report.sections.main_outputs import main_outputs
@@ -40,14 +40,14 @@ def model_answer(view: ArchiveView) -> Iterator[Block]:
     entries = tuple(_differences(view, design))
     blocks: tuple[Block, ...] = (Text("The archive has no differences of its models."),)
     if entries:
-        blocks = (Answers(entries, is_verdict=True),)
+        blocks = (Findings(entries, is_verdict=True),)
     charts = (model_chart(view, output, design) for output in main_outputs(view))
     if (chart := next(filter(None, charts), None)) is not None:
         yield Columns(blocks, chart)
     else:
         yield from blocks
     yield Table(_model_table(views, design))
-    yield Answers((Answer("Did all runs succeed?", " ".join(_missing(views))),))
+    yield Findings((Finding("Did all runs succeed?", " ".join(_missing(views))),))
     yield Alerts(tuple(alerts(view, design, ())))
 
 
@@ -60,7 +60,7 @@ def _missing(views: list[ArchiveView]) -> Iterator[str]:
             yield f"{each.model}: {next(missing_run_sentences(each, design))}"
 
 
-def _differences(view: ArchiveView, design: str) -> Iterator[Answer]:
+def _differences(view: ArchiveView, design: str) -> Iterator[Finding]:
     """Yield the mean difference of each model from the first, for the main outputs."""
     for other in group_names(view.archive, DIFFERENCES):
         statistics = SourceStatistics.of_differences(view.archive, other)
@@ -75,7 +75,7 @@ def _differences(view: ArchiveView, design: str) -> Iterator[Answer]:
             texts.append(f"{output_name(view, output)} {size}")
         if texts:
             first = statistics.minus(design) or view.model_views[0].model
-            yield Answer(f"{other} minus {first}", f"Mean difference: {'; '.join(texts)}.")
+            yield Finding(f"{other} minus {first}", f"Mean difference: {'; '.join(texts)}.")
 
 
 def _model_table(views: list[ArchiveView], design: str) -> OutputTable:

@@ -12,7 +12,7 @@ from uqpen.core.catalogue import CATEGORY
 from uqpen.core.labels import INTERVAL_LEVEL, RUN
 from uqpen.core.status import Status
 from uqpen.execution import status_counts
-from uqpen.report.blocks import Answer
+from uqpen.report.blocks import Finding
 from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted_statistics import (
     QuotedStatistic,
@@ -41,7 +41,7 @@ class OutputSentences(NamedTuple):
     """Sentences of the report about one output."""
 
     output: str
-    verdicts: tuple[Answer, ...]  # on the limits of the study
+    verdicts: tuple[Finding, ...]  # on the limits of the study
     sentences: tuple[str, ...]
     quantities: tuple[QuotedStatistic, ...]  # that they state
     omitted: int = 0  # requested quantities that have no sentence
@@ -70,7 +70,7 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
     )
 
 
-def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Answer:
+def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Finding:
     """Return how often an output lies beyond a limit, and whether the study accepts that."""
     name = capitalized(output_name(quantity.view, quantity.output))
     estimate, lower, upper = quantity.texts(array)
@@ -83,7 +83,7 @@ def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Ans
     elif array.values[0] == 1 and np.isfinite(array.values[1]):
         text = f"in all {runs} completed runs: at least {lower} of cases ({level} interval)."
     event = f"{name} {_EVENTS[quantity.statistic]} {no_break(plain_text(quantity.entry))}"
-    return Answer(event, f"{capitalized(text)}{acceptance_sentence(array)}")
+    return Finding(event, f"{capitalized(text)}{acceptance_sentence(array)}")
 
 
 def acceptance_sentence(array: xr.DataArray) -> str:
