@@ -98,11 +98,18 @@ def page(show: Callable[[str], Page]) -> Page:
     return page
 
 
+def _settle(page: Page) -> None:
+    """Wait until the charts have followed what was moved last."""
+    page.evaluate("() => new Promise((done) => setTimeout(() => requestAnimationFrame(done), 20))")
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(done))")
+
+
 def _type(page: Page, form: int, text: str) -> str:
     """Type a threshold; the answer."""
     box = page.locator(".threshold:not(line)").nth(form)
     box.fill(text)
     box.press("Enter")
+    _settle(page)
     return page.locator(".readout").nth(form).inner_text()
 
 
@@ -241,6 +248,7 @@ class TestSelection:
         name = page.evaluate(focused)[0]
         for _ in range(5):
             page.keyboard.press("PageDown" if name == "z" else "PageUp")
+        _settle(page)
         lower = float(page.evaluate("document.activeElement.getAttribute('aria-valuenow')"))
         column = {"a": values.a, "=": values.b}[name]
         count = int((column >= lower).sum())
@@ -251,7 +259,7 @@ class TestSelection:
         assert page.locator(".parallel .in:not(.failed)").count() == count
         chart = page.locator("#scatter .charts .plot").first
         chart.scroll_into_view_if_needed()
-        page.wait_for_timeout(100)
+        _settle(page)
         assert chart.evaluate(IN_FRONT) == count
         handle = page.locator(".handle:focus")
         page.keyboard.press("Escape")
@@ -268,12 +276,13 @@ class TestSelection:
         page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + box["height"] - 2, steps=4)
         page.mouse.up()
         page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 1")
+        _settle(page)
         count = int(page.locator(".told").inner_text().split(" ")[0])
         assert 0 < count < values.y.size
         assert page.locator(".parallel .in:not(.failed)").count() == count
         for other in page.locator("#scatter .charts .plot").all()[:2]:
             other.scroll_into_view_if_needed()
-            page.wait_for_timeout(100)
+            _settle(page)
             assert other.evaluate(IN_FRONT) == count
         page.get_by_role("button", name="Select all runs").click()
         page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 0")
@@ -292,6 +301,7 @@ class TestSelection:
         for _ in range(5):
             page.keyboard.press("PageDown")
         page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 1")
+        _settle(page)
         first = page.locator(".told-runs tbody tr").first.inner_text().split("\t")
         assert (first[0], first[-1]) == ("a [m]", "0.00")
 

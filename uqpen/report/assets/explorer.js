@@ -38,8 +38,8 @@ function strongestPair(inputs) {
   let best = [3 / Math.sqrt(size), 0, Math.min(1, inputs.length - 1)];
   for (let i = 0; i < inputs.length; i += 1) {
     for (let j = i + 1; j < inputs.length; j += 1) {
-      const size_ = Math.abs(product(centred[i], centred[j])) / (norms[i] * norms[j]);
-      if (size_ > best[0]) best = [size_, i, j];
+      const strength = Math.abs(product(centred[i], centred[j])) / (norms[i] * norms[j]);
+      if (strength > best[0]) best = [strength, i, j];
     }
   }
   return [inputs[best[1]], inputs[best[2]]];

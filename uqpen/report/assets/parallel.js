@@ -73,7 +73,7 @@ function parallelCoordinates(figure, table) {
     .map(([column, value], at) => `${at ? "L" : "M"}${toX(column, value).toFixed(1)},${column.y}`)
     .join("");
 
-  function place_() {
+  function arrange() {
     if (place.clientWidth === width || !place.clientWidth) return;
     width = place.clientWidth;
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
@@ -187,6 +187,6 @@ function parallelCoordinates(figure, table) {
   }
   reach(parts[0].handles[0]);
 
-  new ResizeObserver(place_).observe(place);
-  return () => { place_(); showRanges(); showRuns(); };
+  new ResizeObserver(arrange).observe(place);
+  return () => { arrange(); showRanges(); showRuns(); };
 }
