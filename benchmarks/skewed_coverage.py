@@ -29,6 +29,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence, sobol_points
+from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
@@ -218,8 +219,7 @@ def _intervals(
         values=np.full(len(points), np.nan),
         used=everything,
         missing=everything[:0],
-        points=np.empty((len(points), 0)),
-        inputs=(),
+        columns=InputColumns.none(len(points)),
         replicates=everything // len(sets[0]),
         sampling=Sampling.STRATIFIED if design.replicates else Sampling.INDEPENDENT,
     )

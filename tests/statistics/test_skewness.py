@@ -14,6 +14,7 @@ from uqpen.archive.estimates import interval_text
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.statistics import texts
+from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
@@ -37,8 +38,7 @@ def sample_of(values: FloatArray, weights: FloatArray | None = None) -> Sample:
         values=values.ravel(),
         used=everything,
         missing=everything[:0],
-        points=np.empty((values.size, 0)),
-        inputs=(),
+        columns=InputColumns.none(values.size),
         replicates=everything // values.shape[-1],
         sampling=Sampling.INDEPENDENT if values.ndim == 1 else Sampling.STRATIFIED,
         weights=weights,

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-import builtins
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import xarray as xr
 
 from uqpen.core.blocks import BlockedDataset, LoadedDataset, join_blocks
 from uqpen.core.errors import StudyError, WorkerError
-from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, REPLICATE, ROLE, RUN, STATUS, WEIGHT
-from uqpen.core.model import Category, Dimension, Model, Output
+from uqpen.core.labels import RUN, WEIGHT
+from uqpen.core.model import Model
 from uqpen.core.progress import Progress
-from uqpen.core.status import Status
 from uqpen.execution.batch import Batch, BatchResult, Map, PacedMap
 from uqpen.execution.batching import WORTH_SENDING, Pace, scalar_batches, vectorized_batches
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.evaluator import Evaluator, EvaluatorWork
 from uqpen.execution.failures import FailureCount, FailurePolicy
 from uqpen.execution.open_blocks import BlockRecord, OpenBlocks
+from uqpen.execution.run_dataset import runs_dataset
 
 __all__ = ["evaluate", "evaluate_blocks"]
-
-# Attribute of a curve that may end before its dimension does.
-_END = {"comment": "NaN after the end of the curve"}
 
 
 def evaluate(
@@ -113,56 +108,92 @@ def evaluate_blocks(
         As `evaluate` returns it, with the reasons of failed runs even where no run failed. The
         numbers of failed runs are those in the whole.
     """
-    progress, checkpoint = progress or Progress(), checkpoint or Checkpoint()
-    failures, model = failures or FailurePolicy(), evaluator.model
-    failure_count = FailureCount(failures.at_most, points.size)
-    if restored := checkpoint.prepare(points.size):
-        progress.count_restored(restored)
-
-    def restore(block: BlockRecord) -> None:
-        _check_names(block.points, model)
-        for batch_result in checkpoint.restore(block.start, block.columns):
-            block.add(batch_result)
-            failure_count.add(batch_result)
-            model.record_files(batch_result.results.files)
-
-    def store(batch_result: BatchResult) -> None:
-        blocks.add(batch_result)
-        # Before it is stored, as it may be of another version of the model.
-        model.record_files(batch_result.results.files)
-        start, runs = batch_result.start, len(batch_result)
-        checkpoint.save(blocks.columns(start, start + runs), batch_result)
-        for warning in batch_result.warnings:
-            progress.warn(warning)
-        progress.advance(runs, failure_count.add(batch_result), blocks.under_way)
-
-    def dataset(block: BlockRecord) -> xr.Dataset:
-        runs = _dataset(block, model, display_units)
-        progress.end_block(label, runs)
-        return runs
-
+    failures = failures or FailurePolicy()
+    under_way = _RunsUnderWay(
+        evaluator.model,
+        points,
+        display_units,
+        label,
+        progress or Progress(),
+        checkpoint or Checkpoint(),
+        FailureCount(failures.at_most, points.size),
+    )
     worth_sending = map.worth_sending if isinstance(map, PacedMap) else WORTH_SENDING
-    pace = Pace(worth_sending, is_alone=bool(model.enforced_limits))
-    blocks = OpenBlocks(points, model.outputs, restore)
-    progress.start_runs(label, lambda: _finished_runs(blocks, model, display_units))
+    pace = Pace(worth_sending, is_alone=bool(evaluator.model.enforced_limits))
     work = EvaluatorWork(evaluator, failures.retry)
+    blocks = under_way.blocks
     while True:
-        for batch_result in map(work, _batches(blocks, model, pace)):
+        for batch_result in map(work, _batches(blocks, evaluator.model, pace)):
             pace.record(len(batch_result))
-            store(batch_result)
-            yield from builtins.map(dataset, _pop_complete(blocks, failure_count))
+            under_way.add(batch_result)
+            yield from under_way.pop_complete()
         if blocks.under_way > 0:
             raise WorkerError(f"the map has returned no result of {blocks.under_way} runs")
-        yield from builtins.map(dataset, _pop_complete(blocks, failure_count))
+        yield from under_way.pop_complete()
         if blocks.position >= blocks.size:  # else the batches ended before a restored block
             return
 
 
-def _pop_complete(blocks: OpenBlocks, failure_count: FailureCount) -> Iterator[BlockRecord]:
-    """Yield complete blocks in order, and forget the numbers of their runs."""
-    for block in blocks.pop_complete():
-        failure_count.forget(block.stop)
-        yield block
+class _RunsUnderWay:
+    """Runs of a model at the points of a round: restored, counted, stored, handed over in order."""
+
+    def __init__(
+        self,
+        model: Model,
+        points: BlockedDataset,
+        display_units: Mapping[str, str],
+        label: str,
+        progress: Progress,
+        checkpoint: Checkpoint,
+        failure_count: FailureCount,
+    ) -> None:
+        self._model, self._display_units, self._label = model, display_units, label
+        self._progress, self._checkpoint = progress, checkpoint
+        self._failure_count = failure_count
+        if restored := checkpoint.prepare(points.size):
+            progress.count_restored(restored)
+        self.blocks = OpenBlocks(points, model.outputs, self._restore)
+        progress.start_runs(label, self._finished_runs)
+
+    def add(self, batch_result: BatchResult) -> None:
+        """Insert the results of a batch, and store them."""
+        self.blocks.add(batch_result)
+        # Before it is stored, as it may be of another version of the model.
+        self._model.record_files(batch_result.results.files)
+        start, runs = batch_result.start, len(batch_result)
+        self._checkpoint.save(self.blocks.columns(start, start + runs), batch_result)
+        for warning in batch_result.warnings:
+            self._progress.warn(warning)
+        failed = self._failure_count.add(batch_result)
+        self._progress.advance(runs, failed, self.blocks.under_way)
+
+    def pop_complete(self) -> Iterator[xr.Dataset]:
+        """Yield the runs of complete blocks in order, and forget them."""
+        for block in self.blocks.pop_complete():
+            self._failure_count.forget(block.stop)
+            runs = self._dataset(block)
+            self._progress.end_block(self._label, runs)
+            yield runs
+
+    def _restore(self, block: BlockRecord) -> None:
+        _check_names(block.points, self._model)
+        for batch_result in self._checkpoint.restore(block.start, block.columns):
+            block.add(batch_result)
+            self._failure_count.add(batch_result)
+            self._model.record_files(batch_result.results.files)
+
+    def _finished_runs(self) -> list[xr.Dataset]:
+        """Return the finished runs of each block under way, with their numbers along ``run``."""
+        found = []
+        for block in self.blocks.open_blocks():
+            done = np.flatnonzero(block.done)
+            runs = self._dataset(block).isel({RUN: done})
+            found.append(runs.assign_coords({RUN: block.start + done}))
+        return found
+
+    def _dataset(self, block: BlockRecord) -> xr.Dataset:
+        results = block.variables(self._model.outputs)
+        return runs_dataset(block.points, results, self._model, self._display_units)
 
 
 def _batches(blocks: OpenBlocks, model: Model, pace: Pace) -> Iterator[Batch]:
@@ -182,78 +213,3 @@ def _check_names(points: xr.Dataset, model: Model) -> None:
     """
     if WEIGHT in points.coords and any(output.name == WEIGHT for output in model.outputs):
         raise StudyError(f'weighted points cannot go to a model with an output "{WEIGHT}"')
-
-
-def _dataset(block: BlockRecord, model: Model, display_units: Mapping[str, str]) -> xr.Dataset:
-    """Return the runs of a block."""
-    runs = block.points.assign(block.variables(model.outputs))
-    runs = runs.assign_coords(_coordinates(model))
-    _add_attributes(runs, model, display_units)
-    return runs
-
-
-def _finished_runs(
-    blocks: OpenBlocks, model: Model, display_units: Mapping[str, str]
-) -> list[xr.Dataset]:
-    """Return the finished runs of each block under way, with their numbers along ``run``."""
-    found = []
-    for block in blocks.open_blocks():
-        done = np.flatnonzero(block.done)
-        runs = _dataset(block, model, display_units).isel({RUN: done})
-        found.append(runs.assign_coords({RUN: block.start + done}))
-    return found
-
-
-def _coordinates(model: Model) -> dict[str, Any]:
-    """Return the coordinates of the model's fields, by dimension."""
-    dimensions = {each.name: each for output in model.outputs for each in output.dims}
-    return {
-        name: (name, np.array(each.values), _measure(each)) for name, each in dimensions.items()
-    }
-
-
-def _measure(dimension: Dimension) -> dict[str, str]:
-    """Return the attributes of a coordinate."""
-    return {
-        "units": dimension.unit,
-        "display_units": dimension.preferred_unit,
-        "long_name": dimension.title,
-    }
-
-
-def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, str]) -> None:
-    """Add attributes to every variable, following the CF conventions."""
-    for role, variables in (("input", model.inputs), ("output", model.outputs)):
-        for variable in variables:
-            if variable.name in runs:
-                shown = display_units.get(variable.name, variable.preferred_unit)
-                measure = {"units": variable.unit, "display_units": shown}
-                categories = variable.categories if isinstance(variable, Output) else ()
-                runs[variable.name].attrs |= {
-                    "long_name": variable.title,
-                    ROLE: role,
-                    **(_category_attributes(categories) if categories else measure),
-                    **(_END if isinstance(variable, Output) and variable.may_end else {}),
-                }
-    runs[STATUS].attrs = {"long_name": "what became of the run"}
-    runs[STATUS].attrs |= _flag_attributes(list(Status), [status.meaning for status in Status])
-    number = {"units": "1", "long_name": "number of the run"}
-    runs[RUN].attrs = {"standard_name": "realization", **number}
-    if WEIGHT in runs.coords:
-        runs[WEIGHT].attrs = {"units": "1", "long_name": "relative weight of the run"}
-    if REPLICATE in runs:
-        runs[REPLICATE].attrs = {"units": "1", "long_name": "number of the run's replicate"}
-    if FAILED_RUN in runs:
-        runs[FAILED_RUN].attrs = {"long_name": "number of a lost run"}
-        runs[FAILURE_REASON].attrs = {"long_name": "why the run was lost"}
-
-
-def _category_attributes(categories: Sequence[Category]) -> dict[str, Any]:
-    """Return the attributes of a categorical output; failed runs have a category of their own."""
-    meanings = ["lost", *(category.flag for category in categories)]
-    labels = ["lost", *(category.label for category in categories)]
-    return {**_flag_attributes(range(-1, len(categories)), meanings), "flag_labels": labels}
-
-
-def _flag_attributes(values: Sequence[int], meanings: Sequence[str]) -> dict[str, Any]:
-    return {"flag_values": np.array(values, dtype=np.int8), "flag_meanings": " ".join(meanings)}

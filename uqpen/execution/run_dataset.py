@@ -1,0 +1,97 @@
+"""Runs as a dataset: points and results, with attributes by the CF conventions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, REPLICATE, ROLE, RUN, STATUS, WEIGHT
+from uqpen.core.model import Category, Dimension, Model, Output
+from uqpen.core.status import Status
+
+__all__ = ["runs_dataset"]
+
+# Attribute of a curve that may end before its dimension does.
+_END = {"comment": "NaN after the end of the curve"}
+
+
+def runs_dataset(
+    points: xr.Dataset,
+    results: Mapping[str, Any],
+    model: Model,
+    display_units: Mapping[str, str],
+) -> xr.Dataset:
+    """Return points with the results of their runs.
+
+    Parameters
+    ----------
+    points : Dataset
+        A variable for each input.
+    results : mapping of str to tuple
+        Variables of the results: outputs, statuses and reasons of failed runs.
+    model : Model
+        The model that made the runs.
+    display_units : mapping of str to str
+        The unit to show an input or output in, where it is not the model's own.
+    """
+    runs = points.assign(results).assign_coords(_coordinates(model))
+    _add_attributes(runs, model, display_units)
+    return runs
+
+
+def _coordinates(model: Model) -> dict[str, Any]:
+    """Return the coordinates of the model's fields, by dimension."""
+    dimensions = {each.name: each for output in model.outputs for each in output.dims}
+    return {
+        name: (name, np.array(each.values), _measure(each)) for name, each in dimensions.items()
+    }
+
+
+def _measure(dimension: Dimension) -> dict[str, str]:
+    """Return the attributes of a coordinate."""
+    return {
+        "units": dimension.unit,
+        "display_units": dimension.preferred_unit,
+        "long_name": dimension.title,
+    }
+
+
+def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, str]) -> None:
+    """Add attributes to every variable, following the CF conventions."""
+    for role, variables in (("input", model.inputs), ("output", model.outputs)):
+        for variable in variables:
+            if variable.name in runs:
+                shown = display_units.get(variable.name, variable.preferred_unit)
+                measure = {"units": variable.unit, "display_units": shown}
+                categories = variable.categories if isinstance(variable, Output) else ()
+                runs[variable.name].attrs |= {
+                    "long_name": variable.title,
+                    ROLE: role,
+                    **(_category_attributes(categories) if categories else measure),
+                    **(_END if isinstance(variable, Output) and variable.may_end else {}),
+                }
+    runs[STATUS].attrs = {"long_name": "what became of the run"}
+    runs[STATUS].attrs |= _flag_attributes(list(Status), [status.meaning for status in Status])
+    number = {"units": "1", "long_name": "number of the run"}
+    runs[RUN].attrs = {"standard_name": "realization", **number}
+    if WEIGHT in runs.coords:
+        runs[WEIGHT].attrs = {"units": "1", "long_name": "relative weight of the run"}
+    if REPLICATE in runs:
+        runs[REPLICATE].attrs = {"units": "1", "long_name": "number of the run's replicate"}
+    if FAILED_RUN in runs:
+        runs[FAILED_RUN].attrs = {"long_name": "number of a lost run"}
+        runs[FAILURE_REASON].attrs = {"long_name": "why the run was lost"}
+
+
+def _category_attributes(categories: Sequence[Category]) -> dict[str, Any]:
+    """Return the attributes of a categorical output; failed runs have a category of their own."""
+    meanings = ["lost", *(category.flag for category in categories)]
+    labels = ["lost", *(category.label for category in categories)]
+    return {**_flag_attributes(range(-1, len(categories)), meanings), "flag_labels": labels}
+
+
+def _flag_attributes(values: Sequence[int], meanings: Sequence[str]) -> dict[str, Any]:
+    return {"flag_values": np.array(values, dtype=np.int8), "flag_meanings": " ".join(meanings)}
