@@ -108,7 +108,8 @@ def test_the_intervals_are_those_of_the_formulas(narrow: xr.DataTree) -> None:
     n, failed = len(values), int(np.isnan(runs["y"].values).sum())
     half = stats.t.ppf(0.9, n - 1) * values.std(ddof=1) / np.sqrt(n)
     mean, lower, upper = statistics["mean"].values
-    assert (mean - lower, upper - mean) == pytest.approx((half, half))
+    furthest = (values[-1] - mean) / n, (mean - values[0]) / n
+    assert (mean - lower, upper - mean) == pytest.approx((half + furthest[1], half + furthest[0]))
     k = int((values < 1).sum())
     assert statistics["below"].values[0, 1:] == pytest.approx(
         [
@@ -140,9 +141,11 @@ def test_everything_that_shows_an_interval_names_the_level(narrow: xr.DataTree) 
     assert "at most: one-sided tolerance bound, 80 % confidence" in notes
     assert not any("95 %" in note for note in notes)
     page = str(list(answer(ArchiveView(narrow, "")))).replace("\u00a0", " ").replace("\\xa0", " ")
-    assert "With 80 % confidence, y is at most" in page
+    assert "(80 % confidence)" in page
     assert "80 % interval" in page
-    assert "95 %" not in page
+    # The distribution function is read off at 95 %, too.
+    assert "95 % interval" not in page
+    assert "95 % confidence" not in page
 
 
 def test_the_usual_level_is_stated_nowhere_but_at_intervals(usual: xr.DataTree) -> None:

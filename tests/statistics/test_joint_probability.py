@@ -111,8 +111,8 @@ def test_archive_tables_json_and_the_long_table_agree(tree: xr.DataTree) -> None
 
 def test_the_page_has_a_sentence_of_each(tree: xr.DataTree) -> None:
     page = str(list(answer(ArchiveView(tree, "")))).replace("\\xa0", " ").replace("\u00a0", " ")
-    assert "The probability that depth < 60 cm and width < 0.5 m is " in page
-    assert "The study's limit of at most 10 % is not met: the whole interval lies beyond" in page
+    assert "head='Depth < 60 cm and width < 0.5 m', text='In " in page
+    assert "The limit of the study, at most 10 %, is not met: the whole interval lies" in page
 
 
 def test_without_events_there_is_no_group() -> None:

@@ -26,7 +26,7 @@ from uqpen.report.sections.alerts import alerts
 from uqpen.report.sections.answer_without_sample import answer_without_sample
 from uqpen.report.sections.drivers import driver_sentences
 from uqpen.report.sections.histograms import histogram
-from uqpen.report.sections.joint_answers import joint_answers
+from uqpen.report.sections.joint_findings import joint_findings
 from uqpen.report.sections.leading_design import leading_design, output_title
 from uqpen.report.sections.main_outputs import main_outputs, ordered_outputs
 from uqpen.report.sections.method_agreement import agreement_text
@@ -92,7 +92,7 @@ def _stated_blocks(
 ) -> Iterator[Block]:
     """Yield the verdicts on limits, the sentences, and the design behind them."""
     verdicts = [each for entry in shown for each in entry.verdicts]
-    if every := (*verdicts, *joint_answers(view, design)):
+    if every := (*verdicts, *joint_findings(view, design)):
         yield Findings(every, is_verdict=True)
     stated, further = _ordered_sentences(shown, main_outputs(view))
     if stated:

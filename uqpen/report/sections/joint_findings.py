@@ -1,4 +1,4 @@
-"""Answers on the probabilities of events of several outputs."""
+"""Findings on the probabilities of events of several outputs."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from uqpen.results.digits import percent_text
 from uqpen.results.table import estimate_remark
 from uqpen.results.texts import capitalized, plain_text
 
-__all__ = ["joint_answers"]
+__all__ = ["joint_findings"]
 
 
-def joint_answers(view: ArchiveView, design: str) -> Iterator[Finding]:
+def joint_findings(view: ArchiveView, design: str) -> Iterator[Finding]:
     """Yield how often each event occurs whose probability the study requests."""
     joint = view.statistics.joint_probability(design)
     for array in () if joint is None else joint:
