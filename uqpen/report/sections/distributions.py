@@ -151,7 +151,7 @@ def _threshold_readout(
     view: ArchiveView, output: str, curve: Curve, grid: Grid, begin: float
 ) -> ThresholdReadout:
     return ThresholdReadout(
-        output=output,
+        output=output_title(view, output),
         unit=unit_suffix(view.unit(output)).lstrip(),
         source=curve.name,
         level=curve.level,
