@@ -56,7 +56,7 @@ LOWEST_OF_ALL = 0.945
 REFERENCE_SETS = 16
 REFERENCE_POINTS = 2**16
 REFERENCE_SEED = 20_011
-# Parabolas in so many bins of an input follow the conditional mean of the output.
+# Bins of an input, in each of which a parabola follows the conditional mean of the output.
 REFERENCE_BINS = 256
 
 # The water height is Ks^-0.6 times a factor. Ks is a normal variable truncated at 0, where its
@@ -152,7 +152,7 @@ class Truth:
 
 
 class Cell(NamedTuple):
-    """An interval held against the truth."""
+    """An interval compared with the truth."""
 
     covers: bool
     half_width: float
@@ -191,9 +191,9 @@ def _run(part: str, seeds: int) -> Iterator[dict[str, Any]]:
             for design in DESIGNS:
                 found = [_cells(case, number, design, truth, seed) for seed in range(seeds)]
                 for statistic in STATISTICS:
-                    where = {"output": output, "design": design, "statistic": statistic}
+                    described = {"output": output, "design": design, "statistic": statistic}
                     cells = [each[statistic] for each in found]
-                    yield where | {"seeds": seeds} | _summary(cells, truth.errors[statistic])
+                    yield described | {"seeds": seeds} | _summary(cells, truth.errors[statistic])
         print(f"{case.name}: {time.perf_counter() - began:.0f} s", flush=True)
 
 
@@ -309,7 +309,7 @@ def _first_order(x: FloatArray, y: FloatArray) -> tuple[float, float]:
 def _cells(
     case: UseCase, output: int, design: str, truth: Truth, seed: int
 ) -> dict[str, Cell | None]:
-    """Every interval of one seed's runs held against the truth; None where one of both is not."""
+    """Every interval of one seed's runs compared with the truth; None where one of both is not."""
     rng = Stream(seed, "coverage", case.outputs[output], design).generator()
     unit, sample = DESIGNS[design].sample(rng, case.dimension)
     points = case.inputs(unit)
@@ -337,12 +337,12 @@ def _estimates(sample: Sample, threshold: float) -> dict[str, xr.DataArray]:
     return found | {"exceedance": array[0]}
 
 
-def _first(answers: Iterator[tuple[str, xr.DataArray]], *wanted: str) -> dict[str, xr.DataArray]:
-    """The answers that are wanted; those after the last of them are not computed."""
+def _first(estimates: Iterator[tuple[str, xr.DataArray]], *wanted: str) -> dict[str, xr.DataArray]:
+    """The estimates that are wanted; those after the last of them are not computed."""
     found: dict[str, xr.DataArray] = {}
-    for name, answer in answers:
+    for name, estimate in estimates:
         if name in wanted:
-            found[name] = answer
+            found[name] = estimate
         if len(found) == len(wanted):
             break
     return found
@@ -359,18 +359,18 @@ def _summary(cells: Sequence[Cell | None], error: float) -> dict[str, Any]:
     """Numbers of intervals by note, and of those that cover."""
     found = [cell for cell in cells if cell is not None]
     row: dict[str, Any] = {}
-    for kind, of_kind in KINDS.items():
-        of = [cell for cell in found if of_kind(cell.note)]
-        row |= {kind: len(of), f"{kind}_covers": sum(cell.covers for cell in of)}
+    for note, has_note in NOTES.items():
+        of = [cell for cell in found if has_note(cell.note)]
+        row |= {note: len(of), f"{note}_covers": sum(cell.covers for cell in of)}
     widths = [cell.half_width for cell in found]
     # The truth's standard error over the interval's half-width.
     return row | {"relative_error": error / np.median(widths) if widths else 0.0}
 
 
-KINDS: dict[str, Callable[[str], bool]] = {
-    "plain": lambda note: not note,
-    "tail": lambda note: note == texts.DOUBTFUL_TAIL,
-    "other": lambda note: note not in ("", texts.DOUBTFUL_TAIL),
+NOTES: dict[str, Callable[[str], bool]] = {
+    "plain": lambda text: not text,
+    "tail": lambda text: text == texts.DOUBTFUL_TAIL,
+    "other": lambda text: text not in ("", texts.DOUBTFUL_TAIL),
 }
 TITLES = {
     "plain": "without a note",
@@ -386,11 +386,11 @@ class Count(NamedTuple):
     covers: int
 
     @classmethod
-    def of(cls, rows: Sequence[dict[str, Any]], *kinds: str) -> Count:
-        """Return the intervals of some kinds in some rows."""
+    def of(cls, rows: Sequence[dict[str, Any]], *notes: str) -> Count:
+        """Return the intervals with some notes in some rows."""
         return cls(
-            sum(row[kind] for row in rows for kind in kinds),
-            sum(row[f"{kind}_covers"] for row in rows for kind in kinds),
+            sum(row[note] for row in rows for note in notes),
+            sum(row[f"{note}_covers"] for row in rows for note in notes),
         )
 
     @property
@@ -413,27 +413,27 @@ class Count(NamedTuple):
 class Failure(NamedTuple):
     """A cell that fails, or all cells together; with the outputs that have a variance alone."""
 
-    where: str
+    cell: str
     count: Count
     with_variance: Count
 
     def text(self) -> str:
         """The cell, with its figures and those without the outputs of infinite variance."""
         rest = self.with_variance.text()
-        return f"{self.where}: {self.count.text()}; without infinite variances {rest}"
+        return f"{self.cell}: {self.count.text()}; without infinite variances {rest}"
 
 
 def _failures(rows: Sequence[dict[str, Any]]) -> Iterator[Failure]:
     with_variance = [row for row in rows if row["output"] not in INFINITE_VARIANCE]
-    for kind, statistic, design in itertools.product(KINDS, STATISTICS, DESIGNS):
+    for note, statistic, design in itertools.product(NOTES, STATISTICS, DESIGNS):
         count, rest = (
-            Count.of(_select(some, statistic, design), kind) for some in (rows, with_variance)
+            Count.of(_select(some, statistic, design), note) for some in (rows, with_variance)
         )
         if count.intervals and count.probability < SMALLEST_PROBABILITY:
-            yield Failure(f"{design}, {STATISTICS[statistic]}, {TITLES[kind]}", count, rest)
-    count = Count.of(rows, *KINDS)
+            yield Failure(f"{design}, {STATISTICS[statistic]}, {TITLES[note]}", count, rest)
+    count = Count.of(rows, *NOTES)
     if count.coverage < LOWEST_OF_ALL:
-        yield Failure("all together", count, Count.of(with_variance, *KINDS))
+        yield Failure("all together", count, Count.of(with_variance, *NOTES))
 
 
 def _select(rows: Sequence[dict[str, Any]], statistic: str, design: str) -> list[dict[str, Any]]:
@@ -441,12 +441,12 @@ def _select(rows: Sequence[dict[str, Any]], statistic: str, design: str) -> list
 
 
 def _page(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
-    for kind in KINDS:
-        if Count.of(rows, kind).intervals:
-            yield from _table(rows, kind)
+    for note in NOTES:
+        if Count.of(rows, note).intervals:
+            yield from _table(rows, note)
             yield ""
-    totals = {title: Count.of(rows, kind) for kind, title in TITLES.items()}
-    for title, count in {**totals, "all together": Count.of(rows, *KINDS)}.items():
+    totals = {title: Count.of(rows, note) for note, title in TITLES.items()}
+    for title, count in {**totals, "all together": Count.of(rows, *NOTES)}.items():
         if count.intervals:
             yield f"- {title}: {100 * count.coverage:.2f} % of {count.intervals} intervals"
     yield ""
@@ -464,11 +464,11 @@ def _page(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
     )
 
 
-def _table(rows: Sequence[dict[str, Any]], kind: str) -> Iterator[str]:
-    yield f"| {TITLES[kind]} | {' | '.join(DESIGNS)} |"
+def _table(rows: Sequence[dict[str, Any]], note: str) -> Iterator[str]:
+    yield f"| {TITLES[note]} | {' | '.join(DESIGNS)} |"
     yield "|---" * (len(DESIGNS) + 1) + "|"
     for statistic, title in STATISTICS.items():
-        counts = [Count.of(_select(rows, statistic, design), kind) for design in DESIGNS]
+        counts = [Count.of(_select(rows, statistic, design), note) for design in DESIGNS]
         if any(count.intervals for count in counts):
             yield f"| {title} | {' | '.join(count.text() for count in counts)} |"
 
