@@ -150,8 +150,8 @@ times a factor, and Ks is a normal variable truncated at 0, where its density is
 below 2 is rarer than 1 in 10 000, so many samples look light and get an interval of the standard
 deviation. Each of these counts as one that does not cover: these two outputs are why cells fail,
 and without them none does. First-order indices of these outputs do not exist, and are not
-counted. Over 100 seeds, the means of these two had a coverage of 94 to 98 % in all designs but
-one: 87.4 % with the 8 192 runs of `sobol-sequence`, and no note.
+counted. Over 100 seeds (`--only FloodModel --seeds 100`), the means of these two had a coverage
+of 93 to 98 % in all designs but one: 87.4 % with the 8 192 runs of `sobol-sequence`, and no note.
 
 ```sh
 python benchmarks/usecase_coverage.py --output usecases.csv
