@@ -14,13 +14,14 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from coverage_table import BEGIN, END
+from coverage_table import SKEWED
 from scipy import integrate, special
 
 from uqpen.core.labels import NOTE
@@ -135,6 +136,20 @@ class Design(NamedTuple):
     replicates: int
     points: int
 
+    def sample(self, rng: np.random.Generator, dimension: int) -> tuple[FloatArray, Sample]:
+        """Points of the unit cube, and a sample at them whose values and inputs are to come."""
+        sets = [self.draw(rng, self.points, dimension) for _ in range(max(self.replicates, 1))]
+        points = np.concatenate(sets)
+        everything = np.arange(len(points))
+        return points, Sample(
+            values=np.full(len(points), np.nan),
+            used=everything,
+            missing=everything[:0],
+            columns=InputColumns.none(len(points)),
+            replicates=everything // len(sets[0]),
+            sampling=Sampling.STRATIFIED if self.replicates else Sampling.INDEPENDENT,
+        )
+
 
 def _blocks(rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
     """The matrices A and B of a replicate."""
@@ -167,7 +182,7 @@ def main() -> int:
         rows = list(_run(options.design, options.seeds, options.inputs))
         _write(options.output, rows)
     if options.markdown:
-        _put_between(options.markdown, "\n".join(_page(rows)))
+        SKEWED.fill(options.markdown, "\n".join(_page(rows)))
     failing = [row for row in rows if _fails(row)]
     for row in failing:
         print("FAILS", row)
@@ -212,21 +227,11 @@ def _intervals(
 ) -> dict[tuple[str, str], _Cell]:
     """Every interval that one seed's points give."""
     rng = Stream(seed, "coverage").generator()
-    sets = [design.draw(rng, design.points, dimension) for _ in range(max(design.replicates, 1))]
-    points = np.concatenate(sets)
-    everything = np.arange(len(points))
-    whole = Sample(
-        values=np.full(len(points), np.nan),
-        used=everything,
-        missing=everything[:0],
-        columns=InputColumns.none(len(points)),
-        replicates=everything // len(sets[0]),
-        sampling=Sampling.STRATIFIED if design.replicates else Sampling.INDEPENDENT,
-    )
+    points, whole = design.sample(rng, dimension)
     found = {}
     for name, function in functions.items():
         values = function.values(points[:, : function.inputs])
-        sample = Sample(**{**vars(whole), "values": values})
+        sample = replace(whole, values=values)
         for statistic, array in islice(sample_moments(sample, QUANTITY), 2):
             _, lower, upper = array.values.tolist()
             truth = getattr(function, statistic)
@@ -294,14 +299,6 @@ def _text(row: dict[str, Any] | None) -> str:
             of = f" of {100 * share:.0f} %" if share < 0.995 else ""
             texts.append(form.format(100 * row[f"{name}_coverage"]) + of)
     return ", ".join(texts) or "none"
-
-
-def _put_between(path: Path, text: str) -> None:
-    """Put a text between the two marks of a page."""
-    page = path.read_text(encoding="utf-8")
-    before, _, rest = page.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    path.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":

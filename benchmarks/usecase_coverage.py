@@ -1,0 +1,496 @@
+"""How often intervals cover where the use cases of OpenTURNS are the models.
+
+Run it as ``python benchmarks/usecase_coverage.py --output FILE.csv``, with uqpen and OpenTURNS
+installed, and then with ``--from FILE.csv --markdown docs/coverage.md``. Each output, design and
+seed has points of its own, so the intervals of a cell (a statistic of a design) are independent.
+A cell fails if so few of its intervals would cover with a probability below 0.001, were the
+coverage of each 95 %. All cells together fail below 94.5 %.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import importlib
+import inspect
+import itertools
+import math
+import pkgutil
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+from coverage_table import USE_CASES
+from scipy import special, stats
+from skewed_coverage import DESIGNS as DESIGNS_OF_SKEWED
+from skewed_coverage import OUTPUT, Design
+
+from uqpen.archive.estimates import interval_text
+from uqpen.core.labels import NOTE
+from uqpen.core.streams import Stream
+from uqpen.designs.quasi_monte_carlo import sobol_points
+from uqpen.statistics import texts
+from uqpen.statistics.distribution_function.probabilities import exceedance_probabilities
+from uqpen.statistics.distribution_function.quantiles import quantile_estimates
+from uqpen.statistics.input_columns import InputColumns
+from uqpen.statistics.moments.sample_moments import sample_moments
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
+from uqpen.statistics.sample import Sample
+from uqpen.statistics.sensitivity.correlations import correlations
+from uqpen.statistics.sensitivity.given_data import first_order
+
+FloatArray = npt.NDArray[np.float64]
+
+NOMINAL = 0.95
+# Smallest probability of a cell, and smallest coverage of all cells together.
+SMALLEST_PROBABILITY = 0.001
+LOWEST_OF_ALL = 0.945
+
+# Independent scrambled Sobol' sets, whose scatter gives the error of each true value.
+REFERENCE_SETS = 16
+REFERENCE_POINTS = 2**16
+REFERENCE_SEED = 20_011
+# Bins of an input, in each of which a parabola follows the conditional mean of the output.
+REFERENCE_BINS = 256
+
+# The water height is Ks^-0.6 times a factor. Ks is a normal variable truncated at 0, where its
+# density is positive. So the tails of these outputs have the index 5/3: there is no variance.
+INFINITE_VARIANCE = {"FloodModel, H", "FloodModel, S"}
+
+QUANTILES = (0.05, 0.5, 0.95)
+THRESHOLD_AT = 0.95
+
+STATISTICS = {
+    "mean": "mean",
+    "std": "standard deviation",
+    "half_spread": "half the 16–84 % range",
+    "quantile 0.05": "quantile 0.05",
+    "quantile 0.5": "quantile 0.5",
+    "quantile 0.95": "quantile 0.95",
+    "exceedance": "exceedance of the 95 % point",
+    "spearman": "rank correlation (Spearman)",
+    "first_order": "first-order index",
+}
+
+DESIGNS: dict[str, Design] = {
+    name: DESIGNS_OF_SKEWED[name] for name in ("monte-carlo 200", "monte-carlo 2 000")
+}
+DESIGNS |= {
+    "latin-hypercube 10 × 20": DESIGNS_OF_SKEWED["latin-hypercube 10 × 20"],
+    "latin-hypercube 10 × 100": DESIGNS_OF_SKEWED["latin-hypercube 10 × 20"]._replace(points=100),
+}
+DESIGNS |= {
+    name: DESIGNS_OF_SKEWED[name]
+    for name in ("sobol-sequence 1 024", "sobol-sequence 8 192", "halton 1 024")
+}
+
+
+@dataclass(frozen=True)
+class UseCase:
+    """A model of OpenTURNS under the distribution of its inputs.
+
+    Parameters
+    ----------
+    name : str
+        Of its class.
+    distribution : openturns.Distribution
+        Joint distribution of the inputs.
+    inputs : callable
+        Inputs at points of the unit cube, as an OpenTURNS sample; shape (point, input).
+    model : openturns.Function
+        Outputs at such inputs; shape (point, output).
+    """
+
+    name: str
+    distribution: Any
+    inputs: Callable[[FloatArray], Any]
+    model: Any
+
+    @property
+    def outputs(self) -> list[str]:
+        """The outputs' names on the page; those of a single output say nothing."""
+        named = [str(name) for name in self.model.getOutputDescription()]
+        return [f"{self.name}, {name}" for name in named] if len(named) > 1 else [self.name]
+
+    @property
+    def dimension(self) -> int:
+        """Number of inputs."""
+        return int(self.distribution.getDimension())
+
+    @property
+    def dependence(self) -> str:
+        """How the inputs depend on each other; empty where they do not."""
+        if self.distribution.hasIndependentCopula():
+            return ""
+        return str(self.distribution.getCopula().getImplementation().getClassName())
+
+
+@dataclass(frozen=True)
+class Truth:
+    """True values of an output's statistics, with the standard errors of these.
+
+    Parameters
+    ----------
+    values, errors : mapping of str to float
+        By statistic. A value may be infinite, or NaN where it does not exist.
+    threshold : float
+        Its 95 % point.
+    driver : int
+        The input with the largest rank correlation, whose sensitivity measures are looked at.
+    """
+
+    values: Mapping[str, float]
+    errors: Mapping[str, float]
+    threshold: float
+    driver: int
+
+
+class Cell(NamedTuple):
+    """An interval compared with the truth."""
+
+    covers: bool
+    half_width: float
+    note: str
+
+
+def main() -> int:
+    options = _options()
+    if options.earlier:
+        rows = [row for path in options.earlier for row in _read(path)]
+    else:
+        rows = list(_run(options.only, options.seeds))
+        _write(options.output, rows)
+    if options.markdown:
+        USE_CASES.fill(options.markdown, "\n".join(_page(rows)))
+    print("\n".join(_page(rows)))
+    return 1 if any(_failures(rows)) else 0
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--only", default="", help="part of a use case's name", metavar="SUBSTRING")
+    parser.add_argument("--output", type=Path, default=Path("usecase_coverage.csv"))
+    parser.add_argument("--from", dest="earlier", type=Path, nargs="+", metavar="FILE.csv")
+    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+    return parser.parse_args()
+
+
+def _run(part: str, seeds: int) -> Iterator[dict[str, Any]]:
+    for case in use_cases():
+        if part not in case.name:
+            continue
+        began = time.perf_counter()
+        for number, (output, truth) in enumerate(zip(case.outputs, _truths(case), strict=True)):
+            for design in DESIGNS:
+                found = [_cells(case, number, design, truth, seed) for seed in range(seeds)]
+                for statistic in STATISTICS:
+                    described = {"output": output, "design": design, "statistic": statistic}
+                    cells = [each[statistic] for each in found]
+                    yield described | {"seeds": seeds} | _summary(cells, truth.errors[statistic])
+        print(f"{case.name}: {time.perf_counter() - began:.0f} s", flush=True)
+
+
+def use_cases() -> Iterator[UseCase]:
+    """Every use case whose model has scalar outputs and whose inputs have a distribution."""
+    try:
+        import openturns as ot
+        from openturns import usecases
+    except ImportError:
+        sys.exit("OpenTURNS is not installed: python -m pip install openturns")
+    ot.Log.Show(ot.Log.NONE)
+    for module in pkgutil.iter_modules(usecases.__path__, f"{usecases.__name__}."):
+        loaded = importlib.import_module(module.name)
+        for name, found in inspect.getmembers(loaded, inspect.isclass):
+            if found.__module__ == module.name:
+                case = _use_case(ot, name, found())
+                if isinstance(case, UseCase):
+                    yield case
+                else:
+                    print(f"{name} is left out: {case}", flush=True)
+
+
+def _use_case(ot: Any, name: str, found: Any) -> UseCase | str:
+    """A use case, or the reason why it is none of ours."""
+    distribution, model = getattr(found, "distribution", None), getattr(found, "model", None)
+    if distribution is None and hasattr(found, "lowerbound"):
+        bounds = zip(found.lowerbound, found.upperbound, strict=True)
+        distribution = ot.JointDistribution([ot.Uniform(*each) for each in bounds])
+    if distribution is None or model is None:
+        return "its inputs have no distribution"
+    if hasattr(model, "getOutputMesh"):
+        return "its output is a field"
+    if distribution.getDimension() != model.getInputDimension():
+        return "its model takes a field"
+    transform = distribution.getInverseIsoProbabilisticTransformation()
+    return UseCase(name, distribution, lambda u: transform(ot.Sample(special.ndtri(u))), model)
+
+
+def _truths(case: UseCase) -> Iterator[Truth]:
+    """The true values of each output's statistics, from reference sets."""
+    inputs, outputs = [], []
+    for number in range(REFERENCE_SETS):
+        rng = Stream(REFERENCE_SEED, "reference", case.name).generator(number)
+        points = case.inputs(sobol_points(rng, REFERENCE_POINTS, case.dimension))
+        inputs.append(np.asarray(points))
+        outputs.append(np.asarray(case.model(points)))
+        assert np.isfinite(outputs[-1]).all(), case.name
+    for number, name in enumerate(case.outputs):
+        truth = _truth(inputs, [each[:, number] for each in outputs])
+        yield _without_variance(truth) if name in INFINITE_VARIANCE else truth
+
+
+def _truth(inputs: Sequence[FloatArray], outputs: Sequence[FloatArray]) -> Truth:
+    strengths = [_rank_correlation(column, outputs[0]) for column in inputs[0].T]
+    driver = int(np.nanargmax(np.abs(strengths)))
+    threshold = float(np.mean([np.quantile(values, THRESHOLD_AT) for values in outputs]))
+    found = [
+        _true_values(each[:, driver], values, threshold)
+        for each, values in zip(inputs, outputs, strict=True)
+    ]
+    by_statistic = {name: [each[name] for each in found] for name in found[0]}
+    values = {name: float(np.mean(each)) for name, each in by_statistic.items()}
+    errors = {name: float(stats.sem(each)) for name, each in by_statistic.items()}
+    columns = np.concatenate([each[:, driver] for each in inputs])
+    index, error = _first_order(columns, np.concatenate(outputs))
+    return Truth(
+        values | {"first_order": index}, errors | {"first_order": error}, threshold, driver
+    )
+
+
+def _without_variance(truth: Truth) -> Truth:
+    changed = {"std": math.inf, "first_order": math.nan}
+    errors = {**truth.errors, **dict.fromkeys(changed, 0.0)}
+    return replace(truth, values={**truth.values, **changed}, errors=errors)
+
+
+def _true_values(driver: FloatArray, values: FloatArray, threshold: float) -> dict[str, float]:
+    low, high, *quantiles = np.quantile(values, [0.16, 0.84, *QUANTILES]).tolist()
+    return {
+        "mean": float(values.mean()),
+        "std": float(values.std()),
+        "half_spread": (high - low) / 2,
+        **{f"quantile {p}": value for p, value in zip(QUANTILES, quantiles, strict=True)},
+        "exceedance": float((values > threshold).mean()),
+        "spearman": _rank_correlation(driver, values),
+    }
+
+
+def _rank_correlation(x: FloatArray, y: FloatArray) -> float:
+    """Spearman's coefficient; NaN for an input that does not vary."""
+    if np.ptp(x) == 0:
+        return math.nan
+    return float(np.corrcoef(stats.rankdata(x), stats.rankdata(y))[0, 1])
+
+
+def _first_order(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """First-order index with the limit of its error, from residuals about parabolas in bins.
+
+    Parabolas take up to three degrees of freedom from the residuals of a bin: fewer where points
+    avoid each other. The middle is taken.
+    """
+    order = np.argsort(x, kind="stable")
+    bins, values = (each[order].reshape(REFERENCE_BINS, -1) for each in (x, y))
+    span = np.ptp(bins, axis=1, keepdims=True)
+    position = (bins - bins.mean(axis=1, keepdims=True)) / span
+    basis, _ = np.linalg.qr(np.stack([position**0, position, position**2], axis=-1))
+    fitted = basis @ (basis.transpose(0, 2, 1) @ values[..., None])
+    residual = float(((values - fitted[..., 0]) ** 2).mean() / y.var())
+    correction = residual * basis.shape[2] / bins.shape[1] / 2
+    return 1 - residual - correction, correction
+
+
+def _cells(
+    case: UseCase, output: int, design: str, truth: Truth, seed: int
+) -> dict[str, Cell | None]:
+    """Every interval of one seed's runs compared with the truth; None where one of both is not."""
+    rng = Stream(seed, "coverage", case.outputs[output], design).generator()
+    unit, sample = DESIGNS[design].sample(rng, case.dimension)
+    points = case.inputs(unit)
+    driver = np.asarray(points)[:, [truth.driver]]
+    sample = replace(
+        sample,
+        values=np.asarray(case.model(points))[:, output].copy(),
+        columns=InputColumns.from_matrix(("driver",), driver),
+        dependence=case.dependence,
+    )
+    estimates = _estimates(sample, truth.threshold)
+    return {name: _cell(estimates[name], value) for name, value in truth.values.items()}
+
+
+def _estimates(sample: Sample, threshold: float) -> dict[str, xr.DataArray]:
+    """The estimates of all statistics, each along ``bound``."""
+    quantity = QuantityOfInterest(OUTPUT, "1", quantiles=QUANTILES)
+    found = _first(sample_moments(sample, quantity), "mean", "std", "half_spread")
+    quantiles = _first(quantile_estimates(sample, quantity), "quantile")["quantile"]
+    found |= {f"quantile {p}": each for p, each in zip(QUANTILES, quantiles, strict=True)}
+    found["spearman"] = _first(correlations(sample, quantity), "spearman")["spearman"][0]
+    found["first_order"] = _first(first_order(sample, quantity), "first_order")["first_order"][0]
+    exceeding = replace(quantity, thresholds=(Threshold("", threshold),))
+    array = _first(exceedance_probabilities(sample, exceeding), "exceedance")["exceedance"]
+    return found | {"exceedance": array[0]}
+
+
+def _first(estimates: Iterator[tuple[str, xr.DataArray]], *wanted: str) -> dict[str, xr.DataArray]:
+    """The estimates that are wanted; those after the last of them are not computed."""
+    found: dict[str, xr.DataArray] = {}
+    for name, estimate in estimates:
+        if name in wanted:
+            found[name] = estimate
+        if len(found) == len(wanted):
+            break
+    return found
+
+
+def _cell(estimate: xr.DataArray, truth: float) -> Cell | None:
+    _, lower, upper = estimate.values.tolist()
+    if any(math.isnan(value) for value in (lower, upper, truth)):
+        return None
+    return Cell(lower <= truth <= upper, (upper - lower) / 2, interval_text(estimate, NOTE))
+
+
+def _summary(cells: Sequence[Cell | None], error: float) -> dict[str, Any]:
+    """Numbers of intervals by note, and of those that cover."""
+    found = [cell for cell in cells if cell is not None]
+    row: dict[str, Any] = {}
+    for note, has_note in NOTES.items():
+        of = [cell for cell in found if has_note(cell.note)]
+        row |= {note: len(of), f"{note}_covers": sum(cell.covers for cell in of)}
+    widths = [cell.half_width for cell in found]
+    # The truth's standard error over the interval's half-width.
+    return row | {"relative_error": error / np.median(widths) if widths else 0.0}
+
+
+NOTES: dict[str, Callable[[str], bool]] = {
+    "plain": lambda text: not text,
+    "tail": lambda text: text == texts.DOUBTFUL_TAIL,
+    "other": lambda text: text not in ("", texts.DOUBTFUL_TAIL),
+}
+TITLES = {
+    "plain": "without a note",
+    "tail": "with the sentence on tails",
+    "other": "with another note",
+}
+
+
+class Count(NamedTuple):
+    """A number of intervals, and how many of them cover."""
+
+    intervals: int
+    covers: int
+
+    @classmethod
+    def of(cls, rows: Sequence[dict[str, Any]], *notes: str) -> Count:
+        """Return the intervals with some notes in some rows."""
+        return cls(
+            sum(row[note] for row in rows for note in notes),
+            sum(row[f"{note}_covers"] for row in rows for note in notes),
+        )
+
+    @property
+    def coverage(self) -> float:
+        """Share that covers."""
+        return self.covers / self.intervals
+
+    @property
+    def probability(self) -> float:
+        """Probability that so few cover, if each did with the nominal one."""
+        return float(stats.binom.cdf(self.covers, self.intervals, NOMINAL))
+
+    def text(self) -> str:
+        """Coverage in per cent, number of intervals and probability."""
+        if not self.intervals:
+            return "none"
+        return f"{100 * self.coverage:.1f} of {self.intervals}, {self.probability:.2g}"
+
+
+class Failure(NamedTuple):
+    """A cell that fails, or all cells together; with the outputs that have a variance alone."""
+
+    cell: str
+    count: Count
+    with_variance: Count
+
+    def text(self) -> str:
+        """The cell, with its figures and those without the outputs of infinite variance."""
+        rest = self.with_variance.text()
+        return f"{self.cell}: {self.count.text()}; without infinite variances {rest}"
+
+
+def _failures(rows: Sequence[dict[str, Any]]) -> Iterator[Failure]:
+    with_variance = [row for row in rows if row["output"] not in INFINITE_VARIANCE]
+    for note, statistic, design in itertools.product(NOTES, STATISTICS, DESIGNS):
+        count, rest = (
+            Count.of(_select(some, statistic, design), note) for some in (rows, with_variance)
+        )
+        if count.intervals and count.probability < SMALLEST_PROBABILITY:
+            yield Failure(f"{design}, {STATISTICS[statistic]}, {TITLES[note]}", count, rest)
+    count = Count.of(rows, *NOTES)
+    if count.coverage < LOWEST_OF_ALL:
+        yield Failure("all together", count, Count.of(with_variance, *NOTES))
+
+
+def _select(rows: Sequence[dict[str, Any]], statistic: str, design: str) -> list[dict[str, Any]]:
+    return [row for row in rows if (row["statistic"], row["design"]) == (statistic, design)]
+
+
+def _page(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
+    for note in NOTES:
+        if Count.of(rows, note).intervals:
+            yield from _table(rows, note)
+            yield ""
+    totals = {title: Count.of(rows, note) for note, title in TITLES.items()}
+    for title, count in {**totals, "all together": Count.of(rows, *NOTES)}.items():
+        if count.intervals:
+            yield f"- {title}: {100 * count.coverage:.2f} % of {count.intervals} intervals"
+    yield ""
+    failures = list(_failures(rows))
+    yield "Cells that fail:" if failures else "No cell fails."
+    yield ""
+    if failures:
+        yield from (f"- {failure.text()}" for failure in failures)
+        yield ""
+    largest = max(row["relative_error"] for row in rows)
+    outputs = len({row["output"] for row in rows})
+    yield (
+        f"{outputs} outputs, {rows[0]['seeds']} seeds each. The standard error of a true value is"
+        f" at most {100 * largest:.1f} % of the intervals' median half-width."
+    )
+
+
+def _table(rows: Sequence[dict[str, Any]], note: str) -> Iterator[str]:
+    yield f"| {TITLES[note]} | {' | '.join(DESIGNS)} |"
+    yield "|---" * (len(DESIGNS) + 1) + "|"
+    for statistic, title in STATISTICS.items():
+        counts = [Count.of(_select(rows, statistic, design), note) for design in DESIGNS]
+        if any(count.intervals for count in counts):
+            yield f"| {title} | {' | '.join(count.text() for count in counts)} |"
+
+
+def _write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def _read(path: Path) -> list[dict[str, Any]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return [{key: _number(text) for key, text in row.items()} for row in csv.DictReader(file)]
+
+
+def _number(text: str) -> str | int | float:
+    try:
+        return int(text) if text.isdigit() else float(text)
+    except ValueError:
+        return text
+
+
+if __name__ == "__main__":
+    sys.exit(main())
