@@ -168,7 +168,7 @@ class Reports:
 
 def _wait(page: Page, theme: str = "light") -> None:
     """Until all charts are drawn in a theme."""
-    missing = f".plot:not([data-drawn={theme}])"
+    missing = f".plot:not([data-drawn={theme}], details:not([open]) *)"
     page.wait_for_selector(f"html[data-ready=yes]:not(:has({missing}))", state="attached")
 
 

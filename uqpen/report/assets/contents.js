@@ -19,7 +19,7 @@ const sectionWatcher = new IntersectionObserver((seen) => {
 }, { rootMargin: "-25% 0px -65% 0px" });
 sections.forEach((section) => sectionWatcher.observe(section));
 
-for (const heading of document.querySelectorAll("main :is(h2, h3, h4)[id]")) {
+for (const heading of document.querySelectorAll("main :is(h2, h3, h4)[id]:not(summary *)")) {
   const place = heading.id.endsWith("-title") ? heading.parentElement.id || heading.id : heading.id;
   heading.append(made("a", { href: `#${place}`, class: "anchor", "aria-label": "Link to this part" }));
 }
