@@ -320,7 +320,7 @@ def test_an_exact_surrogate_of_a_model_that_fails_in_a_corner_is_not_contradicte
     assert found["exceedance"]["interval_label"].values.tolist() == ["checked"]
     table = next(output_tables(tree))
     cells = dict(zip(table.columns, dict(table.rows)["mean"], strict=True))
-    assert cells["pce"].startswith("1 not comparable")
+    assert cells["pce"].startswith("1.000 not comparable")
     words = " ".join(
         block.text for block in surrogates(ArchiveView(tree, "")) if isinstance(block, Text)
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +94,10 @@ def test_what_was_written_is_not_touched(path: Path) -> None:
 def test_it_has_a_page_and_can_be_written_again(path: Path, tmp_path: Path) -> None:
     tree = open_archive(path)
     write(tree, tmp_path / "again.nc")
-    assert report_page(open_archive(tmp_path / "again.nc")) == report_page(tree)
+    pages = [report_page(each) for each in (open_archive(tmp_path / "again.nc"), tree)]
+    # The reference of each names the hash of its own record.
+    again, before = (re.sub(r"sha256 [0-9a-f]{16}", "sha256", page) for page in pages)
+    assert again == before
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ def test_the_first_screen_answers_one_question_after_the_other(
         "By monte_carlo, the first sample of the inputs in the study: 19 of 20 runs of the model "
         "ishigami 0.1.0 completed.",
         "What drives it?: x1 causes about nine tenths of the variance of y by itself (0.8861 by "
-        "blocks, without an interval). Next: x2 (0.617).",
+        "blocks, without an interval). Next: x2 (0.6170).",
         "Did all runs succeed?: All 19 runs at admissible points completed. 1 point of 20 was "
         "inadmissible.",
         "Does it agree with published values?: Against a report, its value first. y: mean agrees "

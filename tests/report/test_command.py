@@ -84,7 +84,10 @@ class TestMistakes:
 
     def test_a_file_that_is_no_archive_is_told(self, command_line: Command, study: Path) -> None:
         done = command_line("report", "sum.toml")
-        assert (done.code, done.err) == (2, "sum.toml: is not an archive of uqpen's\n")
+        assert (done.code, done.err) == (
+            2,
+            "sum.toml: is not an archive of uqpen's: it is no HDF5 file\n",
+        )
 
     def test_a_page_takes_the_place_of_files_alone(
         self, command_line: Command, archives: dict[str, xr.DataTree], tmp_path: Path

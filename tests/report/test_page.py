@@ -141,7 +141,7 @@ def test_outputs_stand_below_the_model_that_they_are_of(
     found = re.findall(r"<h([34])[^>]*>(.*?)</h", section)
     models = [text for level, text in found if level == "3"]
     assert models == ["original", "smoothed", "rigid"]
-    assert section.count("<details><summary><h3>") == 3
+    assert len(re.findall(r"<details><summary><h3[ >]", section)) == 3
     assert found[1] == ("4", "depth of penetration (penetration_depth)")
 
 

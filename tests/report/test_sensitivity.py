@@ -113,7 +113,9 @@ def test_responses_are_magnitudes_in_per_cent(archives: Archives) -> None:
     (chart,) = [each for each in charts(tree) if each.title == "Response, near the nominal point"]
     (trace,) = [each for each in chart.traces if each["name"] == "steps"]
     told = tree["statistics/steps/y"]["response"].values[:, 0]
-    np.testing.assert_allclose(trace["x"], np.sort(100 * np.abs(told))[::-1], rtol=1e-5)
+    # The inputs stand in their order of importance for the output, in all charts of it.
+    order = [list(tree["statistics/steps/y"]["input"].values).index(row) for row in chart.y.rows]
+    np.testing.assert_allclose(trace["x"], (100 * np.abs(told))[order], rtol=1e-5)
     assert chart.x.title == "|response| [%]"
     assert set(trace["marker"]["symbol"]) == {"pentagon-open"}
 

@@ -25,7 +25,7 @@ class _StudyCommand(click.Command):
     """Command whose option ``--watch`` may be followed by a port, or by another argument."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        following = [*args[1:], ""]
+        following = [*args, ""][1:]
         args = [
             "--watch=0" if argument == "--watch" and not after.isdecimal() else argument
             for argument, after in zip(args, following, strict=True)
