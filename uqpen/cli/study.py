@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -106,8 +106,8 @@ def make_and_show(
     from uqpen.results.failed_runs import has_failed_design
 
     try:
-        with _watched(study, watch_port) as watcher, show_progress() as screen:
-            progress = ProgressBroadcast(screen, watcher)
+        with _watched(study, watch_port) as watchers, show_progress() as screen:
+            progress = ProgressBroadcast(screen, *watchers)
             if executor.preparation:
                 progress.start_step(executor.preparation)
             with executor.open_map() as spread:
@@ -124,12 +124,10 @@ def make_and_show(
 
 
 @contextmanager
-def _watched(study: ValidatedStudy, port: int | None) -> Iterator[Progress]:
-    """Serve the page of a running study if a port is given; yield the receiver of its reports."""
-    from uqpen.core.progress import Progress
-
+def _watched(study: ValidatedStudy, port: int | None) -> Iterator[Sequence[Progress]]:
+    """Serve the page of a running study if a port is given; yield the receivers of its reports."""
     if port is None:
-        yield Progress()
+        yield ()
         return
     from uqpen.server.watch_server import serve_watch_page
     from uqpen.server.watch_state import watch_state
@@ -143,4 +141,4 @@ def _watched(study: ValidatedStudy, port: int | None) -> Iterator[Progress]:
             message = f"--watch: cannot listen at port {port}: {error.strerror or error}"
             raise click.UsageError(message) from None
         click.echo(f"watch: {server.url} shows the results so far, until the study ends", err=True)
-        yield running
+        yield (running,)

@@ -135,9 +135,6 @@ class ProgressRecord(Progress):
         if not self._samples or now - self._samples[-1][0] >= _BETWEEN_SAMPLES:
             self._samples.append((now, made))
 
-    def warn(self, text: str) -> None:
-        """Keep no warning: it says nothing of how far the study is."""
-
     def _count(self, runs: int, failed: int, in_progress: int) -> None:
         done = self.state.done + runs
         self.state = replace(

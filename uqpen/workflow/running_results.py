@@ -148,6 +148,9 @@ class RunningResults(ProgressRecord):
             now = self._clock()
             self._due = now + max(_BETWEEN, (now - began) / _SHARE)
 
+    def warn(self, text: str) -> None:
+        """Leave warnings to the receivers that show them."""
+
     def _end_design(self) -> None:
         if self._rounds:
             self._update(is_complete=True)
