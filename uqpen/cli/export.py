@@ -32,7 +32,8 @@ def export(
     """
     from uqpen.archive.read import open_archive
     from uqpen.cli.printable import printable
-    from uqpen.core.errors import ArchiveError
+    from uqpen.core.errors import ExportError
+    from uqpen.core.files import replace_file
     from uqpen.core.labels import BENCHMARK, KIND
     from uqpen.results.export import FORMATS, table_bytes
     from uqpen.results.long_table import long_table
@@ -50,7 +51,7 @@ def export(
         raise click.UsageError("--functions is for --statistics")
     tree = open_archive(archive)
     if tree.attrs.get(KIND) == BENCHMARK:
-        raise ArchiveError(f"{archive}: is a benchmark of methods; only studies are exported")
+        raise ExportError(f"{archive}: is a benchmark of methods; only studies are exported")
     table = runs_table(tree, si=si) if what == "runs" else long_table(tree, functions=functions)
     content = table_bytes(table, kind)
     if file is None:
@@ -58,7 +59,7 @@ def export(
         click.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
         return
     try:
-        file.write_bytes(content)
+        replace_file(file, content)
     except OSError as error:
-        raise ArchiveError(f"{file}: cannot be written: {error.strerror}") from None
+        raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
     click.echo(f"{len(table)} rows: {printable(str(file))}")

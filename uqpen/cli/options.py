@@ -34,7 +34,7 @@ class ExecutorOptions(NamedTuple):
 
     @property
     def preparation(self) -> str:
-        """What has to be done before the first run, in words; empty for nothing."""
+        """Step before the first run, in words; empty for none."""
         if self.scheduler is not None:
             return "connecting to the Dask cluster"
         return f"starting {self.workers} worker processes" if self.workers > 1 else ""

@@ -64,12 +64,12 @@ class BlockedRuns(BlockedDataset):
 
     @cached_property
     def template(self) -> xr.Dataset:
-        """Its variables, coordinates and attributes, of no run."""
+        """Variables, coordinates and attributes, as a dataset of no run."""
         return self.read(0, 0)
 
     @property
     def attrs(self) -> dict[Any, Any]:
-        """Its attributes, such as the sampling of the points."""
+        """Attributes, such as the sampling of the points."""
         return self.template.attrs
 
     @abstractmethod

@@ -17,7 +17,7 @@ _SAMPLES, _BETWEEN_SAMPLES = 60, 0.5
 
 @dataclass(frozen=True)
 class StudyProgress:
-    """How far a study is, at the moment of its last report.
+    """Progress of a study at the moment of its last report.
 
     Parameters
     ----------

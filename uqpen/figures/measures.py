@@ -90,19 +90,19 @@ class RankedInputs(NamedTuple):
 
     @property
     def cut(self) -> str:
-        """Which inputs are shown, if not all that have an estimate; else empty."""
+        """Note on the inputs that are shown, if not all that have an estimate; else empty."""
         if len(self.names) == self.total:
             return ""
         return f"the {len(self.names)} inputs with the largest estimates, of {self.total}"
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the chart leaves out."""
+        """Notes on the inputs that the chart leaves out."""
         return tuple(filter(None, (self.cut, self.missing)))
 
     @property
     def missing(self) -> str:
-        """Which inputs have no estimate, with the reasons; empty for none."""
+        """Note on the inputs without an estimate, with the reasons; empty for none."""
         by_reason: dict[str, list[str]] = {}
         for name, reason in self.without.items():
             by_reason.setdefault(reason, []).append(name)

@@ -71,7 +71,7 @@ class Quote(Block):
 
 
 class Finding(NamedTuple):
-    """What the archive says about something, below a head of few words."""
+    """Statement of the archive about one thing, below a head of few words."""
 
     head: str
     text: str
@@ -95,7 +95,7 @@ class Alert(NamedTuple):
 
 @dataclass(frozen=True)
 class Alerts(Block):
-    """What to mind about the numbers of a page."""
+    """Warnings about the numbers of a page."""
 
     alerts: tuple[Alert, ...]
 
@@ -159,7 +159,7 @@ class LegendKey:
 
 
 class RunsBeyondAxis(NamedTuple):
-    """What is known of a distribution function beyond the ends of its axis.
+    """Values of a distribution function beyond the ends of its axis.
 
     Attributes
     ----------

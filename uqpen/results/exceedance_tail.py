@@ -51,12 +51,12 @@ class LargestRun:
 
     @property
     def name(self) -> str:
-        """What it is, in the row of a table."""
+        """Name in the row of a table."""
         return f"largest of {grouped_number(self.runs)} run{'s' * (self.runs != 1)}"
 
     @property
     def text(self) -> str:
-        """Its value, with the unit."""
+        """Value with the unit."""
         return f"{self.value:.4g}{self.unit}"
 
     @property

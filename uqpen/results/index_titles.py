@@ -47,7 +47,7 @@ class VarianceTitles(NamedTuple):
 
     @property
     def note(self) -> str:
-        """How to read the indices of dependent inputs; empty for independent ones."""
+        """Note on reading the indices of dependent inputs; empty for independent ones."""
         if not self.is_dependent:
             return ""
         return (

@@ -1,4 +1,4 @@
-"""How far a study is, in words: on a terminal, in a notebook, on the page of a running study."""
+"""Progress of a study in words: on a terminal, in a notebook, on the page of a running study."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page of a running study shows, as texts."""
+"""Content of the page of a running study, as texts."""
 
 from __future__ import annotations
 

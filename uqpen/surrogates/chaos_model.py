@@ -126,7 +126,7 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
 
     @property
     def estimator(self) -> str:
-        """How moments and indices are computed without draws."""
+        """Name of the estimator of moments and indices without draws."""
         return "from the coefficients"
 
     def closed_form_moments(self, output: str) -> tuple[float, float]:

@@ -159,7 +159,7 @@ class ClosedForms(ABC):
     @property
     @abstractmethod
     def estimator(self) -> str:
-        """How they are computed, in words, such as "from the coefficients"."""
+        """Name of the estimator, such as "from the coefficients"."""
 
     @abstractmethod
     def closed_form_problem(self, output: str) -> str:

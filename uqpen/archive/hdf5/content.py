@@ -13,7 +13,7 @@ UNDEFINED = 2**64 - 1
 
 
 class RefusedContentError(Exception):
-    """What a file says that uqpen does not write; its text follows "it" or "its"."""
+    """Content of a file that uqpen does not write; the text of the error follows "it" or "its"."""
 
 
 def has_signature(content: Content, address: int, signature: bytes, version: int) -> bool:

@@ -12,7 +12,7 @@ __all__ = ["Datatype", "ValueKind", "read_datatype", "read_extent"]
 
 
 class ValueKind(Enum):
-    """What the values of a type are."""
+    """Kind of the values of a type."""
 
     INTEGER = "integer"
     REAL = "real"

@@ -1,4 +1,4 @@
-"""How the estimates of two archives differ."""
+"""Differences between the estimates of two archives."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class _PairedEstimate(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Whether the intervals overlap; nothing where one of the estimates has none."""
+        """Verdict on the intervals, apart or overlapping; nothing where one estimate has none."""
         (_, *one), (_, *other) = self.bounds
         if not all(map(math.isfinite, (*one, *other))):
             return NOTHING

@@ -75,7 +75,7 @@ class ArchivePair:
 
 
 def unpaired(pair: ArchivePair) -> Iterator[Block]:
-    """What only one of two archives has, or has in another unit."""
+    """Content that only one of two archives has, or has in another unit."""
     lines = [*_only_in_one("model", model_trees(pair.first), model_trees(pair.second))]
     for model, each in pair.models.items():
         of = f" of {model}" if model else ""

@@ -1,4 +1,4 @@
-"""What differs between the studies of two archives: settings, models, versions, files, runs."""
+"""Differences between the studies of two archives: settings, models, versions, files, runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What to mind about the numbers of a page: few alerts, each with a remedy."""
+"""Warnings about the numbers of a page: few alerts, each with a remedy."""
 
 from __future__ import annotations
 

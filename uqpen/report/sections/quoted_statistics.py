@@ -121,7 +121,7 @@ class QuotedStatistic:
 
     @property
     def is_probability(self) -> bool:
-        """Whether it has no unit, and is shown in per cent."""
+        """True if it has no unit, and is shown in per cent."""
         return CATALOGUE[self.statistic].unit is UnitRule.NONE
 
     @property
