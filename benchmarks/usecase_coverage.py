@@ -169,7 +169,7 @@ def main() -> int:
     if options.markdown:
         USE_CASES.fill(options.markdown, "\n".join(_page(rows)))
     print("\n".join(_page(rows)))
-    return 1 if any(_failures(rows)) else 0
+    return 1 if any(_failures(_that_exist(rows))) else 0
 
 
 def _options() -> argparse.Namespace:
@@ -411,36 +411,41 @@ class Count(NamedTuple):
 
 
 class Failure(NamedTuple):
-    """A cell that fails, or all cells together; with the outputs that have a variance alone."""
+    """A cell that fails, or all cells together."""
 
     cell: str
     count: Count
-    with_variance: Count
 
     def text(self) -> str:
-        """The cell, with its figures and those without the outputs of infinite variance."""
-        rest = self.with_variance.text()
-        return f"{self.cell}: {self.count.text()}; without infinite variances {rest}"
+        """The cell with its figures."""
+        return f"{self.cell}: {self.count.text()}"
 
 
 def _failures(rows: Sequence[dict[str, Any]]) -> Iterator[Failure]:
-    with_variance = [row for row in rows if row["output"] not in INFINITE_VARIANCE]
     for note, statistic, design in itertools.product(NOTES, STATISTICS, DESIGNS):
-        count, rest = (
-            Count.of(_select(some, statistic, design), note) for some in (rows, with_variance)
-        )
+        count = Count.of(_select(rows, statistic, design), note)
         if count.intervals and count.probability < SMALLEST_PROBABILITY:
-            yield Failure(f"{design}, {STATISTICS[statistic]}, {TITLES[note]}", count, rest)
+            yield Failure(f"{design}, {STATISTICS[statistic]}, {TITLES[note]}", count)
     count = Count.of(rows, *NOTES)
     if count.coverage < LOWEST_OF_ALL:
-        yield Failure("all together", count, Count.of(with_variance, *NOTES))
+        yield Failure("all together", count)
+
+
+def _that_exist(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the rows of statistics that have a true value, which an interval can contain."""
+    return [row for row in rows if not _is_infinite(row)]
+
+
+def _is_infinite(row: dict[str, Any]) -> bool:
+    return row["output"] in INFINITE_VARIANCE and row["statistic"] == "std"
 
 
 def _select(rows: Sequence[dict[str, Any]], statistic: str, design: str) -> list[dict[str, Any]]:
     return [row for row in rows if (row["statistic"], row["design"]) == (statistic, design)]
 
 
-def _page(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
+def _page(every: Sequence[dict[str, Any]]) -> Iterator[str]:
+    rows = _that_exist(every)
     for note in NOTES:
         if Count.of(rows, note).intervals:
             yield from _table(rows, note)
@@ -456,12 +461,27 @@ def _page(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
     if failures:
         yield from (f"- {failure.text()}" for failure in failures)
         yield ""
+    yield from _of_infinite_variances([row for row in every if _is_infinite(row)])
     largest = max(row["relative_error"] for row in rows)
     outputs = len({row["output"] for row in rows})
     yield (
         f"{outputs} outputs, {rows[0]['seeds']} seeds each. The standard error of a true value is"
         f" at most {100 * largest:.1f} % of the intervals' median half-width."
     )
+
+
+def _of_infinite_variances(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """State how many samples get an interval of a standard deviation that is infinite."""
+    if not rows:
+        return
+    given = {design: Count.of(_select(rows, "std", design), *NOTES).intervals for design in DESIGNS}
+    samples = sum(row["seeds"] for row in rows) // len(DESIGNS)
+    texts_of = ", ".join(f"{count} with {design}" for design, count in given.items())
+    yield (
+        f"The standard deviation of {' and '.join(sorted(INFINITE_VARIANCE))} is infinite. Of"
+        f" {samples} samples with each design, these get an interval of it: {texts_of}."
+    )
+    yield ""
 
 
 def _table(rows: Sequence[dict[str, Any]], note: str) -> Iterator[str]:
