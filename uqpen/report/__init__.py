@@ -124,12 +124,14 @@ BENCHMARK_SECTIONS = {
         "The scatter of replicates gives the error of a design. This may cost accuracy, as each "
         "replicate has fewer points. Methods without replicates are the same as above.",
         "uqpen.report.benchmark.error_charts:replicate_error_charts",
+        is_folded=True,
     ),
     "rates": ReportSection(
         "How fast errors fall",
         "The slope of a straight line through the logarithms of errors over those of runs, with "
         "95 % intervals of the noise. Further to the left, errors fall faster with more runs.",
         "uqpen.report.benchmark.convergence_rates:convergence_rates",
+        is_folded=True,
     ),
     "coverage": ReportSection(
         "Coverage of the methods' own intervals",
@@ -142,6 +144,7 @@ BENCHMARK_SECTIONS = {
         "The cost of a method is its number of runs of the model. For a surrogate these are its "
         "training and validation runs; the time of its fit is not counted.",
         "uqpen.report.benchmark.reference:cost",
+        is_folded=True,
     ),
     "reference": ReportSection(
         "The reference",
@@ -149,13 +152,18 @@ BENCHMARK_SECTIONS = {
         "estimates replace the true values, so an error below its own cannot be distinguished "
         "from 0.",
         "uqpen.report.benchmark.reference:reference",
+        is_folded=True,
     ),
     "tables": ReportSection(
-        "All tables", "As the command line shows them.", "uqpen.report.benchmark.reference:tables"
+        "All tables",
+        "As the command line shows them.",
+        "uqpen.report.benchmark.reference:tables",
+        is_folded=True,
     ),
     "archive": ReportSection(
         "The study and its provenance",
         "The study as it was compared, and the versions of the software.",
         "uqpen.report.benchmark.reference:provenance",
+        is_folded=True,
     ),
 }

@@ -20,6 +20,8 @@ _LONGEST = 80
 
 _WORD = re.compile(r"\w+")
 _POWER = re.compile(r"(?<=[A-Za-z)])\^?(-?\d+)")
+_SYMBOLS = {"degC": "°C", "degF": "°F"}
+_DEGREES = re.compile(r"\bdeg[CF]\b")
 
 
 def capitalized(text: str) -> str:
@@ -46,12 +48,13 @@ def plain_text(text: str, longest: int = _LONGEST) -> str:
 
 
 def typeset_unit(unit: str) -> str:
-    """Return a unit with raised powers.
+    """Return a unit with raised powers, and with the signs of temperatures.
 
-    >>> typeset_unit("kg m-3"), typeset_unit("g/cm^3")
-    ('kg m⁻³', 'g/cm³')
+    >>> typeset_unit("kg m-3"), typeset_unit("g/cm^3"), typeset_unit("degC")
+    ('kg m⁻³', 'g/cm³', '°C')
     """
-    return _POWER.sub(lambda match: match[1].translate(SUPERSCRIPTS), unit)
+    symbols = _DEGREES.sub(lambda match: _SYMBOLS[match[0]], unit)
+    return _POWER.sub(lambda match: match[1].translate(SUPERSCRIPTS), symbols)
 
 
 def title_with_name(title: str, name: str) -> str:
