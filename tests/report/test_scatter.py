@@ -82,14 +82,14 @@ def test_many_runs_are_thinned_and_many_inputs_chosen(study_of: Any) -> None:
     (group,) = groups(tree)
     assert len(group.charts) == 24
     # The most important inputs first.
-    ranked = input_order(ArchiveView(tree, ""), "y")
+    ranked = input_order(ArchiveView(tree, ""), "y").names
     titles = [chart.title for chart in group.charts]
     assert titles == [f"y against {name}" for name in ranked if f"y against {name}" in titles]
     assert "y against x29" in titles
     assert len(group.charts[0].traces[0]["x"]) == 400
     assert group.notes == (
         "Runs of some in the charts: 400 of 1\u202f000 completed.",
-        "Shown are the 24 of 30 inputs with the strongest rank correlations by some.",
+        "Shown are the 24 of 30 inputs with the largest first order by some.",
     )
     assert len(group.tables[0].rows) == 30
 

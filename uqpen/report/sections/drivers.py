@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import read_group
-from uqpen.core.labels import DEPENDENCE, INPUT, INTERVAL_LABEL, REFUSED, ROLE, RUNS
+from uqpen.core.labels import BOUND, DEPENDENCE, INPUT, INTERVAL_LABEL, REFUSED, ROLE, RUNS
 from uqpen.report.notes import has_interval
 from uqpen.report.sections.quoted_statistics import no_break, output_name
 from uqpen.results.archive_view import ArchiveView
@@ -22,6 +22,13 @@ __all__ = ["Ranking", "driver_sentences", "input_label", "input_order", "input_r
 # Measures of the inputs' part, the most telling first.
 _MEASURES = ("first_order", "mu_star", "contribution", "spearman")
 _OF_DEPENDENT_INPUTS = ("shapley", *_MEASURES)
+_REASONS = {
+    "first_order": "the largest first order",
+    "shapley": "the largest Shapley effects",
+    "mu_star": "the largest mean elementary effects",
+    "contribution": "the largest response times uncertainty",
+    "spearman": "the strongest rank correlations",
+}
 _FRACTIONS = {
     0.1: "a tenth",
     0.2: "a fifth",
@@ -50,6 +57,19 @@ class Ranking(NamedTuple):
     estimates: Mapping[str, xr.DataArray]
 
 
+class InputOrder(NamedTuple):
+    """Names of inputs, the most important first, and the statistic that this goes by."""
+
+    names: tuple[str, ...]
+    reason: str
+
+    def sort(self, inputs: Sequence[str]) -> list[str]:
+        """Return some inputs in this order; those that it lacks come last."""
+        return sorted(
+            inputs, key=lambda name: self.names.index(name) if name in self.names else len(inputs)
+        )
+
+
 def input_label(view: ArchiveView, name: str) -> str:
     """Return the title of an input for a reader, which no other input of the model has."""
     runs = read_group(view.tree, RUNS, view.designs[0])
@@ -76,10 +96,17 @@ def input_ranking(view: ArchiveView, output: str) -> Ranking | None:
     return None
 
 
-def input_order(view: ArchiveView, output: str) -> list[str]:
-    """Return the names of the inputs in the order of their importance; empty if it is unknown."""
-    ranking = input_ranking(view, output)
-    return [] if ranking is None else list(ranking.estimates)
+def input_order(view: ArchiveView, output: str) -> InputOrder:
+    """Return the inputs in the order of their importance; without names if it is unknown."""
+    if ranking := input_ranking(view, output):
+        reason = f"{_REASONS[ranking.statistic]} by {ranking.source}"
+        return InputOrder(tuple(ranking.estimates), reason)
+    for source, array in view.estimates(output, "category_first_order").items():
+        largest = np.nan_to_num(array.isel({BOUND: 0})).max(axis=0)
+        if largest.any():
+            names = array[INPUT].values[np.argsort(-largest, kind="stable")]
+            return InputOrder(tuple(names.tolist()), f"{_REASONS['first_order']} by {source}")
+    return InputOrder((), "")
 
 
 def _dependence(view: ArchiveView) -> bool:

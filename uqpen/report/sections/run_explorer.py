@@ -12,7 +12,7 @@ from uqpen.figures.scatter import category_labels, jitter
 from uqpen.report.axes import quantity
 from uqpen.report.blocks import RunColumn, RunExplorer
 from uqpen.report.marks import rounded_numbers
-from uqpen.report.sections.input_importance import input_importance
+from uqpen.report.sections.drivers import input_order
 from uqpen.report.sections.leading_design import output_title
 from uqpen.report.sections.plotted_runs import PlottedRuns
 from uqpen.results.texts import plain_text, unit_suffix
@@ -30,8 +30,7 @@ def run_explorer(cloud: PlottedRuns) -> RunExplorer:
     """Return the runs with their outputs, and then their inputs, the most important first."""
     view = cloud.view
     outputs = [*view.numeric_outputs, *view.categorical_outputs]
-    importance, _ = input_importance(view, cloud.design, outputs[0])
-    inputs = sorted(cloud.inputs, key=lambda name: -importance.get(name, 0.0))
+    inputs = input_order(view, outputs[0]).sort(cloud.inputs)
     notes = [cloud.thinning_note]
     if WEIGHT in cloud.runs.coords:
         notes.append("The runs have weights, which these lines and counts leave out.")

@@ -17,7 +17,6 @@ from uqpen.report.blocks import Axis, Block, Chart, Charts, LegendKey
 from uqpen.report.counting import count_text
 from uqpen.report.marks import Trace, escape_text, point_trace
 from uqpen.report.sections.drivers import input_label, input_order
-from uqpen.report.sections.input_importance import input_importance
 from uqpen.report.sections.leading_design import leading_design, output_title
 from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.report.sections.plotted_runs import PlottedRuns
@@ -72,18 +71,13 @@ def _output_charts(
 
 def _chosen_inputs(cloud: PlottedRuns, output: str, most: int) -> tuple[list[str], str]:
     """The inputs with a chart, the most important first, and a note if some have none."""
-    ranked = input_order(cloud.view, output)
-    every = sorted(
-        cloud.inputs, key=lambda name: ranked.index(name) if name in ranked else len(ranked)
-    )
+    order = input_order(cloud.view, output)
+    every = order.sort(cloud.inputs)
     if len(every) <= most:
         return every, ""
-    sizes, reason = input_importance(cloud.view, cloud.design, output)
-    if not reason:
+    if not order.reason:
         return every[:most], f"Shown are the first {most} of {len(every)} inputs."
-    kept = sorted(every, key=lambda name: -sizes.get(name, 0.0))[:most]
-    note = f"Shown are the {most} of {len(every)} inputs with {reason} by {cloud.design}."
-    return [name for name in every if name in kept], note
+    return every[:most], f"Shown are the {most} of {len(every)} inputs with {order.reason}."
 
 
 def _chart(cloud: PlottedRuns, output: str, name: str) -> Chart:

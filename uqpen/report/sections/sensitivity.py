@@ -54,7 +54,7 @@ def _measure_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     for name, table in named_tables(view.tree, output, view.unit(output), everything=True):
         tables.setdefault(name, []).append(table)
     shares = index_titles(view.tree)
-    order = input_order(view, output)
+    order = input_order(view, output).names
     every = index_series(view, output)
     if found := best_sources(view, every):
         notes = tuple(filter(None, (shares.note, _left_out_note(view, every, found))))
