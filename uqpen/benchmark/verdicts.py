@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uqpen.benchmark.accuracy import Accuracy, ErrorRatio, error_ratio
-from uqpen.results.benchmark_tables import join_names
 from uqpen.results.digits import grouped_number
+from uqpen.results.texts import join_names
 
 __all__ = ["NO_VERDICT", "Verdict", "find_verdict", "reference_remark", "verdict_sentence"]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import xarray as xr
@@ -13,6 +13,7 @@ from uqpen.core.labels import BUDGET, METHODS, REPLICATED, SINGLE
 from uqpen.results.benchmark_entries import BenchmarkEntry, entries, reference_attributes
 from uqpen.results.digits import grouped_number
 from uqpen.results.table import NOTHING, OutputTable
+from uqpen.results.texts import join_names
 
 __all__ = [
     "IS_DOUBTFUL",
@@ -22,7 +23,6 @@ __all__ = [
     "EntryComparison",
     "entry_comparisons",
     "has_reference",
-    "join_names",
     "methods_table",
     "percentage_text",
     "standing_mark",
@@ -233,9 +233,3 @@ def _slope_text(estimate: float, lower: float, upper: float) -> str:
 
 def _list_budgets(budgets: list[int]) -> str:
     return ", ".join(map(grouped_number, budgets))
-
-
-def join_names(names: Sequence[str]) -> str:
-    """Names as a sentence lists them."""
-    *most, last = names
-    return f"{', '.join(most)} and {last}" if most else last

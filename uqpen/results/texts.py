@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.digits import SUPERSCRIPTS
 
 __all__ = [
     "capitalized",
+    "join_names",
     "plain_text",
     "title_with_name",
     "title_with_unit",
+    "typeset_quantity",
     "typeset_unit",
     "unit_suffix",
 ]
@@ -36,6 +39,12 @@ def capitalized(text: str) -> str:
     return f"{text[0].upper()}{text[1:]}"
 
 
+def join_names(names: Sequence[str]) -> str:
+    """Names as a sentence lists them."""
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last
+
+
 def plain_text(text: str, longest: int = _LONGEST) -> str:
     """A text in one line, its control characters spelled out, and cut where it is too long."""
     shown = "".join(
@@ -55,6 +64,16 @@ def typeset_unit(unit: str) -> str:
     """
     symbols = _DEGREES.sub(lambda match: _SYMBOLS[match[0]], unit)
     return _POWER.sub(lambda match: match[1].translate(SUPERSCRIPTS), symbols)
+
+
+def typeset_quantity(text: str) -> str:
+    """Return a quantity as written, with its unit typeset.
+
+    >>> typeset_quantity("70 degC"), typeset_quantity("1e-3 m2"), typeset_quantity("10")
+    ('70 °C', '1e-3 m²', '10')
+    """
+    number, space, unit = text.partition(" ")
+    return f"{number}{space}{typeset_unit(unit)}"
 
 
 def title_with_name(title: str, name: str) -> str:

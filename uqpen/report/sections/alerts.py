@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -24,11 +24,12 @@ from uqpen.execution import status_counts
 from uqpen.report.blocks import Alert
 from uqpen.report.counting import count_text
 from uqpen.report.sections.missing_runs import missing_count
-from uqpen.report.sections.quoted_statistics import QuotedStatistic
+from uqpen.report.sections.quoted_statistics import QuotedStatistic, output_name
 from uqpen.report.sections.surrogate_validation import verdict_counts
 from uqpen.report.sections.view_statistics import sample_account
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.texts import capitalized, join_names
 
 __all__ = ["alerts"]
 
@@ -65,16 +66,17 @@ def _precision_alert(
     """Yield one alert on the notes of quantities, and of the moments of their outputs."""
     outputs = dict.fromkeys(each.output for each in quantities)
     moments = [QuotedStatistic(view, each, name) for each in outputs for name in ("mean", "std")]
-    named: dict[str, list[str]] = {}
+    named: dict[str, dict[str, list[str]]] = {}
     stated = {each.heading for each in quantities}
     for quantity in (*quantities, *(each for each in moments if each.heading not in stated)):
         estimate = quantity.estimate(design)
         # That of a probability says how it counts failed runs, as the page does once.
         is_said = quantity.is_probability and missing_count(view, design) > 0
         if estimate is not None and not is_said and (note := interval_text(estimate, NOTE)):
-            named.setdefault(note, []).append(quantity.heading)
+            outputs_of = named.setdefault(note, {}).setdefault(quantity.label, [])
+            outputs_of.append(output_name(view, quantity.output))
     if named:
-        texts = [f"{', '.join(those)}: {note}" for note, those in named.items()]
+        texts = [f"{_names_text(those)}: {note}" for note, those in named.items()]
         more = [f"and {count_text(len(texts) - _MOST_NOTES, 'more note')} in the tables"]
         shown = texts[:_MOST_NOTES] + more * (len(texts) > _MOST_NOTES)
         yield Alert(
@@ -82,6 +84,11 @@ def _precision_alert(
             f"{'; '.join(shown)}.",
             "Quote quantiles, which need no assumption on extreme values, or make more runs.",
         )
+
+
+def _names_text(outputs: Mapping[str, Sequence[str]]) -> str:
+    """Return statistics with the outputs that they are of, as one name."""
+    return capitalized("; ".join(f"{label} of {join_names(of)}" for label, of in outputs.items()))
 
 
 def _surrogate_alerts(view: ArchiveView) -> Iterator[Alert]:

@@ -25,7 +25,7 @@ from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.table import estimate_remark
-from uqpen.results.texts import capitalized, plain_text
+from uqpen.results.texts import capitalized, plain_text, typeset_quantity
 
 __all__ = ["OutputSentences", "acceptance_sentence", "output_sentences"]
 
@@ -82,7 +82,8 @@ def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Fin
         text = f"in none of {runs} completed runs: at most {upper} of cases ({level} interval)."
     elif array.values[0] == 1 and np.isfinite(array.values[1]):
         text = f"in all {runs} completed runs: at least {lower} of cases ({level} interval)."
-    event = f"{name} {_EVENTS[quantity.statistic]} {no_break(plain_text(quantity.entry))}"
+    threshold = no_break(typeset_quantity(plain_text(quantity.entry)))
+    event = f"{name} {_EVENTS[quantity.statistic]} {threshold}"
     return Finding(event, f"{capitalized(text)}{acceptance_sentence(array)}")
 
 
