@@ -97,6 +97,30 @@ std = "20 cm"
 response = {{ a = 0.3, b = 0.1 }}
 largest_contribution = "a"
 """,
+    "questions": f"""confidence_level = 0.9
+{_MODEL}
+[inputs]
+a = {{ uniform = {{ lower = 1, upper = 2 }} }}
+b = "(2 ± 0.1) cm"
+c = "(3 ± 0.1) kg"
+[outputs.y]
+exceeds = {{ "3 cm" = {{ at_most = "20 %" }}, "4 cm" = {{}} }}
+below = ["1 cm", "2 cm"]
+hold_above = [0.5, 0.9]
+hold_between = [0.5]
+[outputs.z]
+below = {{ "2" = {{ at_least = 0.5 }} }}
+[joint_probabilities]
+safe = ["y < 3 cm", "z < 2"]
+unsafe = {{ any = ["y > 3 cm", "z > 2"], at_most = "20 %" }}
+[designs.mc]
+kind = "monte-carlo"
+runs = 40
+[designs.enough]
+kind = "monte-carlo"
+until = {{ y = {{ mean = "1 %", exceeds = {{ "3 cm" = 0.01 }} }} }}
+at_most = 1024
+""",
     "matrix": f"""{_MODEL}
 [inputs]
 a = {{ uniform = {{ lower = 1, upper = 2 }} }}
