@@ -32,6 +32,8 @@ Y = Output("y", "m")
         (lambda: QuantityOfInterest(Y, "m", tolerance_contents=(2,)), "hold", "between 0 and 1"),
         (lambda: QuantityOfInterest(Y, "m", thresholds=(2.0,)), "exceeds", "thresholds"),  # type: ignore[arg-type]
         (lambda: PublishedEstimates(Y, mean=math.nan), "mean", "a quantity"),
+        # TOML has whole numbers that no float can hold.
+        (lambda: QuantityOfInterest(Y, "m", quantiles=(10**400,)), "quantiles", "between 0 and 1"),
         (lambda: PublishedEstimates(Y, response={"a": math.inf}), "response", "a table"),
         (lambda: Publication(""), "source", "where the figures stand"),
     ],

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import numbers
+import sys
 from collections.abc import Mapping
 from decimal import Decimal
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Arrays", "BoolArray", "FloatArray", "IntArray", "floats", "rows_by_weight"]
+__all__ = [
+    "Arrays",
+    "BoolArray",
+    "FloatArray",
+    "IntArray",
+    "floats",
+    "is_finite_number",
+    "rows_by_weight",
+]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -17,6 +26,16 @@ IntArray = npt.NDArray[np.int64]
 Arrays = Mapping[str, FloatArray]
 
 _NO_NUMBERS = {"c": "complex numbers", "U": "text", "S": "bytes", "M": "dates", "m": "durations"}
+
+
+def is_finite_number(value: object) -> bool:
+    """Check for a number that a float can hold: a whole number of a file may be too large.
+
+    >>> is_finite_number(3), is_finite_number(10**400), is_finite_number(True)
+    (True, False, False)
+    """
+    is_real = isinstance(value, numbers.Real) and not isinstance(value, bool)
+    return is_real and bool(abs(value) <= sys.float_info.max)
 
 
 def floats(value: object) -> FloatArray:

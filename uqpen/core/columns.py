@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray, floats
+from uqpen.core.arrays import FloatArray, floats, is_finite_number
 from uqpen.core.errors import QuantityError, TableError, toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.units import DIMENSIONLESS, NUMBER, are_convertible, describe, scale
@@ -128,8 +128,7 @@ def columns_of_table(table: Mapping[str, object]) -> tuple[Column, ...]:
 
 def _listed(values: list[Any], name: str) -> FloatArray:
     for value in values:
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not is_number or not math.isfinite(value):
+        if not isinstance(value, int | float) or not is_finite_number(value):
             raise TableError(f'column "{name}": found {toml_text(value)}, expected a number')
     return np.array(values, dtype=np.float64)
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
+from uqpen.core.arrays import is_finite_number
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.labels import NAME
 from uqpen.core.quantities import parse_any_dimension, parse_quantity
@@ -172,7 +173,7 @@ def quantity(
 
 def limit(*, default: float) -> Any:
     """Declare an end of an interval in the dimension of its context, infinite for an open end."""
-    accepts = lambda value: isinstance(value, int | float) and not math.isnan(value)  # noqa: E731
+    accepts = lambda value: isinstance(value, int | float) and value == value  # noqa: E731
     return setting("quantity", "a quantity", accepts, default=default)
 
 
@@ -427,8 +428,8 @@ def _table(
 
 
 def _is_within(value: Any, above: float = -math.inf, below: float = math.inf) -> bool:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and above < value < below and math.isfinite(value)
+    is_number = isinstance(value, int | float) and is_finite_number(value)
+    return is_number and above < value < below
 
 
 def _are_within(values: Any) -> bool:

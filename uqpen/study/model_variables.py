@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
-import numbers
 from collections.abc import Iterator
 
+from uqpen.core.arrays import is_finite_number
 from uqpen.core.errors import QuantityError
 from uqpen.core.labels import NAME, RESERVED
 from uqpen.core.limits import Limits
@@ -69,7 +68,7 @@ def _value_faults(variable: Input) -> Faults:
     what = _text(variable)
     if not _is(variable.bounds, Bounds):
         yield f"{what} with bounds={variable.bounds!r}", "an object of uqpen.core.model.Bounds"
-    if variable.default is not None and not _is_finite(variable.default):
+    if variable.default is not None and not is_finite_number(variable.default):
         yield (
             f"{what} with default={variable.default!r}",
             f"a number in its SI unit, {variable.unit}",
@@ -104,12 +103,6 @@ def _dimension_faults(model: Model, known: set[str]) -> Faults:
 def _is(value: object, kind: type) -> bool:
     """Check the class of an attribute: a user's class can have anything in its place."""
     return isinstance(value, kind)
-
-
-def _is_finite(value: object) -> bool:
-    if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        return False
-    return math.isfinite(value)
 
 
 def _are(values: object, kind: type) -> bool:
