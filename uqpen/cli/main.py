@@ -19,7 +19,7 @@ from uqpen.core.lookup import resolve
 __all__ = ["COMPLETION", "main", "uqpen"]
 
 _NAMES = (
-    "study check show export report figure compare verify diff rerun models run predict serve "
+    "init study check show export report figure compare verify diff rerun models run predict serve "
     "completion"
 )
 # The environment variable by which a shell asks for completions.
