@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from uqpen.study.load import parse_study
     from uqpen.study.python_model import OutputSpec, PythonModel
     from uqpen.study.python_study import Study, load_study
+    from uqpen.surrogates.archived_surrogate import ExtrapolationWarning
     from uqpen.surrogates.polynomial_chaos import PolynomialChaos
 
 __all__ = [
@@ -58,6 +59,7 @@ __all__ = [
     "Beta",
     "ClaytonCopula",
     "Discrete",
+    "ExtrapolationWarning",
     "FailurePolicy",
     "FrankCopula",
     "FrozenDistribution",
@@ -152,6 +154,7 @@ _HOMES = {
     "uqpen.study.load": ("parse_study",),
     "uqpen.study.python_model": ("OutputSpec", "PythonModel"),
     "uqpen.study.python_study": ("Study", "load_study"),
+    "uqpen.surrogates.archived_surrogate": ("ExtrapolationWarning",),
     "uqpen.surrogates.polynomial_chaos": ("PolynomialChaos",),
 }
 

@@ -14,7 +14,8 @@ from rich.progress import Progress as Bar
 from rich.text import Text
 
 from uqpen.benchmark.compare import BenchmarkProgress
-from uqpen.cli.printable import printable
+from uqpen.cli.options import is_quiet
+from uqpen.cli.printable import screen_text
 from uqpen.cli.screen import show_table, standard_output
 from uqpen.results.benchmark_tables import LEGEND, entry_comparisons, methods_table, standings_table
 from uqpen.results.digits import grouped_number
@@ -30,7 +31,7 @@ def show_benchmark(tree: xr.DataTree) -> None:
     """Show the title, the methods, and a table with its verdicts for each statistic."""
     console = standard_output()
     title = f"{tree.attrs['title']}: benchmark of methods"
-    console.print(Text(printable(title), style="bold"))
+    console.print(Text(screen_text(title), style="bold"))
     show_table(console, methods_table(tree))
     for comparison in entry_comparisons(tree):
         show_table(console, comparison.table)
@@ -43,13 +44,16 @@ def show_benchmark(tree: xr.DataTree) -> None:
 
 def _show_text(console: Console, text: str) -> None:
     """Show a text in lines that keep the groups of a number's digits together."""
-    for line in textwrap.wrap(printable(text), console.width - 1, break_long_words=False):
+    for line in textwrap.wrap(screen_text(text), console.width - 1, break_long_words=False):
         console.print(Text(f" {line}", style="dim"), soft_wrap=True)
 
 
 @contextmanager
 def show_progress() -> Iterator[BenchmarkProgress]:
     """Show a bar with the time remaining on a terminal, lines elsewhere."""
+    if is_quiet():
+        yield BenchmarkProgress()
+        return
     console = Console(stderr=True, highlight=False)
     if not console.is_terminal:
         yield _Lines(console)

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option
+from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option, quiet_option
 
 __all__ = ["compare"]
 
@@ -30,6 +30,7 @@ __all__ = ["compare"]
 )
 @output_option("archive", "archives/<study>_compare.nc")
 @executor_option
+@quiet_option
 def compare(
     file: Path,
     budgets: str | None,

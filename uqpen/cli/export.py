@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import click
@@ -31,18 +30,13 @@ def export(
     with a column for the unit. Without -o, the table goes to standard output.
     """
     from uqpen.archive.read import open_archive
-    from uqpen.cli.printable import printable
+    from uqpen.cli.table_file import table_format, write_table
     from uqpen.core.errors import ExportError
-    from uqpen.core.files import replace_file
     from uqpen.core.labels import BENCHMARK, KIND
-    from uqpen.results.export import FORMATS, table_bytes
     from uqpen.results.long_table import long_table
     from uqpen.results.runs_table import runs_table
 
-    ending = file.suffix.removeprefix(".").lower() if file else ""
-    kind = kind or (ending if ending in FORMATS else "csv" if not ending else None)
-    if kind is None:
-        raise click.UsageError(f"{file}: unknown ending; name --csv, --parquet or --json")
+    kind = table_format(file, kind)
     if kind == "parquet" and file is None:
         raise click.UsageError("--parquet needs -o FILE")
     if si and what != "runs":
@@ -53,13 +47,4 @@ def export(
     if tree.attrs.get(KIND) == BENCHMARK:
         raise ExportError(f"{archive}: is a benchmark of methods; only studies are exported")
     table = runs_table(tree, si=si) if what == "runs" else long_table(tree, functions=functions)
-    content = table_bytes(table, kind)
-    if file is None:
-        text = content.decode()
-        click.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
-        return
-    try:
-        replace_file(file, content)
-    except OSError as error:
-        raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
-    click.echo(f"{len(table)} rows: {printable(str(file))}")
+    write_table(table, kind, file)

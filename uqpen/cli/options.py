@@ -18,7 +18,9 @@ __all__ = [
     "ExecutorOptions",
     "executor_option",
     "folder_option",
+    "is_quiet",
     "output_option",
+    "quiet_option",
     "resume_options",
     "trust_option",
 ]
@@ -77,6 +79,30 @@ def executor_option(command: Callable[..., Any]) -> Callable[..., Any]:
         return command(*arguments, executor=ExecutorOptions(workers or 1, scheduler), **options)
 
     return run_command
+
+
+# Key of the context of a command that shows no progress.
+_QUIET = "uqpen.quiet"
+
+
+def _be_quiet(context: click.Context, parameter: click.Parameter, value: bool) -> None:
+    context.meta[_QUIET] = value
+
+
+quiet_option = click.option(
+    "-q",
+    "--quiet",
+    is_flag=True,
+    expose_value=False,
+    callback=_be_quiet,
+    help="Show no progress; results, warnings and errors are shown.",
+)
+
+
+def is_quiet() -> bool:
+    """Check that the command shows no progress."""
+    context = click.get_current_context(silent=True)
+    return context is not None and context.meta.get(_QUIET, False)
 
 
 def output_option(name: str, default: str) -> Callable[..., Any]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import codecs
 import json
+import sys
 
-__all__ = ["SPELLED_OUT", "printable", "printable_json"]
+__all__ = ["SPELLED_OUT", "printable", "printable_json", "screen_text"]
 
 # The name of an error handler for streams: a character that the encoding lacks becomes others.
 SPELLED_OUT = "uqpen.spelled_out"
@@ -13,6 +14,9 @@ SPELLED_OUT = "uqpen.spelled_out"
 _SPELLED_OUT = {
     "±": "+/-",
     "…": "...",
+    "≤": "<=",
+    "≥": ">=",
+    "→": "->",
     "–": "-",
     "─": "-",
     "×": "x",
@@ -29,6 +33,12 @@ def printable(text: str) -> str:
         character if _is_shown(character) else character.encode("unicode_escape").decode("ascii")
         for character in text
     )
+
+
+def screen_text(text: str) -> str:
+    """Spell a text out as standard output will, so that its width is known before it is shown."""
+    encoding = sys.stdout.encoding or "utf-8"
+    return printable(text).encode(encoding, SPELLED_OUT).decode(encoding)
 
 
 def printable_json(text: str) -> str:

@@ -13,6 +13,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from uqpen.cli.options import is_quiet
 from uqpen.cli.printable import printable
 from uqpen.core.progress import Progress
 from uqpen.core.progress_record import ProgressRecord, StudyProgress
@@ -30,8 +31,13 @@ _BETWEEN_LINES = 10.0
 
 @contextmanager
 def show_progress() -> Iterator[Progress]:
-    """Show a bar over all designs on a terminal, a few lines elsewhere."""
+    """Show a bar over all designs on a terminal, a few lines elsewhere; if quiet, warnings."""
     console = Console(stderr=True, highlight=False)
+    if is_quiet():
+        warnings = _Warnings(console)
+        yield warnings
+        warnings.show_warnings()
+        return
     if not console.is_terminal:
         lines = _Lines(console)
         yield lines
@@ -90,23 +96,13 @@ def progress_lines(progress: StudyProgress, now: float) -> Group:
     return Group(line, Text(below, style="dim", no_wrap=True, overflow="ellipsis"))
 
 
-class _Announced(ProgressRecord):
-    """Record that shows the runs that were made before, and the warnings."""
+class _Warnings(ProgressRecord):
+    """Record that shows the warnings."""
 
     def __init__(self, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__(clock)
         self._console = console
-        self._design_runs = 0
         self._warnings: set[str] = set()
-
-    def start_design(self, name: str, runs: int) -> None:
-        super().start_design(name, runs)
-        self._design_runs = runs
-
-    def count_restored(self, runs: int) -> None:
-        super().count_restored(runs)
-        whole = f"{grouped_number(runs)} of {grouped_number(self._design_runs)}"
-        self._print(f"{self.state.design}: {whole} runs already done")
 
     def warn(self, text: str) -> None:
         self._warnings.add(text)
@@ -120,6 +116,21 @@ class _Announced(ProgressRecord):
 
     def _print(self, text: str) -> None:
         self._console.print(Text(printable(text)), soft_wrap=True)
+
+
+class _Announced(_Warnings):
+    """Record that shows the runs that were made before as well."""
+
+    _design_runs = 0
+
+    def start_design(self, name: str, runs: int) -> None:
+        super().start_design(name, runs)
+        self._design_runs = runs
+
+    def count_restored(self, runs: int) -> None:
+        super().count_restored(runs)
+        whole = f"{grouped_number(runs)} of {grouped_number(self._design_runs)}"
+        self._print(f"{self.state.design}: {whole} runs already done")
 
 
 class _Lines(_Announced):

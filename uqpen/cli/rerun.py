@@ -15,6 +15,7 @@ from uqpen.cli.options import (
     executor_option,
     folder_option,
     output_option,
+    quiet_option,
     resume_options,
     trust_option,
 )
@@ -30,6 +31,7 @@ __all__ = ["rerun"]
 @folder_option()
 @resume_options
 @executor_option
+@quiet_option
 def rerun(
     archive: Path,
     copy: Path | None,

@@ -8,10 +8,16 @@ from typing import TYPE_CHECKING
 
 import click
 
+from uqpen.cli.options import folder_option, trust_option
+from uqpen.cli.surrogate_argument import open_surrogate, split_surrogate
+
 if TYPE_CHECKING:
+    from xarray import DataTree
+
     from uqpen.core.arrays import FloatArray
-    from uqpen.core.model import Model, Output
+    from uqpen.core.model import Input, Model, Output
     from uqpen.distributions.constraints import Constraint
+    from uqpen.surrogates.archived_surrogate import ArchivedSurrogate
 
     Inputs = Mapping[str, float]
 
@@ -27,24 +33,32 @@ __all__ = ["run"]
     metavar='NAME="VALUE UNIT"',
     help='The value of an input, such as impact_velocity="1400 m/s".',
 )
-def run(model: str, given: tuple[str, ...]) -> None:
-    """Run MODEL once: a built-in model, or a study file, whose inputs are then at their medians."""
+@folder_option("an archive's study")
+@trust_option
+def run(model: str, given: tuple[str, ...], folder: Path | None, trust: bool) -> None:
+    """Run MODEL once: a built-in model, a study file, or ARCHIVE:NAME, a surrogate of an archive.
+
+    Inputs of a study or a surrogate that are not set are at their medians.
+    """
     from uqpen.cli.screen import plain_table, standard_output
 
+    if archive := split_surrogate(model):
+        _run_surrogate(*archive, given, folder, trust=trust)
+        return
     trials = list(_trial_runs(model))
-    for label, trial, inputs, own, constraints in trials:
+    for label, trial, inputs, own, constraints, units in trials:
         if len(trials) > 1:
             standard_output().print(f"\n{label}", markup=False)
         # What a model takes in place of the study's inputs is what makes it that model.
-        inputs = {**inputs, **_parse_inputs(trial, given), **own}
-        rows = list(_output_rows(trial, inputs, constraints))
+        inputs = {**inputs, **_parse_inputs(trial.name, trial.inputs, given), **own}
+        rows = list(_output_rows(trial, inputs, constraints, units))
         standard_output().print(plain_table(["output", "value", "unit"], rows))
 
 
 def _trial_runs(
     name: str,
-) -> Iterator[tuple[str, Model, Inputs, Inputs, Sequence[Constraint]]]:
-    """Yield each model with its name in the study, its inputs and those that cannot be set."""
+) -> Iterator[tuple[str, Model, Inputs, Inputs, Sequence[Constraint], Mapping[str, str]]]:
+    """Yield each model with its name in the study, its inputs, those that cannot be set, units."""
     from uqpen.core.lookup import resolve_name
     from uqpen.models import MODELS
 
@@ -52,17 +66,59 @@ def _trial_runs(
         from uqpen.study.load import load_study
 
         study = load_study(Path(name))
-        nominal = study.joint.nominal()
+        nominal, units = study.joint.nominal(), study.display_units()
         for label, variant in study.models.items():
-            yield label, variant.model, nominal, variant.given, study.constraints
+            yield label, variant.model, nominal, variant.given, study.constraints, units
     else:
         model: Model = resolve_name(MODELS, name, "model")()
         defaults = {v.name: v.default for v in model.inputs if v.default is not None}
-        yield "", model, defaults, {}, ()
+        yield "", model, defaults, {}, (), {}
+
+
+def _run_surrogate(
+    path: Path, name: str, given: Iterable[str], folder: Path | None, *, trust: bool
+) -> None:
+    """Show the predictions of a surrogate, in the units of its study."""
+    from uqpen.archive.read import open_archive
+    from uqpen.cli.printable import printable
+    from uqpen.cli.screen import plain_table, standard_output
+    from uqpen.core.units import DIMENSIONLESS, scale
+    from uqpen.surrogates.archived_surrogate import std_name
+
+    tree = open_archive(path)
+    found = open_surrogate(tree, path, name, folder, trust=trust)
+    values = _parse_inputs(found.fitted.name, found.inputs, given)
+    if any(found.fitted.missing_inputs(values)):
+        values = {**_medians(tree, found, folder, trust=trust), **values}
+    predicted = found.predict(values)
+    rows = []
+    for output in found.outputs:
+        unit, std = output.preferred_unit, std_name(output)
+        shown = "" if unit == DIMENSIONLESS else unit
+        value = scale(unit).from_si(float(predicted[output.name]))
+        rows.append((output.name, f"{value:.10g}", shown))
+        if std in predicted:
+            deviation = scale(unit).difference_from_si(float(predicted[std]))
+            rows.append((std, f"{deviation:.3g}", shown))
+    standard_output().print(plain_table(["output", "value", "unit"], rows))
+    if text := found.extrapolation_text(predicted):
+        click.echo(printable(text), err=True)
+
+
+def _medians(
+    tree: DataTree, found: ArchivedSurrogate, folder: Path | None, *, trust: bool
+) -> dict[str, float]:
+    """Return the medians of a surrogate's inputs, as far as the archive's study gives them."""
+    from uqpen.verification.restored_study import restored_study
+
+    names = set(found.fitted.random_inputs)
+    with restored_study(tree, folder, trust=trust) as restored:
+        nominal = restored.study.joint.nominal()
+    return {name: value for name, value in nominal.items() if name in names}
 
 
 def _output_rows(
-    model: Model, inputs: Inputs, constraints: Sequence[Constraint]
+    model: Model, inputs: Inputs, constraints: Sequence[Constraint], units: Mapping[str, str]
 ) -> Iterator[tuple[str, str, str]]:
     """Make one run, and yield the name, value and unit of each output."""
     import numpy as np
@@ -84,9 +140,9 @@ def _output_rows(
     if status is not Status.OK:
         raise ModelError(f"the run is {STATUS_TEXT[status]}: {results.reasons[0]}")
     for output in model.outputs:
-        unit = output.preferred_unit
+        unit = units.get(output.name, output.preferred_unit)
         if output.dims:
-            shown = _field_text(output, results.outputs[output.name][0])
+            shown = _field_text(output, results.outputs[output.name][0], unit)
             yield output.name, shown, "" if unit == DIMENSIONLESS else unit
             continue
         value = float(results.outputs[output.name][0])
@@ -97,23 +153,22 @@ def _output_rows(
             yield output.name, shown, "" if unit == DIMENSIONLESS else unit
 
 
-def _field_text(output: Output, values: FloatArray) -> str:
+def _field_text(output: Output, values: FloatArray, unit: str) -> str:
     """Return the range of a field and its dimensions."""
     import numpy as np
 
     from uqpen.core.units import scale
 
-    lowest, highest = scale(output.preferred_unit).from_si(
-        np.array([np.nanmin(values), np.nanmax(values)])
-    )
+    lowest, highest = scale(unit).from_si(np.array([np.nanmin(values), np.nanmax(values)]))
     ends = f"{lowest:.10g} to {highest:.10g}"
     along = ", ".join(f"{each.name} ({len(each.values)})" for each in output.dims)
     return f"{ends} along {along}"
 
 
-def _parse_inputs(model: Model, pairs: Iterable[str]) -> dict[str, float]:
+def _parse_inputs(model: str, inputs: Sequence[Input], pairs: Iterable[str]) -> dict[str, float]:
     """Parse the command line's ``name=value`` pairs; values in SI units."""
     from uqpen.core.errors import ModelError, QuantityError
+    from uqpen.core.model import find_variable
     from uqpen.core.quantities import parse_quantity
 
     values = {}
@@ -121,7 +176,7 @@ def _parse_inputs(model: Model, pairs: Iterable[str]) -> dict[str, float]:
         name, equals, written = text.partition("=")
         if not equals:
             raise ModelError(f'--set {text}: expected the form name="value unit"')
-        variable = model.input(name.strip())
+        variable = find_variable(inputs, name.strip(), "input", model)
         try:
             values[variable.name] = parse_quantity(written, variable.unit).value
         except QuantityError as error:

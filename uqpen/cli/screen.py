@@ -7,14 +7,14 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 
 import xarray as xr
-from rich import box
+from rich.box import SIMPLE_HEAD, Box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from uqpen.archive.read import group_names, model_trees
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.printable import printable
+from uqpen.cli.printable import screen_text
 from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
 from uqpen.results.failed_runs import failed_runs
@@ -32,6 +32,9 @@ __all__ = [
 ]
 
 _GAP = 3
+
+# As SIMPLE_HEAD. In its place rich would take a box with other gaps, so rules would not fit.
+_ASCII_HEAD = Box("    \n    \n -- \n" + 5 * "    \n", ascii=True)
 
 # Reasons of lost runs that are shown; an archive holds them all.
 _MOST_REASONS = 10
@@ -58,7 +61,7 @@ def show_line(text: str) -> None:
 def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
     """Show a title, a table for each output, and the failed runs by reason."""
     console = standard_output()
-    console.print(Text(printable(str(tree.attrs["title"])), style="bold"))
+    console.print(Text(screen_text(str(tree.attrs["title"])), style="bold"))
     for table in output_tables(tree, everything=everything):
         show_table(console, table)
     _show_fields(console, tree)
@@ -69,12 +72,12 @@ def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
 def show_table(console: Console, table: OutputTable) -> None:
     """Show a table under its title, in as many parts as the screen needs, with its notes."""
     console.print()
-    console.print(Text(printable(table.title), style="bold"))
+    console.print(Text(screen_text(table.title), style="bold"))
     for part, width in _table_parts(table, console.width):
         console.print(part, width=max(width, console.width), crop=False)
     for number, note in enumerate(table.notes, start=1):
         hanging = Table.grid(padding=(0, 1, 0, 0))
-        hanging.add_row(Text(f" {number}", style="dim"), Text(printable(note), style="dim"))
+        hanging.add_row(Text(f" {number}", style="dim"), Text(screen_text(note), style="dim"))
         console.print(hanging)
 
 
@@ -84,7 +87,7 @@ def _show_fields(console: Console, tree: xr.DataTree) -> None:
     if lines:
         console.print()
     for line in lines:
-        console.print(Text(printable(line)))
+        console.print(Text(screen_text(line)))
 
 
 def _show_failures(console: Console, tree: xr.DataTree) -> None:
@@ -109,12 +112,18 @@ def _show_failures(console: Console, tree: xr.DataTree) -> None:
 
 def plain_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
     """Make a table of texts; the first column names the rows."""
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), show_edge=False, pad_edge=False)
+    rules = SIMPLE_HEAD if _has_lines() else _ASCII_HEAD
+    table = Table(box=rules, padding=(0, 1), show_edge=False, pad_edge=False)
     for position, name in enumerate(header):
-        table.add_column(Text(printable(name)), no_wrap=position == 0)
+        table.add_column(Text(screen_text(name)), no_wrap=position == 0)
     for row in rows:
-        table.add_row(*(Text(printable(cell)) for cell in row))
+        table.add_row(*(Text(screen_text(cell)) for cell in row))
     return table
+
+
+def _has_lines() -> bool:
+    """Check that rich draws lines here; it takes only encodings of Unicode to have them."""
+    return (sys.stdout.encoding or "utf-8").lower().startswith("utf")
 
 
 def show_plain_tables(
@@ -129,9 +138,13 @@ def show_plain_tables(
 
 def _table_parts(table: OutputTable, width: int) -> Iterator[tuple[Table, int]]:
     """Yield the columns of a table, as many at a time as fit, with their width."""
-    longest = max(len(label) for label, _ in table.rows)
+    longest = max(len(screen_text(label)) for label, _ in table.rows)
     widths = [
-        max(*map(len, name.split("\n")), *(len(cells[column]) for _, cells in table.rows)) + _GAP
+        max(
+            *(len(screen_text(line)) for line in name.split("\n")),
+            *(len(screen_text(cells[column])) for _, cells in table.rows),
+        )
+        + _GAP
         for column, name in enumerate(table.columns)
     ]
     start = 0

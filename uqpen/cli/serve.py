@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from uqpen.cli.options import folder_option, trust_option
+from uqpen.cli.surrogate_argument import split_surrogate
 
 if TYPE_CHECKING:
     from uqpen.core.model import Model, Output
@@ -77,10 +78,8 @@ def make_offers(
     from uqpen.core.lookup import resolve_name
     from uqpen.models import MODELS
 
-    path, _, label = model.rpartition(".nc:")
-    if path or model.endswith(".nc"):
-        archive, label = (Path(f"{path}.nc"), label) if path else (Path(model), "")
-        return list(_archive_offers(archive, label, named, folder, trust=trust))
+    if archive := split_surrogate(model):
+        return list(_archive_offers(*archive, named, folder, trust=trust))
     if model.endswith(".toml"):
         return list(_study_offers(Path(model), named))
     built_in: Model = resolve_name(MODELS, model, "model")()
@@ -111,20 +110,17 @@ def _archive_offers(
 
     The vector has the inputs that a surrogate was fitted in, the others are as in those runs.
     """
-    from uqpen.archive.read import group_names, model_trees, open_archive
+    from uqpen.archive.read import model_trees, open_archive
     from uqpen.core.errors import UnknownNameError
     from uqpen.core.labels import SURROGATES
     from uqpen.core.lookup import choices
+    from uqpen.surrogates.archived_surrogate import surrogate_paths
     from uqpen.surrogates.restoring import restore_surrogate
     from uqpen.verification.restored_study import restored_study
 
     tree = open_archive(path)
     trees = model_trees(tree)
-    found = {
-        f"{model}/{name}" if model else name: (model, name)
-        for model, model_tree in trees.items()
-        for name in group_names(model_tree, SURROGATES)
-    }
+    found = surrogate_paths(tree)
     if not found and not label:
         raise UnknownNameError(f"{path}: holds no surrogate, and nothing else of it can be served")
     if not found or (label and label not in found):

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option, resume_options
+from uqpen.cli.options import (
+    PATH,
+    ExecutorOptions,
+    executor_option,
+    output_option,
+    quiet_option,
+    resume_options,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,6 +54,7 @@ class _StudyCommand(click.Command):
 )
 @resume_options
 @executor_option
+@quiet_option
 def study(
     file: Path,
     archive: Path | None,

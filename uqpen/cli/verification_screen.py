@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.text import Text
 
-from uqpen.cli.printable import printable
+from uqpen.cli.printable import screen_text
 from uqpen.cli.screen import standard_output
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.verification.diff import DiffSection
@@ -41,7 +41,7 @@ def show_section(section: DiffSection) -> None:
         _show_lines(console, section.lines)
         return
     for line in section.lines:
-        text = Text(f"{_INDENT}{printable(line)}")
+        text = Text(f"{_INDENT}{screen_text(line)}")
         text.truncate(console.width - 1, overflow="ellipsis")
         console.print(text, soft_wrap=True)
 
@@ -55,6 +55,6 @@ def _show_lines(console: Console, lines: Sequence[str]) -> None:
 
 
 def _show(console: Console, text: str, indent: str, style: str) -> None:
-    wrapped = textwrap.wrap(printable(text), console.width - 1, subsequent_indent=indent)
+    wrapped = textwrap.wrap(screen_text(text), console.width - 1, subsequent_indent=indent)
     for line in wrapped or [""]:
         console.print(Text(line, style=style), soft_wrap=True)

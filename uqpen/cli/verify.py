@@ -7,7 +7,14 @@ from pathlib import Path
 import click
 
 from uqpen.cli.exit_code import ExitCode
-from uqpen.cli.options import PATH, ExecutorOptions, executor_option, folder_option, trust_option
+from uqpen.cli.options import (
+    PATH,
+    ExecutorOptions,
+    executor_option,
+    folder_option,
+    quiet_option,
+    trust_option,
+)
 
 __all__ = ["verify"]
 
@@ -23,6 +30,7 @@ __all__ = ["verify"]
 @trust_option
 @folder_option()
 @executor_option
+@quiet_option
 def verify(
     archive: Path,
     runs: int | None,

@@ -15,6 +15,9 @@ from uqpen.results.runs_table import runs_table
 if TYPE_CHECKING:
     import pandas as pd
 
+    from uqpen.surrogates.archived_surrogate import ArchivedSurrogate
+    from uqpen.surrogates.surrogate import Surrogate
+
 __all__ = ["Archive", "open_archive"]
 
 
@@ -68,6 +71,27 @@ class Archive(xr.DataTree):  # type: ignore[no-untyped-call]
             headings ``name [unit]``, the status, and the reason of a failure.
         """
         return runs_table(self, si=si)
+
+    def surrogate(self, name: str, *, kind: type[Surrogate] | None = None) -> ArchivedSurrogate:
+        """Return a surrogate, to predict with; nothing that the archive names is executed.
+
+        Parameters
+        ----------
+        name : str
+            Its name in the study; of several models ``<model>/<name>``.
+        kind : type, optional
+            Its class, where that is from outside the package.
+
+        Raises
+        ------
+        UnknownNameError
+            If the archive has no surrogate of this name.
+        ModelError
+            If its class is from outside the package, and is not given; or if it predicts no output.
+        """
+        from uqpen.surrogates.archived_surrogate import archived_surrogate
+
+        return archived_surrogate(self, name, kind=kind)
 
     def _repr_html_(self) -> str:
         return archive_html(self)

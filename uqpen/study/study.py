@@ -141,6 +141,12 @@ class ValidatedStudy:
             if quantity.output.name in outputs
         )
 
+    def display_units(self) -> dict[str, str]:
+        """Return the display unit of each input and output."""
+        units = {entry.variable.name: entry.display_unit for entry in self.joint.inputs}
+        wanted = {each.output.name: each.display_unit for each in self.quantities_of_interest}
+        return units | wanted
+
     def validation_designs(self, surrogate: Surrogate) -> list[str]:
         """Return the designs of a surrogate's validation runs, the main one first.
 

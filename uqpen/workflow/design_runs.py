@@ -55,7 +55,7 @@ def run_design(
             return evaluate(
                 Evaluator(variant.model, study.constraints),
                 points.assign(variant.given),
-                _display_units(study),
+                study.display_units(),
                 map=map,
                 label=name,
                 progress=progress,
@@ -79,12 +79,4 @@ def run_design(
     return {
         model: join_rounds([runs[model] for runs in rounds]).assign_attrs(sampling)
         for model in study.models
-    }
-
-
-def _display_units(study: ValidatedStudy) -> dict[str, str]:
-    """Return the display unit of each input and output."""
-    units = {entry.variable.name: entry.display_unit for entry in study.joint.inputs}
-    return units | {
-        quantity.output.name: quantity.display_unit for quantity in study.quantities_of_interest
     }

@@ -1,0 +1,79 @@
+"""Tables on terminals that lack characters, and commands that show no progress."""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+from uqpen.cli.options import quiet_option
+from uqpen.cli.printable import SPELLED_OUT
+from uqpen.cli.progress import show_progress
+from uqpen.cli.screen import show_tables
+
+STUDY = """
+seed = 1
+[model]
+use = "ishigami"
+[inputs]
+x1 = { uniform = { lower = -3, upper = 3 } }
+x2 = 1
+x3 = 1
+[designs.some]
+kind = "monte-carlo"
+runs = 20
+"""
+
+
+@pytest.mark.parametrize("name", ["schema_3", "schema_3_several"])
+def test_rules_are_as_long_as_the_rows_where_characters_are_spelled_out(
+    name: str, archives: dict[str, xr.DataTree], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    content = io.BytesIO()
+    tree = archives[name]
+    with monkeypatch.context() as patch:
+        stream = io.TextIOWrapper(content, encoding="ascii", errors=SPELLED_OUT)
+        patch.setattr(sys, "stdout", stream)
+        patch.setenv("COLUMNS", "80")
+        show_tables(tree)
+        stream.flush()
+    lines = content.getvalue().decode("ascii").splitlines()
+    assert "..." in "".join(lines)
+    assert max(map(len, lines)) <= 80
+    rules = [number for number, line in enumerate(lines) if line and not line.strip("-")]
+    assert rules
+    for number in rules:
+        heading, rule, first = lines[number - 1 : number + 2]
+        assert len(heading) == len(rule) == len(first)
+
+
+def test_a_quiet_study_shows_its_results_alone(
+    command_line: Callable[..., Any], tmp_path: Path
+) -> None:
+    (tmp_path / "small.toml").write_text(STUDY)
+    loud = command_line("study", "small.toml", "-o", "loud.nc")
+    quiet = command_line("study", "small.toml", "-o", "quiet.nc", "-q")
+    assert "some: 20 runs in" in loud.err
+    assert quiet.err == ""
+    assert quiet.out.replace("quiet.nc", "loud.nc") == loud.out
+    assert (tmp_path / "quiet.nc").read_bytes() == (tmp_path / "loud.nc").read_bytes()
+
+
+def test_a_warning_is_shown_quietly_too() -> None:
+    @click.command()
+    @quiet_option
+    def work() -> None:
+        with show_progress() as progress:
+            progress.start_design("some", 10)
+            progress.count_restored(5)
+            progress.warn("cold")
+
+    assert CliRunner().invoke(work, ["-q"]).stderr == "warning: cold\n"
+    assert CliRunner().invoke(work).stderr.startswith("some: 5 of 10 runs already done\n")

@@ -1,0 +1,145 @@
+"""First studies that `uqpen init` writes: they are right as they are."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uqpen.study.load import parse_study
+from uqpen.study.new_study.function_draft import function_draft
+
+BEAM = """
+from typing import Annotated
+raise SystemExit("a file that is parsed is not executed")
+
+def deflection(load: Annotated[float, "kN"] = 5, modulus: "GPa" = 210, *,
+               width, names=("a", "b"), steps: int = 3, verbose=False, offset=-0.0):
+    \"\"\"Deflection of a cantilever.
+
+    In mm.
+    \"\"\"
+    def inner():
+        return {"inside": 1}
+    if width < 0:
+        return dict(tip=0.0, root=0.0)
+    return {"tip": load / modulus, "root": offset}
+
+def _private(x):
+    return {"y": x}
+"""
+
+
+def _written(command_line: Callable[..., Any], *arguments: str) -> dict[str, Any]:
+    done = command_line("init", *arguments, "-o", "study.toml")
+    assert done.err == ""
+    return tomllib.loads(Path("study.toml").read_text(encoding="utf-8"))
+
+
+def test_a_function_gives_its_inputs_units_nominal_values_and_outputs(
+    command_line: Callable[..., Any], tmp_path: Path
+) -> None:
+    (tmp_path / "beam.py").write_text(BEAM)
+    content = _written(command_line, "beam.py:deflection")
+    assert content["title"] == "Deflection of a cantilever"
+    assert content["model"]["python"] == "beam.py:deflection"
+    assert content["model"]["inputs"] == {
+        "load": "kN",
+        "modulus": "GPa",
+        "width": "1",
+        "offset": "1",
+    }
+    assert content["model"]["outputs"] == {"tip": "1", "root": "1"}
+    ends = {name: each["uniform"] for name, each in content["inputs"].items()}
+    assert ends["load"] == {"lower": "4.5 kN", "upper": "5.5 kN"}
+    assert ends["width"] == {"lower": 0.9, "upper": 1.1}
+    assert ends["offset"] == {"lower": -0.1, "upper": 0.1}
+    text = Path("study.toml").read_text(encoding="utf-8")
+    assert "# names, steps, verbose: left at the default of the function" in text
+    marked = [line for line in text.splitlines() if "# FILL IN" in line]
+    assert len(marked) == 2 + 2 + 4  # units of inputs and outputs, distributions
+
+
+# Within a range where 10 % of a temperature in degC is not lost beside 273.15 K.
+SIZES = st.floats(1e-6, 1e12)
+VALUES = st.none() | st.just(0) | SIZES | SIZES.map(lambda size: -size) | st.integers(1, 10**12)
+SIGNATURES = st.dictionaries(
+    st.from_regex(r"[a-z]{1,8}_[0-9]", fullmatch=True),
+    st.tuples(VALUES, st.sampled_from(["", "kN", "degC", "float", "1"])),
+    min_size=1,
+    max_size=4,
+)
+
+
+@settings(max_examples=30)
+@given(signature=SIGNATURES)
+def test_a_study_of_any_signature_passes_as_it_is_written(
+    signature: dict[str, tuple[Any, str]], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.mktemp("signature")
+    arguments = ", ".join(
+        name + f": {unit!r}" * bool(unit) + f" = {default!r}" * (default is not None)
+        for name, (default, unit) in signature.items()
+    )
+    source = f"def f(*, {arguments}):\n    return {{'y': 1.0}}\n"
+    (folder / "model.py").write_text(source)
+    text = function_draft(folder / "model.py", "", "model.py").text("study.toml")
+    study = parse_study(text, folder=folder)
+    for name, (default, _) in signature.items():
+        entry = next(each for each in study.joint.random if each.variable.name == name)
+        assert entry.distribution.ppf(0.1) < entry.nominal < entry.distribution.ppf(0.9)
+        if default and entry.display_unit == "1":
+            assert entry.nominal == pytest.approx(float(default), rel=1e-5)
+
+
+def test_a_program_gets_its_inputs_from_placeholders_in_their_order(
+    command_line: Callable[..., Any], tmp_path: Path
+) -> None:
+    (tmp_path / "beam.dat.template").write_text("FORCE {force}\nLENGTH {length:.10e} {{}}\n")
+    (tmp_path / "solver").write_text("#!/bin/sh\necho result = 2.5\n")
+    (tmp_path / "solver").chmod(0o755)
+    command = "./solver --width {width} 'beam.dat'"
+    content = _written(command_line, "beam.dat.template", "--command", command)
+    assert content["model"]["command"] == ["./solver", "--width", "{width}", "beam.dat"]
+    assert content["model"]["templates"] == {"beam.dat": "beam.dat.template"}
+    assert list(content["model"]["inputs"]) == ["width", "force", "length"]
+    assert "the study is right" in command_line("check", "study.toml").out
+    assert "2.5" in command_line("run", "study.toml").out
+    Path("study.toml").unlink()
+    content = _written(command_line, "--command", f"{command} {{outputs}}")
+    assert "read" not in content["model"]  # a JSON file whose path the program is given
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["beam.py:bend"], 'beam.py has no function "bend"; known: deflection'),
+        (["two.py"], "expected the name of a function; two.py:f, two.py:g"),
+        (["two.py:f"], "f has no argument that is a number"),
+        (["two.py:g"], "g takes x by position; expected arguments that can be given by name"),
+        (["two.py:h_"], 'two.py has no function "h_"'),
+        (["none.py:f"], "none.py: cannot be read: No such file or directory"),
+        (["broken.py:f"], "broken.py, line 2: is no Python: "),
+        (["there.py:f", "-o", "beam.py"], "beam.py: is there already; expected a new file (-o)"),
+        (["data.txt"], "found data.txt; expected FILE.py:FUNCTION, or --command"),
+        (["--command", "./solver 1"], "the command does not have a placeholder such as {load}"),
+        (["--command", "./solver {x-1}"], 'the placeholder "x-1" cannot be named in a study'),
+        (["--command", "./solver '{x}"], "--command: found ./solver '{x}: No closing quotation"),
+        (["no.tmpl", "--command", "s {x}"], "no.tmpl: cannot be read: No such file"),
+    ],
+)
+def test_mistakes(
+    command_line: Callable[..., Any], tmp_path: Path, arguments: list[str], message: str
+) -> None:
+    (tmp_path / "beam.py").write_text(BEAM)
+    (tmp_path / "two.py").write_text("def f(x=None): ...\ndef g(x, /): ...\n")
+    (tmp_path / "broken.py").write_text("x = 1\ndef f(\n")
+    done = command_line("init", *arguments)
+    assert (done.code, done.out) == (2, "")
+    assert message in done.err
+    assert not list(tmp_path.glob("*.toml"))

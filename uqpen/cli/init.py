@@ -1,0 +1,64 @@
+"""``uqpen init``: a first study file of a model of the user's own."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from pathlib import Path
+
+import click
+
+from uqpen.cli.options import PATH
+
+__all__ = ["init"]
+
+
+@click.command(short_help="Write a first study file of a function or a program.")
+@click.argument("source", required=False, metavar="[FILE.py[:FUNCTION] | TEMPLATE]")
+@click.option("--command", metavar='"PROGRAM ARGUMENTS"', help="The program to run, as in a shell.")
+@click.option("-o", "file", type=PATH, help="The study file to write.  [default: <model>.toml]")
+def init(source: str | None, command: str | None, file: Path | None) -> None:
+    """Write a commented study file of a Python function, or of a program.
+
+    Arguments of FUNCTION become inputs, and its defaults their nominal values. The file is parsed,
+    not executed. A program has inputs by placeholders {name}, in its arguments or in TEMPLATE.
+
+    \b
+    uqpen init beam.py:deflection
+    uqpen init beam.dat.template --command "./solver beam.dat"
+
+    Lines to fill in are marked; `uqpen check` accepts the file as it is.
+    """  # noqa: D301 - the \\b keeps the lines that follow it as they are
+    from uqpen.cli.printable import printable
+    from uqpen.core.errors import ExportError
+    from uqpen.core.files import replace_file
+    from uqpen.study.new_study.command_draft import command_draft
+    from uqpen.study.new_study.function_draft import function_draft
+
+    stem, colon, function = (source or "").rpartition(".py:")
+    model = Path(f"{stem}.py" if colon else source or "")
+    function = function if colon else ""
+    if command is None and model.suffix != ".py":
+        found = source or "nothing"
+        raise click.UsageError(f"found {found}; expected FILE.py:FUNCTION, or --command")
+    if command is not None and function:
+        raise click.UsageError("--command takes a template, not a function")
+    try:
+        words = shlex.split(command or "")
+    except ValueError as error:
+        raise click.UsageError(f"--command: found {command}: {error}") from None
+    name = (function or model.stem) if command is None else Path((words or ["study"])[0]).stem
+    file = file or Path(f"{name}.toml")
+    if file.exists():
+        raise ExportError(f"{file}: is there already; expected a new file (-o)")
+    reference = Path(os.path.relpath(model, file.parent)).as_posix()
+    if command is None:
+        draft = function_draft(model, function, reference)
+    else:
+        draft = command_draft(words, model if source else None, reference)
+    try:
+        replace_file(file, draft.text(str(file)).encode())
+    except OSError as error:
+        raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
+    shown = printable(str(file))
+    click.echo(f"study: {shown}; fill in the marked lines, then:  uqpen check {shown}")

@@ -1,0 +1,149 @@
+"""Draft of a study file: what is known of a model, and the text that is made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from uqpen.core.errors import ModelError, toml_text
+from uqpen.core.labels import NAME, RESERVED
+from uqpen.core.units import DIMENSIONLESS
+
+__all__ = ["Draft", "DraftInput", "check_names"]
+
+_FILL_IN = "FILL IN"
+# Width of an input that nothing is known of, relative to its nominal value.
+_SPREAD = 0.1
+_COLUMN = 30
+
+
+@dataclass(frozen=True)
+class DraftInput:
+    """Input of a model, as far as its source states it.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    nominal : float or None
+        Its default, in `unit`.
+    unit : str
+        Its unit; empty if nothing states it.
+    """
+
+    name: str
+    nominal: float | None = None
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Draft:
+    """Draft of a study.
+
+    Parameters
+    ----------
+    title : str
+        What is studied.
+    model : tuple of str
+        Lines of the table ``[model]`` and of tables in it, without inputs and outputs.
+    inputs : tuple of DraftInput
+        The inputs of the model.
+    outputs : tuple of str
+        The names of its outputs; the first is a stand-in where `knows_outputs` is false.
+    knows_outputs : bool
+        Whether the source of the model names its outputs.
+    readings : tuple of str
+        Lines of the table ``[model.read]`` of a program.
+    remarks : tuple of str
+        What the reader should know of the model.
+    """
+
+    title: str
+    model: tuple[str, ...]
+    inputs: tuple[DraftInput, ...]
+    outputs: tuple[str, ...]
+    knows_outputs: bool = True
+    readings: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    def text(self, file: str) -> str:
+        """Return the text of a study file of this name; `uqpen check` accepts it as it is."""
+        return "\n".join([*self._head(file), *self._model(), *self._inputs(), *self._rest()]) + "\n"
+
+    def _head(self, file: str) -> Iterator[str]:
+        yield f"# Lines with {_FILL_IN} need what only you know: units, how uncertain inputs are."
+        yield f"# Then:  uqpen check {file}   and   uqpen study {file}"
+        yield ""
+        yield f"title = {toml_text(self.title)}"
+        yield _line("seed = 1", "of all random numbers")
+        yield ""
+
+    def _model(self) -> Iterator[str]:
+        yield "[model]"
+        yield from (f"# {remark}" for remark in self.remarks)
+        yield from self.model
+        yield ""
+        yield _line("[model.inputs]", "the units that the model takes")
+        for each in self.inputs:
+            unit = toml_text(each.unit or DIMENSIONLESS)
+            yield _line(f"{each.name} = {unit}", "" if each.unit else f"{_FILL_IN}: its unit")
+        yield ""
+        yield _line("[model.outputs]", "the units that the model returns")
+        for name in self.outputs:
+            missing = "its unit" if self.knows_outputs else "the names of the outputs, their units"
+            yield _line(f'{name} = "{DIMENSIONLESS}"', f"{_FILL_IN}: {missing}")
+        if self.readings:
+            yield "\n[model.read]"
+            yield from self.readings
+        yield ""
+
+    def _inputs(self) -> Iterator[str]:
+        yield "[inputs]"
+        yield '# One value: "2 m". Mean and standard deviation: "(2 ± 0.1) m". Others, for example:'
+        yield '# { uniform = { lower = "1 m", upper = "3 m" } }, { discrete = { values = [1, 2] } }'
+        for each in self.inputs:
+            known = "10 % around the default" if each.nominal is not None else "its value"
+            yield f"{each.name} = {_distribution(each)}  # {_FILL_IN}: {known}"
+        yield ""
+
+    def _rest(self) -> Iterator[str]:
+        for name in self.outputs:
+            yield f"[outputs.{name}]"
+            yield '# exceeds = ["3 mm"]     # the probability that it exceeds a limit'
+            yield "# quantiles = [0.05, 0.5, 0.95]"
+            yield ""
+        yield "[designs.sample]"
+        yield _line(
+            'kind = "latin-hypercube"', "also: monte-carlo, sobol-sequence, saltelli, morris"
+        )
+        yield "runs = 200"
+        yield ""
+        yield _line("# [surrogates.cheap]", "a cheap model, fitted to these runs")
+        yield '# kind = "polynomial-chaos"'
+        yield '# design = "sample"'
+
+
+def check_names(names: list[str], what: str) -> None:
+    """Refuse names that no study can have; a ModelError states the expected form."""
+    for name in names:
+        if not NAME.match(name):
+            expected = "a letter first, then letters, digits and _, at most 100"
+            raise ModelError(f'the {what} "{name}" cannot be named in a study; expected {expected}')
+        if name in RESERVED:
+            raise ModelError(f'the {what} "{name}" has a name that archives use themselves')
+
+
+def _distribution(variable: DraftInput) -> str:
+    """Return a uniform distribution around the nominal value of an input, or around 1."""
+    nominal = 1.0 if variable.nominal is None else variable.nominal
+    width = _SPREAD * (abs(nominal) or 1.0)
+    ends = {"lower": nominal - width, "upper": nominal + width}
+    known = variable.unit not in ("", DIMENSIONLESS)
+    texts = {
+        key: f'"{end:.6g} {variable.unit}"' if known else f"{end:.6g}" for key, end in ends.items()
+    }
+    return f"{{ uniform = {{ lower = {texts['lower']}, upper = {texts['upper']} }} }}"
+
+
+def _line(text: str, comment: str) -> str:
+    return f"{text:<{_COLUMN}}  # {comment}" if comment else text

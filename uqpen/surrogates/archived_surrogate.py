@@ -1,0 +1,268 @@
+"""Surrogate of an archive, to predict with; nothing that the archive names is executed."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.core.arrays import FloatArray
+from uqpen.core.errors import ArchiveError, ModelError, UnknownNameError
+from uqpen.core.labels import INPUT, RUNS, STATUS, SURROGATES
+from uqpen.core.lookup import choices
+from uqpen.core.model import Input, Output, find_variable
+from uqpen.core.status import Status
+from uqpen.core.units import scale
+from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
+from uqpen.surrogates.prediction_points import broadcast_inputs, input_array
+from uqpen.surrogates.restoring import restore_surrogate
+from uqpen.surrogates.surrogate import Surrogate
+
+__all__ = [
+    "EXTRAPOLATED",
+    "ArchivedSurrogate",
+    "ExtrapolationWarning",
+    "archived_surrogate",
+    "std_name",
+    "surrogate_paths",
+]
+
+EXTRAPOLATED = "extrapolated"
+
+# A value that was converted to another unit and back may be an ulp off.
+_ROUNDING = 1e-12
+
+
+class ExtrapolationWarning(UserWarning):
+    """Warning: a surrogate predicts outside of its training range."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArchivedSurrogate:
+    """Surrogate of an archive: a function of inputs with units.
+
+    Parameters
+    ----------
+    fitted : FittedSurrogate
+        Its predictions in SI units.
+    inputs : tuple of Input
+        The inputs that varied in the training runs, then those that had one value.
+    outputs : tuple of Output
+        Those that it predicts.
+    ranges : mapping of str to tuple of float
+        The smallest and the largest value of each input in the training runs, in SI units.
+
+    Examples
+    --------
+    >>> pce = uqpen.open_archive("archives/cantilever.nc").surrogate("pce")  # doctest: +SKIP
+    >>> pce(load="0.5 kN", modulus=210e9, width="5 cm", height=["9.9 cm", "10.1 cm"])["tip"]
+    ... # doctest: +SKIP
+    """
+
+    fitted: FittedSurrogate
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    ranges: Mapping[str, tuple[float, float]]
+
+    def __call__(self, **values: Any) -> xr.Dataset:
+        """Predict its outputs at some points.
+
+        Parameters
+        ----------
+        **values
+            The inputs: each a quantity such as ``"10 kN"``, a number in SI units, a sequence of
+            either with a value for each point, or a DataArray. DataArrays are broadcast by their
+            dimensions, and are in the unit of their attribute ``units``, by default in SI units.
+            An input that did not vary in the training runs may be left out.
+
+        Returns
+        -------
+        Dataset
+            In SI units, with the inputs as coordinates: the outputs; ``<output>_std``, the
+            standard deviation of a prediction, where the surrogate has one; and ``extrapolated``
+            along ``input``, which marks the inputs of a point outside of the training range.
+
+        Warns
+        -----
+        ExtrapolationWarning
+            If a point is outside of the training range.
+
+        Raises
+        ------
+        UnknownNameError
+            If a name is none of its inputs.
+        QuantityError
+            If a value is no finite quantity of the dimension of its input.
+        ModelError
+            If an input is missing, has another value than in all training runs, or does not fit
+            the others in shape.
+        """
+        predicted = self.predict(values)
+        if text := self.extrapolation_text(predicted):
+            warnings.warn(text, ExtrapolationWarning, stacklevel=2)
+        return predicted
+
+    def predict(self, values: Mapping[str, Any]) -> xr.Dataset:
+        """Predict its outputs as a call does, but without the warning."""
+        given = self._arrays(values)
+        points = broadcast_inputs(given)
+        some = points[self.fitted.random_inputs[0]]
+        flat = {name: array.values.ravel() for name, array in points.items()}
+        found = self.fitted.predict(flat)
+        variables: dict[str, Any] = {}
+        for output in self.outputs:
+            variables |= _variables(output, found[output.name], some)
+        return xr.Dataset({**variables, EXTRAPOLATED: self._is_outside(points)}, coords=given)
+
+    def extrapolation_text(self, predicted: xr.Dataset) -> str:
+        """Return how many points are outside of the training range, and where; empty for none."""
+        marked = predicted[EXTRAPOLATED]
+        along = [dimension for dimension in marked.dims if dimension != INPUT]
+        count, size = int(marked.any(INPUT).sum()), marked.size // marked.sizes[INPUT]
+        names = marked[INPUT].values[marked.any(along).values]
+        ranges = ", ".join(self._range_text(self._input(str(each))) for each in names)
+        points = f"{count} of {size} points" if size > 1 else "the point"
+        verb = "is" if count == 1 else "are"
+        return f"{points} {verb} outside of the training range: {ranges}" if count else ""
+
+    def _range_text(self, variable: Input) -> str:
+        unit = variable.preferred_unit
+        lower, upper = (scale(unit).from_si(end) for end in self.ranges[variable.name])
+        return f"{variable.name} {lower:.4g} to {upper:.4g} {unit}".removesuffix(" 1")
+
+    def _arrays(self, values: Mapping[str, Any]) -> dict[str, xr.DataArray]:
+        """Return the given inputs in SI units; refuse what the surrogate cannot predict at."""
+        name = self.fitted.name
+        given = {key: input_array(self._input(key), value) for key, value in values.items()}
+        if missing := list(self.fitted.missing_inputs(given)):
+            raise ModelError(f"{name} also needs {', '.join(missing)}")
+        for key in self.fitted.fixed.keys() & given.keys():
+            if _outside(given[key].values, self.ranges[key]).any():
+                only = self._range_text(self._input(key)).partition(" to ")[2]
+                raise ModelError(f"{key} is {only} in all training runs; {name} has no other value")
+        return given
+
+    def _input(self, name: str) -> Input:
+        return find_variable(self.inputs, name, "input", self.fitted.name)
+
+    def _is_outside(self, points: Mapping[str, xr.DataArray]) -> xr.DataArray:
+        """Return a mask of the points, along `INPUT`, that are outside of the training range."""
+        names = list(self.fitted.random_inputs)
+        marked = [
+            points[name].copy(data=_outside(points[name].values, self.ranges[name])).drop_attrs()
+            for name in names
+        ]
+        found = xr.concat([each.reset_coords(drop=True) for each in marked], dim=INPUT)
+        found = found.assign_coords({INPUT: names}).transpose(..., INPUT)
+        return found.assign_attrs(long_name="outside of the training range")
+
+
+def surrogate_paths(tree: xr.DataTree) -> dict[str, tuple[str, str]]:
+    """Return the model and the name of each surrogate of an archive, by its label.
+
+    The label is the name; of several models ``<model>/<name>``.
+    """
+    return {
+        f"{model}/{name}" if model else name: (model, name)
+        for model, model_tree in model_trees(tree).items()
+        for name in group_names(model_tree, SURROGATES)
+    }
+
+
+def archived_surrogate(
+    tree: xr.DataTree, label: str, *, kind: type[Surrogate] | None = None
+) -> ArchivedSurrogate:
+    """Restore a surrogate of an archive.
+
+    Parameters
+    ----------
+    tree : DataTree
+        An archive.
+    label : str
+        As in `surrogate_paths`.
+    kind : type, optional
+        Its class, where that is from outside the package; an archive's own code is not executed.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such surrogate.
+    ModelError
+        If its class is from outside the package, and is not given; or if it predicts no output.
+    ArchiveError
+        If its group, or the design that it was fitted to, is damaged.
+    """
+    paths = surrogate_paths(tree)
+    if label not in paths:
+        raise UnknownNameError(f'no surrogate "{label}"; {choices(label, paths)}')
+    model, name = paths[label]
+    model_tree = model_trees(tree)[model]
+    group = model_tree.children[SURROGATES].children[name]
+    fitted = restore_surrogate(group, label, loaded=kind)
+    if not fitted.outputs:
+        reasons = "; ".join(f"{output}: {reason}" for output, reason in fitted.reasons.items())
+        raise ModelError(f"{label} predicts nothing: {reasons}")
+    inputs = [*fitted.random_inputs, *fitted.fixed]
+    outputs = [output.name for output in fitted.outputs]
+    runs = _training_runs(model_tree, str(group.attrs["design"]), {*inputs, *outputs})
+    completed = runs[STATUS].values == Status.OK
+    return ArchivedSurrogate(
+        fitted,
+        tuple(Input(each, *_texts(runs[each])) for each in inputs),
+        tuple(Output(each, *_texts(runs[each])) for each in outputs),
+        {each: _range(runs[each], completed) for each in inputs},
+    )
+
+
+def _training_runs(model: xr.DataTree, design: str, names: set[str]) -> xr.Dataset:
+    """Return the runs of a design; refuse runs that lack some inputs or outputs."""
+    if design not in group_names(model, RUNS):
+        raise ArchiveError(f"/{RUNS}: is damaged: it has no {design}, which a surrogate names")
+    runs = read_group(model, RUNS, design)
+    if missing := sorted(names - set(map(str, runs.data_vars))):
+        raise ArchiveError(f"/{RUNS}/{design}: is damaged: it lacks {', '.join(missing)}")
+    return runs
+
+
+def _texts(variable: xr.DataArray) -> tuple[str, str, str]:
+    """Return the SI unit, the title and the unit in the study of a variable."""
+    unit = str(variable.attrs["units"])
+    shown = (str(variable.attrs.get(key, "")) for key in ("long_name", "display_units"))
+    return unit, *shown  # type: ignore[return-value]
+
+
+def _range(variable: xr.DataArray, completed: np.ndarray) -> tuple[float, float]:
+    values = np.broadcast_to(variable.values, completed.shape)[completed]
+    return float(values.min()), float(values.max())
+
+
+def _outside(values: FloatArray, ends: tuple[float, float]) -> np.ndarray:
+    margin = _ROUNDING * max(map(abs, ends))
+    mask: np.ndarray = (values < ends[0] - margin) | (values > ends[1] + margin)
+    return mask
+
+
+def _variables(output: Output, found: Prediction, some: xr.DataArray) -> dict[str, xr.DataArray]:
+    """Return the predicted values of an output, and their standard deviations if there are any."""
+    attributes = {"long_name": output.title, "units": output.unit}
+    shown = {"display_units": output.preferred_unit}
+    variables = {output.name: _like(some, found.mean, attributes | shown)}
+    if found.std is not None:
+        title = {"long_name": f"standard deviation of the prediction of {output.title}"}
+        variables[std_name(output)] = _like(some, found.std, attributes | title | shown)
+    return variables
+
+
+def std_name(output: Output) -> str:
+    """Return the name of the standard deviation of predictions of an output."""
+    return f"{output.name}_std"
+
+
+def _like(some: xr.DataArray, values: FloatArray, attributes: dict[str, str]) -> xr.DataArray:
+    array = some.copy(data=values.reshape(some.shape)).reset_coords(drop=True)
+    return array.drop_attrs().assign_attrs(attributes)
