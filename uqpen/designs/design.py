@@ -12,6 +12,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.settings import validate
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import Points
+from uqpen.designs.extension import Extension
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -101,6 +102,20 @@ class Design(ABC):
     def files(self) -> tuple[FileSnapshot, ...]:
         """Return snapshots of the files that contain its points."""
         return ()
+
+    def extension(self, earlier: Design, joint: JointDistribution) -> Extension:
+        """Return which points of an earlier design are among its own, to the bit.
+
+        Both have the same inputs and the same stream. Points count by value, wherever they stand.
+
+        Parameters
+        ----------
+        earlier : Design
+            A design of any class; of another one than its own, nothing is known.
+        joint : JointDistribution
+            The inputs of the study.
+        """
+        return Extension(earlier.run_count(joint) if earlier == self else None)
 
     def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> Design | None:
         """Return this design with another number of runs, for a comparison at equal budgets.

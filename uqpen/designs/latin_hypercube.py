@@ -12,7 +12,8 @@ from uqpen.core.errors import Problem
 from uqpen.core.labels import OPTIMIZED_BY
 from uqpen.core.settings import choice, count
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Rounds
+from uqpen.designs.design import Design, Rounds
+from uqpen.designs.extension import Extension
 from uqpen.designs.replicated import ReplicatedDesign, split_replicates
 from uqpen.distributions.joint_distribution import JointDistribution
 
@@ -67,6 +68,14 @@ class LatinHypercube(ReplicatedDesign):
     ) -> LatinHypercube | None:
         shape = split_replicates(runs, self.replicates, replicated=replicated)
         return replace(self, runs=shape[0], replicates=shape[1]) if shape else None
+
+    def extension(self, earlier: Design, joint: JointDistribution) -> Extension:
+        found = super().extension(earlier, joint)
+        if not isinstance(earlier, LatinHypercube) or earlier.optimization == self.optimization:
+            return found
+        return replace(
+            found, kept=0, nearest={**found.nearest, "optimization": earlier.optimization}
+        )
 
     def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
         # Imported here: this part of SciPy takes longer to load than the rest.

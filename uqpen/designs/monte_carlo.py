@@ -15,6 +15,7 @@ from uqpen.core.settings import count
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.drawn_points import DrawnPoints
+from uqpen.designs.extension import Extension
 from uqpen.designs.stopping.doubling import FIRST_LOOK, doubling_rounds
 from uqpen.designs.stopping.stopping_rule import RequestedOutput, StoppingRule, stopping_rule
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -81,6 +82,13 @@ class MonteCarlo(Design):
 
     def run_count(self, joint: JointDistribution) -> int:
         return self._most
+
+    def extension(self, earlier: Design, joint: JointDistribution) -> Extension:
+        if not isinstance(earlier, MonteCarlo):
+            return super().extension(earlier, joint)
+        setting = "runs" if self.until is None else "at_most"
+        nearest = {setting: max(self._most, earlier._most)}
+        return Extension(min(self._most, earlier._most), nearest, "no fewer runs")
 
     def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> MonteCarlo | None:
         return None if replicated else MonteCarlo(runs)

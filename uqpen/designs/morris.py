@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
+from uqpen.designs.extension import Extension
 from uqpen.designs.moves import add_move_coordinates
 from uqpen.distributions.joint_distribution import JointDistribution
 
@@ -82,6 +83,15 @@ class Morris(Design):
 
     def run_count(self, joint: JointDistribution) -> int:
         return self.trajectories * (len(joint.random) + 1)
+
+    def extension(self, earlier: Design, joint: JointDistribution) -> Extension:
+        if not isinstance(earlier, Morris):
+            return super().extension(earlier, joint)
+        common = replace(self, trajectories=min(self.trajectories, earlier.trajectories))
+        kept = common.run_count(joint) if self.levels == earlier.levels else 0
+        most = max(self.trajectories, earlier.trajectories)
+        nearest = {"trajectories": most, "levels": earlier.levels}
+        return Extension(kept, nearest, "the same levels")
 
 
 def _trajectory(

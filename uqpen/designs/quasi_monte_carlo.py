@@ -23,6 +23,8 @@ _BITS = 53
 class _Sequence(ReplicatedDesign):
     """Scrambled points of a low-discrepancy sequence."""
 
+    is_sequence = True
+
     def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> Design | None:
         shape = split_replicates(runs, self.replicates, replicated=replicated)
         return _SequencePoints(self, *shape) if shape else None

@@ -18,9 +18,10 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.drawn_points import DrawnPoints
+from uqpen.designs.extension import Extension
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = ["ReplicatedDesign", "split_replicates", "uneven_replicates"]
+__all__ = ["ReplicatedDesign", "nested_replicates", "split_replicates", "uneven_replicates"]
 
 
 class ReplicatedDesign(Design):
@@ -37,6 +38,8 @@ class ReplicatedDesign(Design):
     sampling = Sampling.STRATIFIED
     needs_powers_of_two: ClassVar[bool] = False
     """True if each replicate must have a power of two of points."""
+    is_sequence: ClassVar[bool] = False
+    """True if the points of a replicate are the first ones of a larger replicate."""
 
     runs: int
     replicates: int
@@ -72,6 +75,19 @@ class ReplicatedDesign(Design):
     def run_count(self, joint: JointDistribution) -> int:
         return self.runs
 
+    def extension(self, earlier: Design, joint: JointDistribution) -> Extension:
+        if not isinstance(earlier, type(self)):
+            return super().extension(earlier, joint)
+        now, before = ((each.runs, each.replicates) for each in (self, earlier))
+        if self.is_sequence:
+            return nested_replicates(now, before, powers_of_two=self.needs_powers_of_two)
+        each = earlier.runs // earlier.replicates
+        is_same = self.runs // self.replicates == each
+        replicates = max(earlier.replicates, round(self.runs / each))
+        nearest = {"runs": each * replicates, "replicates": replicates}
+        kept = min(self.runs, earlier.runs) if is_same else 0
+        return Extension(kept, nearest, f"replicates of {each} points")
+
 
 def uneven_replicates(
     runs: int, replicates: int, *, powers_of_two: bool = False, setting: str = "runs"
@@ -100,6 +116,34 @@ def uneven_replicates(
     expected = f"a multiple of replicates ({replicates}){shape}, at least two points in each"
     expected += f", such as {' or '.join(nearest)}, or other replicates"
     yield Problem((setting,), str(runs), expected)
+
+
+def nested_replicates(
+    now: tuple[int, int],
+    before: tuple[int, int],
+    *,
+    powers_of_two: bool = False,
+    setting: str = "runs",
+) -> Extension:
+    """Return what replicates of a sequence keep of earlier ones, which may be fewer or smaller.
+
+    Parameters
+    ----------
+    now, before : tuple of int
+        Number of points in all, and number of replicates.
+    powers_of_two : bool
+        Whether each replicate must have a power of two of points.
+    setting : str
+        Name of the number of points in the design's settings.
+    """
+    fewest, most = sorted((now[1], before[1]))
+    each = before[0] // before[1]
+    kept = fewest * min(now[0] // now[1], each)
+    size = max(each, -(-now[0] // most))
+    if powers_of_two:
+        size = 1 << (size - 1).bit_length()
+    nearest = {setting: size * most, "replicates": most}
+    return Extension(kept, nearest, f"no fewer replicates than {before[1]}, of {each} points each")
 
 
 def split_replicates(runs: int, replicates: int, *, replicated: bool) -> tuple[int, int] | None:

@@ -18,9 +18,10 @@ from uqpen.core.settings import count, flag
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
+from uqpen.designs.extension import Extension
 from uqpen.designs.pick_freeze import BlockLayout, BlockPart
 from uqpen.designs.quasi_monte_carlo import sobol_points
-from uqpen.designs.replicated import uneven_replicates
+from uqpen.designs.replicated import nested_replicates, uneven_replicates
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
 
 __all__ = ["MOST_ROUNDS", "Saltelli"]
@@ -72,7 +73,8 @@ class Saltelli(Design):
         blocks, matrices = np.indices((self.base, layout.rows_per_block))
         points = layout.matrices(A, B).reshape(-1, layout.dimension)
         feedback = yield self._points(joint, points, blocks.ravel(), matrices.ravel())
-        redraws = _Redraws(layout, A, B, feedback.status.reshape(blocks.shape))
+        each = self.base // self.replicates
+        redraws = _Redraws(layout, A, B, feedback.status.reshape(blocks.shape), each)
         for number in range(1, MOST_ROUNDS + 1):
             proposed = redraws.proposals(joint, stream.child("redraws", number))
             if not proposed:
@@ -89,6 +91,17 @@ class Saltelli(Design):
 
     def run_count(self, joint: JointDistribution) -> int:
         return self.base * self._layout(joint).rows_per_block
+
+    def extension(self, earlier: Design, joint: JointDistribution) -> Extension:
+        if not isinstance(earlier, Saltelli):
+            return super().extension(earlier, joint)
+        now, before = ((each.base, each.replicates) for each in (self, earlier))
+        blocks = nested_replicates(now, before, powers_of_two=True, setting="base")
+        # Blocks for indices of pairs contain those without.
+        rows = min(each._layout(joint).rows_per_block for each in (self, earlier))
+        lacks_pairs = earlier.second_order and not self.second_order
+        pairs = {"second_order": True} if lacks_pairs else {}
+        return replace(blocks, kept=(blocks.kept or 0) * rows, nearest={**blocks.nearest, **pairs})
 
     def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> Saltelli | None:
         # It has two sets at least, and both halves of each must be balanced.
@@ -141,13 +154,20 @@ class _Redraws:
 
     Rows of a part are proposed until one is admissible. Each is an unconditional draw but for the
     inputs that it shares; so the admissible one is a draw of the conditional distribution. `A` and
-    `B`, shape (block, input), and `status`, shape (block, matrix), are of the first round.
+    `B`, shape (block, input), and `status`, shape (block, matrix), are of the first round. There
+    are `each` blocks in a replicate.
     """
 
     def __init__(
-        self, layout: BlockLayout, A: FloatArray, B: FloatArray, status: npt.NDArray[np.int8]
+        self,
+        layout: BlockLayout,
+        A: FloatArray,
+        B: FloatArray,
+        status: npt.NDArray[np.int8],
+        each: int,
     ) -> None:
         self._layout = layout
+        self._each = each
         self._first = (A, B)
         # Points whose inputs other parts share; replaced when they are drawn again.
         self._anchors = dict(enumerate(layout.matrices(A, B).swapaxes(0, 1)))
@@ -175,10 +195,23 @@ class _Redraws:
             is_open = self._may_be_proposed(part) & ~self._settled[number] & ~self._dropped
             blocks = np.flatnonzero(is_open)
             if blocks.size:
-                unit = stream.generator(number).random((blocks.size, self._layout.dimension))
+                unit = self._unit_points(stream.child(number), blocks)
                 points = self._shared_points(part, blocks, _input_points(joint, unit))
                 found.append((points, blocks, np.full(blocks.shape, number)))
         return found
+
+    def _unit_points(self, stream: Stream, blocks: IntArray) -> FloatArray:
+        """Draw a point of the unit cube for each block, by its replicate and its place in it.
+
+        So the point depends on no other block, and a larger design draws the same.
+        """
+        replicates, places = np.divmod(blocks, self._each)
+        unit = np.empty((blocks.size, self._layout.dimension))
+        for replicate in np.unique(replicates).tolist():
+            inside = replicates == replicate
+            drawn = stream.generator(replicate).random((places[inside].max() + 1, unit.shape[1]))
+            unit[inside] = drawn[places[inside]]
+        return unit
 
     def _shared_points(self, part: BlockPart, blocks: IntArray, fresh: FloatArray) -> FloatArray:
         """Return new points with a part's shared inputs; the first rest is from A or B."""

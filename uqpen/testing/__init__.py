@@ -13,6 +13,7 @@ from uqpen.testing.chart_contracts import check_figure, check_section
 from uqpen.testing.design_contract import check_design
 from uqpen.testing.distribution_contract import check_distribution
 from uqpen.testing.example import example_joint_distribution
+from uqpen.testing.extension_contract import check_extension
 from uqpen.testing.joint_contract import check_joint
 from uqpen.testing.model_contract import check_model
 from uqpen.testing.statistic_contract import check_statistic, example_samples
@@ -22,6 +23,7 @@ from uqpen.testing.surrogate_contract import check_surrogate
 __all__ = [
     "check_design",
     "check_distribution",
+    "check_extension",
     "check_figure",
     "check_joint",
     "check_model",

@@ -34,7 +34,7 @@ def check_design(design: Design, joint: JointDistribution | None = None) -> None
     inputs, along ``run`` or as scalars; points that are a sample follow the joint distribution. An
     adaptive design is sent runs without failures of one model, ``""``, with one output ``y``: the
     sum of the random inputs. A part of `DrawnPoints` is the same drawn alone, after later ones, and
-    as a part of the whole.
+    as a part of the whole. `Design.extension` says that the design keeps all points of its own.
 
     Parameters
     ----------
@@ -63,6 +63,7 @@ def check_design(design: Design, joint: JointDistribution | None = None) -> None
         for entry in joint.random:
             assert points[entry.variable.name].dims == (RUN,), "a random input is along run"
             assert np.isfinite(points[entry.variable.name]).all(), "points are finite"
+    assert design.extension(design, joint).kept == design.run_count(joint), "it keeps its own"
     _check_parts(design, joint)
     if design.sampling.is_sample and design.sampling is not Sampling.USER_SUPPLIED:
         _check_sample(rounds, joint)
