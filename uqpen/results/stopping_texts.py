@@ -93,7 +93,7 @@ class StatedDecision:
     @classmethod
     def from_source(cls, attributes: Mapping[Any, Any]) -> StatedDecision | None:
         """Return the decision among the attributes of a source; None without one."""
-        if not _KEYS <= attributes.keys():
+        if not attributes.keys() >= _KEYS:
             return None
         return cls(
             str(attributes[DECISION_CLAIM]),
