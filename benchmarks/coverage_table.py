@@ -8,7 +8,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-__all__ = ["FEWEST_SEEDS", "LOWEST", "SKEWED", "USE_CASES", "Place", "markdown", "read", "write"]
+__all__ = [
+    "ENDED",
+    "FEWEST_SEEDS",
+    "LOWEST",
+    "SKEWED",
+    "USE_CASES",
+    "Place",
+    "markdown",
+    "read",
+    "write",
+]
 
 Row = Mapping[str, Any]
 
@@ -41,9 +51,10 @@ class Place(NamedTuple):
         path.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
 
 
-# The tables that `skewed_coverage.py` and `usecase_coverage.py` make.
+# The tables that `skewed_coverage.py`, `usecase_coverage.py` and `deciding_coverage.py` make.
 SKEWED = Place("skewed outputs")
 USE_CASES = Place("use cases")
+ENDED = Place("designs that end by themselves")
 
 _KEY = ("problem", "design", "runs", "statistic")
 
@@ -162,6 +173,26 @@ python benchmarks/usecase_coverage.py --from usecases.csv --markdown docs/covera
 ```
 """
 
+_ENDED = """\
+## Designs that end by themselves
+
+Designs that end [at a wanted precision](study_file.md#enough-runs) or [with a
+decision](study_file.md#a-decision). The outputs are the penetration depth of the concrete study,
+the Ishigami function, and a step across a diagonal plus the square of an input. Each has a pool of
+about a million exact runs. A seed draws its runs from the pool, and the statistics of the pool are
+the true values. `benchmarks/deciding_coverage.py` makes these tables with the estimates, intervals
+and the test of the package.
+
+At a wanted precision: the coverage in per cent of the interval that decided, after a fixed number
+of 512 runs, and where the design ended by itself: at the worst of many targets and at the middle
+one. Targets lie around the usual half-width at each look up to 8 192 runs, where chance decides
+most. Of so many targets, chance alone puts the worst some 1.5 points below the middle.
+
+With a decision: the answers in per cent of seeds, and the number of runs that they took. At P
+itself, each answer is wrong. *By intervals* looks after every run whether the Clopper-Pearson
+interval excludes the limit, in place of the test.
+"""
+
 _NONE = """\
 ## Without an interval
 
@@ -215,7 +246,8 @@ def markdown(table: Sequence[Row], designs: Sequence[str], page: str) -> str:
     parts.append(_lines(_by_size(failing, "coverage")) if failing else _NO_EXCEPTIONS)
     parts += [_UNCOVERED, _lines(_by_size(uncovered, "coverage_warned"))]
     parts += [_NOTED, _grid(covered, designs, _warned)]
-    parts += [_SKEWED, SKEWED.text(page), _OF_USE_CASES, USE_CASES.text(page), _NONE]
+    parts += [_SKEWED, SKEWED.text(page), _ENDED, ENDED.text(page)]
+    parts += [_OF_USE_CASES, USE_CASES.text(page), _NONE]
     return "\n".join(parts)
 
 

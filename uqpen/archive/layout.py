@@ -18,6 +18,12 @@ from uqpen.core.labels import (
     CITED,
     CONDITIONAL,
     CONFIDENCE_LEVEL,
+    DECISION,
+    DECISION_CLAIM,
+    DECISION_LOWER,
+    DECISION_PROBABILITY,
+    DECISION_RUNS,
+    DECISION_UPPER,
     INTERVAL,
     INTERVAL_LABEL,
     LARGEST_CONTRIBUTION,
@@ -29,6 +35,8 @@ from uqpen.core.labels import (
     ROLE,
     RUNS_SPENT,
     SOURCE_KIND,
+    STOPPING_CLAIM,
+    STOPPING_STATISTICS,
 )
 from uqpen.core.units import scale
 
@@ -53,6 +61,9 @@ _ATTRIBUTES = {
     ),
     **dict.fromkeys(("order", "terms", "q2", "check_q2_of_output"), "number"),
     CONFIDENCE_LEVEL: "number",
+    **dict.fromkeys((DECISION, DECISION_CLAIM, STOPPING_CLAIM, STOPPING_STATISTICS), "text"),
+    **dict.fromkeys((DECISION_PROBABILITY, DECISION_LOWER, DECISION_UPPER), "number"),
+    DECISION_RUNS: "count",
 }
 
 _KINDS = {"text": "OUS", "count": "iu", "number": "iuf"}

@@ -89,6 +89,18 @@ DEPENDENCE = "dependence"
 STOPPING_RULE = "stopping_rule"
 STOPPING_NOTE = "stopping_note"
 STOPPING_AT_MOST = "stopping_at_most"
+# The statistics by which it decided, as JSON: a list of output, statistic and label. Intervals of
+# others are marked.
+STOPPING_STATISTICS = "stopping_statistics"
+# The claim that a design decided; of its source: the verdict, the number of runs after which it was
+# reached, and an interval of the probability that holds whenever the runs stop.
+STOPPING_CLAIM = "stopping_claim"
+DECISION = "decision"
+DECISION_CLAIM = "decision_claim"
+DECISION_RUNS = "decision_runs"
+DECISION_PROBABILITY = "decision_probability"
+DECISION_LOWER = "decision_lower"
+DECISION_UPPER = "decision_upper"
 # The criterion by which points were moved apart.
 OPTIMIZED_BY = "points_optimized_by"
 # Moved inputs whose nominal value is 0, so that no step is relative to it.

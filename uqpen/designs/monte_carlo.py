@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.errors import Problem
+from uqpen.core.errors import Problem, toml_text
 from uqpen.core.sampling import Sampling
-from uqpen.core.settings import count
+from uqpen.core.settings import Context, count, setting
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.drawn_points import DrawnPoints
 from uqpen.designs.extension import Extension
+from uqpen.designs.stopping.acceptance_claim import CLAIM, is_claim, parse_claim
+from uqpen.designs.stopping.deciding import deciding_rounds
 from uqpen.designs.stopping.doubling import FIRST_LOOK, doubling_rounds
 from uqpen.designs.stopping.stopping_rule import RequestedOutput, StoppingRule, stopping_rule
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -23,6 +26,13 @@ from uqpen.distributions.joint_distribution import JointDistribution
 __all__ = ["MonteCarlo"]
 
 _RUNS = "a whole number, at least 1 and at most 100_000_000"
+
+
+def _read_claim(written: Any, _: Context) -> Any:
+    """Read the text of a claim, so that a message says what is wrong with it."""
+    if isinstance(written, str):
+        parse_claim(written)
+    return written
 
 
 @dataclass(frozen=True)
@@ -36,32 +46,42 @@ class MonteCarlo(Design):
     until : StoppingRule, optional
         In place of `runs`: the rule that decides after 512 runs, and whenever their number has
         doubled, whether they are enough.
+    accept : str, optional
+        In place of `runs`: a claim such as ``"P(depth > 60 cm) < 0.2"``. The design ends as soon as
+        the runs decide whether it holds.
     at_most : int, optional
-        With `until`, the largest number of runs.
+        With `until` or `accept`, the largest number of runs.
     """
 
     sampling = Sampling.INDEPENDENT
 
     runs: int | None = count(default=None)
     until: StoppingRule | None = stopping_rule("until")
-    at_most: int | None = count(minimum=2 * FIRST_LOOK, default=None)
+    accept: str | None = setting("claim", CLAIM, is_claim, _read_claim, default=None)
+    at_most: int | None = count(default=None)
 
     def check_settings(self) -> Iterator[Problem]:
-        has_rule = self.until is not None
-        if has_rule and self.runs is not None:
-            yield Problem(("runs",), str(self.runs), "at_most, beside until")
-        elif has_rule and self.at_most is None:
-            yield Problem(("at_most",), "nothing", "the largest number of runs, beside until")
-        elif not has_rule and self.at_most is not None:
-            expected = "runs in its place, or until beside it"
+        rule = self._rule
+        if self.until is not None and self.accept is not None:
+            yield Problem(("accept",), toml_text(self.accept), "until or accept, not both")
+        elif rule and self.runs is not None:
+            yield Problem(("runs",), str(self.runs), f"at_most, beside {rule}")
+        elif rule and self.at_most is None:
+            yield Problem(("at_most",), "nothing", f"the largest number of runs, beside {rule}")
+        elif self.until and self.at_most is not None and self.at_most < 2 * FIRST_LOOK:
+            expected = f"a whole number, at least {2 * FIRST_LOOK}, beside until"
             yield Problem(("at_most",), str(self.at_most), expected)
-        elif not has_rule and self.runs is None:
-            yield Problem(("runs",), "nothing", f"{_RUNS}; or until with at_most")
+        elif not rule and self.at_most is not None:
+            expected = "runs in its place, or until beside it, or accept"
+            yield Problem(("at_most",), str(self.at_most), expected)
+        elif not rule and self.runs is None:
+            yield Problem(("runs",), "nothing", f"{_RUNS}; or until with at_most, or accept")
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
-        if self.until is not None:
-            for problem in self.until.check_outputs(requested):
-                yield problem.within("until")
+        rule = self.until if self.accept is None else parse_claim(self.accept)
+        if rule is not None:
+            for problem in rule.check_outputs(requested):
+                yield problem.within(self._rule)
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         def points(first: int, end: int) -> DrawnPoints:
@@ -71,14 +91,16 @@ class MonteCarlo(Design):
 
             return DrawnPoints(end - first, draw)
 
-        if self.until is None:
-            yield points(0, self._most)
-        else:
+        if self.accept is not None:
+            yield from deciding_rounds(parse_claim(self.accept), self._most, points)
+        elif self.until is not None:
             yield from doubling_rounds(self.until, self._most, points)
+        else:
+            yield points(0, self._most)
 
     @property
     def ends_early(self) -> bool:
-        return self.until is not None
+        return bool(self._rule)
 
     def run_count(self, joint: JointDistribution) -> int:
         return self._most
@@ -94,9 +116,14 @@ class MonteCarlo(Design):
         return None if replicated else MonteCarlo(runs)
 
     @property
+    def _rule(self) -> str:
+        """Key of what decides the number of runs; empty where it is fixed."""
+        return "accept" if self.accept is not None else "until" if self.until is not None else ""
+
+    @property
     def _most(self) -> int:
         """Number of runs, or the largest possible number."""
-        most = self.runs if self.until is None else self.at_most
+        most = self.at_most if self._rule else self.runs
         assert most is not None  # as the settings are valid
         return most
 

@@ -198,8 +198,17 @@ def _design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
         **_joint_json(statistics, design),
         **statistics.run_accounts(design),
         **{key: json_value(runs.attrs[key]) for key in _STOPPING if key in runs.attrs},
+        **_decision_json(statistics, design),
         "outputs": _outputs_json(statistics, design, runs),
     }
+
+
+def _decision_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
+    """Return the decision on the claim of a design, if it has one."""
+    decision = statistics.decision(design)
+    if decision is None:
+        return {}
+    return {"decision": {key: json_value(value) for key, value in decision.to_json().items()}}
 
 
 def _reason_json(failed: FailedRuns) -> dict[str, Any]:

@@ -17,7 +17,13 @@ from uqpen.results.joint_tables import joint_tables
 from uqpen.results.outside_rows import OutputUnit, add_outside_rows
 from uqpen.results.sensitivity_tables import named_tables
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.statistics_rows import StatisticsRows, add_failed_runs, add_runs, add_shares
+from uqpen.results.statistics_rows import (
+    StatisticsRows,
+    add_decisions,
+    add_failed_runs,
+    add_runs,
+    add_shares,
+)
 from uqpen.results.surrogate_fits import fitted_outputs
 from uqpen.results.table import NOTHING, OutputTable, first_runs, label_with_unit, output_names
 from uqpen.surrogates.diagnostics import shown_diagnostics, shown_titles
@@ -112,6 +118,7 @@ def statistics_table(
         add_shares(table, tree, name)
     else:
         StatisticsRows(table, statistics, name, scale(unit)).add()
+        add_decisions(table, statistics, name)
     in_si = str(described.get("units", DIMENSIONLESS))
     add_outside_rows(table, statistics, name, OutputUnit(in_si, scale(unit)))
     return table

@@ -27,6 +27,7 @@ from uqpen.core.labels import (
     STATUS,
 )
 from uqpen.results.estimate_rows import estimate_rows, rows_frame
+from uqpen.results.stopping_texts import StatedDecision
 from uqpen.results.table import first_runs, output_names
 
 __all__ = ["SourceStatistics", "source_entries"]
@@ -81,6 +82,10 @@ class SourceStatistics:
         if self.is_difference:
             return "difference"
         return str(self._dataset(source).attrs.get(SOURCE_KIND, "design"))
+
+    def decision(self, source: str) -> StatedDecision | None:
+        """Return the decision of a design on its claim; None without one."""
+        return StatedDecision.from_source(self._dataset(source).attrs)
 
     @property
     def publications(self) -> list[str]:

@@ -16,8 +16,6 @@ from uqpen.core.labels import (
     RUN,
     RUNS,
     RUNS_SPENT,
-    STOPPING_AT_MOST,
-    STOPPING_RULE,
     SURROGATES,
 )
 from uqpen.core.status import STATUS_TEXT, Status
@@ -26,6 +24,7 @@ from uqpen.execution import status_counts
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.digits import grouped_number
 from uqpen.results.source_statistics import SourceStatistics, source_entries
+from uqpen.results.stopping_texts import stopping_text
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
@@ -38,11 +37,11 @@ from uqpen.results.tolerance_rows import add_tolerance_limits
 
 __all__ = [
     "StatisticsRows",
+    "add_decisions",
     "add_failed_runs",
     "add_runs",
     "add_shares",
     "runs_spent",
-    "stopping_text",
 ]
 
 
@@ -119,17 +118,18 @@ def add_runs(table: OutputTable, tree: xr.DataTree) -> None:
     table.rows.append(("runs", cells))
 
 
-def stopping_text(runs: xr.Dataset) -> str:
-    """Return by which rule a design has ended, and whether at its largest number of runs.
-
-    Empty for a design whose number of runs was fixed.
-    """
-    if STOPPING_RULE not in runs.attrs:
-        return ""
-    text = str(runs.attrs[STOPPING_RULE])
-    if runs.sizes[RUN] == runs.attrs.get(STOPPING_AT_MOST):
-        text += "; that number ended it, so the precision may not be reached"
-    return text
+def add_decisions(table: OutputTable, statistics: SourceStatistics, output: str) -> None:
+    """Add a row for each claim on an output, with the verdict of each design that decided it."""
+    found = {source: statistics.decision(source) for source in table.columns}
+    concerned = [each for each in found.values() if each and each.output == output]
+    for claim in dict.fromkeys(each.claim for each in concerned):
+        cells = [
+            each.verdict_text + table.note_mark(each.guarantee)
+            if each and each.claim == claim
+            else NOTHING
+            for each in found.values()
+        ]
+        table.rows.append((claim, cells))
 
 
 def add_failed_runs(table: OutputTable, tree: xr.DataTree) -> None:

@@ -75,6 +75,11 @@ NO_SCATTER_OF_STRATA = "the stratified points show no scatter, so the error is u
 NO_SCATTER_OF_RUNS = "the runs show no scatter, so the error is unknown"
 LINEARLY_DEPENDENT = "the inputs and the output are linearly dependent"
 
+# Of a design that has stopped by a rule.
+NUMBER_DECIDED_BY_RUNS = (
+    "the runs decided their own number, and the coverage of this interval is not certified for that"
+)
+
 # Tails, and intervals that may be too narrow.
 NO_INTERVAL = "no reliable interval is known"
 NO_INTERVAL_OF_DELTA = "no reliable interval is known: the bias may exceed the scatter"

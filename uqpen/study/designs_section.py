@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from uqpen.core.errors import TableError, toml_text
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design
+from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.table import TableDesign
 from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -22,6 +23,12 @@ _VALID = (
     "use a sample (monte-carlo, latin-hypercube, sobol-sequence, halton). Any sample gives delta "
     "and first-order indices, which then include what an input shares with others. "
     "Shapley effects, which divide the shared part, follow from a surrogate"
+)
+
+_ACCEPT = "accept"
+_INDEPENDENT_ONLY = (
+    "the test needs independent runs. Points of a set avoid each other, so only whole sets could "
+    "count, and it would take 40 of them at least"
 )
 
 # Each unknown kind is looked for among installed packages, which takes some 20 ms.
@@ -61,6 +68,10 @@ def _read_design(table: TableReader) -> tuple[Design | None, Files]:
         table.take("kind")
         return read_member(table, "kind", kind, DESIGN)
     built_in = family_member(table, "kind", DESIGNS, "a kind of design")
+    if _ACCEPT in table and built_in and built_in is not MonteCarlo:
+        table.take(_ACCEPT)
+        found = f'a decision with kind = "{kind}"'
+        table.add_problem(_ACCEPT, found, f'kind = "monte-carlo": {_INDEPENDENT_ONLY}')
     return built_in and table.whole_settings(built_in), ()
 
 

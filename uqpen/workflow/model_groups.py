@@ -23,9 +23,11 @@ from uqpen.core.labels import (
     TRAJECTORY,
 )
 from uqpen.statistics.analyze import analyze, analyze_failures
+from uqpen.statistics.decision import decision_attributes
 from uqpen.statistics.joint_probability import joint_probabilities
 from uqpen.statistics.model_differences import model_differences
 from uqpen.statistics.published import Publication, published_estimates
+from uqpen.statistics.stopped_runs import mark_uncertified
 from uqpen.study.study import ValidatedStudy, Variant
 from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs
@@ -43,12 +45,14 @@ def model_groups(study: ValidatedStudy, model: str, runs: Runs, steps: AnalysisS
     fields = [quantity.output.name for quantity in quantities if quantity.output.dims]
     sources: dict[str, Source] = {}
     for design, design_runs in runs.items():
-        attributes: dict[str, str | int] = {
+        attributes: dict[str, str | int | float] = {
             SOURCE_KIND: "design",
             RUNS_SPENT: design_runs.sizes[RUN],
+            **decision_attributes(design_runs),
         }
         steps.start(f"statistics of {design}", model)
-        outputs = analyze(design_runs, quantities, outside=study.analyses)
+        found = analyze(design_runs, quantities, outside=study.analyses)
+        outputs = mark_uncertified(found, design_runs.attrs)
         sources[design] = Source(attributes, outputs, fields)
         failures = analyze_failures(design_runs, study.confidence_level)
         yield f"/{RUNS}/{design}", design_runs
@@ -56,7 +60,8 @@ def model_groups(study: ValidatedStudy, model: str, runs: Runs, steps: AnalysisS
             yield f"/{FAILURES_GROUP}/{design}", pack(failures)
         joint = joint_probabilities(design_runs, study.joint_events, study.confidence_level)
         if joint:
-            yield f"/{JOINT_GROUP}/{design}", pack(joint)
+            marked = mark_uncertified({"": joint}, design_runs.attrs)[""]
+            yield f"/{JOINT_GROUP}/{design}", pack(marked)
     for name in study.surrogates:
         fitted, sources[name] = surrogate_source(study, model, name, runs, sources, steps)
         for node in fitted.subtree:
@@ -96,7 +101,8 @@ def difference_groups(
             pair = runs[first][design], runs[other][design]
             for output, statistics in model_differences(*pair, quantities).items():
                 path = f"/{DIFFERENCES}/{other}/{design}/{output}"
-                yield path, pack(statistics).assign_attrs({"minus": first})
+                marked = mark_uncertified({"": statistics}, pair[0].attrs)[""]
+                yield path, pack(marked).assign_attrs({"minus": first})
 
 
 def _trajectory(study: ValidatedStudy, variant: Variant) -> xr.Dataset | None:

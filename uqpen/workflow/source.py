@@ -20,7 +20,7 @@ Groups = Iterator[tuple[str, xr.Dataset]]
 class Source(NamedTuple):
     """A design or a surrogate: attributes of its group, and its estimate arrays by output."""
 
-    attributes: dict[str, str | int]
+    attributes: dict[str, str | int | float]
     outputs: Mapping[str, OutputStatistics]
     # Fields, of which there are no statistics.
     fields: Sequence[str] = ()

@@ -54,7 +54,7 @@ def surrogate_source(
         statistics.training_ranges,
     )
     used = [surrogate.design, *validation_runs[:1]]
-    attributes: dict[str, str | int] = {
+    attributes: dict[str, str | int | float] = {
         RUNS_SPENT: sum(runs[design].sizes[RUN] for design in used),
         "check": validation_runs[0] if validation_runs else "none",
     }

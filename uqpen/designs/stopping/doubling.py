@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Generator, Iterator
 
-from uqpen.core.labels import STOPPING_AT_MOST, STOPPING_NOTE, STOPPING_RULE
+from uqpen.core.labels import (
+    STOPPING_AT_MOST,
+    STOPPING_NOTE,
+    STOPPING_RULE,
+    STOPPING_STATISTICS,
+)
 from uqpen.designs.drawn_points import Points
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.stopping_rule import StoppingRule
@@ -59,6 +65,7 @@ def doubling_rounds(
         STOPPING_RULE: f"{rule}; at most {at_most} runs",
         STOPPING_NOTE: _NOTE.format(first=FIRST_LOOK),
         STOPPING_AT_MOST: at_most,
+        STOPPING_STATISTICS: json.dumps(list(rule.statistics())),
     }
     start = 0
     for look in doubling_looks(at_most):

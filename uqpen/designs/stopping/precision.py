@@ -4,78 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
-import xarray as xr
-
-from uqpen.core.errors import Problem, QuantityError, toml_text
-from uqpen.core.labels import EXCEEDANCE, MOMENTS
+from uqpen.core.errors import Problem
 from uqpen.core.lookup import choices
-from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import setting, validate
-from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.feedback import Feedback
-from uqpen.designs.stopping.stopping_rule import RequestedOutput, StoppingRule
+from uqpen.designs.stopping.stopping_rule import RequestedOutput, StatisticName, StoppingRule
+from uqpen.designs.stopping.target import Target, read_targets
 
 __all__ = ["Precision"]
 
-_MEAN, _EXCEEDS = "mean", "exceeds"
-
 _TARGETS = 'a table of outputs, each with mean = "1 %" or exceeds = { "60 cm" = 0.01 }, say'
-_HALF_WIDTH = 'a half-width above 0: a quantity, or a share of the mean such as "1 %"'
-_HALF_WIDTH_OF_PROBABILITY = "the half-width of a probability, above 0 and below 1"
-
-
-class _Target(NamedTuple):
-    """Wanted half-width of an interval: of a mean, or of the probability to exceed a threshold."""
-
-    output: str
-    threshold: str | None
-    half_width: Any
-
-    @property
-    def path(self) -> tuple[str, ...]:
-        """Keys that lead to it in the table of targets."""
-        end = (_MEAN,) if self.threshold is None else (_EXCEEDS, self.threshold)
-        return (self.output, *end)
-
-    def estimate(self, feedback: Feedback, model: str) -> xr.DataArray:
-        """Return the estimate array of its statistic."""
-        if self.threshold is None:
-            return feedback.estimates(model, self.output, only=[MOMENTS])["mean"]
-        found = feedback.estimates(model, self.output, only=[EXCEEDANCE])["exceedance"]
-        return found.sel(threshold=self.threshold)
-
-    def wanted(self, value: float, unit: str) -> float:
-        """Return the wanted half-width in SI units, given the estimate and its unit."""
-        if self._is_share:
-            return self._share * abs(value)
-        unit = DIMENSIONLESS if self.threshold else unit
-        return parse_quantity(self.half_width, unit, difference=True).value
-
-    def problem(self, unit: str) -> Problem | None:
-        """Return what is wrong with it for an output in a unit; None where it is right."""
-        expected = _HALF_WIDTH if self.threshold is None else _HALF_WIDTH_OF_PROBABILITY
-        try:
-            wanted = self.wanted(1.0, unit)
-        except QuantityError as error:
-            return Problem(self.path, error.found, error.expected)
-        is_right = wanted > 0 and (wanted < 1 or self.threshold is None)
-        return None if is_right else Problem(self.path, toml_text(self.half_width), expected)
-
-    def __str__(self) -> str:
-        of = "the mean" if self.threshold is None else f"P(> {self.threshold})"
-        share = " of it" if self._is_share else ""
-        return f"{of} of {self.output} within {self.half_width}{share}"
-
-    @property
-    def _is_share(self) -> bool:
-        is_text = isinstance(self.half_width, str)
-        return self.threshold is None and is_text and self.half_width.rstrip().endswith("%")
-
-    @property
-    def _share(self) -> float:
-        return parse_quantity(self.half_width, DIMENSIONLESS).value
 
 
 @dataclass(frozen=True)
@@ -83,14 +23,18 @@ class Precision(StoppingRule):
     """Stop when intervals are as narrow as wanted: half of the width of each is at most its target.
 
     Of several models, it looks at each that has the output. A mean whose interval contains 0 never
-    meets a share of itself; a quantity is the right target for such a mean.
+    meets a share of itself; a quantity or a share of the standard deviation is the right target for
+    such a mean.
 
     Parameters
     ----------
     targets : mapping
-        By output a mapping with ``"mean"``, ``"exceeds"`` or both. The mean has a quantity
-        (``"5 mm"``, or a number where the output has no unit) or a share of itself (``"1 %"``).
-        ``"exceeds"`` has a probability for each threshold, named as the study requests it.
+        By output a mapping with at least one of ``"mean"``, ``"standard_deviation"``,
+        ``"quantile_95"`` (of any probability, its digits behind the point), ``"exceeds"`` and
+        ``"below"``. The first three have a quantity (``"5 mm"``, or a number where the output has
+        no unit), a share of the estimate (``"1 %"``) or of the output's standard deviation (``"5 %
+        of sd"``). The last two have a probability for each threshold, named as the study requests
+        it.
 
     Examples
     --------
@@ -103,15 +47,20 @@ class Precision(StoppingRule):
     )
 
     def __post_init__(self) -> None:
-        validate(self, self._problems())
+        problems = [each for name in self.targets for each in read_targets(*self._table(name))[1]]
+        validate(self, problems if self.targets else [Problem((), "no output", _TARGETS)])
 
     def is_satisfied(self, feedback: Feedback) -> bool:
         return all(
-            _is_precise(target, target.estimate(feedback, model))
+            target.is_met(feedback, model)
             for target in self._targets()
             for model, runs in feedback.runs.items()
             if target.output in runs
         )
+
+    def statistics(self) -> Iterator[StatisticName]:
+        for target in self._targets():
+            yield StatisticName(target.output, target.statistic, target.label)
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
         known = {each.output.name: each for each in requested}
@@ -122,46 +71,15 @@ class Precision(StoppingRule):
                 found = "categories" if known[name].output.categories else "dimensions"
                 yield Problem((name,), f"an output with {found}", "an output that is a number")
         for target in self._targets():
-            if target.output not in known or not known[target.output].output.is_number:
-                continue
-            thresholds = [each.text for each in known[target.output].thresholds]
-            if target.threshold is not None and target.threshold not in thresholds:
-                place = f"exceeds of [outputs.{target.output}]"
-                expected = f"a value that {place} has; {choices(target.threshold, thresholds)}"
-                yield Problem(target.path, toml_text(target.threshold), expected)
-            elif problem := target.problem(known[target.output].output.unit):
-                yield problem
+            if target.output in known and known[target.output].output.is_number:
+                yield from target.problems(known[target.output])
 
     def __str__(self) -> str:
         return f"until {', '.join(map(str, self._targets()))}"
 
-    def _targets(self) -> Iterator[_Target]:
-        for output, wanted in self.targets.items():
-            if _MEAN in wanted:
-                yield _Target(output, None, wanted[_MEAN])
-            for threshold, half_width in wanted.get(_EXCEEDS, {}).items():
-                yield _Target(output, str(threshold), half_width)
+    def _targets(self) -> Iterator[Target]:
+        for name in self.targets:
+            yield from read_targets(*self._table(name))[0]
 
-    def _problems(self) -> Iterator[Problem]:
-        """Yield the problems that show without the units of the outputs."""
-        if not self.targets:
-            yield Problem((), "no output", _TARGETS)
-        for output, wanted in self.targets.items():
-            if not isinstance(wanted, Mapping) or not wanted:
-                expected = 'a table such as { mean = "1 %" }'
-                yield Problem((output,), toml_text(wanted), expected)
-                continue
-            for key in wanted:
-                if key not in (_MEAN, _EXCEEDS):
-                    expected = choices(str(key), [_MEAN, _EXCEEDS])
-                    yield Problem((output, str(key)), "an unknown key", expected)
-            exceeds = wanted.get(_EXCEEDS)
-            if _EXCEEDS in wanted and not (isinstance(exceeds, Mapping) and exceeds):
-                expected = 'a table of thresholds, such as { "60 cm" = 0.01 }'
-                yield Problem((output, _EXCEEDS), toml_text(exceeds), expected)
-
-
-def _is_precise(target: _Target, estimate: xr.DataArray) -> bool:
-    """Check the half-width of an interval; one that is not known is NaN, which is never enough."""
-    value, lower, upper = estimate.values.tolist()
-    return bool((upper - lower) / 2 <= target.wanted(value, estimate.attrs["units"]))
+    def _table(self, name: str) -> tuple[str, Any]:
+        return name, self.targets[name]

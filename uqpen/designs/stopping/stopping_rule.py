@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from uqpen.core.errors import Problem
 from uqpen.core.lookup import resolve
@@ -13,7 +13,29 @@ from uqpen.core.variables import Output
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping import STOPPING_RULES
 
-__all__ = ["RequestedOutput", "RequestedThreshold", "StoppingRule", "stopping_rule"]
+__all__ = [
+    "RequestedOutput",
+    "RequestedThreshold",
+    "StatisticName",
+    "StoppingRule",
+    "stopping_rule",
+]
+
+
+class StatisticName(NamedTuple):
+    """Name of an estimate in an archive.
+
+    Parameters
+    ----------
+    output, statistic : str
+        Names of the output and of the statistic in the catalogue.
+    label : str or float
+        Coordinate along the statistic's dimension, such as a threshold; empty without one.
+    """
+
+    output: str
+    statistic: str
+    label: str | float = ""
 
 
 class RequestedThreshold(Protocol):
@@ -35,6 +57,14 @@ class RequestedOutput(Protocol):
     def thresholds(self) -> Sequence[RequestedThreshold]:
         """Values whose probability of exceedance is requested."""
 
+    @property
+    def lower_thresholds(self) -> Sequence[RequestedThreshold]:
+        """Values; the probability that the output lies below each is requested."""
+
+    @property
+    def quantiles(self) -> Sequence[float]:
+        """Probabilities of the requested quantiles."""
+
 
 class StoppingRule(ABC):
     """Stopping rule: frozen settings that decide after a round whether a design has enough runs.
@@ -54,6 +84,13 @@ class StoppingRule(ABC):
         feedback : Feedback
             Of the last round.
         """
+
+    def statistics(self) -> Iterator[StatisticName]:
+        """Yield the statistics by whose precision it decides: their intervals stay as they are.
+
+        A note marks the interval of any other statistic of a design that it has stopped.
+        """
+        yield from ()
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
         """Yield the problems between its settings and the outputs of a study.

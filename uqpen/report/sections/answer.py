@@ -24,6 +24,7 @@ from uqpen.report.blocks import (
 from uqpen.report.counting import count_text
 from uqpen.report.sections.alerts import alerts
 from uqpen.report.sections.answer_without_sample import answer_without_sample
+from uqpen.report.sections.decision_findings import decision_findings
 from uqpen.report.sections.drivers import driver_sentences
 from uqpen.report.sections.histograms import histogram
 from uqpen.report.sections.joint_findings import joint_findings
@@ -92,7 +93,7 @@ def _stated_blocks(
 ) -> Iterator[Block]:
     """Yield the verdicts on limits, the sentences, and the design behind them."""
     verdicts = [each for entry in shown for each in entry.verdicts]
-    if every := (*verdicts, *joint_findings(view, design)):
+    if every := (*verdicts, *joint_findings(view, design), *decision_findings(view)):
         yield Findings(every, is_verdict=True)
     stated, further = _ordered_sentences(shown, main_outputs(view))
     if stated:

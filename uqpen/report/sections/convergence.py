@@ -29,6 +29,7 @@ from uqpen.report.sections.quoted_statistics import share_label
 from uqpen.report.shapes import horizontal_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import grouped_number, percent_text
+from uqpen.results.stopping_texts import unseen_text
 from uqpen.results.table import (
     Conversion,
     OutputTable,
@@ -96,8 +97,10 @@ def convergence(view: ArchiveView) -> Iterator[Block]:
         )
         return
     yield Text(_design_sentence(view, design))
-    note = read_group(view.tree, RUNS, design).attrs.get(STOPPING_NOTE)
-    yield Remarks("How to read it", (_SHARED, f"{capitalized(note)}." if note else _FIXED))
+    runs = read_group(view.tree, RUNS, design)
+    note, unseen = runs.attrs.get(STOPPING_NOTE), unseen_text(runs)
+    remarks = [f"{capitalized(str(each))}." for each in (note, unseen) if each]
+    yield Remarks("How to read it", (_SHARED, *(remarks or [_FIXED])))
     for output, arrays in statistics.items():
         if histories := list(_estimate_histories(view, output, arrays)):
             yield Heading(output_heading(view, output))

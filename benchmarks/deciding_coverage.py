@@ -1,0 +1,252 @@
+"""How often intervals cover and answers are right where a design ends by itself, in whole studies.
+
+Run it as ``python benchmarks/deciding_coverage.py --markdown docs/coverage.md``, with uqpen
+installed. The runs of a seed are drawn from a pool of exact runs of a model, whose statistics are
+the true values. The looks, the estimates, the intervals and the test are those of the package.
+`stopping_coverage.py` compares first looks by formulas of its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+from coverage_table import ENDED
+from interval_coverage import STUDIES
+
+from uqpen.core.labels import SAMPLING, STATUS
+from uqpen.core.model import Output
+from uqpen.core.sampling import Sampling
+from uqpen.designs.stopping.doubling import doubling_looks
+from uqpen.designs.stopping.likelihood_ratio import decide
+from uqpen.statistics.analyze import analyze
+from uqpen.statistics.decision import anytime_interval
+from uqpen.statistics.intervals import clopper_pearson
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
+from uqpen.study.load import load_study
+from uqpen.workflow import run_design
+
+FloatArray = npt.NDArray[np.float64]
+
+POOL = 1 << 20
+LOOKS = tuple(doubling_looks(16_384))
+MOST = 16_384
+# Of the usual half-width at a look.
+TARGETS = (0.95, 1.0, 1.05)
+# Two probabilities: of exceeding a value, and of lying below another.
+LIMITS = (0.8628, 0.05)
+KINDS = ("mean", "standard_deviation", "quantile_95", "exceeds", "below")
+STATISTICS = ("mean", "std", "quantile", "exceedance", "below")
+
+
+class Problem(NamedTuple):
+    """A pool of outputs, what is asked of them, and the true values in the order of `KINDS`."""
+
+    values: FloatArray
+    quantity: QuantityOfInterest
+    truth: FloatArray
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=1000)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--markdown", type=Path, metavar="FILE.md")
+    options = parser.parse_args()
+    lines = [*_precision_table(options.seeds, options.workers), "", *_decision_table(options.seeds)]
+    text = "\n".join(lines)
+    print(text)
+    if options.markdown:
+        ENDED.fill(options.markdown, text)
+
+
+@cache
+def problem(name: str) -> Problem:
+    """A problem by its name."""
+    values = POOLS[name](np.random.default_rng(2_061))
+    upper, lower = np.quantile(values, LIMITS)
+    quantity = QuantityOfInterest(
+        Output("y", "1"),
+        "1",
+        thresholds=(Threshold("upper", float(upper)),),
+        lower_thresholds=(Threshold("lower", float(lower)),),
+    )
+    truth = [values.mean(), values.std(), np.quantile(values, 0.95)]
+    truth += [(values > upper).mean(), (values < lower).mean()]
+    return Problem(values, quantity, np.array(truth))
+
+
+def _concrete(rng: np.random.Generator) -> FloatArray:
+    """The penetration depth of as many independent runs of the concrete study's own model."""
+    from uqpen.core.streams import Stream
+    from uqpen.designs.monte_carlo import MonteCarlo
+    from uqpen.execution import Progress
+
+    study = load_study(STUDIES / "concrete.toml")
+    study.model.prepare()
+    stream = Stream(2_061, "designs", "pool")
+    made = run_design(study, MonteCarlo(POOL), stream, map=map, progress=Progress())[""]
+    depth: FloatArray = made["penetration_depth"].values
+    return depth[np.isfinite(depth)]
+
+
+def _ishigami(rng: np.random.Generator) -> FloatArray:
+    x1, x2, x3 = rng.uniform(-np.pi, np.pi, (3, POOL))
+    y: FloatArray = np.sin(x1) + 7 * np.sin(x2) ** 2 + 0.1 * x3**4 * np.sin(x1)
+    return y
+
+
+def _step(rng: np.random.Generator) -> FloatArray:
+    x1, x2, x3 = rng.random((3, POOL))
+    y: FloatArray = 3.0 * (x1 + x2 > 1.4) + np.square(x3)
+    return y
+
+
+POOLS: dict[str, Callable[[np.random.Generator], FloatArray]] = {
+    "concrete": _concrete,
+    "Ishigami": _ishigami,
+    "step": _step,
+}
+
+
+def estimates(case: tuple[str, int]) -> FloatArray:
+    """Return the bounds of all statistics at all looks of a seed, shape (look, kind, 3)."""
+    name, seed = case
+    values, quantity, _ = problem(name)
+    drawn = np.random.default_rng([2_062, seed]).choice(values, MOST)
+    found = []
+    for look in LOOKS:
+        made = analyze(
+            _runs(drawn[:look]), [quantity], only=("moments", "quantiles", "exceedance")
+        )["y"]
+        rows = [made[each].values.reshape(-1, 3)[-1] for each in STATISTICS]
+        found.append(rows)
+    return np.array(found)
+
+
+def _runs(values: FloatArray) -> xr.Dataset:
+    return xr.Dataset(
+        {
+            "y": ("run", values, {"units": "1", "role": "output"}),
+            STATUS: ("run", np.zeros(len(values), np.int8)),
+        },
+        attrs={SAMPLING: str(Sampling.INDEPENDENT)},
+    )
+
+
+def _precision_table(seeds: int, workers: int) -> Iterator[str]:
+    yield "| output | target | fixed at 512 | worst target | middle target |"
+    yield "|---|---|---|---|---|"
+    for name in POOLS:
+        truth = problem(name).truth
+        cases = [(name, seed) for seed in range(seeds)]
+        with multiprocessing.get_context("fork").Pool(workers) as pool:
+            bounds = np.array(pool.map(estimates, cases, chunksize=10))
+        for kind, key in enumerate(KINDS):
+            _, lower, upper = np.moveaxis(bounds[:, :, kind], -1, 0)
+            known = np.isfinite(lower) & np.isfinite(upper)
+            covers = (lower <= truth[kind]) & (truth[kind] <= upper)
+            fixed = covers[:, 0][known[:, 0]]
+            reached = sorted(_coverages(key, kind, bounds, covers))
+            start = f"{100 * fixed.mean():.1f}" if len(fixed) > seeds / 2 else "none"
+            yield f"| {name} | `{key}` | {start} | {reached[0]:.1f} | {np.median(reached):.1f} |"
+
+
+def _coverages(
+    key: str, kind: int, bounds: FloatArray, covers: npt.NDArray[np.bool_]
+) -> Iterator[float]:
+    """Yield the coverage in per cent where seeds end at a target, for many targets."""
+    estimate, lower, upper = np.moveaxis(bounds[:, :, kind], -1, 0)
+    half, std = (upper - lower) / 2, bounds[:, :, 1, 0]
+    usual = np.nanmedian(half[:, :-1], axis=0)
+    last = len(LOOKS) - 1
+    # A quantity, a share of the estimate, and one of the standard deviation.
+    scales = [np.ones_like(half), np.abs(estimate) / np.abs(np.median(estimate[:, -1]))]
+    scales.append(std / np.median(std[:, -1]))
+    for wanted in np.outer(TARGETS, usual[np.isfinite(usual)]).ravel().tolist():
+        for scale in scales[:1] if key in ("exceeds", "below") else scales:
+            is_precise = half <= wanted * scale
+            ends = np.where(is_precise.any(axis=1), is_precise.argmax(axis=1), last)
+            ended = np.arange(len(ends)), ends
+            has_interval = np.isfinite(half[ended])
+            yield float(100 * covers[ended][has_interval].mean())
+
+
+def _decision_table(seeds: int) -> Iterator[str]:
+    yield (
+        "| output | P | claim | right | wrong | undecided at 16 384 | runs, mean | 90 % by | "
+        "interval covers | by intervals: wrong |"
+    )
+    yield "|---|---|---|---|---|---|---|---|---|---|"
+    for name in POOLS:
+        values, quantity, truth = problem(name)
+        events_of_pool = values > quantity.thresholds[0].value
+        p = float(truth[3])
+        for limit in (0.2, 0.15, p):
+            rows = []
+            for seed in range(seeds):
+                rng = np.random.default_rng([2_063, seed])
+                rows.append(_decided(rng.choice(events_of_pool, MOST), limit, p))
+            right, wrong, undecided, runs, covers, naive = np.array(rows).T
+            claim = f"P < {limit:g}" if limit != p else "P < P"
+            cells = [100 * each.mean() for each in (right, wrong, undecided)]
+            counts = [f"{runs.mean():.0f}", f"{np.quantile(runs, 0.9):.0f}"]
+            ends = [f"{100 * each.mean():.1f}" for each in (covers, naive)]
+            shown = [*(f"{each:.1f}" for each in cells), *counts, *ends]
+            yield f"| {name} | {p:.4f} | {claim} | {' | '.join(shown)} |"
+
+
+def _decided(events: npt.NDArray[np.bool_], limit: float, p: float) -> tuple[float, ...]:
+    """Return of one seed: right, wrong, undecided, runs, interval covers, wrong by intervals.
+
+    At the limit itself the answer "below" is wrong, and so is "above", as either is strict.
+    """
+    verdict, runs = decide(events, np.zeros(len(events), bool), limit, is_below=True)
+    is_right = verdict == ("held" if p < limit else "")
+    is_open = verdict == "undecided"
+    lower, upper = anytime_interval(int(events[:runs].sum()), 0, runs)
+    return (
+        is_right,
+        not is_open and not is_right,
+        is_open,
+        runs,
+        lower <= p <= upper,
+        _is_wrong_by_intervals(events, limit, p),
+    )
+
+
+def _is_wrong_by_intervals(events: npt.NDArray[np.bool_], limit: float, p: float) -> bool:
+    """Return whether a Clopper-Pearson interval, looked at after every run, errs first."""
+    least, most = _decisive_counts(limit)
+    counts, runs = events.cumsum(), np.arange(1, len(events) + 1)
+    below, above = counts <= least[runs], counts >= most[runs]
+    ended = below | above
+    if not ended.any():
+        return False
+    return not (below[ended.argmax()] and p < limit)
+
+
+@cache
+def _decisive_counts(limit: float) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """Return by runs the largest count whose interval is below a limit, the least above it."""
+    from scipy import stats
+
+    runs = np.arange(MOST + 1)
+    # The two-sided interval excludes the limit where a one-sided tail is at most 2.5 %.
+    least = stats.binom.ppf(0.025, runs, limit) - 1
+    least += stats.binom.cdf(least + 1, runs, limit) <= 0.025
+    most = stats.binom.isf(0.025, runs, limit) + 1
+    lower, _ = clopper_pearson(int(most[100]), 100, 0.95)
+    assert lower > limit, "the counts are those of the interval"
+    return least, most
+
+
+if __name__ == "__main__":
+    main()

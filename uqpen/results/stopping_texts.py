@@ -1,0 +1,132 @@
+"""Texts on designs whose runs decided their own number: the rule, its limits, the decision."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import xarray as xr
+
+from uqpen.core.errors import QuantityError
+from uqpen.core.labels import (
+    DECISION,
+    DECISION_CLAIM,
+    DECISION_LOWER,
+    DECISION_PROBABILITY,
+    DECISION_RUNS,
+    DECISION_UPPER,
+    RUN,
+    STOPPING_AT_MOST,
+    STOPPING_CLAIM,
+    STOPPING_RULE,
+)
+from uqpen.core.status import Status
+from uqpen.designs.stopping.acceptance_claim import parse_claim
+from uqpen.designs.stopping.likelihood_ratio import ERROR
+from uqpen.execution import status_counts
+from uqpen.results.digits import estimate_text, grouped_number, percent_text
+
+__all__ = ["StatedDecision", "stopping_text", "unseen_text"]
+
+# By the rule of three: what has this probability times 1/n is missed by n runs in 5 % of studies.
+_UNSEEN = 3
+
+_KEYS = {
+    DECISION_CLAIM,
+    DECISION,
+    DECISION_RUNS,
+    DECISION_PROBABILITY,
+    DECISION_LOWER,
+    DECISION_UPPER,
+}
+
+
+def stopping_text(runs: xr.Dataset) -> str:
+    """Return by which rule a design has ended, and whether at its largest number of runs.
+
+    Empty for a design whose number of runs was fixed.
+    """
+    if STOPPING_RULE not in runs.attrs:
+        return ""
+    text = str(runs.attrs[STOPPING_RULE])
+    if STOPPING_CLAIM in runs.attrs:
+        return text
+    if runs.sizes[RUN] == runs.attrs.get(STOPPING_AT_MOST):
+        text += "; that number ended it, so the precision may not be reached"
+    return "; ".join(filter(None, (text, unseen_text(runs))))
+
+
+def unseen_text(runs: xr.Dataset) -> str:
+    """Return which part of an output a stopping rule cannot exclude; empty for a fixed number."""
+    completed = status_counts(runs)[Status.OK]
+    if STOPPING_RULE not in runs.attrs or STOPPING_CLAIM in runs.attrs or completed <= _UNSEEN:
+        return ""
+    share = percent_text(float(f"{_UNSEEN / completed:.2g}"))
+    return (
+        f"no rule can exclude a part of the output that fewer than {_UNSEEN} in "
+        f"{grouped_number(completed)} runs ({share}) meet"
+    )
+
+
+@dataclass(frozen=True)
+class StatedDecision:
+    """Decision on a claim, as an archive states it.
+
+    Parameters
+    ----------
+    claim, verdict : str
+        The claim; ``"held"``, ``"not held"`` or ``"undecided"``.
+    runs : int
+        Number of runs after which it was decided.
+    probability, lower, upper : float
+        Share of the completed runs with the event, and the interval of its probability.
+    """
+
+    claim: str
+    verdict: str
+    runs: int
+    probability: float
+    lower: float
+    upper: float
+
+    @classmethod
+    def from_source(cls, attributes: Mapping[Any, Any]) -> StatedDecision | None:
+        """Return the decision among the attributes of a source; None without one."""
+        if not attributes.keys() >= _KEYS:
+            return None
+        return cls(
+            str(attributes[DECISION_CLAIM]),
+            str(attributes[DECISION]),
+            int(attributes[DECISION_RUNS]),
+            float(attributes[DECISION_PROBABILITY]),
+            float(attributes[DECISION_LOWER]),
+            float(attributes[DECISION_UPPER]),
+        )
+
+    @property
+    def output(self) -> str:
+        """Name of the output that the claim concerns; empty if the claim cannot be read."""
+        try:
+            return parse_claim(self.claim).output
+        except QuantityError:
+            return ""
+
+    @property
+    def verdict_text(self) -> str:
+        """The verdict, and after how many runs."""
+        comma = "," if self.verdict == "not held" else ""
+        return f"{self.verdict}{comma} after {grouped_number(self.runs)} runs"
+
+    @property
+    def guarantee(self) -> str:
+        """The probability of a wrong answer, and what is known of the probability, in words."""
+        estimate = estimate_text(self.probability, self.lower, self.upper)
+        return (
+            f"a wrong answer has a probability of at most {percent_text(ERROR)}, whenever one "
+            f"looks; the probability is {estimate}, an interval that holds whenever one stops"
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Return its fields, and the largest probability of a wrong answer."""
+        return {**asdict(self), "error": ERROR}
