@@ -124,11 +124,8 @@ def _run_study(
         return run(study, map=map, progress=journal, checkpoints=checkpoints)
     except TooManyFailedError as error:
         kept.save()
-        message = (
-            f"{kept.runs} runs are kept. With a larger share, the same command continues from "
-            "them;\nwith --lost-again, it repeats the failed ones"
-        )
-        raise TooManyFailedError(f"{error}\n{message}" if kept.runs else str(error)) from None
+        message = f"{kept.runs} runs are kept. {error.remedy}"
+        raise type(error)(f"{error}\n{message}" if kept.runs else str(error)) from None
     except ClusterError as error:
         kept.save()
         raise ClusterError("\n".join(filter(None, (str(error), _kept_text(kept))))) from None

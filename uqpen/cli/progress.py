@@ -108,6 +108,9 @@ class _Announced(ProgressRecord):
         whole = f"{grouped_number(runs)} of {grouped_number(self._design_runs)}"
         self._print(f"{self.state.design}: {whole} runs already done")
 
+    def report_trial(self, text: str) -> None:
+        self._print(f"{self.state.design}: {text}")
+
     def warn(self, text: str) -> None:
         self._warnings.add(text)
 

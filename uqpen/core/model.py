@@ -181,6 +181,16 @@ class Model(ABC):
         """
         return self
 
+    def run_folder(self, inputs: Mapping[str, float]) -> Path | None:
+        """Return the folder in which the files of a failed run are kept; None where none are.
+
+        Parameters
+        ----------
+        inputs : mapping of str to float
+            SI values.
+        """
+        return None
+
     def record_files(self, files: frozenset[str]) -> None:  # noqa: B027 - most models have none
         """Record files with which runs were made, here or in another process; see `Results`.
 

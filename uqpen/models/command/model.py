@@ -10,7 +10,7 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -120,10 +120,7 @@ class Command(Model):
     def evaluate(self, inputs: Arrays) -> Results:
         if self.program is None:
             raise ModelError(f"{self.name} is not executed without --trust")
-        arguments = {
-            name: scale(self.units[name]).from_si(values).tolist()
-            for name, values in inputs.items()
-        }
+        arguments = {name: values.tolist() for name, values in self._own_units(inputs).items()}
         runs = len(next(iter(inputs.values())))
         outputs = {output.name: np.full(runs, np.nan) for output in self.outputs}
         status = np.full(runs, Status.OK, dtype=np.int8)
@@ -149,9 +146,20 @@ class Command(Model):
     def identity(self) -> dict[str, str]:
         return {"name": self.name, **(self.program.identity() if self.program else {})}
 
+    def run_folder(self, inputs: Mapping[str, float]) -> Path | None:
+        if self.folder_policy.which == "none":
+            return None
+        taken = {each.name: np.array(inputs[each.name]) for each in self.inputs}
+        arguments = {name: float(value) for name, value in self._own_units(taken).items()}
+        return self.folder_policy.folder / folder_name(arguments)
+
     def with_folder(self, folder: Path) -> Command:
         """Return a copy that keeps the folders of runs in another folder."""
         return replace(self, folder_policy=replace(self.folder_policy, folder=folder))
+
+    def _own_units(self, inputs: Arrays) -> dict[str, Any]:
+        """Convert SI values to the units that the program takes."""
+        return {name: scale(self.units[name]).from_si(values) for name, values in inputs.items()}
 
     def _run(self, program: Program, inputs: Mapping[str, float]) -> _Outcome:
         """Make one run; any failure becomes its status."""
