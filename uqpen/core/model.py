@@ -35,6 +35,7 @@ __all__ = [
     "Model",
     "Output",
     "Results",
+    "RunWarning",
     "Variable",
     "empty_outputs",
 ]
@@ -68,6 +69,10 @@ class Results:
         """Return the results of a batch in which no run failed."""
         runs = len(next(iter(outputs.values())))
         return cls(outputs, np.full(runs, Status.OK, dtype=np.int8))
+
+
+class RunWarning(UserWarning):
+    """Warning of a model about its runs, in words that name no line of code."""
 
 
 def empty_outputs(outputs: Sequence[Output], runs: int) -> dict[str, FloatArray]:

@@ -23,7 +23,7 @@ from uqpen.core.settings import choice, validate
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import scale
 from uqpen.models.command.folders import folder_name, keep_folder, working_folder
-from uqpen.models.command.placeholders import fill
+from uqpen.models.command.placeholders import BRACES, Delimiters, NotWholeError, fill
 from uqpen.models.command.process import STDERR, ProcessEnd, run_process
 from uqpen.models.command.program import Program
 from uqpen.models.command.readings import OutputReader
@@ -92,6 +92,8 @@ class Command(Model):
         The program; without it, the model cannot be run.
     templates : mapping of str to str
         By their names in the folder of a run, texts with placeholders.
+    delimiters : Delimiters
+        Those of the placeholders in templates.
     copied : tuple of str
         Files beside the study that each run finds in its folder.
     """
@@ -106,6 +108,7 @@ class Command(Model):
     templates: Mapping[str, str] = field(default_factory=dict)
     copied: tuple[str, ...] = ()
     limits: Limits = Limits()
+    delimiters: Delimiters = BRACES
     name: str = field(init=False)
 
     vectorized = False
@@ -151,7 +154,8 @@ class Command(Model):
             return None
         taken = {each.name: np.array(inputs[each.name]) for each in self.inputs}
         arguments = {name: float(value) for name, value in self._own_units(taken).items()}
-        return self.folder_policy.folder / folder_name(arguments)
+        folder = self.folder_policy.folder / folder_name(arguments)
+        return folder if folder.is_dir() else None
 
     def with_folder(self, folder: Path) -> Command:
         """Return a copy that keeps the folders of runs in another folder."""
@@ -173,6 +177,8 @@ class Command(Model):
                     destination = self.folder_policy.folder / folder_name(inputs)
                     keep_folder(folder, destination, {OUTCOME: _outcome_note(outcome, words)})
                 return outcome
+        except NotWholeError as error:
+            return _Outcome({}, Status.FAILED, str(error))
         except OSError as error:  # a disk that is full, a program for another machine
             if error.filename == str(program.executed.read.path) and error.errno == errno.ENOENT:
                 return _Outcome({}, Status.FAILED, _NO_INTERPRETER)
@@ -186,7 +192,7 @@ class Command(Model):
         for name in self.copied:
             shutil.copy(program.folder / name, folder / name)
         for name, text in self.templates.items():
-            (folder / name).write_bytes(fill(text, {**inputs, **_PATHS}).encode())
+            (folder / name).write_bytes(fill(text, {**inputs, **_PATHS}, self.delimiters).encode())
         (folder / INPUTS).write_text(json.dumps(inputs) + "\n", encoding="utf-8")
 
     def _command(self, program: Program, inputs: Mapping[str, float]) -> list[str]:
