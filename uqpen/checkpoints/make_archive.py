@@ -10,6 +10,7 @@ from uqpen.archive.write import prepare_destination, write
 from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.lock import lock_archive
+from uqpen.checkpoints.read_again import read_again as reading_again
 from uqpen.core.errors import ArchiveError, ClusterError, TooManyFailedError
 from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
@@ -28,6 +29,7 @@ def make_archive(
     map: Map = map,
     fresh: bool = False,
     lost_again: bool = False,
+    read_again: bool = False,
     progress: Progress | None = None,
 ) -> xr.DataTree:
     """Make the runs of a study, analyse them, write the archive, and return it.
@@ -48,6 +50,9 @@ def make_archive(
         Whether all checkpointed runs are removed, and made again.
     lost_again : bool
         Whether only the missing ones among them are.
+    read_again : bool
+        Whether the outputs of runs whose folders are kept are read from these, without a run. If
+        finished runs have no folder, this needs `fresh`.
     progress : Progress, optional
         Receives progress reports.
 
@@ -57,6 +62,8 @@ def make_archive(
         If the archive or its checkpoint cannot be written, or another process is making it.
     CheckpointError
         If there are checkpointed runs that this study would not make; it states the changes.
+    StudyError
+        If folders are to be read again, and no model keeps any.
     """
     path = Path(path).absolute()
     prepare_destination(path)
@@ -73,6 +80,8 @@ def make_archive(
         }
         kept = CheckpointFolder(_sibling_path(path, "parts"), fingerprints, journal)
         kept.remove_temporary_files()
+        if read_again:
+            study = reading_again(study, kept, repeats_others=fresh)
         if fresh:
             kept.remove_all()
         kept.check_compatibility()

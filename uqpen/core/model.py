@@ -72,7 +72,19 @@ class Results:
 
 
 class RunWarning(UserWarning):
-    """Warning of a model about its runs, in words that name no line of code."""
+    """Warning of a model about its runs, in words that name no line of code.
+
+    Parameters
+    ----------
+    text : str
+        The same in all runs that it is true of, so that it is shown once.
+    of_one_run : str
+        The same with the numbers of one run.
+    """
+
+    def __init__(self, text: str, of_one_run: str = "") -> None:
+        super().__init__(text)
+        self.of_one_run = of_one_run or text
 
 
 def empty_outputs(outputs: Sequence[Output], runs: int) -> dict[str, FloatArray]:
@@ -186,8 +198,15 @@ class Model(ABC):
         """
         return self
 
+    def reading_again(self) -> Model:
+        """Return a model that reads its outputs from the kept folders of runs, where there are any.
+
+        It is the model itself where its runs have no folders.
+        """
+        return self
+
     def run_folder(self, inputs: Mapping[str, float]) -> Path | None:
-        """Return the folder in which the files of a failed run are kept; None where none are.
+        """Return the folder in which the files of a run are kept; None if they are not kept.
 
         Parameters
         ----------

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from uqpen.core.errors import ModelError, toml_text
-from uqpen.models.command.model import INPUTS, OUTCOME, OUTPUTS, Command, FolderPolicy
+from uqpen.models.command.model import INPUTS, OUTCOME, OUTPUTS, RECORD, Command, FolderPolicy
 from uqpen.models.command.placeholders import BRACES, Delimiters, find_mistakes, names_in
 from uqpen.models.command.process import STDERR, STDOUT
 from uqpen.models.command.program import Program, lies_in_study, locate_program
@@ -28,7 +28,7 @@ _DELIMITER = re.compile(r"[^\w\s:]{1,8}")
 
 # What placeholders can stand for beside inputs, and what files in the folder of a run are taken.
 _PATHS = ("inputs", "outputs")
-_TAKEN = (INPUTS, OUTPUTS, OUTCOME, STDOUT, STDERR)
+_TAKEN = (INPUTS, OUTPUTS, OUTCOME, RECORD, STDOUT, STDERR)
 
 
 def read_command(table: TableReader) -> Command | None:

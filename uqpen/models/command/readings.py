@@ -22,7 +22,6 @@ __all__ = [
     "JsonReader",
     "NetcdfReader",
     "OutputReader",
-    "SeveralMatchesWarning",
     "TextReader",
 ]
 
@@ -45,14 +44,6 @@ def _column_number_or_heading() -> Any:
 
 def _after() -> Any:
     return text(expected="a text; what stands after its last occurrence is read", default=None)
-
-
-class SeveralMatchesWarning(RunWarning):
-    """Warning that a pattern has several `matches`, and no setting says which one counts."""
-
-    def __init__(self, message: str, matches: int) -> None:
-        super().__init__(message)
-        self.matches = matches
 
 
 @dataclass(frozen=True)
@@ -247,10 +238,11 @@ class TextReader(OutputReader):
             return min(found) if self.match == "min" else max(found)
         if len(numbers) > 1 and self.match is None:
             message = (
-                f"several matches for {pattern} in {self.file}; the last is taken "
+                f"matches for {pattern} in {self.file}; the last is taken "
                 '(match = "last" or "first" in [model.read] says which)'
             )
-            warnings.warn(SeveralMatchesWarning(message, len(numbers)), stacklevel=2)
+            warning = RunWarning(f"several {message}", f"{len(numbers)} {message}")
+            warnings.warn(warning, stacklevel=2)
         return _parse_number(numbers[0 if self.match == "first" else -1], place)
 
 
