@@ -63,7 +63,7 @@ def batch_result(start: int, outcomes: list[tuple[Status, str]]) -> BatchResult:
 def is_stopped(outcomes: list[tuple[Status, str]], order: Iterable[tuple[int, int]]) -> bool:
     """Whether a study of these runs stops at 3 alike, which complete by stretches in an order."""
     first = FirstRuns(Ishigami(), FailurePolicy(stop_after=3))
-    first.start_round(restored=0)
+    first.start_round(len(outcomes) + 1)
     try:
         for start, stop in order:
             inputs = {"x1": np.arange(float(start), float(stop))}
@@ -137,7 +137,7 @@ def test_a_built_in_model_needs_no_trial_and_no_more_do_runs_that_are_there() ->
     text = f'seed = 1\n[model]\nuse = "ishigami"\n[inputs]\n{inputs}\n{design}'
     uqpen.run(uqpen.parse_study(text), map=recorded)
     first = FirstRuns(Ishigami(), FailurePolicy())
-    first.start_round(restored=1)
+    first.start_round(10, restored=1)
     assert len(recorded.calls[0]) > 1
     assert not first.is_trial_due
 
@@ -155,6 +155,12 @@ def test_a_study_stops_after_ten_runs_that_failed_alike_with_any_workers(tmp_pat
     assert told.told[0].startswith("the trial run has failed:\n  ValueError: no convergence at ")
     runs = uqpen.run(study_of(tmp_path, ALL_FAIL, "[failures]\nstop_after = 0\n"))["runs/some"]
     assert runs.sizes["lost_run"] == 50
+
+
+def test_a_study_ends_by_itself_where_no_run_is_left(tmp_path: Path) -> None:
+    study = study_of(tmp_path, ALL_FAIL)
+    short = uqpen.parse_study(study.text.replace("runs = 50", "runs = 10"), folder=tmp_path)
+    assert uqpen.run(short)["runs/some"].sizes["lost_run"] == 10
 
 
 def test_a_study_goes_on_where_its_first_runs_fail_in_two_ways(tmp_path: Path) -> None:

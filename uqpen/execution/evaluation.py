@@ -166,7 +166,7 @@ class _RunsUnderWay:
         self._failure_count, self._first_runs = failure_count, first_runs
         if restored := checkpoint.prepare(points.size):
             progress.count_restored(restored)
-        first_runs.start_round(restored)
+        first_runs.start_round(points.size, restored)
         self.blocks = OpenBlocks(points, model.outputs, self._restore)
         progress.start_runs(label, self._finished_runs)
 

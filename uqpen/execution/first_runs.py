@@ -58,14 +58,14 @@ class FirstRuns:
         self._model, self._policy, self._report = model, policy, report
         self._failed: list[_FailedRun] = []
         self._is_over = False
-        self._next = 0
+        self._next = self._runs = 0
         self._waiting: list[tuple[Arrays, BatchResult]] = []
         # True if the next batch is made alone, as the trial run is still to be made.
         self.is_trial_due = policy.trial
 
-    def start_round(self, restored: int) -> None:
-        """Begin with the first run of a round, of which a number of runs were made before."""
-        self._next = 0
+    def start_round(self, runs: int, restored: int = 0) -> None:
+        """Begin a round with a number of runs, of which some were restored."""
+        self._next, self._runs = 0, runs
         self._waiting.clear()
         if restored:
             self.is_trial_due = False
@@ -96,6 +96,7 @@ class FirstRuns:
             if status is not Status.INADMISSIBLE:
                 reason = batch_result.results.reasons.get(position, "")
                 self._examine(status, reason, inputs, position)
+                self._stop_if_alike(are_left=run + 1 < self._runs)
         self._next = max(self._next, stop)
 
     def _examine(self, status: Status, reason: str, inputs: Arrays, position: int) -> None:
@@ -109,9 +110,11 @@ class FirstRuns:
         if is_trial:
             self._report(f"the trial run has failed:\n{failed.text}")
         self._failed.append(failed)
-        most = self._policy.stop_after
-        self._is_over = most == 0 or not _are_alike(self._failed[0], failed)
-        if not self._is_over and len(self._failed) == most:
+        self._is_over = self._policy.stop_after == 0 or not _are_alike(self._failed[0], failed)
+
+    def _stop_if_alike(self, *, are_left: bool) -> None:
+        """Stop if enough runs have failed alike, and others of the round are left to save."""
+        if are_left and not self._is_over and len(self._failed) >= self._policy.stop_after:
             raise FirstRunsFailedError(self._message())
 
     def _message(self) -> str:
