@@ -238,8 +238,7 @@ class TextReader(OutputReader):
             return min(found) if self.match == "min" else max(found)
         if len(numbers) > 1 and self.match is None:
             message = (
-                f"matches for {pattern} in {self.file}; the last is taken "
-                '(match = "last" or "first" in [model.read] says which)'
+                f'matches for {pattern} in {self.file}; the last is taken ("match" can say which)'
             )
             warning = RunWarning(f"several {message}", f"{len(numbers)} {message}")
             warnings.warn(warning, stacklevel=2)
