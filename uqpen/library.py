@@ -66,6 +66,7 @@ def make_archive(
     progress: Progress | None = None,
     fresh: bool = False,
     lost_again: bool = False,
+    read_again: bool = False,
 ) -> Archive:
     """Make all runs of a study, analyse them, and write everything into one archive.
 
@@ -82,6 +83,9 @@ def make_archive(
         True to make all runs again, also those that an earlier call has kept.
     lost_again : bool
         True to make again those kept runs that failed.
+    read_again : bool
+        True to read the outputs of a program's runs again where their folders are kept, in place
+        of making the runs. If finished runs have no folder, this needs `fresh`.
 
     Raises
     ------
@@ -94,7 +98,13 @@ def make_archive(
     """
     with _progress(progress) as reporter, _map(workers, map, reporter) as spread:
         tree = checkpoints.make_archive(
-            study, path, map=spread, progress=reporter, fresh=fresh, lost_again=lost_again
+            study,
+            path,
+            map=spread,
+            progress=reporter,
+            fresh=fresh,
+            lost_again=lost_again,
+            read_again=read_again,
         )
         return Archive.of(tree)
 

@@ -170,6 +170,32 @@ class TestCheck:
         assert "the study stops if more than 5 % of a design's runs fail" in said
         assert "each run may take" not in uqpen("check", "small.toml").out
 
+    def test_a_trial_run_shows_outputs_in_the_units_of_the_study(self, uqpen: Command) -> None:
+        Path("tried.py").write_text(
+            "def f(a):\n"
+            "    if a > 4:\n"
+            "        raise ValueError('too long')\n"
+            "    return {'y': a / 2}\n"
+        )
+        text = """
+            seed = 1
+            inputs.a = "(MEDIAN ± 0.1) m"
+            outputs.y.unit = "cm"
+            designs.some = { kind = "monte-carlo", runs = 10 }
+            [model]
+            python = "tried.py:f"
+            inputs.a = "m"
+            outputs.y = "m"
+            """
+        Path("tried.toml").write_text(text.replace("MEDIAN", "3"))
+        done = uqpen("check", "tried.toml", "--try")
+        assert done.code == 0
+        assert re.search(r"trial run at the nominal inputs, \S+ s\n\n.*\n.*\ny +150 +cm", done.out)
+        Path("tried.toml").write_text(text.replace("MEDIAN", "5"))
+        failed = uqpen("check", "tried.toml", "--try")
+        assert failed.code == 3
+        assert "trial run at the nominal inputs: failed\n  ValueError: too long" in failed.out
+
     def test_a_mistake_leaves_with_2(self, uqpen: Command) -> None:
         Path("wrong.toml").write_text("seed = 1", encoding="utf-8")
         done = uqpen("check", "wrong.toml")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -140,6 +141,34 @@ def test_showing_a_value_undoes_reading_it(value: float, unit: str) -> None:
     measure = scale(unit)
     # Two roundings in the conversions, and an offset of at most 500 taken off again.
     assert math.isclose(measure.from_si(measure.to_si(value)), value, rel_tol=1e-15, abs_tol=1e-12)
+
+
+_SHOWN = ["mm", "um", "km", "GPa", "g/cm^3", "kN", "inch", "degree", "psi", "hour", "%", "eV"]
+
+
+@pytest.mark.parametrize("unit", [*_SHOWN, "degC", "degF", "m", "kg"])
+def test_written_numbers_reach_a_model_in_their_unit_to_the_last_bit(unit: str) -> None:
+    measure = scale(unit)
+    written = [*map(float, range(-300, 301)), *(number / 100 for number in range(-3000, 3000))]
+    arrived = measure.from_si(np.array([measure.to_si(number) for number in written]))
+    assert arrived.tolist() == written
+
+
+@given(
+    number=st.integers(-(10**12) + 1, 10**12 - 1),
+    power=st.integers(-20, 8),
+    unit=st.sampled_from(_SHOWN),
+)
+def test_twelve_digits_survive_the_way_to_si_units_and_back(
+    number: int, power: int, unit: str
+) -> None:
+    written, measure = float(f"{number}e{power}"), scale(unit)
+    assert measure.from_si(measure.to_si(written)) == written
+
+
+def test_what_is_no_number_and_what_is_beyond_all_decimals_stay_what_they_are() -> None:
+    values = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0, 5e-324, 1e308])
+    assert np.array_equal(scale("km").from_si(values), values / 1000, equal_nan=True)
 
 
 @given(value=st.decimals(-1000, 1000, places=4))

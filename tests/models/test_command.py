@@ -456,7 +456,8 @@ def test_who_stops_the_study_stops_its_programs(
     log = home / "log"
     program(home, f"sleep 300 & echo $$ $! >> {log}; wait")
     (home / "beam.toml").write_text(
-        STUDY.format(model='command = ["./solver", "{inputs}"]', runs=10),
+        STUDY.format(model='command = ["./solver", "{inputs}"]', runs=10)
+        + "[failures]\ntrial = false\n",
         encoding="utf-8",
     )
     (home / "study.py").write_text(INTERRUPTED)

@@ -80,6 +80,8 @@ def test_what_is_kept_of_failed_runs_lies_beside_the_archive_of_a_rerun(
     beam: Path, command_line: Callable[..., Any]
 ) -> None:
     (beam.parent / "solver").write_text("#!/bin/sh\necho no licence >&2\nexit 1\n")
+    with beam.open("a") as text:
+        text.write("[failures]\nstop_after = 0\n")
     command_line("study", str(beam), "-o", "beam.nc")
     shutil.rmtree(beam.parent)
     command_line("rerun", "beam.nc", "--trust", "-o", "again/other.nc")

@@ -184,6 +184,13 @@ class CheckpointFolder:
         self._last = time.monotonic()
         self._cost = self._last - began
 
+    def finished_runs(self) -> Iterator[tuple[str, FinishedRuns]]:
+        """Yield the stored runs of each part, with the name of the model."""
+        for model, design in self._fingerprints:
+            for file in part_files(self._runs_folder(model, design)):
+                if (result := self.read_runs(file)) is not None:
+                    yield model, result
+
     def discard_failed(self) -> None:
         """Discard the missing runs, so that they are made again; keep the inadmissible ones."""
         for model, design in self._fingerprints:

@@ -109,6 +109,10 @@ class Journal(Progress):
         self.write_line(f"{self._name}: {runs} runs were made before")
         self._progress.count_restored(runs)
 
+    def report_trial(self, text: str) -> None:
+        self.write_line(" ".join(f"{self._name}: {text}".split()))
+        self._progress.report_trial(text)
+
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         self._runs += runs
         self._failed += failed

@@ -12,6 +12,7 @@ from uqpen.archive.write import prepare_destination, write
 from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.lock import lock_archive
+from uqpen.checkpoints.read_again import read_again as reading_again
 from uqpen.checkpoints.replaced_designs import warn_of_runs_not_kept
 from uqpen.core.errors import ArchiveError, ClusterError, TooManyFailedError
 from uqpen.execution import Map, Progress
@@ -31,6 +32,7 @@ def make_archive(
     map: Map = map,
     fresh: bool = False,
     lost_again: bool = False,
+    read_again: bool = False,
     progress: Progress | None = None,
 ) -> xr.DataTree:
     """Make the runs of a study, analyse them, write the archive, and return it.
@@ -51,6 +53,9 @@ def make_archive(
         Whether all checkpointed runs are removed, and made again.
     lost_again : bool
         Whether only the missing ones among them are.
+    read_again : bool
+        Whether the outputs of runs whose folders are kept are read from these, without a run. If
+        finished runs have no folder, this needs `fresh`.
     progress : Progress, optional
         Receives progress reports.
 
@@ -60,6 +65,8 @@ def make_archive(
         If the archive or its checkpoint cannot be written, or another process is making it.
     CheckpointError
         If there are checkpointed runs that this study would not make; it states the changes.
+    StudyError
+        If folders are to be read again, and no model keeps any.
     """
     path = Path(path).absolute()
     prepare_destination(path)
@@ -79,6 +86,8 @@ def make_archive(
         }
         kept = CheckpointFolder(_sibling_path(path, "parts"), fingerprints, journal)
         kept.remove_temporary_files()
+        if read_again:
+            study = reading_again(study, kept, repeats_others=fresh)
         if fresh:
             kept.remove_all()
         kept.check_compatibility()
@@ -130,11 +139,8 @@ def _run_study(
         return run(study, map=map, progress=journal, checkpoints=checkpoints)
     except TooManyFailedError as error:
         kept.save()
-        message = (
-            f"{kept.runs} runs are kept. With a larger share, the same command continues from "
-            "them;\nwith --lost-again, it repeats the failed ones"
-        )
-        raise TooManyFailedError(f"{error}\n{message}" if kept.runs else str(error)) from None
+        message = f"{kept.runs} runs are kept. {error.remedy}"
+        raise type(error)(f"{error}\n{message}" if kept.runs else str(error)) from None
     except ClusterError as error:
         kept.save()
         raise ClusterError("\n".join(filter(None, (str(error), _kept_text(kept))))) from None

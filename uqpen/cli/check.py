@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.options import PATH
 
 if TYPE_CHECKING:
@@ -18,8 +19,17 @@ __all__ = ["check"]
 
 @click.command(short_help="Check a study file and show what it would run.")
 @click.argument("file", type=PATH)
-def check(file: Path) -> None:
-    """Read the study FILE, report every mistake in it, and show what it would run."""
+@click.option(
+    "--try",
+    "is_tried",
+    is_flag=True,
+    help="Also make one run of each model at the nominal inputs, and show its outputs.",
+)
+def check(file: Path, is_tried: bool) -> ExitCode:
+    """Read the study FILE, report every mistake in it, and show what it would run.
+
+    With --try, the exit code is 3 if the run fails.
+    """
     from uqpen.cli.printable import printable
     from uqpen.cli.screen import plain_table, standard_output
     from uqpen.study.load import load_study
@@ -49,6 +59,11 @@ def check(file: Path) -> None:
         console.print()
         console.print(plain_table(["surrogate", "fitted to", "checked by"], surrogate_rows(study)))
     console.print(f"\n{runs_text(study)} in all; the study is right", markup=False)
+    if not is_tried:
+        return ExitCode.DONE
+    from uqpen.cli.trial import show_trial_runs
+
+    return show_trial_runs(study)
 
 
 def _input_remarks(study: ValidatedStudy) -> Iterator[str]:

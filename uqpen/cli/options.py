@@ -112,9 +112,11 @@ def output_option(name: str, default: str) -> Callable[..., Any]:
 
 
 def resume_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the flags `fresh` and `lost_again`, about runs that were kept."""
+    """Give a command the flags `fresh`, `lost_again` and `read_again`, about kept runs."""
     fresh = "Repeat all runs, also those kept from an earlier start."
     lost_again = "Repeat the kept runs that failed."
+    read_again = "Read the kept folders of runs again, in place of making the runs."
+    command = click.option("--read-again", is_flag=True, help=read_again)(command)
     command = click.option("--lost-again", is_flag=True, help=lost_again)(command)
     return click.option("--fresh", is_flag=True, help=fresh)(command)
 

@@ -132,6 +132,9 @@ class _Announced(_Warnings):
         whole = f"{grouped_number(runs)} of {grouped_number(self._design_runs)}"
         self._print(f"{self.state.design}: {whole} runs already done")
 
+    def report_trial(self, text: str) -> None:
+        self._print(f"{self.state.design}: {text}")
+
 
 class _Lines(_Announced):
     """A line when a design or the analysis ends, and now and then in between."""

@@ -104,8 +104,8 @@ def make_and_show(
 ) -> ExitCode:
     """Make `archive` in the folder `here` where the user stands, `show` it, and report the outcome.
 
-    With a `watch_port`, a page on this machine shows the results meanwhile. `resume` are `fresh`
-    and `lost_again` of `uqpen.make_archive`.
+    With a `watch_port`, a page on this machine shows the results meanwhile. `resume` are `fresh`,
+    `lost_again` and `read_again` of `uqpen.make_archive`.
     """
     from uqpen.checkpoints.make_archive import make_archive
     from uqpen.cli.progress import show_progress

@@ -14,6 +14,7 @@
     ├── WorkerError (RuntimeError)       processes that cannot be started
     ├── ClusterError (RuntimeError)      a cluster that cannot be reached, or is no more
     ├── TooManyFailedError (RuntimeError)  more runs failed than a study allows
+    │   └── FirstRunsFailedError         the first runs of a model all failed alike
     ├── FigureError (ValueError)         a figure that cannot be drawn or written
     ├── ExportError (ValueError)         a table that cannot be written in a format
     ├── ReportError (ValueError)         a report that cannot be written
@@ -37,6 +38,7 @@ __all__ = [
     "ConstraintError",
     "ExportError",
     "FigureError",
+    "FirstRunsFailedError",
     "ModelError",
     "Problem",
     "QuantityError",
@@ -151,6 +153,21 @@ class ClusterError(UqpenError, RuntimeError):
 
 class TooManyFailedError(UqpenError, RuntimeError):
     """Too many failed runs: more than a study allows."""
+
+    # What follows a message that runs are kept: how a study goes on from them.
+    remedy = (
+        "With a larger share, the same command continues from them;\n"
+        "with --lost-again, it repeats the failed ones"
+    )
+
+
+class FirstRunsFailedError(TooManyFailedError):
+    """First runs of a model that all failed alike."""
+
+    remedy = (
+        "With stop_after = 0 in [failures], the same\n"
+        "command continues from them; with --lost-again, it repeats them"
+    )
 
 
 class FigureError(UqpenError, ValueError):

@@ -35,6 +35,7 @@ __all__ = [
     "Model",
     "Output",
     "Results",
+    "RunWarning",
     "Variable",
     "empty_outputs",
 ]
@@ -68,6 +69,22 @@ class Results:
         """Return the results of a batch in which no run failed."""
         runs = len(next(iter(outputs.values())))
         return cls(outputs, np.full(runs, Status.OK, dtype=np.int8))
+
+
+class RunWarning(UserWarning):
+    """Warning of a model about its runs, in words that name no line of code.
+
+    Parameters
+    ----------
+    text : str
+        The same in all runs that it is true of, so that it is shown once.
+    of_one_run : str
+        The same with the numbers of one run.
+    """
+
+    def __init__(self, text: str, of_one_run: str = "") -> None:
+        super().__init__(text)
+        self.of_one_run = of_one_run or text
 
 
 def empty_outputs(outputs: Sequence[Output], runs: int) -> dict[str, FloatArray]:
@@ -180,6 +197,23 @@ class Model(ABC):
         The folder is made with the first file.
         """
         return self
+
+    def reading_again(self) -> Model:
+        """Return a model that reads its outputs from the kept folders of runs, where there are any.
+
+        It is the model itself where its runs have no folders.
+        """
+        return self
+
+    def run_folder(self, inputs: Mapping[str, float]) -> Path | None:
+        """Return the folder in which the files of a run are kept; None if they are not kept.
+
+        Parameters
+        ----------
+        inputs : mapping of str to float
+            SI values.
+        """
+        return None
 
     def record_files(self, files: frozenset[str]) -> None:  # noqa: B027 - most models have none
         """Record files with which runs were made, here or in another process; see `Results`.

@@ -53,6 +53,9 @@ class Progress:
     def count_restored(self, runs: int) -> None:
         """Report a number of runs that were made before, and are not made again."""
 
+    def report_trial(self, text: str) -> None:
+        """Report at once that the trial run of a model has failed, and how."""
+
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         """Report finished runs, the missing ones among them, and the runs in progress."""
 

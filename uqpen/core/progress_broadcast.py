@@ -47,6 +47,10 @@ class ProgressBroadcast(Progress):
         for each in self._receivers:
             each.count_restored(runs)
 
+    def report_trial(self, text: str) -> None:
+        for each in self._receivers:
+            each.report_trial(text)
+
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         for each in self._receivers:
             each.advance(runs, failed, in_progress)

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
 
+import numpy as np
+
 from uqpen.core.errors import QuantityError, toml_text
 
 __all__ = [
@@ -43,6 +45,9 @@ ANY_DIMENSION = _AnyDimension("any dimension")
 # A decimal number, as a regular expression. Its possessive quantifiers give no digit back, so the
 # time that a match takes is proportional to the length of the text, also where it fails.
 NUMBER = r"[+-]?(?:[0-9]++(?:_[0-9]++)*+(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?+"
+# Powers of ten that are floating-point numbers, so that a whole number by one is rounded once.
+_POWERS = np.array([float(10**digits) for digits in range(23)])
+
 # Typeset powers; the library reads only a few of them.
 _TYPESET = str.maketrans("⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+-0123456789")
 
@@ -110,12 +115,35 @@ class Scale:
         return Scale(self.factor, 0.0, self._exact and (self._exact[0], Decimal(0))).to_si(value)
 
     def from_si(self, value: Any) -> Any:
-        """Convert a value, or an array of values, from SI units."""
-        return (value - self.offset) / self.factor
+        """Convert a value, or an array of values, from SI units.
+
+        A number that was written with up to 12 significant digits, and 22 decimals, comes back to
+        the last bit: 0.007 m are 7 mm, where the quotient is 7.000000000000001.
+        """
+        quotient = (value - self.offset) / self.factor
+        is_identity = self.factor == 1.0 and self.offset == 0.0
+        if is_identity or not isinstance(value, float | int | np.ndarray):
+            return quotient
+        resolved = np.spacing(np.maximum(np.abs(value), abs(self.offset))) / abs(self.factor)
+        found = _short_decimals(quotient, resolved)
+        return found if isinstance(value, np.ndarray | np.generic) else float(found)
 
     def difference_from_si(self, value: Any) -> Any:
         """Convert a difference, or an array of differences, from SI units."""
         return value / self.factor
+
+
+def _short_decimals(values: Any, resolved: Any) -> Any:
+    """Return numbers with few decimals in place of those that are as good as equal to one.
+
+    `resolved` are the smallest differences that the numbers resolve. Three digits before them are
+    looked at, so one in a thousand of arbitrary numbers changes, by three of them at the most.
+    """
+    with np.errstate(all="ignore"):  # NaN and infinite values stay what they are
+        digits = (-np.frexp(resolved)[1] * math.log10(2.0)).astype(int) - 3
+        powers = _POWERS[np.clip(digits, 0, len(_POWERS) - 1)]
+        short = np.rint(values * powers) / powers
+        return np.where(np.abs(short - values) <= 3 * resolved, short, values)[()]
 
 
 def _unit(text: str) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import islice
 
 import numpy as np
 import xarray as xr
@@ -17,6 +18,7 @@ from uqpen.execution.batching import WORTH_SENDING, Pace, scalar_batches, vector
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.evaluator import Evaluator, EvaluatorWork
 from uqpen.execution.failures import FailureCount, FailurePolicy
+from uqpen.execution.first_runs import FirstRuns
 from uqpen.execution.open_blocks import BlockRecord, OpenBlocks
 from uqpen.execution.run_dataset import runs_dataset
 
@@ -33,6 +35,7 @@ def evaluate(
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
     failures: FailurePolicy | None = None,
+    first_runs: FirstRuns | None = None,
 ) -> xr.Dataset:
     """Run a model over points.
 
@@ -54,6 +57,8 @@ def evaluate(
         Restores runs made before, and stores finished ones.
     failures : FailurePolicy, optional
         Retries of missing runs, and how many may be missing.
+    first_runs : FirstRuns, optional
+        The model's first runs in a study, for a trial run and an early end; none of it otherwise.
 
     Returns
     -------
@@ -66,7 +71,7 @@ def evaluate(
     StudyError
         If the points are weighted and an output is named ``weight``.
     TooManyFailedError
-        If more runs are missing than allowed.
+        If more runs are missing than allowed, or the first ones have all failed alike.
     WorkerError
         If the map leaves out some runs.
     """
@@ -80,6 +85,7 @@ def evaluate(
         progress=progress,
         checkpoint=checkpoint,
         failures=failures,
+        first_runs=first_runs,
     )
     return join_blocks(blocks, blocked.size)
 
@@ -94,6 +100,7 @@ def evaluate_blocks(
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
     failures: FailurePolicy | None = None,
+    first_runs: FirstRuns | None = None,
 ) -> Iterator[xr.Dataset]:
     """Run a model over points; yield the runs by blocks of 65 536, in order.
 
@@ -109,6 +116,7 @@ def evaluate_blocks(
         numbers of failed runs are those in the whole.
     """
     failures = failures or FailurePolicy()
+    first_runs = first_runs or FirstRuns(evaluator.model, FailurePolicy(stop_after=0, trial=False))
     under_way = _RunsUnderWay(
         evaluator.model,
         points,
@@ -117,13 +125,18 @@ def evaluate_blocks(
         progress or Progress(),
         checkpoint or Checkpoint(),
         FailureCount(failures.at_most, points.size),
+        first_runs,
     )
     worth_sending = map.worth_sending if isinstance(map, PacedMap) else WORTH_SENDING
     pace = Pace(worth_sending, is_alone=bool(evaluator.model.enforced_limits))
     work = EvaluatorWork(evaluator, failures.retry)
     blocks = under_way.blocks
     while True:
-        for batch_result in map(work, _batches(blocks, evaluator.model, pace)):
+        batches = _batches(blocks, evaluator.model, pace)
+        if first_runs.is_trial_due:
+            alone = Pace(worth_sending, is_alone=True)
+            batches = islice(_batches(blocks, evaluator.model, alone), 1)
+        for batch_result in map(work, batches):
             pace.record(len(batch_result))
             under_way.add(batch_result)
             yield from under_way.pop_complete()
@@ -146,12 +159,14 @@ class _RunsUnderWay:
         progress: Progress,
         checkpoint: Checkpoint,
         failure_count: FailureCount,
+        first_runs: FirstRuns,
     ) -> None:
         self._model, self._display_units, self._label = model, display_units, label
         self._progress, self._checkpoint = progress, checkpoint
-        self._failure_count = failure_count
+        self._failure_count, self._first_runs = failure_count, first_runs
         if restored := checkpoint.prepare(points.size):
             progress.count_restored(restored)
+        first_runs.start_round(points.size, restored)
         self.blocks = OpenBlocks(points, model.outputs, self._restore)
         progress.start_runs(label, self._finished_runs)
 
@@ -161,11 +176,13 @@ class _RunsUnderWay:
         # Before it is stored, as it may be of another version of the model.
         self._model.record_files(batch_result.results.files)
         start, runs = batch_result.start, len(batch_result)
-        self._checkpoint.save(self.blocks.columns(start, start + runs), batch_result)
+        inputs = self.blocks.columns(start, start + runs)
+        self._checkpoint.save(inputs, batch_result)
         for warning in batch_result.warnings:
             self._progress.warn(warning)
         failed = self._failure_count.add(batch_result)
         self._progress.advance(runs, failed, self.blocks.under_way)
+        self._first_runs.add(inputs, batch_result)
 
     def pop_complete(self) -> Iterator[xr.Dataset]:
         """Yield the runs of complete blocks in order, and forget them."""
@@ -180,6 +197,10 @@ class _RunsUnderWay:
         for batch_result in self._checkpoint.restore(block.start, block.columns):
             block.add(batch_result)
             self._failure_count.add(batch_result)
+            first = batch_result.start - block.start
+            places = slice(first, first + len(batch_result))
+            inputs = {name: values[places] for name, values in block.columns.items()}
+            self._first_runs.add(inputs, batch_result)
             self._model.record_files(batch_result.results.files)
 
     def _finished_runs(self) -> list[xr.Dataset]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.limits import Limits
-from uqpen.core.model import Model, Results, empty_outputs, violated_conditions
+from uqpen.core.model import Model, Results, RunWarning, empty_outputs, violated_conditions
 from uqpen.core.status import Status
 from uqpen.distributions.constraints import Constraint
 from uqpen.execution.batch import Batch, BatchResult
@@ -142,4 +142,6 @@ def _replace_run(results: Results, run: int, one: Results) -> Results:
 
 def _warning_text(warning: warnings.WarningMessage) -> str:
     text = " ".join(str(warning.message).split())
+    if issubclass(warning.category, RunWarning):
+        return text
     return f"{warning.category.__name__}: {text} ({Path(warning.filename).name}:{warning.lineno})"

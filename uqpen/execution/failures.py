@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from uqpen.core.errors import TooManyFailedError
-from uqpen.core.settings import count, share, validate
+from uqpen.core.settings import count, flag, share, validate
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution.batch import BatchResult
 
@@ -19,7 +19,7 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class FailurePolicy:
-    """Number of retries of missing runs, and the share of runs that may be missing.
+    """Number of retries of missing runs, how many may be missing, and what the first ones decide.
 
     Parameters
     ----------
@@ -27,6 +27,10 @@ class FailurePolicy:
         Number of further attempts at a missing run; an inadmissible run is never tried again.
     at_most : float
         The share of a design's runs that may be missing, from 0 to 1.
+    stop_after : int
+        The study stops if so many first runs all fail alike; 0 for never.
+    trial : bool
+        Whether the first run is made alone, before others are sent out.
     """
 
     retry: int = count(
@@ -36,6 +40,13 @@ class FailurePolicy:
         expected="how often a failed run is repeated, a whole number from 0 to 100",
     )
     at_most: float = share(default=1.0, expected='the share of runs that may fail, such as "5 %"')
+    stop_after: int = count(
+        minimum=0,
+        maximum=1000,
+        default=10,
+        expected="how many first runs must all fail alike for the study to stop, 0 for never",
+    )
+    trial: bool = flag(default=True)
 
     def __post_init__(self) -> None:
         validate(self)

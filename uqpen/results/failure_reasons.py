@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
 from collections.abc import Iterable
+
+from uqpen.core.reasons import mask_numbers
 
 __all__ = ["common_reasons"]
 
 # Reasons that differ in their numbers alone and stay apart, at the most: there are few exit codes.
 _MOST_APART = 3
-
-# A number by itself; that of a name, as in x1, belongs to the name.
-_NUMBER = re.compile(r"(?<![\w.])(?:0x[0-9a-fA-F]+|[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)")
 
 
 def common_reasons(reasons: Iterable[str]) -> dict[str, str]:
@@ -27,7 +25,7 @@ def common_reasons(reasons: Iterable[str]) -> dict[str, str]:
     """
     alike: dict[str, list[str]] = defaultdict(list)
     for reason in dict.fromkeys(reasons):
-        alike[_NUMBER.sub("#", reason)].append(reason)
+        alike[mask_numbers(reason)].append(reason)
     return {
         reason: masked if len(found) > _MOST_APART else reason
         for masked, found in alike.items()

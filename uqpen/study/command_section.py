@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from uqpen.core.errors import ModelError, toml_text
-from uqpen.models.command.model import INPUTS, OUTCOME, OUTPUTS, Command, FolderPolicy
-from uqpen.models.command.placeholders import find_mistakes, names_in
+from uqpen.models.command.model import INPUTS, OUTCOME, OUTPUTS, RECORD, Command, FolderPolicy
+from uqpen.models.command.placeholders import BRACES, Delimiters, find_mistakes, names_in
 from uqpen.models.command.process import STDERR, STDOUT
 from uqpen.models.command.program import Program, lies_in_study, locate_program
 from uqpen.study.model_section import read_limits
@@ -23,9 +24,11 @@ _COMMAND = 'a program and its arguments, such as ["./solver", "{inputs}"]'
 _BESIDE = "the name of a file beside the study"
 _INSIDE = "a path relative to the folder of the run"
 
+_DELIMITER = re.compile(r"[^\w\s:]{1,8}")
+
 # What placeholders can stand for beside inputs, and what files in the folder of a run are taken.
 _PATHS = ("inputs", "outputs")
-_TAKEN = (INPUTS, OUTPUTS, OUTCOME, STDOUT, STDERR)
+_TAKEN = (INPUTS, OUTPUTS, OUTCOME, RECORD, STDOUT, STDERR)
 
 
 def read_command(table: TableReader) -> Command | None:
@@ -36,12 +39,12 @@ def read_command(table: TableReader) -> Command | None:
     noted = len(table.problems)
     words = tuple(_read_words(table))
     variables = read_variables(table)
-    handed = _ProgramFiles(table)
+    handed = _ProgramFiles(table, _read_delimiters(table))
     handed.read_templates()
     handed.read_copied()
     limits = read_limits(table)
     kept = table.settings(FolderPolicy, given={"folder": _kept_folder(table)})
-    named = set().union(*map(names_in, [*words, *handed.templates.values()]))
+    named = set().union(*map(names_in, words), handed.names())
     readings = read_readings(table, variables.outputs, OUTPUTS if "outputs" in named else STDOUT)
     if len(table.problems) == noted:
         handed.check([variable.name for variable in variables.inputs], words, named)
@@ -49,7 +52,10 @@ def read_command(table: TableReader) -> Command | None:
     if kept is None or len(table.problems) > noted:
         return None
     copied = tuple(handed.copied)
-    return Command(words, *variables, readings, kept, program, handed.templates, copied, limits)
+    templates, delimiters = handed.templates, handed.delimiters
+    return Command(
+        words, *variables, readings, kept, program, templates, copied, limits, delimiters
+    )
 
 
 @dataclass
@@ -57,6 +63,7 @@ class _ProgramFiles:
     """Arguments, templates and files for a program; each is checked as it is read."""
 
     table: TableReader
+    delimiters: Delimiters = BRACES
     templates: dict[str, str] = field(default_factory=dict)
     template_files: dict[str, str] = field(default_factory=dict)
     copied: list[str] = field(default_factory=list)
@@ -84,6 +91,11 @@ class _ProgramFiles:
             else:
                 self.copied.append(name)
 
+    def names(self) -> set[str]:
+        """Return the names of the placeholders in all templates."""
+        texts = self.templates.values()
+        return set[str]().union(*(names_in(text, self.delimiters) for text in texts))
+
     def check(self, inputs: list[str], words: tuple[str, ...], named: set[str]) -> None:
         """Note placeholders without an input, and inputs without a placeholder."""
         for taken in filter(_PATHS.__contains__, inputs):
@@ -94,7 +106,7 @@ class _ProgramFiles:
                 found = f"{found} in {toml_text(word)}"
                 self.table.add_problem(("command", position), found, expected)
         for name, text in self.templates.items():
-            for line, found, expected in find_mistakes(text, inputs, _PATHS):
+            for line, found, expected in find_mistakes(text, inputs, _PATHS, self.delimiters):
                 found = f'{found} in "{self.template_files[name]}", line {line}'
                 self.table.add_problem(("templates", name), found, expected)
         if not self.table.trust or "inputs" in named:
@@ -147,6 +159,19 @@ def _read_words(table: TableReader) -> Iterator[str]:
             table.add_wrong(at, word, "a program, without placeholders")
         else:
             yield word
+
+
+def _read_delimiters(table: TableReader) -> Delimiters:
+    """Read the delimiters of placeholders in templates."""
+    written = table.take("delimiters")
+    if written is None:
+        return BRACES
+    is_pair = isinstance(written, list) and len(written) == 2
+    if is_pair and all(isinstance(each, str) and _DELIMITER.fullmatch(each) for each in written):
+        return Delimiters(*written)
+    expected = 'two texts of 1 to 8 signs, no letters, digits or blanks, such as ["<<", ">>"]'
+    table.add_wrong("delimiters", written, expected)
+    return BRACES
 
 
 def _kept_folder(table: TableReader) -> Path:

@@ -9,6 +9,7 @@ from pathlib import PurePosixPath
 from uqpen.core.errors import toml_text
 from uqpen.core.model import Output
 from uqpen.models.command.readings import (
+    ColumnReader,
     CsvReader,
     JsonReader,
     NetcdfReader,
@@ -25,6 +26,7 @@ _FILE = "the name of a file in the folder of the run"
 _READERS: dict[str, tuple[type[OutputReader], str]] = {
     "json": (JsonReader, "key"),
     "csv": (CsvReader, "column"),
+    "table": (ColumnReader, "column"),
     "netcdf": (NetcdfReader, "variable"),
     "text": (TextReader, "pattern"),
 }
@@ -104,4 +106,5 @@ def _text_reader(section: TableReader, file: str, name: str) -> OutputReader | N
     if name not in compiled.groupindex and compiled.groups != 1:
         found = f"{toml_text(pattern)}, with {compiled.groups or 'no'} groups"
         section.add_problem("pattern", found, expected)
-    return TextReader(file, pattern, compiled.groupindex.get(name, 1))
+    group = compiled.groupindex.get(name, 1)
+    return section.settings(TextReader, given={"file": file, "pattern": pattern, "group": group})

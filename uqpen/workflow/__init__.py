@@ -13,6 +13,8 @@ from uqpen.core.labels import MODELS
 from uqpen.core.streams import Stream
 from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
+from uqpen.execution.first_runs import FirstRuns
+from uqpen.models.source import BuiltInModel
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.analysis_steps import AnalysisSteps
 from uqpen.workflow.design_runs import Runs, run_design
@@ -87,16 +89,32 @@ def _run_designs(
 ) -> dict[str, Runs]:
     """Make the runs of every design, by model, at common points."""
     runs_by_model: dict[str, Runs] = {name: {} for name in study.models}
+    # Of models of the user's own; runs of built-in ones cost nothing.
+    first_runs = {
+        name: FirstRuns(variant.model, study.failures, partial(_report_trial, progress, name))
+        for name, variant in study.models.items()
+        if not isinstance(variant.model, BuiltInModel)
+    }
     for name, design in study.designs.items():
         progress.start_design(name, design.run_count(study.joint) * len(study.models))
         stream = Stream(study.seed, "designs", name)
         round_checkpoint = partial(checkpoints, name)
         try:
             runs = run_design(
-                study, design, stream, map=map, progress=progress, round_checkpoint=round_checkpoint
+                study,
+                design,
+                stream,
+                map=map,
+                progress=progress,
+                round_checkpoint=round_checkpoint,
+                first_runs=first_runs,
             )
         except TooManyFailedError as error:
-            raise TooManyFailedError(f"{name}: {error}") from None
+            raise type(error)(f"{name}: {error}") from None
         for model in study.models:
             runs_by_model[model][name] = runs[model]
     return runs_by_model
+
+
+def _report_trial(progress: Progress, model: str, text: str) -> None:
+    progress.report_trial(f"{model}: {text}" if model else text)

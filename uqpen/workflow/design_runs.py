@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import xarray as xr
 
@@ -14,6 +14,7 @@ from uqpen.designs.drawn_points import Points
 from uqpen.designs.rounds import run_rounds
 from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds
 from uqpen.execution.checkpoint import Checkpoint
+from uqpen.execution.first_runs import FirstRuns
 from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.study.study import ValidatedStudy
 
@@ -31,6 +32,7 @@ def run_design(
     map: Map,
     progress: Progress,
     round_checkpoint: Callable[[str, int], Checkpoint] = lambda model, number: Checkpoint(),
+    first_runs: Mapping[str, FirstRuns] | None = None,
 ) -> Runs:
     """Make the runs of one design by model, at common points.
 
@@ -47,6 +49,8 @@ def run_design(
     round_checkpoint : callable
         Returns the checkpoint of a model's runs in a round, given the model's name and the number
         of the round.
+    first_runs : mapping of str to FirstRuns, optional
+        By the name of a model, its first runs in the study.
     """
 
     def model_runs(name: str, points: Points, number: int) -> xr.Dataset:
@@ -61,9 +65,10 @@ def run_design(
                 progress=progress,
                 checkpoint=round_checkpoint(name, number),
                 failures=study.failures,
+                first_runs=(first_runs or {}).get(name),
             )
         except TooManyFailedError as error:
-            raise TooManyFailedError(f"by {name}, {error}" if name else str(error)) from None
+            raise type(error)(f"by {name}, {error}" if name else str(error)) from None
 
     quantities = {
         name: study.model_quantities(variant.model) for name, variant in study.models.items()

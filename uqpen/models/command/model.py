@@ -8,9 +8,9 @@ import math
 import shlex
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -23,17 +23,18 @@ from uqpen.core.settings import choice, validate
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import scale
 from uqpen.models.command.folders import folder_name, keep_folder, working_folder
-from uqpen.models.command.placeholders import fill
+from uqpen.models.command.placeholders import BRACES, Delimiters, NotWholeError, fill
 from uqpen.models.command.process import STDERR, ProcessEnd, run_process
 from uqpen.models.command.program import Program
 from uqpen.models.command.readings import OutputReader
 from uqpen.models.command.reasons import last_line, remove_variable_parts
+from uqpen.models.command.record import RECORD, RunRecord
 from uqpen.models.command.written import RunFiles, UnreadableError
 
-__all__ = ["INPUTS", "OUTCOME", "OUTPUTS", "Command", "FolderPolicy"]
+__all__ = ["INPUTS", "OUTCOME", "OUTPUTS", "RECORD", "Command", "FolderPolicy"]
 
 # Files in the folder of a run: its inputs, the default file for its outputs, and,
-# in a folder that is kept, its outcome.
+# in a folder that is kept, its outcome, and the record by which it can be read again.
 INPUTS, OUTPUTS, OUTCOME = "inputs.json", "outputs.json", "outcome.txt"
 
 _PATHS = {"inputs": INPUTS, "outputs": OUTPUTS}
@@ -92,6 +93,10 @@ class Command(Model):
         The program; without it, the model cannot be run.
     templates : mapping of str to str
         By their names in the folder of a run, texts with placeholders.
+    delimiters : Delimiters
+        Those of the placeholders in templates.
+    reads_again : bool
+        Whether the outputs of a run whose folder is kept are read from there, without a run.
     copied : tuple of str
         Files beside the study that each run finds in its folder.
     """
@@ -106,6 +111,8 @@ class Command(Model):
     templates: Mapping[str, str] = field(default_factory=dict)
     copied: tuple[str, ...] = ()
     limits: Limits = Limits()
+    delimiters: Delimiters = BRACES
+    reads_again: bool = False
     name: str = field(init=False)
 
     vectorized = False
@@ -120,10 +127,7 @@ class Command(Model):
     def evaluate(self, inputs: Arrays) -> Results:
         if self.program is None:
             raise ModelError(f"{self.name} is not executed without --trust")
-        arguments = {
-            name: scale(self.units[name]).from_si(values).tolist()
-            for name, values in inputs.items()
-        }
+        arguments = {name: values.tolist() for name, values in self._own_units(inputs).items()}
         runs = len(next(iter(inputs.values())))
         outputs = {output.name: np.full(runs, np.nan) for output in self.outputs}
         status = np.full(runs, Status.OK, dtype=np.int8)
@@ -149,12 +153,28 @@ class Command(Model):
     def identity(self) -> dict[str, str]:
         return {"name": self.name, **(self.program.identity() if self.program else {})}
 
+    def run_folder(self, inputs: Mapping[str, float]) -> Path | None:
+        taken = {each.name: np.array(inputs[each.name]) for each in self.inputs}
+        arguments = {name: float(value) for name, value in self._own_units(taken).items()}
+        folder = self.folder_policy.folder / folder_name(arguments)
+        return folder if folder.is_dir() else None
+
+    def reading_again(self) -> Command:
+        return replace(self, reads_again=True)
+
     def with_folder(self, folder: Path) -> Command:
         """Return a copy that keeps the folders of runs in another folder."""
         return replace(self, folder_policy=replace(self.folder_policy, folder=folder))
 
+    def _own_units(self, inputs: Arrays) -> dict[str, Any]:
+        """Convert SI values to the units that the program takes."""
+        return {name: scale(self.units[name]).from_si(values) for name, values in inputs.items()}
+
     def _run(self, program: Program, inputs: Mapping[str, float]) -> _Outcome:
-        """Make one run; any failure becomes its status."""
+        """Make one run, or read its folder again; any failure becomes its status."""
+        kept = self.folder_policy.folder / folder_name(inputs)
+        if self.reads_again and (ended := self._record(program).read(kept)) is not None:
+            return self._outcome(ended, kept, program)
         try:
             with working_folder() as folder:
                 self._furnish(folder, program, inputs)
@@ -162,14 +182,24 @@ class Command(Model):
                 ending = run_process(words, folder, self.limits)
                 outcome = self._outcome(ending, folder, program)
                 if self._is_kept(outcome):
-                    destination = self.folder_policy.folder / folder_name(inputs)
-                    keep_folder(folder, destination, {OUTCOME: _outcome_note(outcome, words)})
+                    notes = {
+                        OUTCOME: _outcome_note(outcome, words),
+                        RECORD: self._record(program).text(ending),
+                    }
+                    keep_folder(folder, kept, notes)
                 return outcome
+        except NotWholeError as error:
+            return _Outcome({}, Status.FAILED, str(error))
         except OSError as error:  # a disk that is full, a program for another machine
             if error.filename == str(program.executed.read.path) and error.errno == errno.ENOENT:
                 return _Outcome({}, Status.FAILED, _NO_INTERPRETER)
             reason = f"cannot be started: {error.strerror or type(error).__name__}"
             return _Outcome({}, Status.FAILED, reason)
+
+    def _record(self, program: Program) -> RunRecord:
+        """Return the record of its runs, with all that decides what a run at some inputs writes."""
+        decisive = [program.identity(), self.words, self.templates, self.copied]
+        return RunRecord(json.dumps([*decisive, asdict(self.delimiters)], sort_keys=True))
 
     def _furnish(self, folder: Path, program: Program, inputs: Mapping[str, float]) -> None:
         """Put the program's input files into a run's folder."""
@@ -178,7 +208,7 @@ class Command(Model):
         for name in self.copied:
             shutil.copy(program.folder / name, folder / name)
         for name, text in self.templates.items():
-            (folder / name).write_bytes(fill(text, {**inputs, **_PATHS}).encode())
+            (folder / name).write_bytes(fill(text, {**inputs, **_PATHS}, self.delimiters).encode())
         (folder / INPUTS).write_text(json.dumps(inputs) + "\n", encoding="utf-8")
 
     def _command(self, program: Program, inputs: Mapping[str, float]) -> list[str]:

@@ -5,22 +5,45 @@ from __future__ import annotations
 import contextlib
 import math
 import re
+import warnings
 from abc import ABC, abstractmethod
-from collections import deque
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import toml_text
-from uqpen.core.settings import count, text, validate
+from uqpen.core.model import RunWarning
+from uqpen.core.settings import choice, count, setting, text, validate
 from uqpen.models.command.written import RunFiles, UnreadableError
 
-__all__ = ["CsvReader", "JsonReader", "NetcdfReader", "OutputReader", "TextReader"]
+__all__ = [
+    "ColumnReader",
+    "CsvReader",
+    "JsonReader",
+    "NetcdfReader",
+    "OutputReader",
+    "TextReader",
+]
+
+# Lines of a table of columns that begin so are comments; the first one may have the headings.
+_COMMENT = ("#", "%", "!", "*")
 
 
 def _row(default: int | None) -> Any:
     expected = "a whole number: rows count from 0, and back from -1"
     return count(minimum=-math.inf, maximum=math.inf, default=default, expected=expected)
+
+
+def _column_number_or_heading() -> Any:
+    return setting(
+        "count or text",
+        "a heading, or a whole number: columns count from 0, and back from -1",
+        lambda value: type(value) is int or (isinstance(value, str) and bool(value.strip())),
+    )
+
+
+def _after() -> Any:
+    return text(expected="a text; what stands after its last occurrence is read", default=None)
 
 
 @dataclass(frozen=True)
@@ -91,6 +114,45 @@ class CsvReader(OutputReader):
 
 
 @dataclass(frozen=True)
+class ColumnReader(OutputReader):
+    """Reader of a number in a table whose columns are separated by blanks.
+
+    Parameters
+    ----------
+    column : str or int
+        The heading, in the first line of the table, which may be a comment; or the position, from
+        0, the last is -1.
+    row : int
+        Position among the lines that are no comments, without the headings; from 0, the last is -1.
+    after : str, optional
+        A text; the table begins in the line below its last occurrence.
+    """
+
+    column: str | int = _column_number_or_heading()
+    row: int = _row(-1)
+    after: str | None = _after()
+
+    def value(self, written: RunFiles) -> float:
+        content = _text_after(written, self.file, self.after)
+        if self.after is not None:
+            content = content.partition("\n")[2]
+        lines = [line.strip() for line in content.splitlines() if line.strip()]
+        position = self.column
+        if isinstance(position, str):
+            headings = lines[0].lstrip("".join(_COMMENT)).split() if lines else []
+            if position not in headings:
+                raise UnreadableError(f'{self.file} has no column "{position}"')
+            position, lines = headings.index(position), lines[1:]
+        rows = [line.split() for line in lines if not line.startswith(_COMMENT)]
+        place = f"row {self.row} of column {toml_text(self.column)} in {self.file}"
+        try:
+            number = rows[self.row][position]
+        except IndexError:
+            raise UnreadableError(f"there is no {place}") from None
+        return _parse_number(number, place)
+
+
+@dataclass(frozen=True)
 class NetcdfReader(OutputReader):
     """Reader of a number in a NetCDF file.
 
@@ -141,21 +203,57 @@ class TextReader(OutputReader):
     Parameters
     ----------
     pattern : str
-        A regular expression; its last match counts.
+        A regular expression.
     group : int
         Number of the group that contains the number.
+    match : str, optional
+        Which match counts: the ``"first"``, the ``"last"`` (as without it, but then several matches
+        are warned of), or the one with the smallest (``"min"``) or largest (``"max"``) number.
+    after : str, optional
+        A text; only what stands after its last occurrence is searched.
     """
 
     pattern: str
     group: int = 1
+    match: Literal["first", "last", "min", "max"] | None = choice(
+        "first",
+        "last",
+        "min",
+        "max",
+        default=None,
+        expected='which match counts: "first", "last", "min" or "max"',
+    )
+    after: str | None = _after()
 
     def value(self, written: RunFiles) -> float:
-        matches = re.finditer(self.pattern, written.text(self.file), re.MULTILINE)
-        last = next(iter(deque(matches, maxlen=1)), None)
-        if last is None:
-            raise UnreadableError(f"no match for {toml_text(self.pattern)} in {self.file}")
-        place = f"what {toml_text(self.pattern)} matches in {self.file}"
-        return _parse_number(last[self.group] or "", place)
+        content = _text_after(written, self.file, self.after)
+        matches = re.finditer(self.pattern, content, re.MULTILINE)
+        numbers = [match[self.group] or "" for match in matches]
+        pattern = toml_text(self.pattern)
+        if not numbers:
+            raise UnreadableError(f"no match for {pattern} in {self.file}")
+        place = f"what {pattern} matches in {self.file}"
+        if self.match in ("min", "max"):
+            found = [_parse_number(number, place) for number in numbers]
+            return min(found) if self.match == "min" else max(found)
+        if len(numbers) > 1 and self.match is None:
+            message = (
+                f'matches for {pattern} in {self.file}; the last is taken ("match" can say which)'
+            )
+            warning = RunWarning(f"several {message}", f"{len(numbers)} {message}")
+            warnings.warn(warning, stacklevel=2)
+        return _parse_number(numbers[0 if self.match == "first" else -1], place)
+
+
+def _text_after(written: RunFiles, file: str, after: str | None) -> str:
+    """Return the text of a file, or what stands in it after the last occurrence of another."""
+    content = written.text(file)
+    if after is None:
+        return content
+    _, found, rest = content.rpartition(after)
+    if not found:
+        raise UnreadableError(f"{file} does not contain {toml_text(after)}")
+    return rest
 
 
 def _has_part(found: Any, part: str) -> bool:

@@ -1,0 +1,67 @@
+"""Trial run of ``uqpen check --try`` on the screen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.printable import printable
+from uqpen.cli.screen import plain_table, show_line, standard_output
+from uqpen.core.arrays import FloatArray
+from uqpen.core.model import Output
+from uqpen.core.status import STATUS_TEXT, Status
+from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.study.study import ValidatedStudy
+from uqpen.workflow.trial_run import TrialRun, trial_run
+
+__all__ = ["show_trial_runs"]
+
+
+def show_trial_runs(study: ValidatedStudy) -> ExitCode:
+    """Make a run of each model at the nominal inputs; show its outputs, or why it failed."""
+    found = [_show_trial_run(study, name) for name in study.models]
+    return ExitCode.DONE if all(found) else ExitCode.TOO_MANY_FAILED
+
+
+def _show_trial_run(study: ValidatedStudy, name: str) -> bool:
+    """Show the trial run of a model; return True if it is ok."""
+    show_line("")
+    trial = trial_run(study, name)
+    which = f" of {name}" if study.has_several_models else ""
+    is_ok = trial.status is Status.OK
+    if is_ok:
+        show_line(f"trial run{which} at the nominal inputs, {trial.seconds:.3g} s\n")
+        rows = list(_output_rows(study, name, trial))
+        standard_output().print(plain_table(["output", "value", "unit"], rows))
+    else:
+        show_line(f"trial run{which} at the nominal inputs: {STATUS_TEXT[trial.status]}")
+        show_line(f"  {printable(trial.reason)}")
+        if trial.folder is not None:
+            show_line(f"  its files are in {trial.folder}")
+    for warning in trial.warnings:
+        show_line(f"warning: {printable(warning)}")
+    return is_ok
+
+
+def _output_rows(
+    study: ValidatedStudy, name: str, trial: TrialRun
+) -> Iterator[tuple[str, str, str]]:
+    """Yield the name, value and unit of each output, as the study shows them."""
+    for quantity in study.model_quantities(study.models[name].model):
+        output, unit = quantity.output, quantity.display_unit
+        is_bare = bool(output.categories) or unit == DIMENSIONLESS
+        text = _value_text(output, unit, trial.outputs[output.name])
+        yield output.name, text, "" if is_bare else unit
+
+
+def _value_text(output: Output, unit: str, values: FloatArray) -> str:
+    """Return a value, a category, or the ends of a field with its dimensions."""
+    if output.categories:
+        return output.categories[round(float(values))].label
+    shown = scale(unit).from_si(np.array([np.nanmin(values), np.nanmax(values)]))
+    if not output.dims:
+        return f"{shown[0]:.6g}"
+    along = ", ".join(f"{each.name} ({len(each.values)})" for each in output.dims)
+    return f"{shown[0]:.6g} to {shown[1]:.6g} along {along}"

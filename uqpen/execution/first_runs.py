@@ -1,0 +1,133 @@
+"""First runs of a model in a study: its trial run, and the end of a study that cannot succeed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from uqpen.core.arrays import Arrays
+from uqpen.core.errors import FirstRunsFailedError
+from uqpen.core.model import Model
+from uqpen.core.reasons import mask_numbers
+from uqpen.core.status import STATUS_TEXT, Status
+from uqpen.execution.batch import BatchResult
+from uqpen.execution.failures import FailurePolicy
+
+__all__ = ["FirstRuns"]
+
+
+class _FailedRun(NamedTuple):
+    """How a run failed, and the folder in which its files are kept, if any."""
+
+    status: Status
+    reason: str
+    folder: Path | None
+
+    @property
+    def text(self) -> str:
+        """The reason, and the folder, each on a line of its own."""
+        status = "" if self.status is Status.FAILED else f"{STATUS_TEXT[self.status]}: "
+        said = f"  {status}{self.reason}"
+        return f"{said}\n  its files are in {self.folder}" if self.folder else said
+
+
+class FirstRuns:
+    """First runs of a model in a study, in the order of their numbers.
+
+    They are looked at until one is ok or two fail in different ways. Inadmissible runs do not
+    count. The order is that of the designs and of the runs in them, so that it does not matter in
+    which order runs complete.
+
+    Parameters
+    ----------
+    model : Model
+        The model, which knows where the files of failed runs are kept.
+    policy : FailurePolicy
+        Whether there is a trial run, and how many runs end the study if all fail alike.
+    report : callable, optional
+        Receives the text on a trial run that has failed.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        policy: FailurePolicy,
+        report: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self._model, self._policy, self._report = model, policy, report
+        self._failed: list[_FailedRun] = []
+        self._is_over = False
+        self._next = self._runs = 0
+        self._waiting: list[tuple[Arrays, BatchResult]] = []
+        # True if the next batch is made alone, as the trial run is still to be made.
+        self.is_trial_due = policy.trial
+
+    def start_round(self, runs: int, restored: int = 0) -> None:
+        """Begin a round with a number of runs, of which some were restored."""
+        self._next, self._runs = 0, runs
+        self._waiting.clear()
+        if restored:
+            self.is_trial_due = False
+
+    def add(self, inputs: Arrays, batch_result: BatchResult) -> None:
+        """Look at the results of a batch as soon as those of all runs before are known.
+
+        Raises
+        ------
+        FirstRunsFailedError
+            If as many runs as the policy names have failed alike.
+        """
+        if self._is_over:
+            return
+        self._waiting.append((inputs, batch_result))
+        self._waiting.sort(key=lambda waiting: waiting[1].start)
+        while self._waiting and self._waiting[0][1].start <= self._next:
+            self._examine_batch(*self._waiting.pop(0))
+
+    def _examine_batch(self, inputs: Arrays, batch_result: BatchResult) -> None:
+        stop = batch_result.start + len(batch_result)
+        for run in range(self._next, stop):
+            if self._is_over:
+                self._waiting.clear()
+                return
+            position = run - batch_result.start
+            status = Status(int(batch_result.results.status[position]))
+            if status is not Status.INADMISSIBLE:
+                reason = batch_result.results.reasons.get(position, "")
+                self._examine(status, reason, inputs, position)
+                self._stop_if_alike(are_left=run + 1 < self._runs)
+        self._next = max(self._next, stop)
+
+    def _examine(self, status: Status, reason: str, inputs: Arrays, position: int) -> None:
+        """Look at the next run that was made."""
+        is_trial, self.is_trial_due = self.is_trial_due, False
+        if status is Status.OK:
+            self._is_over = True
+            return
+        one = {name: float(values[position]) for name, values in inputs.items()}
+        failed = _FailedRun(status, reason, self._model.run_folder(one))
+        if is_trial:
+            self._report(f"the trial run has failed:\n{failed.text}")
+        self._failed.append(failed)
+        self._is_over = self._policy.stop_after == 0 or not _are_alike(self._failed[0], failed)
+
+    def _stop_if_alike(self, *, are_left: bool) -> None:
+        """Stop if enough runs have failed alike, and others of the round are left to save."""
+        if are_left and not self._is_over and len(self._failed) >= self._policy.stop_after:
+            raise FirstRunsFailedError(self._message())
+
+    def _message(self) -> str:
+        first = self._failed[0]
+        lines = [
+            f"the first {len(self._failed)} runs have all failed alike, for example",
+            first.text,
+        ]
+        if first.folder and len(self._failed) > 1:
+            lines.append("  those of the others are beside it")
+        return "\n".join(lines)
+
+
+def _are_alike(one: _FailedRun, other: _FailedRun) -> bool:
+    is_same = one.status == other.status
+    return is_same and mask_numbers(one.reason) == mask_numbers(other.reason)

@@ -1,0 +1,73 @@
+"""Trial run: one run of each model at the nominal point, before a study is started."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from uqpen.core.arrays import FloatArray
+from uqpen.core.model import RunWarning
+from uqpen.core.status import Status
+from uqpen.execution import Evaluator
+from uqpen.study.study import ValidatedStudy
+
+__all__ = ["TrialRun", "trial_run"]
+
+
+@dataclass(frozen=True)
+class TrialRun:
+    """Run of a model at the nominal point.
+
+    Parameters
+    ----------
+    outputs : mapping of str to ndarray, shape (*dims)
+        SI values; NaN where the run failed.
+    status : Status
+        How it ended.
+    reason : str
+        Why it failed; empty if it did not.
+    folder : Path or None
+        Folder in which its files are kept.
+    warnings : tuple of str
+        Warnings of the model about it.
+    seconds : float
+        Its duration.
+    """
+
+    outputs: Mapping[str, FloatArray]
+    status: Status
+    reason: str
+    folder: Path | None
+    warnings: tuple[str, ...]
+    seconds: float
+
+
+def trial_run(study: ValidatedStudy, name: str) -> TrialRun:
+    """Run a model of a study, given its name, at the nominal point.
+
+    Random inputs are at their medians. No design makes use of the run.
+    """
+    variant = study.models[name]
+    model = variant.model
+    model.prepare()
+    nominal = {**study.joint.nominal(), **variant.given}
+    columns = {name: np.array([value]) for name, value in nominal.items()}
+    began = time.monotonic()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        results = Evaluator(model, study.constraints)(columns)
+    seconds = time.monotonic() - began
+    of_run = [each.message for each in caught if isinstance(each.message, RunWarning)]
+    return TrialRun(
+        {output: values[0] for output, values in results.outputs.items()},
+        Status(int(results.status[0])),
+        results.reasons.get(0, ""),
+        model.run_folder(nominal),
+        tuple(dict.fromkeys(warning.of_one_run for warning in of_run)),
+        seconds,
+    )
