@@ -89,6 +89,8 @@ DEPENDENCE = "dependence"
 STOPPING_RULE = "stopping_rule"
 STOPPING_NOTE = "stopping_note"
 STOPPING_AT_MOST = "stopping_at_most"
+# How well given points follow the distributions that the study states.
+AGREEMENT = "agreement_with_inputs"
 # The criterion by which points were moved apart.
 OPTIMIZED_BY = "points_optimized_by"
 # Moved inputs whose nominal value is 0, so that no step is relative to it.

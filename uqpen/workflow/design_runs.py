@@ -9,11 +9,13 @@ import xarray as xr
 from uqpen.core.errors import TooManyFailedError
 from uqpen.core.labels import SAMPLING
 from uqpen.core.streams import Stream
+from uqpen.designs.data import DataDesign
 from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import Points
 from uqpen.designs.rounds import run_rounds
 from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds
 from uqpen.execution.checkpoint import Checkpoint
+from uqpen.execution.recorded_runs import recorded_map
 from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.study.study import ValidatedStudy
 
@@ -23,6 +25,10 @@ __all__ = ["Runs", "run_design"]
 Runs = dict[str, xr.Dataset]
 
 
+def _no_checkpoint(model: str, number: int) -> Checkpoint:
+    return Checkpoint()
+
+
 def run_design(
     study: ValidatedStudy,
     design: Design,
@@ -30,7 +36,7 @@ def run_design(
     *,
     map: Map,
     progress: Progress,
-    round_checkpoint: Callable[[str, int], Checkpoint] = lambda model, number: Checkpoint(),
+    round_checkpoint: Callable[[str, int], Checkpoint] = _no_checkpoint,
 ) -> Runs:
     """Make the runs of one design by model, at common points.
 
@@ -48,6 +54,9 @@ def run_design(
         Returns the checkpoint of a model's runs in a round, given the model's name and the number
         of the round.
     """
+    maker = map
+    if isinstance(design, DataDesign):  # which no worker makes, and no checkpoint needs to keep
+        maker, round_checkpoint = recorded_map(design.results), _no_checkpoint
 
     def model_runs(name: str, points: Points, number: int) -> xr.Dataset:
         variant = study.models[name]
@@ -56,7 +65,7 @@ def run_design(
                 Evaluator(variant.model, study.constraints),
                 points.assign(variant.given),
                 _display_units(study),
-                map=map,
+                map=maker,
                 label=name,
                 progress=progress,
                 checkpoint=round_checkpoint(name, number),
