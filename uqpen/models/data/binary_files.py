@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.models.data.columns import DataColumn, data_error, name_and_unit
+from uqpen.models.data.columns import DataColumn, Entries, data_error, name_and_unit
 
 __all__ = ["frame_columns", "read_netcdf", "read_parquet"]
 
@@ -82,14 +82,13 @@ def frame_columns(file: str, frame: Any) -> tuple[DataColumn, ...]:
 
 def _column(file: str, name: str, unit: str, entries: Any) -> DataColumn:
     """Return a column with numbers where all entries are numbers or missing, else with texts."""
+    found: Entries
     try:
-        part: Entries = np.array(
-            [np.nan if each is None else each for each in entries], dtype=np.float64
-        )
+        found = np.array([np.nan if each is None else each for each in entries], dtype=np.float64)
     except (TypeError, ValueError):
         missing = [each is None or each != each for each in entries]
-        part = tuple("" if no else str(each) for each, no in zip(entries, missing, strict=True))
-    return DataColumn(name, unit, part, functools.partial(_row, file))
+        found = ["" if no else str(each) for each, no in zip(entries, missing, strict=True)]
+    return DataColumn(name, unit, found, functools.partial(_row, file))
 
 
 def _row(file: str, entry: int) -> str:
