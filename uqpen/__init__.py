@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from uqpen.archive.write import write
     from uqpen.benchmark.compare import compare
     from uqpen.core.errors import ArchiveError, StudyError, UqpenError
+    from uqpen.designs.data import DataDesign
     from uqpen.designs.full_factorial import FullFactorial
     from uqpen.designs.latin_hypercube import LatinHypercube
     from uqpen.designs.monte_carlo import MonteCarlo
@@ -58,6 +59,7 @@ __all__ = [
     "ArchiveError",
     "Beta",
     "ClaytonCopula",
+    "DataDesign",
     "Discrete",
     "ExtrapolationWarning",
     "FailurePolicy",
@@ -116,6 +118,7 @@ _HOMES = {
     "uqpen.archive.write": ("write",),
     "uqpen.benchmark.compare": ("compare",),
     "uqpen.core.errors": ("ArchiveError", "StudyError", "UqpenError"),
+    "uqpen.designs.data": ("DataDesign",),
     "uqpen.designs.full_factorial": ("FullFactorial",),
     "uqpen.designs.latin_hypercube": ("LatinHypercube",),
     "uqpen.designs.monte_carlo": ("MonteCarlo",),

@@ -128,6 +128,8 @@ def _output_rows(
     from uqpen.core.units import DIMENSIONLESS, scale
     from uqpen.execution import Evaluator
 
+    if model.uncallable_reason:
+        raise ModelError(model.uncallable_reason)
     missing = [
         f'--set {name}="… {model.input(name).unit}"' for name in model.missing_inputs(inputs)
     ]

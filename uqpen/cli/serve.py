@@ -153,6 +153,8 @@ def _offer(
     from uqpen.execution import Evaluator
     from uqpen.server import ServedModel
 
+    if model.uncallable_reason:
+        raise ModelError(f"{model.uncallable_reason}; a surrogate of an archive can be served")
     if fields := [output.name for output in model.outputs if output.dims]:
         found = f"{name} gives {', '.join(fields)} along dimensions"
         raise ModelError(f"{found}; only models with scalar outputs can be served")

@@ -101,6 +101,8 @@ DECISION_RUNS = "decision_runs"
 DECISION_PROBABILITY = "decision_probability"
 DECISION_LOWER = "decision_lower"
 DECISION_UPPER = "decision_upper"
+# How well given points follow the distributions that the study states.
+AGREEMENT = "agreement_with_inputs"
 # The criterion by which points were moved apart.
 OPTIMIZED_BY = "points_optimized_by"
 # Moved inputs whose nominal value is 0, so that no step is relative to it.

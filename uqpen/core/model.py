@@ -146,6 +146,11 @@ class Model(ABC):
         """Part of it whose versions `identity` cannot distinguish; empty where it can."""
         return ""
 
+    @property
+    def uncallable_reason(self) -> str:
+        """Reason why it cannot be run at any inputs; empty where it can."""
+        return ""
+
     @abstractmethod
     def evaluate(self, inputs: Arrays) -> Results:
         """Run a batch.

@@ -15,4 +15,5 @@ DESIGNS = {
     "morris": "uqpen.designs.morris:Morris",
     "one-at-a-time": "uqpen.designs.one_at_a_time:OneAtATime",
     "table": "uqpen.designs.table:TableDesign",
+    "data": "uqpen.designs.data:DataDesign",
 }

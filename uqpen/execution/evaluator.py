@@ -49,7 +49,7 @@ class Evaluator:
         runs = len(next(iter(inputs.values())))
         status = np.full(runs, Status.OK, dtype=np.int8)
         reasons: dict[int, str] = {}
-        for violated, reason in self._violations(inputs):
+        for violated, reason in self.violations(inputs):
             for run in np.flatnonzero(violated & (status == Status.OK)).tolist():
                 reasons[run] = reason
             status[violated] = Status.INADMISSIBLE
@@ -72,7 +72,8 @@ class Evaluator:
             values[status != Status.OK] = np.nan
         return Results(outputs, status, reasons, results.files)
 
-    def _violations(self, inputs: dict[str, FloatArray]) -> Iterator[tuple[Any, str]]:
+    def violations(self, inputs: dict[str, FloatArray]) -> Iterator[tuple[Any, str]]:
+        """Yield each condition on a batch of points, with a mask of those that violate it."""
         yield from violated_conditions(self.model, inputs)
         for constraint in self.constraints:
             yield ~constraint.is_satisfied(inputs), constraint.text

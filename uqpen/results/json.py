@@ -10,6 +10,7 @@ import xarray as xr
 from uqpen.archive.read import SCHEMA_ATTRIBUTE, group_names, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
+    AGREEMENT,
     CONFIDENCE_LEVEL,
     DIFFERENCES,
     INPUT,
@@ -47,8 +48,8 @@ __all__ = ["archive_identity", "archive_json", "estimate_json"]
 # The statistics of an output that have no dimension.
 _SINGLE = tuple(each.name for each in CATALOGUE.values() if not each.dims)
 
-# Attributes of the runs of a design that stopped at a precision.
-_STOPPING = (STOPPING_RULE, STOPPING_AT_MOST, STOPPING_NOTE)
+# Attributes of the runs of a design that stopped at a precision, or has given points.
+_OF_POINTS = (STOPPING_RULE, STOPPING_AT_MOST, STOPPING_NOTE, AGREEMENT)
 
 # The statistics that have one, by their keys in JSON.
 _FAMILIES = {
@@ -197,7 +198,7 @@ def _design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
         "where_lost": _failure_json(failures),
         **_joint_json(statistics, design),
         **statistics.run_accounts(design),
-        **{key: json_value(runs.attrs[key]) for key in _STOPPING if key in runs.attrs},
+        **{key: json_value(runs.attrs[key]) for key in _OF_POINTS if key in runs.attrs},
         **_decision_json(statistics, design),
         "outputs": _outputs_json(statistics, design, runs),
     }

@@ -11,6 +11,7 @@ import xarray as xr
 from uqpen.archive.read import read_group
 from uqpen.core.catalogue import LOWER_THRESHOLD, PROBABILITY, THRESHOLD
 from uqpen.core.labels import (
+    AGREEMENT,
     CONDITIONAL,
     MISSING,
     RUN,
@@ -114,7 +115,10 @@ def add_runs(table: OutputTable, tree: xr.DataTree) -> None:
     for source in table.columns:
         spent = runs_spent(tree, source)
         text = NOTHING if spent is None else grouped_number(spent)
-        cells.append(text + table.note_mark(stopping_text(read_group(tree, RUNS, source))))
+        runs = read_group(tree, RUNS, source)
+        for note in (stopping_text(runs), str(runs.attrs.get(AGREEMENT, ""))):
+            text += table.note_mark(note)
+        cells.append(text)
     table.rows.append(("runs", cells))
 
 

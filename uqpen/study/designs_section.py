@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from uqpen.core.errors import TableError, toml_text
 from uqpen.designs import DESIGNS
+from uqpen.designs.data import DataDesign
 from uqpen.designs.design import Design
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.table import TableDesign
@@ -103,7 +104,10 @@ def check_tables(
     given: list[set[str]] = []
     for name, design in designs.items():
         try:
-            given.append(set(design.columns(joint)) if isinstance(design, TableDesign) else set())
+            if isinstance(design, TableDesign | DataDesign):
+                given.append(set(design.columns(joint)))
+            else:
+                given.append(set())
         except TableError as error:
             expected = 'a column "name [unit]" for each input that it varies'
             table.add_problem((name, "file"), str(error), expected)
@@ -123,7 +127,7 @@ def check_outputs(
 def check_designs(table: TableReader, designs: dict[str, Design], joint: JointDistribution) -> None:
     """Note other designs that do not fit the inputs."""
     for name, design in designs.items():
-        if isinstance(design, TableDesign):
+        if isinstance(design, TableDesign | DataDesign):
             continue
         if not joint.random:
             expected = 'a random input, such as "(2.5 ± 0.1) m" or { uniform = { … } }'

@@ -29,7 +29,8 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
     """
     content = tomllib.loads(study.text)
     tables = {name: content[name] for name in _TABLES if name in content}
-    tables["designs"] = {design: content["designs"][design]}
+    if "designs" in content:
+        tables["designs"] = {design: content["designs"][design]}
     if model:
         tables["models"] = {model: content["models"][model]}
     else:

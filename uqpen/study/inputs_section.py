@@ -22,6 +22,7 @@ from uqpen.distributions.frozen import LIBRARIES
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.truncated import Truncated
 from uqpen.distributions.unloaded import UnloadedDistribution
+from uqpen.models.data.data_model import DataModel
 from uqpen.study.frozen_section import FROZEN, read_frozen
 from uqpen.study.joint_section import Groups
 from uqpen.study.measurements_section import MEASURED, read_measured
@@ -76,6 +77,8 @@ def read_inputs(table: TableReader, model: Model, stream: Stream, groups: Groups
 def read_constraints(table: TableReader, model: Model, inputs: Inputs) -> tuple[Constraint, ...]:
     """Read the comparisons of inputs that every point must satisfy."""
     given = inputs.unclear.union(entry.variable.name for entry in inputs.joint.inputs)
+    if isinstance(model, DataModel):
+        given |= model.points.keys()
     units = dict.fromkeys(inputs.unclear, ANY_DIMENSION) | {
         variable.name: variable.unit
         for variable in model.inputs

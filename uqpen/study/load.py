@@ -18,6 +18,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
 from uqpen.statistics.estimate import LEVEL
 from uqpen.study.analyses_section import read_analyses
+from uqpen.study.data_section import DEFAULT_DESIGNS, bind_designs, has_data
 from uqpen.study.dependence_section import read_dependence
 from uqpen.study.designs_section import (
     check_designs,
@@ -125,10 +126,14 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     are_models_whole = len(root.problems) == noted
     analyses = read_analyses(root)
     tables = {key: root.table(key, _expected(root, key)) for key in (*_REQUIRED, *_OPTIONAL)}
+    if has_data(root) and "designs" not in root:
+        tables["designs"] = root.inside(DEFAULT_DESIGNS, "designs")
     root.check_unknown_keys()
     failures = tables["failures"].whole_settings(FailurePolicy) or FailurePolicy()
     designs, design_modules = read_designs(tables["designs"])
     surrogates, origins = read_surrogates(tables["surrogates"], list(tables["designs"]))
+    if are_models_whole:
+        designs = bind_designs(tables["designs"], designs, model)
     inputs, joint, is_clear = _read_joint(root, tables, model, models, designs, heading.seed)
     constraints = read_constraints(tables["constraints"], model, inputs)
     quantities = read_quantities_of_interest(tables["outputs"], model, heading.confidence_level)
@@ -186,7 +191,7 @@ def _read_joint(
     is_clear : bool
         True if each input that is given could be read.
     """
-    if "joint" in root and "inputs" not in root:
+    if "inputs" not in root and not _expected(root, "inputs"):
         tables["inputs"] = root.inside({}, "inputs")
     groups = read_groups(tables["joint"], model, tables["inputs"])
     inputs = read_inputs(tables["inputs"], model, Stream(seed, "inputs"), groups)
@@ -204,7 +209,8 @@ def _read_joint(
 
 def _expected(root: TableReader, key: str) -> str:
     """Return what is expected of a table that must be there; empty for one that need not be."""
-    return "" if key == "inputs" and "joint" in root else _REQUIRED.get(key, "")
+    is_elsewhere = has_data(root) or (key == "inputs" and "joint" in root)
+    return "" if is_elsewhere else _REQUIRED.get(key, "")
 
 
 def _note_missing(

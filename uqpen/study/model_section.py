@@ -34,6 +34,7 @@ EXTERNAL_MODELS = {
     "command": "uqpen.study.command_section:read_command",
     "umbridge": "uqpen.study.umbridge_section:read_umbridge",
     "object": "uqpen.study.object_section:read_object",
+    "data": "uqpen.study.data_section:read_data",
 }
 
 # The reader of a table whose ``use`` names no built-in model.
@@ -44,6 +45,7 @@ _MODEL_KEYS = {
     "python": 'python = "my_model.py:function"',
     "command": 'command = ["./program", …]',
     "umbridge": 'umbridge = "http://…" (a server)',
+    "data": 'data = "runs.csv" (runs that are there)',
 }
 
 
@@ -79,6 +81,8 @@ def read_partial_model(table: TableReader, mentioned: PartialModel) -> PartialMo
     if len(ways) != 1:
         return mentioned
     name = table.content[ways[0]]
+    if ways == ["data"]:
+        return mentioned
     if ways == ["use"]:
         if not isinstance(name, str) or name not in MODELS:
             return mentioned

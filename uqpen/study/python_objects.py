@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -30,6 +31,7 @@ from uqpen.execution.failures import FailurePolicy
 from uqpen.models import MODELS
 from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
+from uqpen.study.data_objects import data_content, data_table, is_data
 from uqpen.study.frozen_section import SETTINGS
 from uqpen.study.joint_objects import find_tuple_faults, joint_units, with_joint_tables
 from uqpen.study.model_variables import find_variable_faults
@@ -65,7 +67,14 @@ class StudyContent:
         self.problems += find_tuple_faults(given.get("inputs"))
         given = with_joint_tables(given)
         model = given.get("model")
-        if callable(model) and not isinstance(model, PythonModel):
+        if is_data(model):
+            self.objects["model",] = data_content(model)
+            outputs = {
+                str(name): _output_unit(value) for name, value in _items(given.get("outputs"))
+            }
+            units = {**dict(self._input_units(given)), **outputs}
+            given["model"] = data_table(model, units, outputs)
+        elif callable(model) and not isinstance(model, PythonModel):
             given["model"] = self._bare_function(model, given)
             if "outputs" in given:
                 given["outputs"] = _without_fields(given["outputs"])
@@ -130,6 +139,12 @@ class StudyContent:
         inputs |= dict(joint_units(given.get("joint")))
         outputs = {str(name): _model_output(value) for name, value in _items(given.get("outputs"))}
         return PythonModel(function, inputs, outputs)
+
+    def _input_units(self, given: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+        """Yield each input whose value or distribution has a unit, with the first that it has."""
+        for name, value in _items(given.get("inputs")):
+            for unit in itertools.islice(_units(_declaration(value, self.folder) or value), 1):
+                yield str(name), unit
 
     def _expand_outputs(self) -> None:
         """Expand an output that is given by its unit alone to a table."""

@@ -79,7 +79,8 @@ def check_surrogates(
             found = f"a surrogate of {', '.join(fields)}, with dimensions"
             table.add_problem(name, found, "a scalar output: surrogates take no other")
         if joint is not None and not joint.random:
-            table.add_problem(name, "a surrogate over inputs that are all fixed", "a random input")
+            which = "that are all fixed" if joint.inputs else "without a distribution"
+            table.add_problem(name, f"a surrogate over inputs {which}", "a random input")
         elif joint is not None:
             table.add_problems(surrogate.check_inputs(joint), name)
         # What an archive names may be missing here; its study can be read all the same.

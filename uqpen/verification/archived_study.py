@@ -18,6 +18,7 @@ from uqpen.core.labels import KIND, RUN, RUNS, SAMPLING
 from uqpen.core.sampling import Sampling
 from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.study.analyses_section import ANALYSES_KEY
+from uqpen.study.data_section import DATA
 from uqpen.study.document import Objects
 from uqpen.study.load import parse_study
 from uqpen.study.model_section import EXTERNAL_MODELS
@@ -46,7 +47,7 @@ __all__ = [
 
 
 # The keys that name code; ``use`` does so unless it has the name of a model.
-_NAMED = ("use", *(key for key in EXTERNAL_MODELS if key != OBJECT))
+_NAMED = ("use", *(key for key in EXTERNAL_MODELS if key not in (OBJECT, DATA)))
 
 
 def archived_study(
@@ -102,7 +103,7 @@ def _named_code(table: Mapping[str, Any]) -> str:
     """Return the code that the table of a model names; empty for a named model or an object."""
     named = [table[key] for key in _NAMED if key in table and _is_code(key, table[key])]
     if not named:
-        return "" if {"use", OBJECT} & table.keys() else "a model of an unknown kind"
+        return "" if {"use", OBJECT, DATA} & table.keys() else "a model of an unknown kind"
     # A class, a function, a server, or the words of a command.
     return " ".join(map(str, named[0])) if isinstance(named[0], list) else str(named[0])
 
@@ -155,20 +156,26 @@ def external_names(text: str) -> list[str]:
 
 
 def refuse_external_names(tree: xr.DataTree, path: Path, *, trust: bool) -> None:
-    """Refuse an archive whose study cannot be repeated without executing others' code.
+    """Refuse an archive whose study cannot be repeated, or not without executing others' code.
 
     Raises
     ------
     ArchiveError
         If it is not the archive of a study.
     ModelError
-        If that code may not be executed. The message names the models and analyses.
+        If that code may not be executed, or its runs come from a file. The message names the models
+        and analyses, or the file.
     """
     if KIND in tree.attrs:
         raise ArchiveError(
             f"{path}: contains a benchmark of methods, which `uqpen compare` repeats"
         )
     text = str(tree.attrs["study_text"])
+    if files := [str(table[DATA]) for table in _model_tables(text) if DATA in table]:
+        raise ModelError(
+            f"{path}: its runs come from a file ({', '.join(files)}), and no model can make them "
+            "again; uqpen verify reads them again"
+        )
     for kind, objects in _named_objects(text).items():
         if objects:
             raise ModelError(

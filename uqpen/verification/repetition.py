@@ -33,9 +33,16 @@ from uqpen.verification.differences import (
 )
 from uqpen.verification.earlier_verdicts import earlier_verdict_groups, without_verdicts
 from uqpen.verification.interval_recipes import other_recipe, without_intervals
-from uqpen.workflow import analyse_runs
+from uqpen.workflow import analyse_runs, run_design
 
-__all__ = ["Runs", "draw_runs", "repeated_points", "repeated_runs", "repeated_statistics"]
+__all__ = [
+    "Runs",
+    "draw_runs",
+    "repeated_points",
+    "repeated_runs",
+    "repeated_statistics",
+    "reread_runs",
+]
 
 Positions = IntArray
 Runs = Mapping[str, Mapping[str, xr.Dataset]]
@@ -91,6 +98,29 @@ def repeated_runs(
         archived_runs.sizes[RUN] for designs in runs.values() for archived_runs in designs.values()
     )
     return _check_result("runs", f"{repeated} of {total} repeated", found, tolerance)
+
+
+def reread_runs(study: ValidatedStudy, runs: Runs) -> CheckResult:
+    """Read runs again from the data file that they come from; no model can repeat them.
+
+    The file is the archived one, or has its hash, so every bit must be the same.
+    """
+    found: list[Difference] = []
+    ((model, variant),) = study.models.items()
+    for name, design in study.designs.items():
+        stream = Stream(study.seed, "designs", name)
+        again = run_design(study, design, stream, map=map, progress=Progress())[model]
+        archived = runs[model][name]
+        inputs = archived[run_inputs(study, archived)].drop_attrs()
+        found += [
+            each._replace(what=f"{name}: {each.what}")
+            for each in find_differences(inputs, again[list(inputs)].drop_attrs())
+        ]
+        found += _run_differences(name, archived, again, variant.model.outputs)
+    rows = sum(archived.sizes[RUN] for archived in runs[model].values())
+    file = variant.model.name
+    what = f"not repeatable, as they come from a file; {rows} read again from {file}"
+    return _check_result("runs", what, found, 0.0)
 
 
 def repeated_points(study: ValidatedStudy, runs: Runs, tolerance: float) -> CheckResult:

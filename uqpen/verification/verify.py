@@ -27,6 +27,7 @@ from uqpen.core.errors import ArchiveError, StudyError, UqpenError
 from uqpen.core.labels import KIND
 from uqpen.execution import Map, Progress
 from uqpen.models import MODELS
+from uqpen.models.data.data_model import DataModel
 from uqpen.models.source import source_sha256
 from uqpen.study.document import Objects
 from uqpen.study.study import ValidatedStudy
@@ -48,7 +49,12 @@ from uqpen.verification.differences import TOLERANCE
 from uqpen.verification.earlier_verdicts import earlier_verdict_groups, unchecked_verdicts
 from uqpen.verification.interval_recipes import check_recipe
 from uqpen.verification.outside_statistics import without_outside_statistics
-from uqpen.verification.repetition import Runs, repeated_runs, repeated_statistics
+from uqpen.verification.repetition import (
+    Runs,
+    repeated_runs,
+    repeated_statistics,
+    reread_runs,
+)
 from uqpen.verification.restored_study import restored_study
 
 __all__ = ["environment_differences", "verify"]
@@ -230,7 +236,9 @@ def _repeat_checks(
             yield CheckResult("repetition", CheckOutcome.DIFFERENT, reason)
             return
         external = [] if trust else external_models(study.text)
-        if unrepeated := unrepeated_runs(study, external):
+        if isinstance(study.model, DataModel):
+            yield reread_runs(study, runs)
+        elif unrepeated := unrepeated_runs(study, external):
             yield unrepeated
         else:
             yield from _repeat_runs(study, tree, runs, number, allowed, map, progress)

@@ -9,12 +9,14 @@ import xarray as xr
 from uqpen.core.errors import TooManyFailedError
 from uqpen.core.labels import SAMPLING
 from uqpen.core.streams import Stream
+from uqpen.designs.data import DataDesign
 from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import Points
 from uqpen.designs.rounds import run_rounds
 from uqpen.execution import Evaluator, Map, Progress, evaluate, join_rounds
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.first_runs import FirstRuns
+from uqpen.execution.recorded_runs import recorded_map
 from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.study.study import ValidatedStudy
 
@@ -24,6 +26,10 @@ __all__ = ["Runs", "run_design"]
 Runs = dict[str, xr.Dataset]
 
 
+def _no_checkpoint(model: str, number: int) -> Checkpoint:
+    return Checkpoint()
+
+
 def run_design(
     study: ValidatedStudy,
     design: Design,
@@ -31,7 +37,7 @@ def run_design(
     *,
     map: Map,
     progress: Progress,
-    round_checkpoint: Callable[[str, int], Checkpoint] = lambda model, number: Checkpoint(),
+    round_checkpoint: Callable[[str, int], Checkpoint] = _no_checkpoint,
     first_runs: Mapping[str, FirstRuns] | None = None,
 ) -> Runs:
     """Make the runs of one design by model, at common points.
@@ -52,6 +58,10 @@ def run_design(
     first_runs : mapping of str to FirstRuns, optional
         By the name of a model, its first runs in the study.
     """
+    maker = map
+    if isinstance(design, DataDesign):  # which no worker makes, and no checkpoint needs to keep
+        maker, round_checkpoint = recorded_map(design.results), _no_checkpoint
+        first_runs = None
 
     def model_runs(name: str, points: Points, number: int) -> xr.Dataset:
         variant = study.models[name]
@@ -60,7 +70,7 @@ def run_design(
                 Evaluator(variant.model, study.constraints),
                 points.assign(variant.given),
                 study.display_units(),
-                map=map,
+                map=maker,
                 label=name,
                 progress=progress,
                 checkpoint=round_checkpoint(name, number),

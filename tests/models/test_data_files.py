@@ -1,0 +1,125 @@
+"""Data files: every format gives the same columns, and each mistake has a place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uqpen.core.errors import SettingsError
+from uqpen.models.data.columns import DataFile
+from uqpen.models.data.data_file import data_file, read_data_file
+
+RUNS = Path(__file__).parents[1] / "data" / "runs"
+
+
+def file_of(text: str, name: str = "runs.csv") -> DataFile:
+    return data_file(Path(name), text.encode())
+
+
+def refused(text: str) -> tuple[str, str]:
+    with pytest.raises(SettingsError) as caught:
+        [column.numbers() for column in file_of(text).columns]
+    (problem,) = caught.value.problems
+    return problem.found, problem.expected
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_the_delimiter_is_recognised(delimiter: str) -> None:
+    file = file_of(f'"a [kN]"{delimiter}b\r\n1{delimiter}2\r\n\r\n3{delimiter}"4"\r\n')
+    assert [(column.name, column.unit) for column in file.columns] == [("a", "kN"), ("b", "")]
+    assert [column.numbers().tolist() for column in file.columns] == [[1, 3], [2, 4]]
+
+
+@given(st.lists(st.tuples(*[st.floats(allow_nan=False)] * 3), min_size=1))
+def test_every_number_is_read_to_the_bit(rows: list[tuple[float, ...]]) -> None:
+    lines = ["a,b,c", *(",".join(map(repr, row)) for row in rows)]
+    read = np.transpose([column.numbers() for column in file_of("\n".join(lines)).columns])
+    assert np.array_equal(read, np.array(rows))
+
+
+def test_a_table_of_openturns_is_read() -> None:
+    file = read_data_file(RUNS / "openturns.csv")
+    assert [column.name for column in file.columns] == ["E", "F", "L", "I", "deviation"]
+    E, F, L, moment, deviation = (column.numbers() for column in file.columns)
+    assert deviation == pytest.approx(F * L**3 / (3 * E * moment), rel=1e-14)
+    assert file.rows == 60
+
+
+def test_a_collation_of_easyvvuq_is_read_without_its_numbering() -> None:
+    file = read_data_file(RUNS / "easyvvuq.csv")
+    names = ["F", "L", "I", "E", "deflection", "stress_0", "stress_1"]
+    assert [column.name for column in file.columns] == names
+    F, L, moment, E, deflection, first, second = (column.numbers() for column in file.columns)
+    assert deflection == pytest.approx(F * L**3 / (3 * E * moment), rel=1e-14)
+    assert first == pytest.approx(F * L / moment, rel=1e-14)
+    assert np.array_equal(second, F)
+    assert file.columns[0].place(0) == "easyvvuq.csv, line 3"
+
+
+def test_a_tabular_file_of_dakota_is_read_without_its_numbering() -> None:
+    file = read_data_file(RUNS / "dakota.dat")
+    columns = {column.name: column.numbers() for column in file.columns}
+    assert list(columns) == ["w", "t", "X", "Y", "mass", "stress", "displacement"]
+    assert columns["mass"] == pytest.approx(2.8 * columns["w"] * columns["t"], rel=1e-8)
+    without_numbering = file_of("%  x  y \n 1 2 \n 3 4 \n")
+    assert [column.numbers().tolist() for column in without_numbering.columns] == [[1, 3], [2, 4]]
+
+
+def test_netcdf_and_csv_give_the_same(tmp_path: Path) -> None:
+    xr.Dataset(
+        {"a": ("run", [1.0, 2.5], {"units": "kN"}), "y": ("run", [np.nan, 3.0]),
+         "status": ("run", ["failed", "ok"])},
+        {"run": [0, 1]},
+    ).to_netcdf(tmp_path / "runs.nc")  # fmt: skip
+    read = read_data_file(tmp_path / "runs.nc")
+    for one, other in zip(
+        read.columns, file_of("a [kN],y,status\n1,,failed\n2.5,3,ok\n").columns, strict=True
+    ):
+        assert (one.name, one.unit, one.texts()) == (other.name, other.unit, other.texts())
+
+
+def test_parquet_and_csv_give_the_same(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="pandas reads Parquet with pyarrow")
+    pd.DataFrame({"a [kN]": [1.0, 2.5], "y": [np.nan, 3.0]}).to_parquet(tmp_path / "runs.parquet")
+    read = read_data_file(tmp_path / "runs.parquet")
+    assert [(column.name, column.unit, column.texts()) for column in read.columns] == [
+        ("a", "kN", ["1", "2.5"]),
+        ("y", "", ["", "3"]),
+    ]
+
+
+@pytest.mark.parametrize("blank", ["", " ", "nan", "NaN", "NA", "null"])
+def test_a_blank_entry_is_no_number(blank: str) -> None:
+    (_, column) = file_of(f"a,b\n1,2\n3,{blank}\n").columns
+    assert np.array_equal(column.numbers(), [2, np.nan], equal_nan=True)
+    assert column.texts() == ["2", ""]
+
+
+def test_mistakes_are_said_with_their_place() -> None:
+    assert refused('a,b\n1,2\n\n"3\n4",x\n')[0] == '"3\\n4" in column "a", runs.csv, line 5'
+    assert refused("a,b\n1,2\n\n3,x\n") == ('"x" in column "b", runs.csv, line 4', "a number")
+    assert refused("a,b\n1,2\n3\n") == ("1 value in runs.csv, line 3", "2, one under each heading")
+    assert refused("a,b\n1,2,3\n")[0] == "3 values in runs.csv, line 2"
+    assert refused("a,a [kN]\n1,2\n")[0] == 'two columns "a" in runs.csv'
+    assert refused("a [kN,b\n1,2\n")[0] == 'the heading "a [kN" in runs.csv'
+    assert refused("a,b\n")[0] == "no row in runs.csv"
+    assert refused("")[0] == "no headings in runs.csv"
+    assert refused("% x y\n1 2 3\n")[0] == "3 values in runs.csv, line 2"
+
+
+def test_what_is_no_table_is_refused(tmp_path: Path) -> None:
+    for name, content, found in (
+        ("a.csv", b"a,b\n1,\xff\n", "bytes that are no UTF-8 in a.csv, line 2"),
+        ("a.nc", b"not NetCDF", "a.nc, which is no NetCDF file"),
+    ):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(SettingsError, match=found):
+            read_data_file(tmp_path / name)
+    with pytest.raises(SettingsError, match="no file"):
+        read_data_file(tmp_path / "absent.csv")

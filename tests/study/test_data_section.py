@@ -1,0 +1,311 @@
+"""A data file in place of a model: what is read, told and refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.core.labels import AGREEMENT
+from uqpen.core.status import Status
+from uqpen.designs.data import DataDesign
+from uqpen.statistics import texts
+from uqpen.verification.check_result import CheckOutcome
+
+RUNS = Path(__file__).parents[1] / "data" / "runs"
+
+LOADS, LENGTHS = (np.random.default_rng(seed).random(200) for seed in (1, 2))
+
+STUDY = """
+seed = 1
+[model]
+data = "runs.csv"
+outputs = ["deflection"]
+"""
+
+INPUTS = """
+[inputs]
+load = { uniform = { lower = "0 kN", upper = "1 kN" } }
+length = { uniform = { lower = "0 m", upper = "1 m" } }
+"""
+
+DESIGN = '[designs.given]\nkind = "data"\n'
+
+Written = Callable[..., uqpen.Study]
+
+
+def table(**columns: object) -> str:
+    given = {"load [kN]": LOADS, "length [m]": LENGTHS, "deflection [mm]": LOADS * LENGTHS}
+    return pd.DataFrame(given | columns).to_csv(index=False)
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Written:
+    """Write a data file and its study, and read them."""
+
+    def write(text: str = STUDY, runs: str = "") -> uqpen.Study:
+        (tmp_path / "runs.csv").write_text(runs or table())
+        (tmp_path / "beam.toml").write_text(text)
+        return uqpen.load_study(tmp_path / "beam.toml")
+
+    return write
+
+
+def runs_of(study: uqpen.Study, design: str = "given") -> xr.Dataset:
+    return uqpen.run(study)[f"runs/{design}"].to_dataset()
+
+
+def mistakes(text: str, runs: str, written: Written) -> list[tuple[str, str]]:
+    with pytest.raises(uqpen.StudyError) as caught:
+        written(text, runs)
+    return [(problem.key, problem.found) for problem in caught.value.problems]
+
+
+def test_inputs_outputs_and_units_come_from_the_headings(written: Written) -> None:
+    runs = runs_of(written(), "data")
+    assert runs["load"].attrs["units"] == "N"
+    assert runs["load"].attrs["display_units"] == "kN"
+    assert np.array_equal(runs["load"], LOADS * 1000)
+    assert np.array_equal(runs["deflection"], LOADS * LENGTHS * 0.001)
+    assert [name for name in runs if runs[name].attrs.get("role") == "input"] == ["load", "length"]
+
+
+def test_without_a_declaration_nothing_has_an_interval_and_the_reason_is_told(
+    written: Written,
+) -> None:
+    found = uqpen.run(written())["statistics/data/deflection"]
+    for name in ("mean", "quantile", "first_order", "pearson"):
+        assert np.isfinite(found[name].sel(bound="estimate")).all()
+        assert np.isnan(found[name].sel(bound=["lower", "upper"])).all()
+    assert found["mean"].attrs["note"] == texts.NOT_DECLARED_INDEPENDENT
+
+
+def test_the_statistics_are_those_of_runs_that_a_model_made(written: Written) -> None:
+    study = uqpen.Study(
+        model=lambda load, length: {"deflection": load * length},
+        inputs={"load": uqpen.Uniform("0 kN", "1 kN"), "length": uqpen.Uniform("0 m", "1 m")},
+        outputs={"deflection": "mm"},
+        designs={"given": uqpen.MonteCarlo(runs=300)},
+        seed=3,
+    )
+    made = uqpen.run(study)
+    exported = made["runs/given"].to_dataset()
+    frame = pd.DataFrame({name: exported[name] for name in ("load", "length", "deflection")})
+    frame.columns = pd.Index(["load [N]", "length [m]", "deflection [m]"])
+    data = written(f"{STUDY}{INPUTS}{DESIGN}independent = true\n", frame.to_csv(index=False))
+    again = uqpen.run(data)["statistics/given/deflection"]
+    for name, array in made["statistics/given/deflection"].data_vars.items():
+        assert np.array_equal(again[name], array, equal_nan=array.dtype.kind == "f"), name
+
+
+def test_failed_runs_are_data(written: Written) -> None:
+    deflection = (LOADS * LENGTHS).astype(object)
+    status = np.array(["ok"] * 200, dtype=object)
+    reason = np.array([""] * 200, dtype=object)
+    deflection[3], status[4], reason[4] = "", "Timed out", "a day"
+    deflection[5] = "inf"
+    columns = {"deflection [mm]": deflection, "status": status, "reason": reason}
+    runs = runs_of(written(runs=table(**columns)), "data")
+    expected = {3: Status.FAILED, 4: Status.TIMED_OUT, 5: Status.NOT_FINITE}
+    assert {run: runs["status"].values[run] for run in runs["lost_run"].values} == expected
+    reasons = ["deflection is blank", "a day", "deflection is infinite"]
+    assert runs["lost_reason"].values.tolist() == reasons
+    assert np.isnan(runs["deflection"].values[[3, 4, 5]]).all()
+
+
+def test_a_point_outside_the_constraints_is_inadmissible(written: Written) -> None:
+    table_of = table(**{"reach [kN]": np.full(200, 0.5)})
+    runs = runs_of(written(STUDY + '[constraints]\nkeep = ["load < reach"]\n', table_of), "data")
+    assert np.array_equal(runs["status"] == Status.INADMISSIBLE, LOADS >= 0.5)
+    assert np.array_equal(np.isnan(runs["deflection"]), LOADS >= 0.5)
+
+
+def test_rows_of_one_file_train_and_check_a_surrogate(written: Written) -> None:
+    designs = """
+    [designs.training]
+    kind = "data"
+    last = 120
+    [designs.check]
+    kind = "data"
+    first = 121
+    independent = true
+    [surrogates.pce]
+    kind = "polynomial-chaos"
+    design = "training"
+    """
+    tree = uqpen.run(written(STUDY + INPUTS + designs))
+    assert tree["runs/training"].sizes["run"] == 120
+    assert np.array_equal(tree["runs/check/load"], LOADS[120:] * 1000)
+    assert tree["statistics/pce/deflection/mean"].values[0] == pytest.approx(2.5e-4, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["latin-hypercube", "sobol-sequence", "halton"])
+def test_replicates_of_a_design_give_intervals(kind: str, written: Written) -> None:
+    replicates = np.repeat(np.arange(7, 17), 20)
+    study = written(f'{STUDY}{DESIGN}follows = "{kind}"\n', table(replicate=replicates))
+    assert study.designs["given"].replicate_count == 10
+    tree = uqpen.run(study)
+    assert np.array_equal(tree["runs/given/replicate"], replicates - 7)
+    mean = tree["statistics/given/deflection/mean"]
+    assert mean.attrs["interval"].startswith(texts.STUDENT_OVER_REPLICATES)
+    assert np.isfinite(mean.values).all()
+
+
+def test_weights_are_those_of_the_file(written: Written) -> None:
+    study = written(STUDY + DESIGN + "independent = true\n", table(weight=LENGTHS))
+    tree = uqpen.run(study)
+    assert np.array_equal(tree["runs/given/weight"], LENGTHS)
+    expected = np.average(LOADS * LENGTHS, weights=LENGTHS) * 0.001
+    assert tree["statistics/given/deflection/mean"].values[0] == pytest.approx(expected)
+
+
+def test_how_points_follow_the_stated_inputs_is_told(written: Written) -> None:
+    text = f"{STUDY}{INPUTS}{DESIGN}independent = true\n"
+    good = str(runs_of(written(text)).attrs[AGREEMENT])
+    assert good.startswith("Kolmogorov's distance from [inputs]: load 0.")
+    assert "; largest rank correlation: load and length " in good
+    bad = str(runs_of(written(text, table(**{"load [kN]": LOADS**2}))).attrs[AGREEMENT])
+    assert "load 0.2" in bad
+    assert "(p < 0.0001)" in bad
+    alike = {"length [m]": LOADS}
+    bad = str(runs_of(written(text, table(**alike))).attrs[AGREEMENT])
+    assert bad.endswith("load and length 1 (p < 0.0001)")
+    # A p value is that of independent draws, which these points are not declared to be.
+    undeclared = str(runs_of(written(STUDY + INPUTS + DESIGN)).attrs[AGREEMENT])
+    assert "p =" not in undeclared
+
+
+def test_an_archive_verifies_and_refuses_what_needs_a_model(
+    written: Written, tmp_path: Path, command_line: Callable[..., Any]
+) -> None:
+    study = written(STUDY + DESIGN + "independent = true\n")
+    path = tmp_path / "beam.nc"
+    uqpen.make_archive(study, path)
+    (tmp_path / "runs.csv").unlink()  # the archive keeps it
+    checks = {check.name: check for check in uqpen.verify(path)}
+    assert {check.verdict for check in checks.values()} == {CheckOutcome.EQUAL}
+    read = "not repeatable, as they come from a file; 200 read again from runs.csv: bit-equal"
+    assert checks["runs"].text == read
+    (tmp_path / "runs.csv").write_text(table())
+    for command in ("run", "serve"):
+        outcome = command_line(command, "beam.toml")
+        assert outcome.code == 2
+        assert "runs of a model that is not here" in outcome.err
+    outcome = command_line("rerun", "beam.nc")
+    assert outcome.code == 2
+    assert "its runs come from a file (runs.csv)" in " ".join(outcome.err.split())
+
+
+def test_a_changed_run_in_an_archive_is_found(written: Written, tmp_path: Path) -> None:
+    archive = uqpen.make_archive(written(), tmp_path / "beam.nc")
+    tree = archive.copy()
+    runs = tree["runs/data"].to_dataset()
+    runs["deflection"].values[7] += 1
+    tree["runs/data"] = xr.DataTree(runs)
+    uqpen.write(tree, tmp_path / "other.nc")
+    outcomes = {check.name: check.verdict for check in uqpen.verify(tmp_path / "other.nc")}
+    assert outcomes["runs"] is CheckOutcome.DIFFERENT
+
+
+@pytest.mark.parametrize(
+    ("file", "outputs", "units"),
+    [
+        ("openturns.csv", ["deviation"], {"E": "psi", "F": "lbf", "L": "inch"}),
+        ("easyvvuq.csv", ["deflection", "stress_0"], {"F": "N"}),
+        ("dakota.dat", ["stress", "displacement"], {"stress": "psi", "w": "inch"}),
+    ],
+)
+def test_runs_of_other_programs_are_analysed(
+    file: str, outputs: list[str], units: dict[str, str]
+) -> None:
+    stated = ", ".join(f'{name} = "{unit}"' for name, unit in units.items())
+    text = f'seed = 1\n[model]\ndata = "{file}"\noutputs = {outputs}\nunits = {{ {stated} }}\n'
+    tree = uqpen.run(uqpen.parse_study(text, folder=RUNS))
+    for output in outputs:
+        assert np.isfinite(tree[f"statistics/data/{output}/mean"].values[0])
+    for name, unit in units.items():
+        assert tree[f"runs/data/{name}"].attrs["display_units"] == unit
+
+
+FRAME = pd.DataFrame({"load [kN]": LOADS, "length": LENGTHS, "deflection": LOADS * LENGTHS})
+
+
+def test_a_dataframe_is_a_data_file(tmp_path: Path) -> None:
+    study = uqpen.Study(
+        model=FRAME,
+        inputs={"length": uqpen.Uniform("0 m", "1 m")},
+        outputs={"deflection": uqpen.OutputSpec("mm", exceeds=["0.5 mm"])},
+        designs={"given": DataDesign(independent=True)},
+        seed=1,
+    )
+    uqpen.make_archive(study, tmp_path / "beam.nc")
+    runs = uqpen.open_archive(tmp_path / "beam.nc")["runs/given"]
+    assert np.array_equal(runs["deflection"], LOADS * LENGTHS * 0.001)
+    assert runs["length"].attrs["units"] == "m"
+    outcomes = {check.verdict for check in uqpen.verify(tmp_path / "beam.nc")}
+    assert outcomes == {CheckOutcome.EQUAL}
+
+
+def test_a_dataset_is_a_data_file() -> None:
+    units = {"load": "kN", "length": "m", "deflection": "mm"}
+    values = (LOADS, LENGTHS, LOADS * LENGTHS)
+    dataset = xr.Dataset(
+        {
+            name: ("run", each, {"units": units[name]})
+            for name, each in zip(units, values, strict=True)
+        }
+    )
+    runs = runs_of(uqpen.Study(model=dataset, outputs={"deflection": "cm"}, seed=1), "data")
+    assert np.array_equal(runs["load"], LOADS * 1000)
+    assert runs["deflection"].attrs["display_units"] == "cm"
+
+
+def test_every_mistake_is_met_before_anything_is_read(written: Written) -> None:
+    text = STUDY.replace('"deflection"]', '"deflexion"]\nignore = ["x"]')
+    assert mistakes(text, "", written) == [
+        ("model.outputs[0]", 'no column "deflexion" in runs.csv'),
+        ("model.ignore[0]", 'no column "x" in runs.csv'),
+    ]
+    assert mistakes(STUDY.replace('["deflection"]', "[]"), "", written) == [
+        ("model.outputs", "no output")
+    ]
+    text = STUDY + 'inputs = ["load", "deflection"]\nunits = { load = "m", length = "kM" }\n'
+    assert ("model.units.load", '"m", and "kN" in the heading') in mistakes(text, "", written)
+    assert mistakes(STUDY, table().replace("[kN]", "[kM]"), written) == [
+        ("model.data", '"kM", which is not a known unit, in the heading of "load"')
+    ]
+    text = table().replace("length [m]", "max-length")
+    assert mistakes(STUDY, text, written) == [("model.data", 'a column "max-length" in runs.csv')]
+    rows = table().splitlines()
+    rows[9] = "1,,2"
+    assert mistakes(STUDY, "\n".join(rows), written) == [
+        ("model.data", 'nothing in column "length", runs.csv, line 10')
+    ]
+    rows[0], rows[9] = f"{rows[0]},status", "1,2,3,lost"
+    runs = "\n".join([rows[0], rows[9]])
+    assert mistakes(STUDY, runs, written) == [
+        ("model.data", '"lost" in column "status", runs.csv, line 2')
+    ]
+
+
+def test_designs_and_surrogates_that_do_not_fit_a_data_file_are_refused(
+    written: Written,
+) -> None:
+    design = '[designs.mc]\nkind = "monte-carlo"\nruns = 10\n'
+    assert mistakes(STUDY + design, "", written) == [("designs.mc.kind", '"monte-carlo"')]
+    assert mistakes(f"{STUDY}{DESIGN}first = 100\nlast = 201\n", "", written) == [
+        ("designs.given.last", "201")
+    ]
+    surrogate = '[surrogates.pce]\nkind = "polynomial-chaos"\ndesign = "data"\n'
+    assert mistakes(STUDY + surrogate, "", written) == [
+        ("surrogates.pce", "a surrogate over inputs without a distribution")
+    ]
+    text = 'seed = 1\n[model]\nuse = "ishigami"\n[designs.given]\nkind = "data"\n[inputs]\n'
+    found = mistakes(f"{text}x1 = 1\nx2 = 1\nx3 = 1\n", "", written)
+    assert ("designs.given.kind", '"data" with a model that makes runs') in found

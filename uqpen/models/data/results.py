@@ -1,0 +1,133 @@
+"""Points and results of a data file: its inputs, outputs, statuses and reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from uqpen.core.arrays import FloatArray
+from uqpen.core.errors import toml_text
+from uqpen.core.labels import REPLICATE, WEIGHT
+from uqpen.core.model import Input, Output, Results, Variable
+from uqpen.core.status import STATUS_TEXT, Status
+from uqpen.core.units import scale
+from uqpen.models.data.columns import DataColumn, DataFile, data_error
+
+__all__ = ["REASON", "STATUS", "data_coordinates", "data_points", "data_results"]
+
+# The columns with the status of each run, and with the reason of a failed one.
+STATUS, REASON = "status", "reason"
+
+_STATUSES = {status.meaning: status for status in Status}
+
+
+def data_points(
+    file: DataFile, inputs: Sequence[Input], units: Mapping[str, str]
+) -> dict[str, FloatArray]:
+    """Return the inputs of a data file in SI units.
+
+    Parameters
+    ----------
+    file : DataFile
+        The file.
+    inputs : sequence of Input
+        The inputs, each with a column.
+    units : mapping of str to str
+        The unit of each column.
+
+    Raises
+    ------
+    SettingsError
+        If an entry is blank or no finite number.
+    """
+    points = {}
+    for each in inputs:
+        column = file.column(each.name)
+        numbers = column.numbers()
+        bad = np.flatnonzero(~np.isfinite(numbers))
+        if bad.size:
+            found = "nothing" if np.isnan(numbers[bad[0]]) else f"{numbers[bad[0]]:g}"
+            expected = "a number: the inputs of a failed run have to be known, too"
+            raise data_error(f"{found} in {column.place_text(int(bad[0]))}", expected)
+        points[each.name] = _in_si(numbers, units[each.name])
+    return points
+
+
+def data_results(file: DataFile, outputs: Sequence[Output], units: Mapping[str, str]) -> Results:
+    """Return the outputs of a data file in SI units, with the status of each run.
+
+    A run with a blank output has failed; so has one that its status says so of, whatever its
+    outputs are. Raises a SettingsError for an entry that is neither blank nor a number, and for an
+    unknown status.
+    """
+    status, reasons = _stated(file)
+    found = {
+        each.name: _in_si(file.column(each.name).numbers(), units[each.name]) for each in outputs
+    }
+    for kind, test, text in (
+        (Status.FAILED, np.isnan, "{name} is blank"),
+        (Status.NOT_FINITE, np.isinf, "{name} is infinite"),
+    ):
+        for name, values in found.items():
+            for run in np.flatnonzero((status == Status.OK) & test(values)).tolist():
+                status[run] = kind
+                reasons[run] = reasons.get(run) or text.format(name=name)
+    is_ok = status == Status.OK
+    reasons = {
+        run: reasons.get(run) or STATUS_TEXT[Status(int(status[run]))]
+        for run in np.flatnonzero(~is_ok).tolist()
+    }
+    return Results(
+        {name: np.where(is_ok, each, np.nan) for name, each in found.items()}, status, reasons
+    )
+
+
+def data_coordinates(file: DataFile, variables: Sequence[Variable]) -> dict[str, FloatArray]:
+    """Return the replicates, from 0, and the weights of points, where the file has them.
+
+    Raises
+    ------
+    SettingsError
+        If a replicate is blank, or a weight is not a number of 0 or more.
+    """
+    known = {column.name for column in file.columns} - {each.name for each in variables}
+    found: dict[str, FloatArray] = {}
+    if REPLICATE in known:
+        _, numbers = np.unique(_complete(file.column(REPLICATE)), return_inverse=True)
+        found[REPLICATE] = numbers.astype(np.float64)
+    if WEIGHT in known:
+        found[WEIGHT] = _complete(file.column(WEIGHT))
+    return found
+
+
+def _complete(column: DataColumn) -> FloatArray:
+    """Return the numbers of a column without a blank one, or one below 0."""
+    numbers = column.numbers()
+    bad = np.flatnonzero(~(np.isfinite(numbers) & (numbers >= 0)))
+    if bad.size:
+        found = f"{numbers[bad[0]]:g} in {column.place_text(int(bad[0]))}"
+        raise data_error(found, "a number of 0 or more for each run")
+    return numbers
+
+
+def _in_si(numbers: FloatArray, unit: str) -> FloatArray:
+    values: FloatArray = scale(unit).array_to_si(numbers)
+    return values
+
+
+def _stated(file: DataFile) -> tuple[npt.NDArray[np.int8], dict[int, str]]:
+    """Return the statuses and reasons that a file states; without a status, a run is ok so far."""
+    columns = {column.name: column for column in file.columns}
+    status = np.full(file.rows, Status.OK, dtype=np.int8)
+    if STATUS in columns:
+        for run, text in enumerate(columns[STATUS].texts()):
+            word = text.lower().replace(" ", "_").replace("-", "_")
+            if word and word not in _STATUSES:
+                expected = f"one of {', '.join(STATUS_TEXT.values())}, or nothing"
+                found = f"{toml_text(text)} in {columns[STATUS].place_text(run)}"
+                raise data_error(found, expected)
+            status[run] = _STATUSES.get(word, Status.OK)
+    texts = enumerate(columns[REASON].texts() if REASON in columns else ())
+    return status, {run: text for run, text in texts if text}

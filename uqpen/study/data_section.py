@@ -1,0 +1,185 @@
+"""``[model] data``: runs of a model that is not here, in a file with inputs and outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from uqpen.core.errors import QuantityError, SettingsError, toml_text
+from uqpen.core.labels import NAME, REPLICATE, RESERVED, WEIGHT
+from uqpen.core.lookup import choices
+from uqpen.core.model import Input, Model, Output
+from uqpen.core.units import DIMENSIONLESS, si_unit
+from uqpen.designs.data import DataDesign
+from uqpen.designs.design import Design
+from uqpen.models.data.columns import DataFile
+from uqpen.models.data.data_file import data_file, read_data_file
+from uqpen.models.data.data_model import DataModel
+from uqpen.models.data.results import REASON, STATUS, data_coordinates, data_points, data_results
+from uqpen.study.table_reader import TableReader
+
+__all__ = ["DATA", "DEFAULT_DESIGNS", "bind_designs", "has_data", "read_data"]
+
+# The key with the file.
+DATA = "data"
+
+# The designs of a study of a data file that states none.
+DEFAULT_DESIGNS: dict[str, Any] = {"data": {"kind": "data"}}
+
+# Columns that are neither input nor output, unless a study names them so.
+_OTHERS = (STATUS, REASON, REPLICATE, WEIGHT)
+
+
+def has_data(root: TableReader) -> bool:
+    """Return True if a study has a data file in place of a model."""
+    table = root.content.get("model")
+    return isinstance(table, dict) and DATA in table
+
+
+@dataclass(frozen=True)
+class _Declaration:
+    """What the table of a model states of the columns of its data file."""
+
+    file: str
+    outputs: list[str]
+    inputs: list[str] | None
+    ignored: list[str]
+    units: Mapping[str, str]
+
+
+def read_data(table: TableReader) -> Model | None:
+    """Read the runs of a data file; None where a mistake was noted."""
+    noted = len(table.problems)
+    if table.path != ("model",):
+        table.add_problem(DATA, "a data file among several models", "a data file in [model]")
+    file = table.text(DATA, 'the name of a file, such as "runs.csv"')
+    outputs, inputs, ignored = (_names(table, key) for key in ("outputs", "inputs", "ignore"))
+    if not outputs and len(table.problems) == noted:
+        table.add_problem("outputs", "no output", 'columns of the file, such as ["deflection"]')
+    units = table.table("units")
+    for name, unit in units.content.items():
+        if not isinstance(unit, str):
+            units.add_wrong(name, unit, 'a unit such as "mm"')
+    table.check_unknown_keys()
+    if len(table.problems) > noted or file is None or outputs is None:
+        return None
+    declared = _Declaration(file, outputs, inputs, ignored or [], units.content)
+    try:
+        return _read_file(table, declared)
+    except SettingsError as error:
+        table.add_problems(error.problems, DATA)
+        return None
+
+
+def bind_designs(table: TableReader, designs: dict[str, Design], model: Model) -> dict[str, Design]:
+    """Give designs the runs of a data file; note those that are not of it, and the converse."""
+    bound: dict[str, Design] = {}
+    for name, design in designs.items():
+        if isinstance(design, DataDesign) and isinstance(model, DataModel):
+            bound[name] = made = replace(design, model=model)
+            table.add_problems(made.check_model(), name)
+        elif isinstance(design, DataDesign):
+            expected = 'a kind that makes runs, or [model] data = "…", the file with the runs'
+            table.add_problem((name, "kind"), '"data" with a model that makes runs', expected)
+        elif isinstance(model, DataModel):
+            found = toml_text(table.content[name].get("kind"))
+            expected = f'"data": all runs are those of {model.name}, and no other can be made'
+            table.add_problem((name, "kind"), found, expected)
+        else:
+            bound[name] = design
+    return bound
+
+
+def _names(table: TableReader, key: str) -> list[str] | None:
+    """Return a list of names of columns; None where there is none, or a mistake was noted."""
+    value = table.take(key)
+    if value is None or (isinstance(value, list) and all(isinstance(name, str) for name in value)):
+        return value
+    table.add_wrong(key, value, 'names of columns in a list, such as ["load", "length"]')
+    return None
+
+
+def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
+    """Return the runs of a file; note what the study states otherwise than the file."""
+    path = table.folder / Path(declared.file)
+    content = (table.document.objects or {}).get(table.path)
+    file = data_file(path, content) if isinstance(content, bytes) else read_data_file(path)
+    columns = {column.name: column for column in file.columns}
+    names = declared.inputs
+    if names is None:
+        no_input = {*declared.outputs, *declared.ignored, *_OTHERS}
+        names = [name for name in columns if name not in no_input]
+    noted = len(table.problems)
+    _check_names(table, file, declared, names)
+    units = dict(_units(table, file, declared, [*names, *declared.outputs]))
+    if len(table.problems) > noted:
+        return None
+    inputs = tuple(Input(*_variable(name, units)) for name in names)
+    outputs = tuple(Output(*_variable(name, units)) for name in declared.outputs)
+    return DataModel(
+        name=file.name,
+        inputs=inputs,
+        outputs=outputs,
+        points=data_points(file, inputs, units),
+        results=data_results(file, outputs, units),
+        file=file.file,
+        coordinates=data_coordinates(file, (*inputs, *outputs)),
+    )
+
+
+def _variable(name: str, units: Mapping[str, str]) -> tuple[str, str, str, str]:
+    """Return the name of a variable, its SI unit, its title and its unit for display."""
+    return name, si_unit(units[name]), "", units[name]
+
+
+def _check_names(
+    table: TableReader, file: DataFile, declared: _Declaration, inputs: Sequence[str]
+) -> None:
+    """Note names that the file has no column of, or that cannot be those of variables."""
+    columns = [column.name for column in file.columns]
+    if not inputs:
+        table.add_problem(DATA, f"no input in {file.name}", "a column for each input")
+    for key, names in (
+        ("inputs", declared.inputs or ()),
+        ("outputs", declared.outputs),
+        ("ignore", declared.ignored),
+        ("units", declared.units),
+    ):
+        for position, name in enumerate(names):
+            if name not in columns:
+                place = (key, name) if key == "units" else (key, position)
+                table.add_problem(
+                    place, f'no column "{name}" in {file.name}', choices(name, columns)
+                )
+    others = ", ".join(sorted(RESERVED))
+    for name in [*inputs, *declared.outputs]:
+        if not NAME.match(name) or name in RESERVED:
+            expected = f"names of letters, digits and _, at most 100, none of {others}"
+            ignored = f'; ignore = ["{name}"] leaves it out'
+            table.add_problem(DATA, f'a column "{name}" in {file.name}', expected + ignored)
+    for name in {*inputs} & {*declared.outputs}:
+        table.add_problem("outputs", f'"{name}", which is an input', "names that differ")
+
+
+def _units(
+    table: TableReader, file: DataFile, declared: _Declaration, names: Sequence[str]
+) -> Iterator[tuple[str, str]]:
+    """Yield the unit of each column: that of its heading, else the one that the study states."""
+    columns = {column.name: column for column in file.columns}
+    for name in filter(columns.__contains__, names):
+        written, stated = columns[name].unit, declared.units.get(name)
+        if written and stated:
+            found = f'"{stated}", and "{written}" in the heading'
+            table.add_problem(("units", name), found, "one of them")
+            continue
+        unit = written or stated or DIMENSIONLESS
+        try:
+            si_unit(unit)
+        except QuantityError as error:
+            place = ("units", name) if stated else (DATA,)
+            in_heading = "" if stated else f', in the heading of "{name}"'
+            table.add_problem(place, error.found + in_heading, error.expected)
+        else:
+            yield name, unit
