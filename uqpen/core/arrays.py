@@ -34,8 +34,9 @@ def is_finite_number(value: object) -> bool:
     >>> is_finite_number(3), is_finite_number(10**400), is_finite_number(True)
     (True, False, False)
     """
-    is_real = isinstance(value, numbers.Real) and not isinstance(value, bool)
-    return is_real and bool(abs(value) <= sys.float_info.max)
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return False
+    return bool(abs(value) <= sys.float_info.max)
 
 
 def floats(value: object) -> FloatArray:

@@ -30,11 +30,11 @@ from uqpen.results.benchmark_tables import (
     WINS,
     entry_comparisons,
     has_reference,
-    join_names,
     standing_mark,
     standings_table,
 )
 from uqpen.results.digits import grouped_number
+from uqpen.results.texts import join_names
 
 __all__ = ["answer"]
 
