@@ -1,19 +1,30 @@
-"""Make the archive of a study on disk; resume after an interruption."""
+"""Make the archive of a study on disk from its finished runs, wherever they are, and new ones."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import xarray as xr
 
 from uqpen.archive.write import prepare_destination, write
-from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
+from uqpen.checkpoints.checkpoint_folder import FAILED, CheckpointFolder
+from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.lock import lock_archive
+from uqpen.checkpoints.reused_runs import ReusedRuns
+from uqpen.checkpoints.run_sources import (
+    EarlierArchive,
+    open_named,
+    open_replaced,
+    sources_of_archives,
+)
+from uqpen.checkpoints.unchanged import has_missing_runs, is_unchanged
 from uqpen.core.errors import ArchiveError, ClusterError, TooManyFailedError
+from uqpen.core.labels import REUSED_RUNS
 from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
-from uqpen.study.fingerprint import run_fingerprint
+from uqpen.study.fingerprint import model_fingerprint, run_fingerprint
 from uqpen.study.outside_members import own_objects
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow import Checkpoints, run
@@ -28,13 +39,16 @@ def make_archive(
     map: Map = map,
     fresh: bool = False,
     lost_again: bool = False,
+    reuse: Sequence[str | Path] | None = (),
     progress: Progress | None = None,
 ) -> xr.DataTree:
     """Make the runs of a study, analyse them, write the archive, and return it.
 
     Finished runs are kept in ``<path>.parts`` until the archive is complete. After an interruption
-    of any kind, the next call makes only the remaining runs, and the same archive. Information that
-    depends on time and place is in ``<path>.log``.
+    of any kind, the next call makes only the remaining runs, and the same archive. Runs that the
+    archive at `path` has already, or another one, are not made either. If nothing has changed since
+    that archive was made, it stays as it is. Information that depends on time and place is in
+    ``<path>.log``.
 
     Parameters
     ----------
@@ -45,18 +59,22 @@ def make_archive(
     map : callable
         Like the built-in; it makes batches of runs. It cannot change a result.
     fresh : bool
-        Whether all checkpointed runs are removed, and made again.
+        Whether all checkpointed runs are removed, and all runs made.
     lost_again : bool
-        Whether only the missing ones among them are.
+        Whether the missing ones among the finished runs are made again.
+    reuse : sequence of str or Path, or None
+        Further archives whose runs may be taken; None for no archive, not even that at `path`.
     progress : Progress, optional
         Receives progress reports.
 
     Raises
     ------
     ArchiveError
-        If the archive or its checkpoint cannot be written, or another process is making it.
+        If the archive or its checkpoint cannot be written, another process is making it, or one of
+        `reuse` cannot be read.
     CheckpointError
-        If there are checkpointed runs that this study would not make; it states the changes.
+        If there are checkpointed runs that this study would not make, or an archive of `reuse` has
+        runs of other models only; it states the changes.
     """
     path = Path(path).absolute()
     prepare_destination(path)
@@ -65,6 +83,11 @@ def make_archive(
         lock_archive(path),
         Journal(_sibling_path(path, "log"), title, progress or Progress()) as journal,
     ):
+        replaced = None if fresh or reuse is None else open_replaced(path, journal)
+        if replaced and _is_complete(study, replaced.tree, lost_again=lost_again):
+            journal.inform(f"{replaced.place}: nothing has changed, so it stays as it is")
+            return replaced.tree
+        archives = [*([replaced] if replaced else []), *open_named(reuse or (), path)]
         is_unknown = _warn_if_unknown(study, journal)
         fingerprints = {
             (model, design): run_fingerprint(study, model, design)
@@ -78,15 +101,23 @@ def make_archive(
         kept.check_compatibility()
         if lost_again:
             kept.discard_failed()
-        checkpoints = _no_checkpoints if is_unknown else kept.checkpoint
+        sources = _sources(study, kept, archives, journal, lost_again=lost_again)
+        reused = ReusedRuns(study, sources, journal)
+
+        def checkpoint(design: str, model: str, number: int) -> Checkpoint:
+            own = Checkpoint() if is_unknown else kept.checkpoint(design, model, number)
+            return reused.checkpoint(own, design, model)
+
         try:
-            tree = _run_study(study, map, journal, kept, checkpoints)
+            tree = _run_study(study, map, journal, kept, checkpoint)
+            if record := reused.record():
+                tree.attrs[REUSED_RUNS] = record
             journal.start_step("writing the archive")
             _write(tree, path, kept)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(_kept_text(kept) or "nothing was written") from None
         journal.write_line(f"{path.name}: is written")
-        kept.remove_archived()
+        kept.remove_archived(reused.used_folders())
     return tree
 
 
@@ -103,8 +134,30 @@ def _warn_if_unknown(study: ValidatedStudy, journal: Journal) -> bool:
     return any(reason for reason, _ in unknown)
 
 
-def _no_checkpoints(design: str, model: str, number: int) -> Checkpoint:
-    return Checkpoint()
+def _is_complete(study: ValidatedStudy, tree: xr.DataTree, *, lost_again: bool) -> bool:
+    """Check that an archive has all that a study would make."""
+    return is_unchanged(study, tree) and not (lost_again and has_missing_runs(tree))
+
+
+def _sources(
+    study: ValidatedStudy,
+    kept: CheckpointFolder,
+    archives: Sequence[EarlierArchive],
+    journal: Journal,
+    *,
+    lost_again: bool,
+) -> dict[str, list[RunSource]]:
+    """Return the finished runs that each model may take, by its name."""
+    archived = sources_of_archives(study, archives, journal)
+    found: dict[str, list[RunSource]] = {}
+    for name, variant in study.models.items():
+        sources = archived[name]
+        if not variant.model.unknown_dependency:
+            sources = [*kept.set_aside_sources(name, model_fingerprint(study, name)), *sources]
+        if lost_again:
+            sources = [*filter(None, (each.without_statuses(FAILED) for each in sources))]
+        found[name] = sources
+    return found
 
 
 def _kept_text(kept: CheckpointFolder) -> str:

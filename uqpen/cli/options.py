@@ -86,9 +86,9 @@ def output_option(name: str, default: str) -> Callable[..., Any]:
 
 
 def resume_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the flags `fresh` and `lost_again`, about runs that were kept."""
-    fresh = "Repeat all runs, also those kept from an earlier start."
-    lost_again = "Repeat the kept runs that failed."
+    """Give a command the flags `fresh` and `lost_again`, about finished runs."""
+    fresh = "Make all runs, also those that are finished."
+    lost_again = "Repeat the finished runs that failed."
     command = click.option("--lost-again", is_flag=True, help=lost_again)(command)
     return click.option("--fresh", is_flag=True, help=fresh)(command)
 

@@ -45,18 +45,27 @@ class _StudyCommand(click.Command):
     help="Show the results so far on a page of this machine while the study runs.  "
     "[default port: any free one]",
 )
+@click.option(
+    "--reuse",
+    type=PATH,
+    multiple=True,
+    metavar="OTHER",
+    help="Take finished runs from this archive, too; may be given several times.",
+)
 @resume_options
 @executor_option
 def study(
     file: Path,
     archive: Path | None,
     is_reported: bool,
+    reuse: tuple[Path, ...],
     watch_port: int | None,
     executor: ExecutorOptions,
     **resume: Any,
 ) -> ExitCode:
     """Make the runs of the study FILE, analyse them, and write everything into one archive.
 
+    No run is made twice: those that the archive has already are taken, if the model is the same.
     Finished runs are kept beside the archive until it is complete. After an interruption, the
     same command continues from them.
 
@@ -75,7 +84,14 @@ def study(
         loaded = load_study(file)
     archive = archive or Path("archives") / f"{loaded.name}.nc"
     code = make_and_show(
-        loaded, here, archive, executor, show_tables, watch_port=watch_port, **resume
+        loaded,
+        here,
+        archive,
+        executor,
+        show_tables,
+        watch_port=watch_port,
+        reuse=[here / other for other in reuse],
+        **resume,
     )
     if code is not ExitCode.INTERRUPTED:
         if is_reported:
@@ -96,8 +112,8 @@ def make_and_show(
 ) -> ExitCode:
     """Make `archive` in the folder `here` where the user stands, `show` it, and report the outcome.
 
-    With a `watch_port`, a page on this machine shows the results meanwhile. `resume` are `fresh`
-    and `lost_again` of `uqpen.make_archive`.
+    With a `watch_port`, a page on this machine shows the results meanwhile. `resume` are `fresh`,
+    `lost_again` and `reuse` of `make_archive`.
     """
     from uqpen.checkpoints.make_archive import make_archive
     from uqpen.cli.progress import show_progress

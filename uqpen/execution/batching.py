@@ -10,11 +10,11 @@ from uqpen.core.streams import BLOCK
 from uqpen.execution.batch import Batch
 from uqpen.execution.open_blocks import OpenBlocks
 
-__all__ = ["WORTH_SENDING", "Pace", "scalar_batches", "vectorized_batches"]
+__all__ = ["BATCH_SIZE", "WORTH_SENDING", "Pace", "scalar_batches", "vectorized_batches"]
 
 
 # Size of the batches of a vectorised function. It never changes with the number of runs.
-_FIXED_SIZE = 1024
+BATCH_SIZE = 1024
 
 # Number of batches of a model whose runs are the same in any batch, and their smallest size. Larger
 # batches take a third less time: a million runs of compiled rods 3.1 s in place of 4.7 s.
@@ -45,7 +45,7 @@ def vectorized_batches(blocks: OpenBlocks, *, is_batch_independent: bool) -> Ite
     is_batch_independent : bool
         Whether a run is the same in any batch; batches are then as large as workers can share.
     """
-    size = _FIXED_SIZE
+    size = BATCH_SIZE
     if is_batch_independent:
         size = min(max(-(-blocks.size // _BATCHES), _SMALLEST), BLOCK)
     while blocks.position < blocks.size:
