@@ -267,6 +267,14 @@ def _make_until(studies: Studies, text: str, stop: int) -> None:
     uqpen.make_archive(study, studies.folder / "study.nc", progress=Stopped())
 
 
+def test_a_changed_design_without_a_point_in_common_is_told(studies: Studies) -> None:
+    cubes = STUDY.replace("monte-carlo", "latin-hypercube")
+    studies.make(cubes)
+    assert len(studies.make(cubes.replace("runs = 30", "runs = 40"))) == 40
+    expected = "one: none of its 30 earlier runs is at a point of the changed design"
+    assert studies.told.texts == [expected]
+
+
 def test_runs_that_a_smaller_design_leaves_out_are_not_removed(studies: Studies) -> None:
     with pytest.raises(KeyboardInterrupt):
         _make_until(studies, STUDY, stop=25)

@@ -90,14 +90,20 @@ def archived_sources(
         source
         for archived, comparison in comparisons.items()
         if not comparison.changes
-        for source in _sources(study.models[name].model, tree, archived, comparison, place)
+        for source in _sources(study, name, tree, archived, comparison, place)
     )
     return ArchivedSources(found, () if found else comparisons[names[0]].changes)
 
 
 def _sources(
-    model: Model, tree: xr.DataTree, name: str, comparison: ModelComparison, place: str
+    study: ValidatedStudy,
+    name: str,
+    tree: xr.DataTree,
+    archived_name: str,
+    comparison: ModelComparison,
+    place: str,
 ) -> Iterator[RunSource]:
+    model = study.models[name].model
     left_out = [] if comparison.is_same_limit else [Status.TIMED_OUT]
     left_out += [] if comparison.is_same_domain else [Status.INADMISSIBLE]
     here = {**provenance(), **(of_python_functions() if is_user_supplied(model) else {})}
@@ -106,12 +112,27 @@ def _sources(
         f"{name} {one} (here {other})" for name, one, other in provenance_differences(then, here)
     )
     notes = tuple(filter(None, str(tree.attrs.get(REUSED_RUNS, "")).split("\n")))
-    group = model_trees(tree)[name]
+    group = model_trees(tree)[archived_name]
+    changed = _changed_designs(study, tree)
     for design in group_names(group, RUNS):
         for runs in _rounds(read_group(group, RUNS, design), model, comparison.imported):
-            source = RunSource(place, runs, True, made_with, notes).without_statuses(left_out)
+            source = RunSource(
+                place,
+                runs,
+                is_complete=True,
+                made_with=made_with,
+                notes=notes,
+                changed_design=design if design in changed else "",
+            ).without_statuses(left_out)
             if source is not None:
                 yield source
+
+
+def _changed_designs(study: ValidatedStudy, tree: xr.DataTree) -> set[str]:
+    """Return the names of the designs that the archive's study has with other settings."""
+    texts = str(tree.attrs["study_text"]), study.text
+    before, now = (tomllib.loads(text).get("designs", {}) for text in texts)
+    return {name for name in before.keys() & now.keys() if before[name] != now[name]}
 
 
 def _rounds(runs: xr.Dataset, model: Model, imported: frozenset[str]) -> Iterator[FinishedRuns]:

@@ -45,6 +45,8 @@ class RunSource:
         What their archive says of runs that it has taken itself.
     folder : Path, optional
         Their folder, if they are in no archive.
+    changed_design : str
+        Name of their design, if the study has it with other settings.
     """
 
     place: str
@@ -53,6 +55,7 @@ class RunSource:
     made_with: str = ""
     notes: tuple[str, ...] = ()
     folder: Path | None = None
+    changed_design: str = ""
 
     def without_statuses(self, statuses: Collection[Status]) -> RunSource | None:
         """Return it without the runs of some statuses; None if no other is left."""

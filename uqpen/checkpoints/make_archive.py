@@ -8,6 +8,7 @@ from pathlib import Path
 import xarray as xr
 
 from uqpen.archive.write import prepare_destination, write
+from uqpen.checkpoints.changed_designs import unusable_runs_notes
 from uqpen.checkpoints.checkpoint_folder import FAILED, CheckpointFolder
 from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.journal import Journal
@@ -83,26 +84,16 @@ def make_archive(
         lock_archive(path),
         Journal(_sibling_path(path, "log"), title, progress or Progress()) as journal,
     ):
-        replaced = None if fresh or reuse is None else open_replaced(path, journal)
+        takes_archives = reuse is not None and not fresh
+        replaced = open_replaced(path, journal) if takes_archives else None
         if replaced and _is_complete(study, replaced.tree, lost_again=lost_again):
             journal.inform(f"{replaced.place}: nothing has changed, so it stays as it is")
             return replaced.tree
-        archives = [*([replaced] if replaced else []), *open_named(reuse or (), path)]
+        named = open_named(reuse or (), path) if takes_archives else []
+        archives = [replaced, *named] if replaced else named
         is_unknown = _warn_if_unknown(study, journal)
-        fingerprints = {
-            (model, design): run_fingerprint(study, model, design)
-            for model in study.models
-            for design in study.designs
-        }
-        kept = CheckpointFolder(_sibling_path(path, "parts"), fingerprints, journal)
-        kept.remove_temporary_files()
-        if fresh:
-            kept.remove_all()
-        kept.check_compatibility()
-        if lost_again:
-            kept.discard_failed()
-        sources = _sources(study, kept, archives, journal, lost_again=lost_again)
-        reused = ReusedRuns(study, sources, journal)
+        kept = _checkpoint_folder(study, path, journal, fresh=fresh, lost_again=lost_again)
+        reused = _reused_runs(study, kept, archives, journal, lost_again=lost_again)
 
         def checkpoint(design: str, model: str, number: int) -> Checkpoint:
             own = Checkpoint() if is_unknown else kept.checkpoint(design, model, number)
@@ -139,15 +130,34 @@ def _is_complete(study: ValidatedStudy, tree: xr.DataTree, *, lost_again: bool) 
     return is_unchanged(study, tree) and not (lost_again and has_missing_runs(tree))
 
 
-def _sources(
+def _checkpoint_folder(
+    study: ValidatedStudy, path: Path, journal: Journal, *, fresh: bool, lost_again: bool
+) -> CheckpointFolder:
+    """Return the folder of finished runs beside an archive, without those to be made again."""
+    fingerprints = {
+        (model, design): run_fingerprint(study, model, design)
+        for model in study.models
+        for design in study.designs
+    }
+    kept = CheckpointFolder(_sibling_path(path, "parts"), fingerprints, journal)
+    kept.remove_temporary_files()
+    if fresh:
+        kept.remove_all()
+    kept.check_compatibility()
+    if lost_again:
+        kept.discard_failed()
+    return kept
+
+
+def _reused_runs(
     study: ValidatedStudy,
     kept: CheckpointFolder,
     archives: Sequence[EarlierArchive],
     journal: Journal,
     *,
     lost_again: bool,
-) -> dict[str, list[RunSource]]:
-    """Return the finished runs that each model may take, by its name."""
+) -> ReusedRuns:
+    """Return the earlier runs that the study may take; tell which designs have no use for them."""
     archived = sources_of_archives(study, archives, journal)
     found: dict[str, list[RunSource]] = {}
     for name, variant in study.models.items():
@@ -157,7 +167,10 @@ def _sources(
         if lost_again:
             sources = [*filter(None, (each.without_statuses(FAILED) for each in sources))]
         found[name] = sources
-    return found
+    reused = ReusedRuns(study, found, journal)
+    for note in unusable_runs_notes(study, found, reused):
+        journal.inform(note)
+    return reused
 
 
 def _kept_text(kept: CheckpointFolder) -> str:

@@ -110,7 +110,13 @@ def set_aside_sources(
         if not all(change.is_limit for change in changes):
             continue
         for runs in _rounds(folder, read):
-            source = RunSource(_KEPT, runs, is_complete=False, folder=folder)
+            source = RunSource(
+                _KEPT,
+                runs,
+                is_complete=False,
+                folder=folder,
+                changed_design=set_aside_design(folder),
+            )
             found = source.without_statuses([Status.TIMED_OUT] if changes else [])
             if found is not None:
                 yield found

@@ -74,6 +74,8 @@ def study(
     from uqpen.cli.progress import show_step
     from uqpen.cli.report import announce_report, write_and_announce
 
+    if reuse and resume["fresh"]:
+        raise click.UsageError("--reuse and --fresh exclude each other")
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
     # Shown before the imports, which take longer than the reading.
