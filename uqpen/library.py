@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -67,11 +67,13 @@ def make_archive(
     fresh: bool = False,
     lost_again: bool = False,
     read_again: bool = False,
+    reuse: Sequence[str | Path] = (),
 ) -> Archive:
-    """Make all runs of a study, analyse them, and write everything into one archive.
+    """Make the runs of a study, analyse them, and write everything into one archive.
 
-    Finished runs are kept beside the archive until it is complete. After an interruption, the same
-    call goes on from them.
+    A run that the archive at `path` has already is not made again, if the model is the same. If
+    nothing has changed since that archive was made, it stays as it is. Finished runs are kept
+    beside the archive until it is complete. After an interruption, the same call goes on from them.
 
     Parameters
     ----------
@@ -80,21 +82,24 @@ def make_archive(
     path : str or Path
         The archive to write; its folder is made if there is none.
     fresh : bool
-        True to make all runs again, also those that an earlier call has kept.
+        True to make all runs, also those that an earlier call has made.
     lost_again : bool
-        True to make again those kept runs that failed.
+        True to make again those finished runs that failed.
     read_again : bool
         True to read the outputs of a program's runs again where their folders are kept, in place
         of making the runs. If finished runs have no folder, this needs `fresh`.
+    reuse : sequence of str or Path
+        Further archives. Their runs are not made again, either.
 
     Raises
     ------
     TooManyFailedError
         If more runs fail than the study allows.
     ArchiveError
-        If the archive or its checkpoint cannot be written.
+        If the archive or its checkpoint cannot be written, or an archive cannot be read.
     CheckpointError
-        If there are kept runs that this study would not make; it states the changes.
+        If there are kept runs that this study would not make, or `reuse` names an archive of
+        another model; it states the changes.
     """
     with _progress(progress) as reporter, _map(workers, map, reporter) as spread:
         tree = checkpoints.make_archive(
@@ -105,6 +110,7 @@ def make_archive(
             fresh=fresh,
             lost_again=lost_again,
             read_again=read_again,
+            reuse=reuse,
         )
         return Archive.of(tree)
 

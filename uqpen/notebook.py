@@ -67,6 +67,10 @@ class NotebookProgress(ProgressRecord):
         super().count_restored(runs)
         self._show()
 
+    def count_reused(self, runs: int, place: str) -> None:
+        super().count_reused(runs, place)
+        self._show()
+
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         super().advance(runs, failed, in_progress)
         if time.monotonic() - self._shown >= _PERIOD:

@@ -51,7 +51,7 @@ def blocks_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
             "core.blocks",
             "execution.open_blocks",
             "designs.rounds",
-            "checkpoints.checkpoint_folder",
+            "checkpoints.round_checkpoint",
         ):
             monkeypatch.setattr(f"uqpen.{module}.BLOCK", size)
 

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.checkpoints.replaced_designs import warn_of_runs_not_kept
+from uqpen.checkpoints.replaced_designs import runs_not_kept
 from uqpen.execution import Progress
 from uqpen.study.study import ValidatedStudy
 
@@ -28,13 +28,13 @@ HYPERCUBES = '[designs.d]\nkind = "latin-hypercube"\n'
 BLOCKS = '[designs.d]\nkind = "saltelli"\nreplicates = 2\n'
 
 
-class Warnings(Progress):
-    """The warnings that a study gives."""
+class Information(Progress):
+    """What a user is told before anything runs."""
 
     def __init__(self) -> None:
         self.texts: list[str] = []
 
-    def warn(self, text: str) -> None:
+    def inform(self, text: str) -> None:
         self.texts.append(text)
 
 
@@ -42,10 +42,8 @@ def parse(design: str, *, seed: int = 1, upper: int = 3) -> ValidatedStudy:
     return uqpen.parse_study(HEAD.format(seed=seed, upper=upper) + design)
 
 
-def warnings(archive: xr.DataTree, study: ValidatedStudy) -> list[str]:
-    progress = Warnings()
-    warn_of_runs_not_kept(study, archive, progress)
-    return progress.texts
+def told(archive: xr.DataTree, study: ValidatedStudy) -> list[str]:
+    return [f"{name}: {text}" for name, text in runs_not_kept(study, archive).items()]
 
 
 @pytest.mark.parametrize(
@@ -88,13 +86,13 @@ def warnings(archive: xr.DataTree, study: ValidatedStudy) -> list[str]:
 )
 def test_runs_that_are_not_kept_are_told(earlier: str, now: str, text: str) -> None:
     archive = uqpen.run(parse(earlier))
-    assert warnings(archive, parse(now)) == ([text] if text else [])
+    assert told(archive, parse(now)) == ([text] if text else [])
 
 
 @pytest.mark.parametrize("change", [{"seed": 2}, {"upper": 2}], ids=str)
 def test_nothing_is_advised_where_all_points_are_others(change: dict[str, int]) -> None:
     archive = uqpen.run(parse(HYPERCUBES + "runs = 40"))
-    assert warnings(archive, parse(HYPERCUBES + "runs = 60", **change)) == []
+    assert told(archive, parse(HYPERCUBES + "runs = 60", **change)) == []
 
 
 def test_the_code_of_an_archive_is_not_executed(tmp_path: Path) -> None:
@@ -107,13 +105,14 @@ def test_the_code_of_an_archive_is_not_executed(tmp_path: Path) -> None:
     archive = uqpen.run(uqpen.parse_study(earlier, folder=tmp_path))
     study = uqpen.parse_study(now, folder=tmp_path)
     (tmp_path / "mine.py").write_text("raise RuntimeError('executed')\n", encoding="utf-8")
-    told = "d: it is not known how many of its 20 earlier runs it keeps"
-    assert warnings(archive, study) == [told]
+    text = "d: it is not known how many of its 20 earlier runs it keeps"
+    assert told(archive, study) == [text]
 
 
 def test_it_is_told_before_the_archive_is_replaced(tmp_path: Path) -> None:
-    progress, path = Warnings(), tmp_path / "study.nc"
+    progress, path = Information(), tmp_path / "study.nc"
     for runs in (40, 60):
         uqpen.make_archive(parse(f"{HYPERCUBES}runs = {runs}"), path, progress=progress)
-    assert [text[:40] for text in progress.texts] == ["d: 40 of its 40 earlier runs are not kep"]
-    assert "warning: d: 40 of its 40" in (tmp_path / "study.nc.log").read_text(encoding="utf-8")
+    told_of = [text for text in progress.texts if text.startswith("d: ")]
+    assert [text[:40] for text in told_of] == ["d: 40 of its 40 earlier runs are not kep"]
+    assert "d: 40 of its 40" in (tmp_path / "study.nc.log").read_text(encoding="utf-8")

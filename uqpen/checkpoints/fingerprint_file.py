@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
 
-__all__ = ["FILE_NAME", "Change", "encode_fingerprint", "fingerprint_changes", "read_fingerprint"]
+__all__ = [
+    "FILE_NAME",
+    "Change",
+    "encode_fingerprint",
+    "fingerprint_changes",
+    "list_changes",
+    "read_fingerprint",
+]
 
 FILE_NAME = "made_of.json"
 
 # Excerpt of a text that has changed: its length, and its length before the first difference.
 _LONGEST, _BEFORE = 60, 20
+
+_MOST_LISTED = 6
 
 
 def read_fingerprint(record: Path) -> dict[str, str] | None:
@@ -54,6 +63,13 @@ def fingerprint_changes(before: Mapping[str, str], now: Mapping[str, str]) -> It
         else:
             was, is_now = _excerpts(" ".join(was.split()), " ".join(is_now.split()))
             yield Change(key, f"{key} was {was}, is {is_now}")
+
+
+def list_changes(changes: Sequence[str]) -> str:
+    """Return changes as indented lines; of many the first ones."""
+    more = len(changes) - _MOST_LISTED
+    lines = [*changes[:_MOST_LISTED], *([f"and {more} more"] if more > 0 else [])]
+    return "\n".join(f"  {line}" for line in lines)
 
 
 def _excerpts(before: str, now: str) -> list[str]:

@@ -44,6 +44,7 @@ class Journal(Progress):
         self._warnings: Counter[str] = Counter()
         self._name = ""
         self._runs = self._failed = 0
+        self._reused: Counter[str] = Counter()
         self._began = 0.0
 
     def __enter__(self) -> Journal:
@@ -113,6 +114,14 @@ class Journal(Progress):
         self.write_line(" ".join(f"{self._name}: {text}".split()))
         self._progress.report_trial(text)
 
+    def count_reused(self, runs: int, place: str) -> None:
+        self._reused[place] += runs
+        self._progress.count_reused(runs, place)
+
+    def inform(self, text: str) -> None:
+        self.write_line(" ".join(text.split()))
+        self._progress.inform(text)
+
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         self._runs += runs
         self._failed += failed
@@ -129,6 +138,9 @@ class Journal(Progress):
 
     def _finish(self) -> None:
         """Write the summary line of the last design."""
+        for place, runs in self._reused.items():
+            self.write_line(f"{self._name}: {runs} runs were taken from {place}")
+        self._reused.clear()
         if self._name:
             took = time.monotonic() - self._began
             self.write_line(

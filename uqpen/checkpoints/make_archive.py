@@ -1,23 +1,33 @@
-"""Make the archive of a study on disk; resume after an interruption."""
+"""Make the archive of a study on disk from its finished runs, wherever they are, and new ones."""
 
 from __future__ import annotations
 
-import contextlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import xarray as xr
 
-from uqpen.archive.read import open_archive
 from uqpen.archive.write import prepare_destination, write
-from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
+from uqpen.checkpoints.changed_designs import unusable_runs
+from uqpen.checkpoints.checkpoint_folder import FAILED, CheckpointFolder
+from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.lock import lock_archive
 from uqpen.checkpoints.read_again import read_again as reading_again
-from uqpen.checkpoints.replaced_designs import warn_of_runs_not_kept
+from uqpen.checkpoints.replaced_designs import runs_not_kept
+from uqpen.checkpoints.reused_runs import ReusedRuns
+from uqpen.checkpoints.run_sources import (
+    EarlierArchive,
+    open_named,
+    open_replaced,
+    sources_of_archives,
+)
+from uqpen.checkpoints.unchanged import has_missing_runs, is_unchanged
 from uqpen.core.errors import ArchiveError, ClusterError, TooManyFailedError
+from uqpen.core.labels import REUSED_RUNS
 from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
-from uqpen.study.fingerprint import run_fingerprint
+from uqpen.study.fingerprint import model_fingerprint, run_fingerprint
 from uqpen.study.outside_members import own_objects
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow import Checkpoints, run
@@ -33,13 +43,16 @@ def make_archive(
     fresh: bool = False,
     lost_again: bool = False,
     read_again: bool = False,
+    reuse: Sequence[str | Path] | None = (),
     progress: Progress | None = None,
 ) -> xr.DataTree:
     """Make the runs of a study, analyse them, write the archive, and return it.
 
     Finished runs are kept in ``<path>.parts`` until the archive is complete. After an interruption
-    of any kind, the next call makes only the remaining runs, and the same archive. Information that
-    depends on time and place is in ``<path>.log``.
+    of any kind, the next call makes only the remaining runs, and the same archive. Runs that the
+    archive at `path` has already, or another one, are not made either. If nothing has changed since
+    that archive was made, it stays as it is. Information that depends on time and place is in
+    ``<path>.log``.
 
     Parameters
     ----------
@@ -50,21 +63,25 @@ def make_archive(
     map : callable
         Like the built-in; it makes batches of runs. It cannot change a result.
     fresh : bool
-        Whether all checkpointed runs are removed, and made again.
+        Whether all checkpointed runs are removed, and all runs made.
     lost_again : bool
-        Whether only the missing ones among them are.
+        Whether the missing ones among the finished runs are made again.
     read_again : bool
         Whether the outputs of runs whose folders are kept are read from these, without a run. If
         finished runs have no folder, this needs `fresh`.
+    reuse : sequence of str or Path, or None
+        Further archives whose runs may be taken; None for no archive, not even that at `path`.
     progress : Progress, optional
         Receives progress reports.
 
     Raises
     ------
     ArchiveError
-        If the archive or its checkpoint cannot be written, or another process is making it.
+        If the archive or its checkpoint cannot be written, another process is making it, or one of
+        `reuse` cannot be read.
     CheckpointError
-        If there are checkpointed runs that this study would not make; it states the changes.
+        If there are checkpointed runs that this study would not make, or an archive of `reuse` has
+        runs of other models only; it states the changes.
     StudyError
         If folders are to be read again, and no model keeps any.
     """
@@ -75,33 +92,39 @@ def make_archive(
         lock_archive(path),
         Journal(_sibling_path(path, "log"), title, progress or Progress()) as journal,
     ):
-        if not fresh and path.exists():
-            with contextlib.suppress(ArchiveError):  # a damaged one is replaced all the same
-                warn_of_runs_not_kept(study, open_archive(path), journal)
+        takes_archives = reuse is not None and not fresh
+        replaced = open_replaced(path, journal) if takes_archives else None
+        if replaced and _is_complete(study, replaced.tree, lost_again=lost_again):
+            journal.inform(f"{replaced.place}: nothing has changed, so it stays as it is")
+            return replaced.tree
+        not_kept = runs_not_kept(study, replaced.tree) if replaced else {}
+        named = open_named(reuse or (), path) if takes_archives else []
+        archives = [replaced, *named] if replaced else named
         is_unknown = _warn_if_unknown(study, journal)
-        fingerprints = {
-            (model, design): run_fingerprint(study, model, design)
-            for model in study.models
-            for design in study.designs
-        }
-        kept = CheckpointFolder(_sibling_path(path, "parts"), fingerprints, journal)
-        kept.remove_temporary_files()
+        kept = _checkpoint_folder(study, path, journal)
         if read_again:
             study = reading_again(study, kept, repeats_others=fresh)
-        if fresh:
-            kept.remove_all()
-        kept.check_compatibility()
-        if lost_again:
-            kept.discard_failed()
-        checkpoints = _no_checkpoints if is_unknown else kept.checkpoint
+        _discard_runs(kept, every=fresh, failed=lost_again)
+        sources = _run_sources(study, kept, archives, journal, lost_again=lost_again)
+        reused = ReusedRuns(study, sources, journal)
+        not_kept |= unusable_runs(study, sources, reused, [*not_kept])
+        for name, text in not_kept.items():
+            journal.inform(f"{name}: {text}")
+
+        def checkpoint(design: str, model: str, number: int) -> Checkpoint:
+            own = Checkpoint() if is_unknown else kept.checkpoint(design, model, number)
+            return reused.checkpoint(own, design, model)
+
         try:
-            tree = _run_study(study, map, journal, kept, checkpoints)
+            tree = _run_study(study, map, journal, kept, checkpoint)
+            if record := reused.record():
+                tree.attrs[REUSED_RUNS] = record
             journal.start_step("writing the archive")
             _write(tree, path, kept)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(_kept_text(kept) or "nothing was written") from None
         journal.write_line(f"{path.name}: is written")
-        kept.remove_archived()
+        kept.remove_archived(reused.used_folders())
     return tree
 
 
@@ -118,8 +141,51 @@ def _warn_if_unknown(study: ValidatedStudy, journal: Journal) -> bool:
     return any(reason for reason, _ in unknown)
 
 
-def _no_checkpoints(design: str, model: str, number: int) -> Checkpoint:
-    return Checkpoint()
+def _is_complete(study: ValidatedStudy, tree: xr.DataTree, *, lost_again: bool) -> bool:
+    """Check that an archive has all that a study would make."""
+    return is_unchanged(study, tree) and not (lost_again and has_missing_runs(tree))
+
+
+def _checkpoint_folder(study: ValidatedStudy, path: Path, journal: Journal) -> CheckpointFolder:
+    """Return the folder of finished runs beside an archive."""
+    fingerprints = {
+        (model, design): run_fingerprint(study, model, design)
+        for model in study.models
+        for design in study.designs
+    }
+    kept = CheckpointFolder(_sibling_path(path, "parts"), fingerprints, journal)
+    kept.remove_temporary_files()
+    return kept
+
+
+def _discard_runs(kept: CheckpointFolder, *, every: bool, failed: bool) -> None:
+    """Remove the finished runs that are to be made again; check that the others are of use."""
+    if every:
+        kept.remove_all()
+    kept.check_compatibility()
+    if failed:
+        kept.discard_failed()
+
+
+def _run_sources(
+    study: ValidatedStudy,
+    kept: CheckpointFolder,
+    archives: Sequence[EarlierArchive],
+    journal: Journal,
+    *,
+    lost_again: bool,
+) -> dict[str, list[RunSource]]:
+    """Return the earlier runs that the study may take, by the name of a model."""
+    archived = sources_of_archives(study, archives, journal)
+    found: dict[str, list[RunSource]] = {}
+    for name, variant in study.models.items():
+        sources = archived[name]
+        if not variant.model.unknown_dependency:
+            sources = [*kept.set_aside_sources(name, model_fingerprint(study, name)), *sources]
+        if lost_again:
+            sources = [*filter(None, (each.without_statuses(FAILED) for each in sources))]
+        found[name] = sources
+    return found
 
 
 def _kept_text(kept: CheckpointFolder) -> str:

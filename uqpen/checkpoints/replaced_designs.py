@@ -13,23 +13,22 @@ from uqpen.core.labels import RUN, RUNS
 from uqpen.designs.design import Design
 from uqpen.designs.extension import Extension
 from uqpen.designs.unloaded import UnloadedDesign
-from uqpen.execution import Progress
 from uqpen.study.designs_section import read_designs
 from uqpen.study.document import parse_document
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.table_reader import TableReader
 
-__all__ = ["warn_of_runs_not_kept"]
+__all__ = ["runs_not_kept"]
 
 # Where one of these has changed, the points or the model have, whatever the designs are.
 _DECISIVE = ("seed", "model", "models", "inputs", "joint", "dependence", "constraints")
 
 
-def warn_of_runs_not_kept(study: ValidatedStudy, archive: xr.DataTree, progress: Progress) -> None:
-    """Warn of runs of an archive that the designs of a study do not keep.
+def runs_not_kept(study: ValidatedStudy, archive: xr.DataTree) -> dict[str, str]:
+    """Return what becomes of the runs of an archive that the designs of a study do not keep.
 
-    Each warning has the number of runs, and the settings nearest to the study's that keep them. Of
-    a study with another model, other inputs or another seed it says nothing.
+    Each text has the number of runs, and the settings nearest to the study's that keep them. Of
+    a study with another model, other inputs or another seed there is none.
 
     Parameters
     ----------
@@ -37,25 +36,30 @@ def warn_of_runs_not_kept(study: ValidatedStudy, archive: xr.DataTree, progress:
         The study that is going to replace the archive.
     archive : DataTree
         An archive without faults.
-    progress : Progress
-        Receives a warning for each design.
+
+    Returns
+    -------
+    dict of str to str
+        By the name of a design.
     """
     try:
         document = parse_document(str(archive.attrs.get("study_text", "")), study.name)
     except StudyError:
-        return
+        return {}
     before, now = document.content, tomllib.loads(study.text)
     if any(before.get(key) != now.get(key) for key in _DECISIVE):
-        return
+        return {}
     # Without trust, no code that the archive names is executed.
     table = TableReader(document, study.folder, trust=False, content=before).table("designs")
     designs, _ = read_designs(table)
     first = next(iter(model_trees(archive).values()))
+    found = {}
     for name, settings in table.content.items():
         runs = read_group(first, RUNS, name).sizes.get(RUN, 0)
         text = _text(study, name, settings, now["designs"].get(name), designs.get(name), runs)
         if runs and text:
-            progress.warn(f"{name}: {text}")
+            found[name] = text
+    return found
 
 
 def _text(

@@ -28,6 +28,7 @@ __all__ = [
     "FinishedRuns",
     "covered_count",
     "read_runs",
+    "select_results",
     "write_file",
     "write_runs",
 ]
@@ -112,12 +113,12 @@ class FinishedRuns:
         if not at.size:
             return None
         inputs = {name: values[at] for name, values in self.inputs.items()}
-        return FinishedRuns(self.runs[at], inputs, _select_results(self.results, at))
+        return FinishedRuns(self.runs[at], inputs, select_results(self.results, at))
 
     def batch_results(self) -> Iterator[BatchResult]:
         """Yield its runs as batch results; the runs of each are consecutive."""
         for at in self._stretches():
-            yield BatchResult(int(self.runs[at[0]]), _select_results(self.results, at))
+            yield BatchResult(int(self.runs[at[0]]), select_results(self.results, at))
 
     def ranges(self) -> list[tuple[int, int]]:
         """Return the first run of each stretch of consecutive ones, and the run after its last."""
@@ -129,13 +130,13 @@ class FinishedRuns:
         return np.split(np.arange(len(self.runs)), ends)
 
 
-def _select_results(results: Results, at: IntArray) -> Results:
+def select_results(results: Results, at: IntArray) -> Results:
     """Select the results of some runs, by their positions."""
-    position = {run: new for new, run in enumerate(at.tolist())}
+    reasons = results.reasons
     return Results(
         {name: values[at] for name, values in results.outputs.items()},
         results.status[at],
-        {position[run]: text for run, text in results.reasons.items() if run in position},
+        {new: reasons[run] for new, run in enumerate(at.tolist()) if run in reasons},
         results.files,
     )
 

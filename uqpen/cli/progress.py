@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -119,21 +120,49 @@ class _Warnings(ProgressRecord):
 
 
 class _Announced(_Warnings):
-    """Record that shows the runs that were made before as well."""
+    """Record that shows the runs that were made before as well, and a trial run that failed."""
 
-    _design_runs = 0
+    def __init__(self, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__(console, clock)
+        self._design_runs = 0
+        self._reused: Counter[str] = Counter()
+
+    def start_step(self, name: str, number: int = 0, total: int = 0) -> None:
+        self._show_reused()
+        super().start_step(name, number, total)
 
     def start_design(self, name: str, runs: int) -> None:
+        self._show_reused()
         super().start_design(name, runs)
         self._design_runs = runs
 
     def count_restored(self, runs: int) -> None:
         super().count_restored(runs)
-        whole = f"{grouped_number(runs)} of {grouped_number(self._design_runs)}"
-        self._print(f"{self.state.design}: {whole} runs already done")
+        self._print(f"{self.state.design}: {self._share_of_design(runs)} runs already done")
+
+    def count_reused(self, runs: int, place: str) -> None:
+        super().count_reused(runs, place)
+        self._reused[place] += runs
+
+    def inform(self, text: str) -> None:
+        self._print(text)
 
     def report_trial(self, text: str) -> None:
         self._print(f"{self.state.design}: {text}")
+
+    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+        self._show_reused()
+        super().advance(runs, failed, in_progress)
+
+    def _show_reused(self) -> None:
+        """Show how many runs were taken since the last report, and where from."""
+        for place, runs in self._reused.items():
+            share = self._share_of_design(runs)
+            self._print(f"{self.state.design}: {share} runs from {place}")
+        self._reused.clear()
+
+    def _share_of_design(self, runs: int) -> str:
+        return f"{grouped_number(runs)} of {grouped_number(self._design_runs)}"
 
 
 class _Lines(_Announced):
@@ -167,6 +196,7 @@ class _Lines(_Announced):
 
     def finish(self) -> None:
         """Show the end of the last design."""
+        self._show_reused()
         if self._design:
             took = self._clock() - self._began
             self._print(f"{self._design}: {self._made} runs in {took:.2f} s")

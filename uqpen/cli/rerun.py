@@ -71,7 +71,7 @@ def rerun(
         if restored.has_kept_files:
             # The folder of its files is there for the moment alone.
             study = with_kept_folders(study, here / copy.with_name(f"{copy.stem}_runs"))
-        code = make_and_show(study, here, copy, executor, **resume)
+        code = make_and_show(study, here, copy, executor, reuse=None, **resume)
     if code is not ExitCode.INTERRUPTED:
         show_line("compare: " + shlex.join(["uqpen", "diff", str(archive), str(copy)]))
     return code

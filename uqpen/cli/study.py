@@ -52,6 +52,13 @@ class _StudyCommand(click.Command):
     help="Show the results so far on a page of this machine while the study runs.  "
     "[default port: any free one]",
 )
+@click.option(
+    "--reuse",
+    type=PATH,
+    multiple=True,
+    metavar="OTHER",
+    help="Take finished runs from this archive, too; may be given several times.",
+)
 @resume_options
 @executor_option
 @quiet_option
@@ -59,12 +66,14 @@ def study(
     file: Path,
     archive: Path | None,
     is_reported: bool,
+    reuse: tuple[Path, ...],
     watch_port: int | None,
     executor: ExecutorOptions,
     **resume: Any,
 ) -> ExitCode:
     """Make the runs of the study FILE, analyse them, and write everything into one archive.
 
+    No run is made twice: those that the archive has already are taken, if the model is the same.
     Finished runs are kept beside the archive until it is complete. After an interruption, the
     same command continues from them.
 
@@ -73,6 +82,8 @@ def study(
     from uqpen.cli.progress import show_step
     from uqpen.cli.report import announce_report, write_and_announce
 
+    if reuse and resume["fresh"]:
+        raise click.UsageError("--reuse and --fresh exclude each other")
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
     # Shown before the imports, which take longer than the reading.
@@ -83,7 +94,14 @@ def study(
         loaded = load_study(file)
     archive = archive or Path("archives") / f"{loaded.name}.nc"
     code = make_and_show(
-        loaded, here, archive, executor, show_tables, watch_port=watch_port, **resume
+        loaded,
+        here,
+        archive,
+        executor,
+        show_tables,
+        watch_port=watch_port,
+        reuse=[here / other for other in reuse],
+        **resume,
     )
     if code is not ExitCode.INTERRUPTED:
         if is_reported:
@@ -105,7 +123,7 @@ def make_and_show(
     """Make `archive` in the folder `here` where the user stands, `show` it, and report the outcome.
 
     With a `watch_port`, a page on this machine shows the results meanwhile. `resume` are `fresh`,
-    `lost_again` and `read_again` of `uqpen.make_archive`.
+    `lost_again`, `read_again` and `reuse` of `make_archive`.
     """
     from uqpen.checkpoints.make_archive import make_archive
     from uqpen.cli.progress import show_progress

@@ -115,6 +115,10 @@ BENCHMARK = "head-to-head"
 # The hashes of its groups, at its root.
 CONTENT = "content_sha256"
 
+# What runs of earlier archives were made with, at the root of an archive that has taken them. It is
+# absent where all of them would be the same here to the bit.
+REUSED_RUNS = "reused_runs"
+
 # An archive of a benchmark of methods: its groups and dimensions.
 METHODS = "methods"
 REFERENCE = "reference"

@@ -56,6 +56,15 @@ class Progress:
     def report_trial(self, text: str) -> None:
         """Report at once that the trial run of a model has failed, and how."""
 
+    def count_reused(self, runs: int, place: str) -> None:
+        """Report a number of runs of the design that are taken from an archive, or another place.
+
+        They are not made again. There may be several reports of one design.
+        """
+
+    def inform(self, text: str) -> None:
+        """Report what else a user should know now, such as which runs cannot be taken."""
+
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         """Report finished runs, the missing ones among them, and the runs in progress."""
 

@@ -51,6 +51,14 @@ class ProgressBroadcast(Progress):
         for each in self._receivers:
             each.report_trial(text)
 
+    def count_reused(self, runs: int, place: str) -> None:
+        for each in self._receivers:
+            each.count_reused(runs, place)
+
+    def inform(self, text: str) -> None:
+        for each in self._receivers:
+            each.inform(text)
+
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         for each in self._receivers:
             each.advance(runs, failed, in_progress)

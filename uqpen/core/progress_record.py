@@ -121,8 +121,11 @@ class ProgressRecord(Progress):
 
     def count_restored(self, runs: int) -> None:
         """Count runs that were made before; they say nothing of the rate."""
-        self.state = replace(self.state, restored=self.state.restored + runs)
-        self._count(runs, 0, 0)
+        self._count_before(runs)
+
+    def count_reused(self, runs: int, place: str) -> None:
+        """Count runs that are taken from elsewhere; they say nothing of the rate either."""
+        self._count_before(runs)
 
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         """Count finished runs."""
@@ -134,6 +137,10 @@ class ProgressRecord(Progress):
                 self.state = replace(self.state, runs_per_second=(made - before) / (now - start))
         if not self._samples or now - self._samples[-1][0] >= _BETWEEN_SAMPLES:
             self._samples.append((now, made))
+
+    def _count_before(self, runs: int) -> None:
+        self.state = replace(self.state, restored=self.state.restored + runs)
+        self._count(runs, 0, self.state.in_progress)
 
     def _count(self, runs: int, failed: int, in_progress: int) -> None:
         done = self.state.done + runs

@@ -9,13 +9,20 @@ from typing import Any
 
 from uqpen.archive.provenance import of_python_functions, provenance
 from uqpen.core.lookup import class_version
+from uqpen.core.model import Model
 from uqpen.distributions.truncated import Truncated
 from uqpen.models.outside_model import OutsideModel
 from uqpen.models.python_function import PythonFunction
 from uqpen.study.outside_members import outside_members
 from uqpen.study.study import ValidatedStudy
 
-__all__ = ["run_fingerprint"]
+__all__ = [
+    "flatten_tables",
+    "is_user_supplied",
+    "model_fingerprint",
+    "point_classes",
+    "run_fingerprint",
+]
 
 # Not the title, nor what is asked of the runs, nor what they are held against.
 _TABLES = ("seed", "inputs", "joint", "dependence", "constraints")
@@ -39,14 +46,12 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
     files = [*adapter.files(), *study.joint.files, *study.design_files(design)]
     versions = {
         f"{member} {key}": value
-        for member, cls in _classes(study, design)
+        for member, cls in point_classes(study, design)
         for key, value in class_version(cls).items()
     }
-    is_external = isinstance(adapter, PythonFunction | OutsideModel) or bool(
-        versions or outside_members(tables)
-    )
+    is_external = is_user_supplied(adapter) or bool(versions or outside_members(tables))
     return {
-        **dict(_flatten(tables)),
+        **dict(flatten_tables(tables)),
         **{f"model {name}": value for name, value in adapter.identity().items()},
         **versions,
         **{f"file {file.path.name}": file.sha256 for file in files},
@@ -55,7 +60,30 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
     }
 
 
-def _classes(study: ValidatedStudy, design: str) -> Iterator[tuple[str, type]]:
+def model_fingerprint(study: ValidatedStudy, name: str) -> dict[str, str]:
+    """Return the properties that determine a run of a model at given inputs, as texts by key.
+
+    They are those of `run_fingerprint` that no design has a part in.
+    """
+    content = tomllib.loads(study.text)
+    tables = {"constraints": content["constraints"]} if "constraints" in content else {}
+    tables |= {"models": {name: content["models"][name]}} if name else {"model": content["model"]}
+    model = study.models[name].model
+    return {
+        **dict(flatten_tables(tables)),
+        **{f"model {key}": value for key, value in model.identity().items()},
+        **{f"file {file.path.name}": file.sha256 for file in model.files()},
+        **provenance(),
+        **(of_python_functions() if is_user_supplied(model) else {}),
+    }
+
+
+def is_user_supplied(model: Model) -> bool:
+    """Return True for a model in Python from outside the package."""
+    return isinstance(model, PythonFunction | OutsideModel)
+
+
+def point_classes(study: ValidatedStudy, design: str) -> Iterator[tuple[str, type]]:
     """Yield the classes that determine the points of a design, with a text for each."""
     yield f"design {design}", type(study.designs[design])
     if study.joint.dependence is not None:
@@ -66,10 +94,10 @@ def _classes(study: ValidatedStudy, design: str) -> Iterator[tuple[str, type]]:
         yield f"distribution of {entry.variable.name}", type(own)
 
 
-def _flatten(table: dict[str, Any], *path: str) -> Iterator[tuple[str, str]]:
+def flatten_tables(table: dict[str, Any], *path: str) -> Iterator[tuple[str, str]]:
     """Yield values of nested tables by dotted key; the distribution of an input is one value."""
     for key, value in table.items():
         if isinstance(value, dict) and path[:1] != ("inputs",):
-            yield from _flatten(value, *path, key)
+            yield from flatten_tables(value, *path, key)
         else:
             yield ".".join((*path, key)), json.dumps(value, ensure_ascii=False, default=str)

@@ -24,7 +24,7 @@ from uqpen.archive.provenance import (
 from uqpen.archive.read import model_trees, read_as_written, read_group
 from uqpen.archive.structure import find_faults
 from uqpen.core.errors import ArchiveError, StudyError, UqpenError
-from uqpen.core.labels import KIND
+from uqpen.core.labels import KIND, REUSED_RUNS
 from uqpen.execution import Map, Progress
 from uqpen.models import MODELS
 from uqpen.models.data.data_model import DataModel
@@ -134,7 +134,10 @@ def verify(
 
 
 def environment_differences(tree: xr.DataTree) -> list[str]:
-    """List what decides last bits and is otherwise here: versions, the processor, models."""
+    """List what decides last bits and is otherwise here: versions, the processor, models.
+
+    Runs that were taken from earlier archives may have been made with others again.
+    """
     # What only Python functions depend on is no difference where there is none of them.
     is_foreign = bool(external_names(str(tree.attrs.get("study_text", ""))))
     here = {**provenance(), **of_python_functions()}
@@ -146,7 +149,8 @@ def environment_differences(tree: xr.DataTree) -> list[str]:
     ]
     schema = tree.attrs[SCHEMA_ATTRIBUTE]
     schemas = [f"schema {schema} (here {SCHEMA})"] if schema != SCHEMA else []
-    return [*schemas, *versions, *dict.fromkeys(_other_sources(tree))]
+    reused = str(tree.attrs.get(REUSED_RUNS, "")).split("\n")
+    return [*schemas, *versions, *filter(None, reused), *dict.fromkeys(_other_sources(tree))]
 
 
 def _other_sources(tree: xr.DataTree) -> Iterator[str]:
@@ -290,7 +294,7 @@ def _repeat_statistics(
         yield unchecked_verdicts(earlier.values())
     if recipe := check_recipe(tree):
         yield recipe
-    ignored = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES, *besides]
+    ignored = [*provenance(), *of_python_functions(), *_VERSION_ATTRIBUTES, REUSED_RUNS, *besides]
     try:
         yield repeated_statistics(
             study,

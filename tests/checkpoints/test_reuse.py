@@ -1,0 +1,329 @@
+"""Runs that earlier studies have made, and that no study makes again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import uqpen
+from uqpen.archive.netcdf import write_tree
+from uqpen.archive.read import open_archive
+from uqpen.archive.write import write
+from uqpen.checkpoints.keep_runs import keep_runs
+from uqpen.checkpoints.point_index import BatchIndex, PointIndex
+from uqpen.core.errors import ArchiveError, CheckpointError
+from uqpen.core.labels import REUSED_RUNS
+from uqpen.execution import Evaluator, Progress
+from uqpen.verification.check_result import CheckOutcome
+
+pytestmark = pytest.mark.slow
+
+MODEL = """\
+import pathlib
+def simulate(x, y):
+    with pathlib.Path(__file__).with_name("calls").open("a") as stream:
+        stream.write(f"{getattr(x, 'size', 1)}\\n")
+    return {"z": 1 / (x > -1) * x * y}
+"""
+STUDY = """\
+seed = 11
+[model]
+python = "model.py:simulate"
+inputs = { x = "1", y = "m" }
+outputs = { z = "m" }
+[inputs]
+x = "0 ± 1"
+y = "(0 ± 1) m"
+[designs.one]
+kind = "monte-carlo"
+runs = 30
+"""
+VECTORIZED = STUDY.replace("[inputs]", "vectorized = true\n[inputs]", 1)
+
+
+class Told(Progress):
+    """What a user is told of earlier runs."""
+
+    def __init__(self) -> None:
+        self.reused: list[tuple[int, str]] = []
+        self.texts: list[str] = []
+        self.warnings: list[str] = []
+
+    def count_reused(self, runs: int, place: str) -> None:
+        self.reused.append((runs, Path(place).name))
+
+    def inform(self, text: str) -> None:
+        self.texts.append(text)
+
+    def warn(self, text: str) -> None:
+        self.warnings.append(text)
+
+
+class Studies:
+    """Studies in a folder, whose model writes down its calls."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.told = Told()
+        (folder / "model.py").write_text(MODEL)
+
+    def make(self, text: str, name: str = "study.nc", **options: Any) -> list[int]:
+        """The sizes of the calls that the archive of a study takes."""
+        calls = self.folder / "calls"
+        calls.write_text("")
+        self.told = Told()
+        (self.folder / "study.toml").write_text(text)
+        study = uqpen.load_study(self.folder / "study.toml")
+        uqpen.make_archive(study, self.folder / name, progress=self.told, **options)
+        return [int(size) for size in calls.read_text().split()]
+
+    def is_as_afresh(self, text: str) -> bool:
+        """Whether the archive has the bytes of one whose runs are all made."""
+        self.make(text, "afresh.nc", fresh=True)
+        return self.bytes() == self.bytes("afresh.nc")
+
+    def bytes(self, name: str = "study.nc") -> bytes:
+        return (self.folder / name).read_bytes()
+
+
+@pytest.fixture
+def studies(tmp_path: Path) -> Studies:
+    return Studies(tmp_path)
+
+
+def test_only_runs_that_are_new_are_made(studies: Studies) -> None:
+    assert len(studies.make(STUDY)) == 30
+    asked = STUDY.replace("[designs.one]", "[outputs.z]\nquantiles = [0.2]\n[designs.one]")
+    assert studies.make(asked) == []
+    assert studies.told.reused == [(30, "study.nc")]
+    assert studies.is_as_afresh(asked)
+    more = asked.replace("runs = 30", "runs = 50")
+    assert len(studies.make(more)) == 20
+    assert studies.is_as_afresh(more)
+    assert "one: 30 runs were taken from " in (studies.folder / "study.nc.log").read_text()
+
+
+def test_nothing_is_made_where_nothing_has_changed(studies: Studies) -> None:
+    studies.make(STUDY)
+    before = (studies.folder / "study.nc").stat().st_mtime_ns
+    assert studies.make(STUDY) == []
+    assert (studies.folder / "study.nc").stat().st_mtime_ns == before
+    assert studies.told.texts[0].endswith("study.nc: nothing has changed, so it stays as it is")
+    assert len(studies.make(STUDY, fresh=True)) == 30
+
+
+def test_runs_come_from_any_number_of_archives(studies: Studies) -> None:
+    names = ("one", "two", "three")
+    for name in names:
+        studies.make(STUDY.replace("designs.one", f"designs.{name}"), f"{name}.nc")
+    design = STUDY[STUDY.index("[designs.one]") :]
+    text = STUDY + "".join(design.replace("one", name) for name in names[1:])
+    others = [studies.folder / f"{name}.nc" for name in names]
+    assert studies.make(text, reuse=others) == []
+    assert studies.told.reused == [(30, f"{name}.nc") for name in names]
+    assert studies.is_as_afresh(text)
+
+
+def test_runs_of_another_version_of_the_model_are_not_taken(studies: Studies) -> None:
+    studies.make(STUDY)
+    (studies.folder / "model.py").write_text(MODEL.replace("x * y", "y * x"))
+    with pytest.raises(CheckpointError, match=r"another model:\n  file model\.py has changed\n"):
+        studies.make(STUDY, "new.nc", reuse=[studies.folder / "study.nc"])
+    assert len(studies.make(STUDY)) == 30
+    assert "none of its runs is taken" in studies.told.texts[0]
+    assert studies.told.texts[0].endswith("replaces it:\n  file model.py has changed")
+
+
+def test_what_runs_have_imported_is_compared_too(studies: Studies) -> None:
+    (studies.folder / "late.py").write_text("factor = 1\n")
+    imported = MODEL.replace("x * y", "x * y * __import__('late').factor")
+    (studies.folder / "model.py").write_text(imported)
+    studies.make(STUDY)
+    more = STUDY.replace("runs = 30", "runs = 40")
+    assert len(studies.make(more)) == 10
+    assert studies.is_as_afresh(more)
+    assert studies.make(more) == []
+    (studies.folder / "late.py").write_text("factor = 2\n")
+    assert len(studies.make(more)) == 40
+    assert studies.told.texts[0].endswith("file late.py has changed")
+
+
+def test_failed_runs_are_taken_and_lost_ones_made_again_if_asked(studies: Studies) -> None:
+    studies.make(STUDY)
+    tree = open_archive(studies.folder / "study.nc")
+    failed = int((tree["runs/one"]["status"] > 0).sum())
+    assert 0 < failed < 30
+    assert studies.make(STUDY, "other.nc", reuse=[studies.folder / "study.nc"]) == []
+    assert studies.bytes("other.nc") == studies.bytes()
+    assert len(studies.make(STUDY, lost_again=True)) == failed
+    assert studies.bytes("other.nc") == studies.bytes()
+
+
+def test_whole_batches_of_a_vectorised_function_are_taken(studies: Studies) -> None:
+    text = VECTORIZED.replace("runs = 30", "runs = 2_500")
+    (studies.folder / "model.py").write_text(MODEL.replace("1 / (x > -1) * ", ""))
+    assert studies.make(text) == [1024, 1024, 452]
+    assert studies.make(text + "[outputs.z]\nquantiles = [0.2]") == []
+    assert studies.make(text.replace("2_500", "3_000")) == [952]
+    assert studies.is_as_afresh(text.replace("2_500", "3_000"))
+
+
+def test_another_model_runs_at_the_points_of_the_first(studies: Studies) -> None:
+    studies.make(STUDY)
+    start, end = STUDY.index("python"), STUDY.index("[inputs]")
+    model = STUDY[start:end]
+    given = model + 'with = { y = "2 m" }\n'
+    both = f"[models.a]\n{model}[models.b]\n{given}"
+    text = STUDY.replace(f"[model]\n{model}", both).replace('"(0 ± 1) m"', '"1 m"')
+    assert len(studies.make(text)) == 60, "y has another value in each"
+    assert len(studies.make(text.replace('"2 m"', '"3 m"'))) == 30
+    assert studies.told.reused == [(30, "study.nc")]
+    assert studies.is_as_afresh(text.replace('"2 m"', '"3 m"'))
+
+
+def test_a_new_constraint_excludes_points_and_repeats_no_run(studies: Studies) -> None:
+    studies.make(STUDY)
+    text = STUDY.replace("[inputs]", '[constraints]\nkeep = ["x < 1"]\n[inputs]')
+    assert studies.make(text) == []
+    assert studies.is_as_afresh(text)
+    assert studies.make(STUDY, "back.nc", reuse=[studies.folder / "study.nc"])
+    assert studies.is_as_afresh(text)
+
+
+def test_a_rule_that_stops_takes_the_runs_that_it_learns_from(studies: Studies) -> None:
+    (studies.folder / "model.py").write_text(MODEL.replace("1 / (x > -1) * ", ""))
+    text = STUDY.replace("runs = 30", 'until = { z = { mean = "0.08 m" } }\nat_most = 4096')
+    assert len(studies.make(text)) > 512
+    assert studies.make("title = 'Again'\n" + text) == []
+    assert studies.is_as_afresh("title = 'Again'\n" + text)
+
+
+def test_an_archive_says_what_runs_of_other_versions_were_made_with(studies: Studies) -> None:
+    studies.make(STUDY)
+    old = open_archive(studies.folder / "study.nc")
+    old.attrs["version_numpy"] = "0.1"
+    write(old, studies.folder / "old.nc")
+    assert studies.make(STUDY, "new.nc", reuse=[studies.folder / "old.nc"]) == []
+    new = open_archive(studies.folder / "new.nc")
+    assert new.attrs[REUSED_RUNS] == (
+        f"one: 30 reused runs, made with numpy 0.1 (here {np.__version__})"
+    )
+    assert new["statistics"].identical(old["statistics"])
+    for result in uqpen.verify(studies.folder / "new.nc", trust=True):
+        assert result.verdict in {CheckOutcome.EQUAL, CheckOutcome.CLOSE}
+    assert studies.make(STUDY, "later.nc", reuse=[studies.folder / "new.nc"]) == []
+    later = open_archive(studies.folder / "later.nc")
+    assert "numpy 0.1" in later.attrs[REUSED_RUNS]
+
+
+def test_an_archive_that_was_edited_is_refused(studies: Studies) -> None:
+    studies.make(STUDY)
+    tree = open_archive(studies.folder / "study.nc")
+    tree["runs/one"]["z"].values[0] = 0.5
+    edited = studies.folder / "edited.nc"
+    write_tree(tree, edited)
+    with pytest.raises(ArchiveError, match="been changed since it was written"):
+        studies.make(STUDY, "new.nc", reuse=[edited])
+    edited.write_text("no archive")
+    with pytest.raises(ArchiveError, match="is not an archive"):
+        studies.make(STUDY, "new.nc", reuse=[edited])
+
+
+def test_runs_may_be_raised_in_an_interrupted_study(
+    studies: Studies, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
+    for runs in (30, 40):
+        with pytest.raises(KeyboardInterrupt):
+            _make_until(studies, STUDY.replace("runs = 30", f"runs = {runs}"), stop=runs - 10)
+    more = STUDY.replace("runs = 30", "runs = 50")
+    assert len(studies.make(more)) == 20
+    assert studies.told.reused == [(20, "those kept before"), (10, "those kept before")]
+    assert studies.is_as_afresh(more)
+    assert not (studies.folder / "study.nc.parts").exists()
+
+
+def _make_until(studies: Studies, text: str, stop: int) -> None:
+    class Stopped(Told):
+        done = 0
+
+        def count_reused(self, runs: int, place: str) -> None:
+            self.done += runs
+
+        def advance(self, runs: int, failed: int, in_progress: int) -> None:
+            self.done += runs
+            if self.done >= stop:
+                raise KeyboardInterrupt
+
+    (studies.folder / "study.toml").write_text(text)
+    study = uqpen.load_study(studies.folder / "study.toml")
+    uqpen.make_archive(study, studies.folder / "study.nc", progress=Stopped())
+
+
+def test_a_changed_design_without_a_point_in_common_is_told(studies: Studies) -> None:
+    cubes = STUDY.replace("monte-carlo", "latin-hypercube")
+    studies.make(cubes)
+    assert len(studies.make(cubes.replace("runs = 30", "runs = 40"))) == 40
+    expected = "one: none of its 30 earlier runs is at a point of the changed design"
+    assert studies.told.texts == [expected]
+
+
+def test_runs_that_a_smaller_design_leaves_out_are_not_removed(studies: Studies) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        _make_until(studies, STUDY, stop=25)
+    assert studies.make(STUDY.replace("runs = 30", "runs = 10")) == []
+    assert "still holds runs of one, which this study does not have" in studies.told.warnings[0]
+    assert len(studies.make(STUDY, fresh=True)) == 30
+
+
+def test_a_run_that_was_made_outside_a_study_is_taken(studies: Studies) -> None:
+    text = STUDY.replace('"monte-carlo"\nruns = 30', '"one-at-a-time"')
+    (studies.folder / "study.toml").write_text(text)
+    study = uqpen.load_study(studies.folder / "study.toml")
+    nominal = {name: np.array([value]) for name, value in study.joint.nominal().items()}
+    results = Evaluator(study.model)(nominal)
+    keep_runs(study, studies.folder / "study.nc", nominal, results)
+    expected = len(studies.make(text, "other.nc", fresh=True))
+    assert len(studies.make(text)) == expected - 1
+    assert not (studies.folder / "study.nc.parts").exists()
+
+
+def test_the_command_tells_what_it_takes(
+    studies: Studies, command_line: Callable[..., Any]
+) -> None:
+    (studies.folder / "study.toml").write_text(STUDY)
+    command_line("study", "study.toml", "-o", "a.nc")
+    outcome = command_line("study", "study.toml", "-o", "b.nc", "--reuse", "a.nc")
+    assert "one: 30 of 30 runs from a.nc\n" in outcome.err
+    outcome = command_line("study", "study.toml", "-o", "b.nc")
+    assert "b.nc: nothing has changed, so it stays as it is\n" in outcome.err
+    outcome = command_line("study", "study.toml", "--reuse", "absent.nc")
+    assert outcome.code == 2
+    assert "absent.nc: there is no such file" in outcome.err
+
+
+bits = st.sampled_from([0.0, -0.0, 1.0, math.nextafter(1.0, 2.0), 5e-324])
+points = st.lists(st.tuples(bits, bits), min_size=1, max_size=12)
+
+
+@given(points, points)
+def test_points_are_found_by_their_bits(known: list[Any], wanted: list[Any]) -> None:
+    def columns(rows: list[Any]) -> dict[str, Any]:
+        return dict(zip("xy", np.array(rows, dtype=float).T, strict=True))
+
+    texts = [str(row) for row in known]
+    expected = [texts.index(str(row)) if str(row) in texts else -1 for row in wanted]
+    found = PointIndex(columns(known)).find(columns(wanted), 0, len(wanted))
+    assert found.tolist() == expected
+    whole = BatchIndex(columns(known), [np.arange(len(known))], 12).find(
+        columns(wanted), 0, len(wanted)
+    )
+    is_same = texts == [str(row) for row in wanted]
+    assert whole.tolist() == (list(range(len(known))) if is_same else [-1] * len(wanted))

@@ -1,0 +1,177 @@
+"""Runs of an archive as a source of finished runs for another study."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from uqpen.archive.content import group_hashes, recorded_hashes
+from uqpen.archive.migrations import migrate
+from uqpen.archive.provenance import of_python_functions, provenance, provenance_differences
+from uqpen.archive.read import group_names, model_trees, read_as_written, read_group
+from uqpen.archive.structure import find_faults
+from uqpen.checkpoints.earlier_runs import RunSource
+from uqpen.checkpoints.model_versions import ModelComparison, compare_models
+from uqpen.checkpoints.runs_file import FinishedRuns, select_results
+from uqpen.core.arrays import FloatArray
+from uqpen.core.errors import ArchiveError
+from uqpen.core.labels import (
+    FAILED_RUN,
+    FAILURE_REASON,
+    KIND,
+    REUSED_RUNS,
+    ROUND,
+    RUN,
+    RUNS,
+    STATUS,
+)
+from uqpen.core.model import Model, Output, Results
+from uqpen.core.status import Status
+from uqpen.study.fingerprint import is_user_supplied
+from uqpen.study.study import ValidatedStudy
+
+__all__ = ["ArchivedSources", "archived_sources", "open_intact"]
+
+
+class ArchivedSources(NamedTuple):
+    """Runs of an archive that a model may take, or the reasons why it may take none."""
+
+    sources: tuple[RunSource, ...]
+    changes: tuple[str, ...] = ()
+
+
+def open_intact(path: Path) -> xr.DataTree:
+    """Read the archive of a study whose groups are those that were written.
+
+    Raises
+    ------
+    ArchiveError
+        If it cannot be read, has been changed, or is no archive of a study.
+    """
+    written = read_as_written(path)
+    if recorded_hashes(written) not in (None, group_hashes(written)):
+        raise ArchiveError(f"{path}: has been changed since it was written")
+    tree = migrate(written)
+    if fault := next(find_faults(tree), None):
+        raise ArchiveError(f"{path}: is damaged: {fault}")
+    try:
+        tomllib.loads(str(tree.attrs["study_text"]))
+    except ValueError as error:
+        raise ArchiveError(f"{path}: is damaged: the text of its study: {error}") from None
+    if KIND in tree.attrs:
+        raise ArchiveError(f"{path}: is the archive of a benchmark, which has no runs of a study")
+    return tree
+
+
+def archived_sources(
+    study: ValidatedStudy, name: str, tree: xr.DataTree, place: str
+) -> ArchivedSources:
+    """Return the runs of an archive that are runs of a model.
+
+    Parameters
+    ----------
+    study, name
+        The study, and the name of its model.
+    tree : DataTree
+        The result of `open_intact`.
+    place : str
+        The name of the archive, for display.
+    """
+    names = list(model_trees(tree))
+    # The model of the same name first: its changes are told if there is no other.
+    names.sort(key=lambda each: each != name)
+    comparisons = {each: compare_models(study, name, tree, each) for each in names}
+    found = tuple(
+        source
+        for archived, comparison in comparisons.items()
+        if not comparison.changes
+        for source in _sources(study, name, tree, archived, comparison, place)
+    )
+    return ArchivedSources(found, () if found else comparisons[names[0]].changes)
+
+
+def _sources(
+    study: ValidatedStudy,
+    name: str,
+    tree: xr.DataTree,
+    archived_name: str,
+    comparison: ModelComparison,
+    place: str,
+) -> Iterator[RunSource]:
+    model = study.models[name].model
+    left_out = [] if comparison.is_same_limit else [Status.TIMED_OUT]
+    left_out += [] if comparison.is_same_domain else [Status.INADMISSIBLE]
+    here = {**provenance(), **(of_python_functions() if is_user_supplied(model) else {})}
+    then = {key: value for key, value in tree.attrs.items() if key in here}
+    made_with = ", ".join(
+        f"{name} {one} (here {other})" for name, one, other in provenance_differences(then, here)
+    )
+    notes = tuple(filter(None, str(tree.attrs.get(REUSED_RUNS, "")).split("\n")))
+    group = model_trees(tree)[archived_name]
+    changed = _changed_designs(study, tree)
+    for design in group_names(group, RUNS):
+        for runs in _rounds(read_group(group, RUNS, design), model, comparison.imported):
+            source = RunSource(
+                place,
+                runs,
+                is_complete=True,
+                made_with=made_with,
+                notes=notes,
+                changed_design=design if design in changed else "",
+            ).without_statuses(left_out)
+            if source is not None:
+                yield source
+
+
+def _changed_designs(study: ValidatedStudy, tree: xr.DataTree) -> set[str]:
+    """Return the names of the designs that the archive's study has with other settings."""
+    texts = str(tree.attrs["study_text"]), study.text
+    before, now = (tomllib.loads(text).get("designs", {}) for text in texts)
+    return {name for name in before.keys() & now.keys() if before[name] != now[name]}
+
+
+def _rounds(runs: xr.Dataset, model: Model, imported: frozenset[str]) -> Iterator[FinishedRuns]:
+    """Yield the runs of each round of a design; none if a variable is not as the model has it."""
+    size = runs.sizes[RUN]
+    inputs = {
+        variable.name: np.broadcast_to(runs.variables[variable.name].values, size)
+        for variable in model.inputs
+        if variable.name in runs
+    }
+    if not all(_has_output(runs, output) for output in model.outputs):
+        return
+    outputs = {output.name: _values(runs, output) for output in model.outputs}
+    status = runs[STATUS].values.astype(np.int8)
+    reasons = dict.fromkeys(np.flatnonzero(status != Status.OK).tolist(), "no reason was recorded")
+    if FAILED_RUN in runs:
+        failed = zip(runs[FAILED_RUN].values.tolist(), runs[FAILURE_REASON].values, strict=True)
+        reasons |= {run: str(reason) for run, reason in failed if run in reasons}
+    whole = Results(outputs, status, reasons, imported)
+    number = runs[ROUND].values if ROUND in runs else np.zeros(size)
+    for each in np.unique(number):
+        at = np.flatnonzero(number == each)
+        own = {name: values[at] for name, values in inputs.items()}
+        yield FinishedRuns(np.arange(len(at)), own, select_results(whole, at))
+
+
+def _has_output(runs: xr.Dataset, output: Output) -> bool:
+    """Check that runs have an output along the dimensions and coordinates of the model's."""
+    if output.name not in runs:
+        return False
+    if runs[output.name].dims != (RUN, *(dim.name for dim in output.dims)):
+        return False
+    return all(np.array_equal(runs[dim.name].values, dim.values) for dim in output.dims)
+
+
+def _values(runs: xr.Dataset, output: Output) -> FloatArray:
+    """Return the values of an output as a model returns them."""
+    values = runs[output.name].values.astype(np.float64)
+    if output.categories:
+        # A failed run has a category of its own there.
+        values[values < 0] = np.nan
+    return values

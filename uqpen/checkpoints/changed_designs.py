@@ -1,0 +1,63 @@
+"""Designs that have been changed so that none of their earlier runs is of use."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+import xarray as xr
+
+from uqpen.checkpoints.earlier_runs import RunSource
+from uqpen.checkpoints.reused_runs import ReusedRuns
+from uqpen.core.blocks import LoadedDataset
+from uqpen.core.labels import RUN
+from uqpen.core.streams import BLOCK, Stream
+from uqpen.designs.rounds import draw_rounds
+from uqpen.study.study import ValidatedStudy
+
+__all__ = ["unusable_runs"]
+
+
+def unusable_runs(
+    study: ValidatedStudy,
+    sources: Mapping[str, Sequence[RunSource]],
+    reused: ReusedRuns,
+    known: Collection[str],
+) -> dict[str, str]:
+    """Return a text for each changed design of whose earlier runs none is at its first points.
+
+    Parameters
+    ----------
+    study : ValidatedStudy
+        The study.
+    sources : mapping of str to sequence of RunSource
+        The sources of runs by the name of a model.
+    reused : ReusedRuns
+        The same runs.
+    known : collection of str
+        Names of designs that are left out.
+
+    Returns
+    -------
+    dict of str to str
+        By the name of a design.
+    """
+    texts = {}
+    for name in study.designs:
+        for model, found in sources.items():
+            runs = sum(len(each.runs.runs) for each in found if each.changed_design == name)
+            if runs and name not in known and not _finds_any(study, name, model, reused):
+                texts[name] = f"none of its {runs} earlier runs is at a point of the changed design"
+    return texts
+
+
+def _finds_any(study: ValidatedStudy, name: str, model: str, reused: ReusedRuns) -> bool:
+    """Check whether one of the first points of a design has an earlier run."""
+    stream = Stream(study.seed, "designs", name)
+    drawn = next(draw_rounds(study.designs[name], study.joint, stream))
+    points = drawn.assign(study.models[model].given)
+    blocked = LoadedDataset(points) if isinstance(points, xr.Dataset) else points
+    head = blocked.read(0, min(blocked.size, BLOCK))
+    runs = head.sizes[RUN]
+    columns = {str(key): head[key].broadcast_like(head[RUN]).values for key in head.data_vars}
+    earlier = reused.earlier_runs(model, columns)
+    return earlier is not None and bool((reused.find(earlier, columns, 0, runs) >= 0).any())

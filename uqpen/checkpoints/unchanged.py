@@ -1,0 +1,66 @@
+"""Studies of which nothing has changed since their archive was made."""
+
+from __future__ import annotations
+
+import tomllib
+
+import xarray as xr
+
+from uqpen.archive.files import FILES, archived_files, files_by_name
+from uqpen.archive.provenance import SCHEMA, SCHEMA_ATTRIBUTE
+from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.checkpoints.model_versions import compare_models
+from uqpen.core.labels import RUNS, STATUS
+from uqpen.core.lookup import class_version
+from uqpen.core.status import Status
+from uqpen.study.fingerprint import point_classes
+from uqpen.study.outside_members import object_surrogates, own_objects
+from uqpen.study.study import ValidatedStudy
+from uqpen.workflow.root_attributes import level_attribute, root_attributes
+
+__all__ = ["has_missing_runs", "is_unchanged"]
+
+
+def is_unchanged(study: ValidatedStudy, tree: xr.DataTree) -> bool:
+    """Check that a study would make the archive again that is there: text, files, versions.
+
+    If that is not sure, as something comes from an installed package or is an object of a program,
+    it is not unchanged.
+    """
+    expected = {**root_attributes(study), **level_attribute(study)}
+    kept = {key: value for key, value in expected.items() if not key.startswith("model_")}
+    if any(str(tree.attrs.get(key)) != str(value) for key, value in kept.items()):
+        return False
+    if tree.attrs.get(SCHEMA_ATTRIBUTE) != SCHEMA or not _is_identified(study):
+        return False
+    archived_models = model_trees(tree)
+    if [*archived_models] != [*study.models]:
+        return False
+    comparisons = [compare_models(study, name, tree, name) for name in study.models]
+    if any(each.changes or not each.is_same_limit for each in comparisons):
+        return False
+    imported = frozenset[str]().union(*(each.imported for each in comparisons))
+    loaded = files_by_name(study.files(), study.folder).items()
+    files = {f"{file.sha256}  {name}" for name, file in loaded} | imported
+    archived = archived_files(read_group(tree, FILES))
+    return files == {f"{file.sha256}  {file.name}" for file in archived}
+
+
+def has_missing_runs(tree: xr.DataTree) -> bool:
+    """Check whether an archive has failed runs that another attempt might not lose."""
+    return any(
+        bool((read_group(model, RUNS, design)[STATUS].values > Status.INADMISSIBLE).any())
+        for model in model_trees(tree).values()
+        for design in group_names(model, RUNS)
+    )
+
+
+def _is_identified(study: ValidatedStudy) -> bool:
+    """Check that an archive tells the version of all that a study consists of."""
+    if own_objects(study.text) or object_surrogates(tomllib.loads(study.text)):
+        return False
+    classes = [cls for design in study.designs for _, cls in point_classes(study, design)]
+    classes += map(type, study.surrogates.values())
+    if any(class_version(cls) for cls in classes):
+        return False
+    return all(analysis.surroundings is not None for analysis in study.analyses)
