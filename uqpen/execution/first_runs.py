@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from uqpen.core.arrays import Arrays
 from uqpen.core.errors import FirstRunsFailedError
+from uqpen.core.masked_numbers import mask_numbers
 from uqpen.core.model import Model
-from uqpen.core.reasons import mask_numbers
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.failures import FailurePolicy
@@ -64,7 +64,7 @@ class FirstRuns:
         self.is_trial_due = policy.trial
 
     def start_round(self, runs: int, restored: int = 0) -> None:
-        """Begin a round with a number of runs, of which some were restored."""
+        """Begin a round; give its number of runs, and of those that were restored."""
         self._next, self._runs = 0, runs
         self._waiting.clear()
         if restored:
