@@ -60,6 +60,9 @@ def test_a_corrected_pattern_costs_no_run(folder: Path) -> None:
         made(folder, RIGHT)
     made(folder, RIGHT, read_again=True)
     assert calls(folder) == 10
+    notes = [kept.read_text() for kept in (folder / "deck_runs").glob("*/outcome.txt")]
+    assert len(notes) == 10
+    assert all(note.startswith("ok\ny = ") for note in notes)
     read = (folder / "deck.nc").read_bytes()
     made(folder, RIGHT, fresh=True)
     assert calls(folder) == 20

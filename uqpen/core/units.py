@@ -117,7 +117,7 @@ class Scale:
     def from_si(self, value: Any) -> Any:
         """Convert a value, or an array of values, from SI units.
 
-        A number that was written with up to 12 significant digits, and 22 decimals, comes back to
+        A number that was written with up to 12 significant digits, and 22 decimals, is restored to
         the last bit: 0.007 m are 7 mm, where the quotient is 7.000000000000001.
         """
         quotient = (value - self.offset) / self.factor

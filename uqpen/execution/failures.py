@@ -28,7 +28,7 @@ class FailurePolicy:
     at_most : float
         The share of a design's runs that may be missing, from 0 to 1.
     stop_after : int
-        The study stops if so many first runs all fail alike; 0 for never.
+        Number of first runs that stop the study if all of them fail alike; 0 for never.
     trial : bool
         Whether the first run is made alone, before others are sent out.
     """

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from heapq import heappop, heappush
 from pathlib import Path
 from typing import NamedTuple
 
 from uqpen.core.arrays import Arrays
 from uqpen.core.errors import FirstRunsFailedError
+from uqpen.core.masked_numbers import mask_numbers
 from uqpen.core.model import Model
-from uqpen.core.reasons import mask_numbers
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.failures import FailurePolicy
@@ -58,13 +59,14 @@ class FirstRuns:
         self._model, self._policy, self._report = model, policy, report
         self._failed: list[_FailedRun] = []
         self._is_over = False
-        self._next = self._runs = 0
-        self._waiting: list[tuple[Arrays, BatchResult]] = []
+        self._next = self._runs = self._added = 0
+        # A heap by the number of the first run, then by the order of completion.
+        self._waiting: list[tuple[int, int, Arrays, BatchResult]] = []
         # True if the next batch is made alone, as the trial run is still to be made.
         self.is_trial_due = policy.trial
 
     def start_round(self, runs: int, restored: int = 0) -> None:
-        """Begin a round with a number of runs, of which some were restored."""
+        """Begin a round; give its number of runs, and of those that were restored."""
         self._next, self._runs = 0, runs
         self._waiting.clear()
         if restored:
@@ -80,10 +82,11 @@ class FirstRuns:
         """
         if self._is_over:
             return
-        self._waiting.append((inputs, batch_result))
-        self._waiting.sort(key=lambda waiting: waiting[1].start)
-        while self._waiting and self._waiting[0][1].start <= self._next:
-            self._examine_batch(*self._waiting.pop(0))
+        self._added += 1
+        heappush(self._waiting, (batch_result.start, self._added, inputs, batch_result))
+        while self._waiting and self._waiting[0][0] <= self._next:
+            _, _, columns, first = heappop(self._waiting)
+            self._examine_batch(columns, first)
 
     def _examine_batch(self, inputs: Arrays, batch_result: BatchResult) -> None:
         stop = batch_result.start + len(batch_result)
@@ -124,7 +127,8 @@ class FirstRuns:
             first.text,
         ]
         if first.folder and len(self._failed) > 1:
-            lines.append("  those of the others are beside it")
+            lines.append("  those of the others are beside it; --read-again reads them, after a")
+            lines.append("  correction in [model.read]")
         return "\n".join(lines)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable
 
-from uqpen.core.reasons import mask_numbers
+from uqpen.core.masked_numbers import mask_numbers
 
 __all__ = ["common_reasons"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import math
@@ -174,7 +175,11 @@ class Command(Model):
         """Make one run, or read its folder again; any failure becomes its status."""
         kept = self.folder_policy.folder / folder_name(inputs)
         if self.reads_again and (ended := self._record(program).read(kept)) is not None:
-            return self._outcome(ended, kept, program)
+            outcome = self._outcome(ended, kept, program)
+            with contextlib.suppress(OSError):
+                note = _outcome_note(outcome, self._command(program, inputs))
+                (kept / OUTCOME).write_text(note, encoding="utf-8", errors="surrogateescape")
+            return outcome
         try:
             with working_folder() as folder:
                 self._furnish(folder, program, inputs)

@@ -1,4 +1,4 @@
-"""Reasons of failed runs without their numbers, which tell causes apart."""
+"""Reasons of failed runs without their numbers: those of one cause become equal."""
 
 from __future__ import annotations
 
