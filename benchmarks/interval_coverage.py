@@ -39,6 +39,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
+from uqpen.designs.drawn_points import Points
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quasi_monte_carlo import SobolSequence
@@ -187,7 +188,7 @@ def _run(options: argparse.Namespace) -> list[dict[str, Any]]:
         where = {"problem": name, "design": design, "runs": runs, "seeds": options.seeds}
         for statistic in collected[0]:
             row = summary([seed[statistic] for seed in collected])
-            print(f"  {_line(statistic, row)}", flush=True)
+            print(f"  {summary_line(statistic, row)}", flush=True)
             table.append({**where, "statistic": statistic, **row})
     return table
 
@@ -249,7 +250,11 @@ def cells(
     problem: Problem, design: Design, statistics: Collection[str], seed: int
 ) -> dict[str, Cell]:
     """Every interval that one seed's runs get, held against the truth."""
-    runs = _runs(problem, design, seed)
+    return cells_of(problem, made_runs(problem, design, seed), statistics)
+
+
+def cells_of(problem: Problem, runs: xr.Dataset, statistics: Collection[str]) -> dict[str, Cell]:
+    """Every interval of some runs, held against the truth."""
     drawn = input_sample(runs)
     found: dict[str, Cell] = {}
     for statistic in statistics:
@@ -258,13 +263,19 @@ def cells(
     return found
 
 
-def _runs(problem: Problem, design: Design, seed: int) -> xr.Dataset:
-    """All runs of a design, round by round."""
+def made_runs(
+    problem: Problem,
+    design: Design,
+    seed: int,
+    make: Callable[[Points], xr.Dataset] | None = None,
+) -> xr.Dataset:
+    """All runs of a design, round by round; `make` may take some from elsewhere."""
+    make = make or (lambda points: evaluate(problem.evaluator, points, {}))
     rounds = run_rounds(
         design,
         problem.law,
         Stream(seed, "designs", "coverage"),
-        lambda points, _: {"": evaluate(problem.evaluator, points, {})},
+        lambda points, _: {"": make(points)},
     )
     runs = join_rounds([each[""] for each in rounds])
     return runs.assign_attrs({SAMPLING: str(design.sampling)})
@@ -472,7 +483,7 @@ def _mean(values: Sequence[float]) -> float:
     return math.fsum(values) / len(values) if values else math.nan
 
 
-def _line(statistic: str, row: Mapping[str, Any]) -> str:
+def summary_line(statistic: str, row: Mapping[str, Any]) -> str:
     text = (
         f"{statistic:24} {100 * row['coverage']:5.1f} ± {100 * row['error_of_coverage']:.1f}"
         f"  half-width {row['half_width']:.3e} (true {row['true_half_width']:.3e})"
@@ -492,7 +503,7 @@ def _report(table: Sequence[Mapping[str, Any]]) -> None:
         print(f"\n{verdict}: {len(rows)} of {len(table)} cells")
         for row in rows:
             where = f"{row['problem']}, {row['design']}, {row['runs']}: "
-            print(f"  {where}{_line(row['statistic'], row)}")
+            print(f"  {where}{summary_line(row['statistic'], row)}")
 
 
 # Of the law given admissible draws, from eight times 131 072 blocks; their own errors are below a

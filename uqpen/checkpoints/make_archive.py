@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 import xarray as xr
 
+from uqpen.archive.read import open_archive
 from uqpen.archive.write import prepare_destination, write
 from uqpen.checkpoints.checkpoint_folder import CheckpointFolder
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.lock import lock_archive
+from uqpen.checkpoints.replaced_designs import warn_of_runs_not_kept
 from uqpen.core.errors import ArchiveError, ClusterError, TooManyFailedError
 from uqpen.execution import Map, Progress
 from uqpen.execution.checkpoint import Checkpoint
@@ -65,6 +68,9 @@ def make_archive(
         lock_archive(path),
         Journal(_sibling_path(path, "log"), title, progress or Progress()) as journal,
     ):
+        if not fresh and path.exists():
+            with contextlib.suppress(ArchiveError):  # a damaged one is replaced all the same
+                warn_of_runs_not_kept(study, open_archive(path), journal)
         is_unknown = _warn_if_unknown(study, journal)
         fingerprints = {
             (model, design): run_fingerprint(study, model, design)

@@ -1,0 +1,119 @@
+"""An archive that is made again with other designs: the user is told which runs are not kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+import uqpen
+from uqpen.checkpoints.replaced_designs import warn_of_runs_not_kept
+from uqpen.execution import Progress
+from uqpen.study.study import ValidatedStudy
+
+HEAD = """\
+seed = {seed}
+[model]
+use = "ishigami"
+[inputs]
+x1 = {{ uniform = {{ lower = -3, upper = 3 }} }}
+x2 = {{ uniform = {{ lower = -3, upper = 3 }} }}
+x3 = {{ uniform = {{ lower = -3, upper = {upper} }} }}
+[constraints]
+keep = ["x1 < 2"]
+"""
+MONTE_CARLO = '[designs.d]\nkind = "monte-carlo"\n'
+HYPERCUBES = '[designs.d]\nkind = "latin-hypercube"\n'
+BLOCKS = '[designs.d]\nkind = "saltelli"\nreplicates = 2\n'
+
+
+class Warnings(Progress):
+    """The warnings that a study gives."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def warn(self, text: str) -> None:
+        self.texts.append(text)
+
+
+def parse(design: str, *, seed: int = 1, upper: int = 3) -> ValidatedStudy:
+    return uqpen.parse_study(HEAD.format(seed=seed, upper=upper) + design)
+
+
+def warnings(archive: xr.DataTree, study: ValidatedStudy) -> list[str]:
+    progress = Warnings()
+    warn_of_runs_not_kept(study, archive, progress)
+    return progress.texts
+
+
+@pytest.mark.parametrize(
+    ("earlier", "now", "text"),
+    [
+        (MONTE_CARLO + "runs = 30", MONTE_CARLO + "runs = 40", ""),
+        (BLOCKS + "base = 8", BLOCKS + "base = 16", ""),
+        (
+            MONTE_CARLO + "runs = 30",
+            MONTE_CARLO + "runs = 10",
+            "d: 20 of its 30 earlier runs are not kept",
+        ),
+        (
+            HYPERCUBES + "runs = 40",
+            HYPERCUBES + "runs = 60",
+            "d: 40 of its 40 earlier runs are not kept; to keep all of them: runs = 60, "
+            "replicates = 15 (replicates of 4 points)",
+        ),
+        (
+            HYPERCUBES + "runs = 40",
+            MONTE_CARLO + "runs = 60",
+            "d: its 40 earlier runs are not kept: it is of another kind",
+        ),
+        (
+            MONTE_CARLO + "runs = 30",
+            MONTE_CARLO.replace("d]", "e]") + "runs = 30",
+            "d: its 30 earlier runs are not kept: the study has no design of this name",
+        ),
+        (
+            '[designs.d]\nkind = "full-factorial"\nlevels = 2',
+            '[designs.d]\nkind = "full-factorial"\nlevels = 3',
+            "d: it is not known how many of its 8 earlier runs it keeps",
+        ),
+        (
+            MONTE_CARLO + "until = { y = { mean = 9 } }\nat_most = 4096",
+            MONTE_CARLO + "runs = 100",
+            "d: 412 of its 512 earlier runs are not kept",
+        ),
+    ],
+)
+def test_runs_that_are_not_kept_are_told(earlier: str, now: str, text: str) -> None:
+    archive = uqpen.run(parse(earlier))
+    assert warnings(archive, parse(now)) == ([text] if text else [])
+
+
+@pytest.mark.parametrize("change", [{"seed": 2}, {"upper": 2}], ids=str)
+def test_nothing_is_advised_where_all_points_are_others(change: dict[str, int]) -> None:
+    archive = uqpen.run(parse(HYPERCUBES + "runs = 40"))
+    assert warnings(archive, parse(HYPERCUBES + "runs = 60", **change)) == []
+
+
+def test_the_code_of_an_archive_is_not_executed(tmp_path: Path) -> None:
+    code = "from uqpen import MonteCarlo\nclass Mine(MonteCarlo): pass\n"
+    (tmp_path / "mine.py").write_text(code, encoding="utf-8")
+    earlier, now = (
+        f'{HEAD.format(seed=1, upper=3)}[designs.d]\nkind = "mine.py:Mine"\nruns = {runs}'
+        for runs in (20, 30)
+    )
+    archive = uqpen.run(uqpen.parse_study(earlier, folder=tmp_path))
+    study = uqpen.parse_study(now, folder=tmp_path)
+    (tmp_path / "mine.py").write_text("raise RuntimeError('executed')\n", encoding="utf-8")
+    told = "d: it is not known how many of its 20 earlier runs it keeps"
+    assert warnings(archive, study) == [told]
+
+
+def test_it_is_told_before_the_archive_is_replaced(tmp_path: Path) -> None:
+    progress, path = Warnings(), tmp_path / "study.nc"
+    for runs in (40, 60):
+        uqpen.make_archive(parse(f"{HYPERCUBES}runs = {runs}"), path, progress=progress)
+    assert [text[:40] for text in progress.texts] == ["d: 40 of its 40 earlier runs are not kep"]
+    assert "warning: d: 40 of its 40" in (tmp_path / "study.nc.log").read_text(encoding="utf-8")
