@@ -155,8 +155,11 @@ def _precision_table(seeds: int, workers: int) -> Iterator[str]:
             covers = (lower <= truth[kind]) & (truth[kind] <= upper)
             fixed = covers[:, 0][known[:, 0]]
             reached = sorted(_coverages(key, kind, bounds, covers))
-            start = f"{100 * fixed.mean():.1f}" if len(fixed) > seeds / 2 else "none"
-            yield f"| {name} | `{key}` | {start} | {reached[0]:.1f} | {np.median(reached):.1f} |"
+            cells = ["none"] * 3
+            if len(fixed) > seeds / 2:
+                found = [100 * fixed.mean(), reached[0], np.median(reached)]
+                cells = [f"{each:.1f}" for each in found]
+            yield f"| {name} | `{key}` | {' | '.join(cells)} |"
 
 
 def _coverages(
@@ -165,12 +168,13 @@ def _coverages(
     """Yield the coverage in per cent where seeds end at a target, for many targets."""
     estimate, lower, upper = np.moveaxis(bounds[:, :, kind], -1, 0)
     half, std = (upper - lower) / 2, bounds[:, :, 1, 0]
-    usual = np.nanmedian(half[:, :-1], axis=0)
+    is_usual = np.isfinite(half[:, :-1]).mean(axis=0) > 0.5
+    usual = np.nanmedian(half[:, :-1][:, is_usual], axis=0)
     last = len(LOOKS) - 1
     # A quantity, a share of the estimate, and one of the standard deviation.
     scales = [np.ones_like(half), np.abs(estimate) / np.abs(np.median(estimate[:, -1]))]
     scales.append(std / np.median(std[:, -1]))
-    for wanted in np.outer(TARGETS, usual[np.isfinite(usual)]).ravel().tolist():
+    for wanted in np.outer(TARGETS, usual).ravel().tolist():
         for scale in scales[:1] if key in ("exceeds", "below") else scales:
             is_precise = half <= wanted * scale
             ends = np.where(is_precise.any(axis=1), is_precise.argmax(axis=1), last)

@@ -118,12 +118,14 @@ def make_and_show(
     executor: ExecutorOptions,
     show: Callable[[xr.DataTree], None] = lambda tree: None,
     watch_port: int | None = None,
+    receivers: Sequence[Progress] = (),
     **resume: Any,
 ) -> ExitCode:
     """Make `archive` in the folder `here` where the user stands, `show` it, and report the outcome.
 
-    With a `watch_port`, a page on this machine shows the results meanwhile. `resume` are `fresh`,
-    `lost_again`, `read_again` and `reuse` of `make_archive`.
+    With a `watch_port`, a page on this machine shows the results meanwhile. `receivers` get the
+    reports of progress, too. `resume` are `fresh`, `lost_again`, `read_again` and `reuse` of
+    `make_archive`.
     """
     from uqpen.checkpoints.make_archive import make_archive
     from uqpen.cli.progress import show_progress
@@ -133,7 +135,7 @@ def make_and_show(
 
     try:
         with _watched(study, watch_port) as watchers, show_progress() as screen:
-            progress = ProgressBroadcast(screen, *watchers)
+            progress = ProgressBroadcast(screen, *watchers, *receivers)
             if executor.preparation:
                 progress.start_step(executor.preparation)
             with executor.open_map() as spread:

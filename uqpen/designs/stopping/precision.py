@@ -47,19 +47,18 @@ class Precision(StoppingRule):
     )
 
     def __post_init__(self) -> None:
-        problems = [each for name in self.targets for each in read_targets(*self._table(name))[1]]
-        validate(self, problems if self.targets else [Problem((), "no output", _TARGETS)])
+        validate(self, self._problems())
 
     def is_satisfied(self, feedback: Feedback) -> bool:
         return all(
-            target.is_met(feedback, model)
-            for target in self._targets()
+            target.excess(feedback, model) <= 1
+            for target in self.each_target()
             for model, runs in feedback.runs.items()
             if target.output in runs
         )
 
     def statistics(self) -> Iterator[StatisticName]:
-        for target in self._targets():
+        for target in self.each_target():
             yield StatisticName(target.output, target.statistic, target.label)
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
@@ -70,16 +69,24 @@ class Precision(StoppingRule):
             elif not known[name].output.is_number:
                 found = "categories" if known[name].output.categories else "dimensions"
                 yield Problem((name,), f"an output with {found}", "an output that is a number")
-        for target in self._targets():
+        for target in self.each_target():
             if target.output in known and known[target.output].output.is_number:
                 yield from target.problems(known[target.output])
 
     def __str__(self) -> str:
-        return f"until {', '.join(map(str, self._targets()))}"
+        return f"until {', '.join(map(str, self.each_target()))}"
 
-    def _targets(self) -> Iterator[Target]:
+    def each_target(self) -> Iterator[Target]:
+        """Yield the target of each statistic."""
         for name in self.targets:
             yield from read_targets(*self._table(name))[0]
+
+    def _problems(self) -> Iterator[Problem]:
+        """Yield the problems that show without the units of the outputs."""
+        if not self.targets:
+            yield Problem((), "no output", _TARGETS)
+        for name in self.targets:
+            yield from read_targets(*self._table(name))[1]
 
     def _table(self, name: str) -> tuple[str, Any]:
         return name, self.targets[name]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
@@ -73,10 +74,11 @@ class Target(NamedTuple):
         """Coordinate of the estimate along the statistic's dimension; empty without one."""
         return self.threshold or self._probability or ""
 
-    def is_met(self, feedback: Feedback, model: str) -> bool:
-        """Check the half-width of the interval; one that is not known is NaN, never enough."""
+    def excess(self, feedback: Feedback, model: str) -> float:
+        """Return the half-width of the interval in parts of the wanted one; NaN without any."""
         value, lower, upper = self._estimate(feedback, model).values.tolist()
-        return bool((upper - lower) / 2 <= self._wanted(value, feedback, model))
+        half, wanted = (upper - lower) / 2, self._wanted(value, feedback, model)
+        return half / wanted if wanted else math.inf if half else 0.0
 
     def problems(self, requested: RequestedOutput) -> Iterator[Problem]:
         """Yield what is wrong with it for an output and what a study requests of it."""

@@ -1,0 +1,148 @@
+"""``uqpen plan``: how many runs a precision takes, and runs that can be used again."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+import uqpen
+from uqpen.cli.plan import plan
+from uqpen.core.streams import Stream
+from uqpen.designs.stopping.precision import Precision
+from uqpen.execution import Progress
+from uqpen.statistics.analyze import analyze
+from uqpen.statistics.required_runs import required_runs
+from uqpen.study.pilot import pilot_study
+from uqpen.verification.verify import verify
+from uqpen.workflow import run_design
+
+STUDY = """\
+seed = 3
+[model]
+use = "ishigami"
+[inputs]
+x1 = { uniform = { lower = -3, upper = 3 } }
+x2 = { uniform = { lower = -3, upper = 3 } }
+x3 = 1
+[outputs.y]
+exceeds = [5]
+[designs.first]
+kind = "latin-hypercube"
+runs = 100
+[designs.draws]
+kind = "monte-carlo"
+until = { y = { mean = "2 %", exceeds = { 5 = 0.01 } } }
+at_most = 20_000
+[surrogates.chaos]
+kind = "polynomial-chaos"
+design = "first"
+order = 2
+"""
+
+
+def _plan(folder: Path, *arguments: object, study: str = STUDY) -> Any:
+    file = folder / "small.toml"
+    file.write_text(study)
+    archive = folder / "pilot.nc"
+    return CliRunner().invoke(plan, [*map(str, (file, "-o", archive, *arguments))])
+
+
+@cache
+def made(runs: int) -> xr.Dataset:
+    study = uqpen.parse_study(STUDY)
+    stream, design = Stream(study.seed, "designs", "draws"), uqpen.MonteCarlo(runs)
+    return run_design(study, design, stream, map=map, progress=Progress())[""]
+
+
+@pytest.mark.usefixtures("few_samples")
+def test_a_pilot_tells_runs_and_time_for_each_target(tmp_path: Path) -> None:
+    done = _plan(tmp_path)
+    assert done.exit_code == 0
+    shown = " ".join(done.output.split())
+    assert "target runs 90 % interval time" in shown
+    for target in ("the mean of y within 2 % of it", "P\\(> 5\\) of y within 0.01"):
+        assert re.search(rf"{target} \d[\d ]+ \d[\d ]+ to \d[\d ]+ s", shown)
+    assert "--reuse" in shown
+
+
+@pytest.mark.usefixtures("few_samples")
+def test_the_runs_of_the_pilot_are_the_first_of_the_study(tmp_path: Path) -> None:
+    _plan(tmp_path, "--pilot", 300, "--until", "{ y = { mean = 1 } }")
+    pilot = uqpen.open_archive(tmp_path / "pilot.nc")["runs/draws"].to_dataset()
+    first = made(1_000).isel(run=slice(300))
+    for name in ("x1", "x2", "y", "status"):
+        assert np.array_equal(pilot[name].values, first[name].values)
+    checks = verify(tmp_path / "pilot.nc", runs=None)
+    assert {check.verdict.name for check in checks} == {"EQUAL"}
+
+
+def test_a_study_without_independent_runs_gets_a_pilot_of_its_own() -> None:
+    text = STUDY.partition("[designs.draws]")[0]
+    pilot = pilot_study(uqpen.parse_study(text), 200)
+    assert dict(pilot.designs) == {"pilot": uqpen.MonteCarlo(200)}
+
+
+@pytest.mark.parametrize(
+    ("until", "message"),
+    [
+        ('{ y = { mean = "x" } }', '--until: y.mean: found "x"'),
+        ("{ z = { mean = 1 } }", "--until: z: found an unknown output"),
+        ("{ y", "--until: found { y, expected { depth"),
+        ("3", "--until: targets: found 3"),
+    ],
+)
+def test_a_precision_that_makes_no_sense_is_told_before_any_run(
+    tmp_path: Path, until: str, message: str
+) -> None:
+    done = _plan(tmp_path, "--until", until)
+    assert done.exit_code == 2
+    assert message in done.output
+    assert not (tmp_path / "pilot.nc").exists()
+
+
+def test_a_precision_must_be_asked_for(tmp_path: Path) -> None:
+    done = _plan(tmp_path, study=STUDY.replace("until =", "#").replace("at_most =", "runs ="))
+    assert done.exit_code == 2
+    assert "no design of the study has until" in done.output
+
+
+@pytest.fixture
+def few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("uqpen.statistics.required_runs._SAMPLES", 12)
+
+
+@pytest.mark.usefixtures("few_samples")
+class TestRequiredRuns:
+    RULE = Precision({"y": {"mean": 0.05, "standard_deviation": "2 %", "exceeds": {"5": 0.01}}})
+
+    def found(self, rule: Precision = RULE, runs: int = 512) -> list[Any]:
+        quantities = uqpen.parse_study(STUDY).quantities_of_interest
+        return [*required_runs(made(runs), quantities, rule, np.random.default_rng(1))]
+
+    def test_half_the_half_width_takes_four_times_the_runs(self) -> None:
+        (once,) = self.found(Precision({"y": {"mean": 0.1}}))
+        (twice,) = self.found(Precision({"y": {"mean": 0.05}}))
+        assert np.array(twice[1:]) == pytest.approx(4 * np.array(once[1:]))
+
+    def test_that_many_runs_are_as_precise_as_wanted(self) -> None:
+        quantities = uqpen.parse_study(STUDY).quantities_of_interest
+        for each, name in zip(self.found(), ("mean", "std", "exceedance"), strict=True):
+            assert each.lower < each.runs < each.upper
+            statistics = analyze(
+                made(round(each.runs)), quantities, only=("moments", "exceedance")
+            )["y"]
+            _, lower, upper = statistics[name].values.ravel()
+            std = float(statistics["std"][0])
+            wanted = {"mean": 0.05, "std": 0.02 * std, "exceedance": 0.01}[name]
+            assert (upper - lower) / 2 == pytest.approx(wanted, rel=0.08)
+
+    def test_without_an_interval_nothing_is_known(self) -> None:
+        (found,) = self.found(Precision({"y": {"standard_deviation": "2 %"}}), runs=100)
+        assert np.isnan(found.runs)

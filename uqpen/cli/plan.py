@@ -1,0 +1,145 @@
+"""``uqpen plan``: how many runs a precision takes, by a pilot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from uqpen.cli.exit_code import ExitCode
+from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option
+
+if TYPE_CHECKING:
+    from uqpen.designs.stopping.precision import Precision
+    from uqpen.statistics.required_runs import RequiredRuns
+    from uqpen.study.study import ValidatedStudy
+
+__all__ = ["plan"]
+
+_EXAMPLE = '{ depth = { mean = "1 %" } }'
+_REMARK = (
+    "Numbers of independent runs (monte-carlo), extrapolated from the pilot, and the time of the "
+    "runs alone, made as they were here. A latin-hypercube or sobol-sequence may take far fewer "
+    "for a mean. How many, or whether a surrogate would do, independent runs cannot tell."
+)
+
+
+@click.command(short_help="Tell how many runs a precision takes.")
+@click.argument("file", type=PATH)
+@click.option(
+    "--until",
+    "written",
+    metavar="TABLE",
+    help=f"The precision, as in a study: '{_EXAMPLE}'.  [default: that of the study's designs]",
+)
+@click.option(
+    "--pilot",
+    "runs",
+    type=click.IntRange(min=200),
+    default=512,
+    show_default=True,
+    help="Number of runs to plan by.",
+)
+@output_option("archive", "archives/<study>.pilot.nc")
+@executor_option
+def plan(
+    file: Path, written: str | None, runs: int, archive: Path | None, executor: ExecutorOptions
+) -> ExitCode:
+    """Make a pilot of the study FILE, and tell how many independent runs a precision takes.
+
+    The pilot's archive is kept: the study itself can reuse its runs.
+    """
+    from uqpen.cli.progress import show_step
+    from uqpen.cli.screen import show_line
+    from uqpen.cli.study import make_and_show
+    from uqpen.core.progress_record import ProgressRecord
+
+    here = Path.cwd()
+    with show_step("reading the study"):
+        from uqpen.study.load import load_study
+        from uqpen.study.pilot import pilot_study
+
+        study = load_study(file)
+        rule = _rule(study, written)
+        pilot = pilot_study(study, runs)
+    archive = archive or Path("archives") / f"{study.name}.pilot.nc"
+    record = ProgressRecord()
+    code = make_and_show(pilot, here, archive, executor, receivers=[record])
+    if code is not ExitCode.INTERRUPTED:
+        _show_plan(pilot, here / archive, rule, record.state.runs_per_second)
+        show_line(f"to use these runs: uqpen study {file} --reuse {archive}")
+    return code
+
+
+def _rule(study: ValidatedStudy, written: str | None) -> Precision:
+    """Return the wanted precision; a mistake in it is one of usage."""
+    import tomllib
+
+    from uqpen.core.errors import SettingsError
+    from uqpen.designs.stopping.precision import Precision
+
+    if written is None:
+        rules = (getattr(design, "until", None) for design in study.designs.values())
+        rule = next((each for each in rules if isinstance(each, Precision)), None)
+        if rule is None:
+            message = f"no design of the study has until, expected --until '{_EXAMPLE}'"
+            raise click.UsageError(message)
+        return rule
+    try:
+        rule = Precision(tomllib.loads(f"until = {written}")["until"])
+        problems = list(rule.check_outputs(study.quantities_of_interest))
+        if problems:
+            raise SettingsError(problems)
+    except tomllib.TOMLDecodeError:
+        raise click.UsageError(f"--until: found {written}, expected {_EXAMPLE}") from None
+    except SettingsError as error:
+        raise click.UsageError(f"--until: {error}") from None
+    return rule
+
+
+def _show_plan(study: ValidatedStudy, archive: Path, rule: Precision, rate: float | None) -> None:
+    """Show the number of runs, and the time, that each target takes."""
+    from uqpen.archive.read import open_archive, read_group
+    from uqpen.cli.screen import plain_table, show_line, standard_output
+    from uqpen.core.labels import MODELS, RUNS
+    from uqpen.core.streams import Stream
+    from uqpen.statistics.required_runs import required_runs
+
+    tree, (design,) = open_archive(archive), study.designs
+    rows = []
+    for name, variant in study.models.items():
+        path = (MODELS, name) if study.has_several_models else ()
+        quantities = study.model_quantities(variant.model)
+        rng = Stream(study.seed, "plan").generator(name)
+        made = read_group(tree, *path, RUNS, design)
+        for each in required_runs(made, quantities, rule, rng):
+            prefix = f"{name}: " if study.has_several_models else ""
+            rows.append((prefix + each.target, *_cells(each, rate)))
+    show_line("")
+    console = standard_output()
+    console.print(plain_table(["target", "runs", "90 % interval", "time"], rows))
+    console.print(f"\n{_REMARK}\n", markup=False)
+
+
+def _cells(required: RequiredRuns, rate: float | None) -> Iterator[str]:
+    """Yield the number of runs, its interval and the time, given the runs per second."""
+    from uqpen.results.progress_texts import duration_text
+
+    if not math.isfinite(required.runs):
+        yield from ("unknown", "no interval in the pilot", "")
+        return
+    yield _rounded(required.runs)
+    known = math.isfinite(required.lower)
+    yield f"{_rounded(required.lower)} to {_rounded(required.upper)}" if known else "unknown"
+    yield duration_text(required.runs / rate) if rate else "unknown"
+
+
+def _rounded(runs: float) -> str:
+    """Return a number of runs in two digits, rounded up."""
+    from uqpen.results.digits import grouped_number
+
+    step = 10 ** max(len(str(math.ceil(runs))) - 2, 0)
+    return grouped_number(max(math.ceil(runs / step) * step, 2))
