@@ -175,7 +175,7 @@ def test_how_points_follow_the_stated_inputs_is_told(written: Written) -> None:
     assert "(p < 0.0001)" in bad
     alike = {"length [m]": LOADS}
     bad = str(runs_of(written(text, table(**alike))).attrs[AGREEMENT])
-    assert bad.endswith("load and length 1 (p < 0.0001)")
+    assert bad.endswith("load and length 1.000 (p < 0.0001)")
     # A p value is that of independent draws, which these points are not declared to be.
     undeclared = str(runs_of(written(STUDY + INPUTS + DESIGN)).attrs[AGREEMENT])
     assert "p =" not in undeclared

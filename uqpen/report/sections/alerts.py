@@ -125,7 +125,7 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
     if agreement := str(read_group(view.tree, RUNS, design).attrs.get(AGREEMENT, "")):
         yield Alert(
             "Inputs",
-            f"The points of {design} are from a file, compared with the stated inputs: {agreement}.",
+            f"The points of {design}, from a file, against the stated inputs: {agreement}.",
             "If they do not follow those distributions, the statistics are of other inputs.",
         )
     yield from _measured_alert(view, design)
