@@ -294,6 +294,10 @@ def test_every_mistake_is_met_before_anything_is_read(written: Written) -> None:
     ]
 
 
+def test_a_fixed_input_with_other_values_in_the_file_is_refused(written: Written) -> None:
+    assert mistakes(STUDY + '[inputs]\nload = "1 kN"\n', "", written) == [("inputs.load", '"1 kN"')]
+
+
 def test_designs_and_surrogates_that_do_not_fit_a_data_file_are_refused(
     written: Written,
 ) -> None:
