@@ -101,6 +101,12 @@ def test_a_blank_entry_is_no_number(blank: str) -> None:
     assert column.texts() == ["2", ""]
 
 
+def test_rows_without_an_entry_are_no_runs() -> None:
+    file = file_of("a,b\n1,2\n,\n  \n3,x\n,\n")
+    assert file.rows == 2
+    assert file.columns[1].place(1) == "runs.csv, line 5"
+
+
 def test_mistakes_are_said_with_their_place() -> None:
     assert refused('a,b\n1,2\n\n"3\n4",x\n')[0] == '"3\\n4" in column "a", runs.csv, line 5'
     assert refused("a,b\n1,2\n\n3,x\n") == ('"x" in column "b", runs.csv, line 4', "a number")

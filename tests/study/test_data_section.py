@@ -175,7 +175,7 @@ def test_how_points_follow_the_stated_inputs_is_told(written: Written) -> None:
     assert "(p < 0.0001)" in bad
     alike = {"length [m]": LOADS}
     bad = str(runs_of(written(text, table(**alike))).attrs[AGREEMENT])
-    assert bad.endswith("load and length 1 (p < 0.0001)")
+    assert bad.endswith("load and length 1.000 (p < 0.0001)")
     # A p value is that of independent draws, which these points are not declared to be.
     undeclared = str(runs_of(written(STUDY + INPUTS + DESIGN)).attrs[AGREEMENT])
     assert "p =" not in undeclared
@@ -292,6 +292,10 @@ def test_every_mistake_is_met_before_anything_is_read(written: Written) -> None:
     assert mistakes(STUDY, runs, written) == [
         ("model.data", '"lost" in column "status", runs.csv, line 2')
     ]
+
+
+def test_a_fixed_input_with_other_values_in_the_file_is_refused(written: Written) -> None:
+    assert mistakes(STUDY + '[inputs]\nload = "1 kN"\n', "", written) == [("inputs.load", '"1 kN"')]
 
 
 def test_designs_and_surrogates_that_do_not_fit_a_data_file_are_refused(

@@ -138,6 +138,6 @@ class DataDesign(Design):
 
 def _text(found: Agreement, *, is_drawn: bool) -> str:
     """Return a comparison as text; it has a p value where the points are independent draws."""
-    text = f"{' and '.join(found.inputs)} {found.value:.2g}"
+    text = f"{' and '.join(found.inputs)} {found.value:.3f}".replace("-", "−")
     p_value = f"p = {found.p_value:.2g}" if found.p_value >= 1e-4 else "p < 0.0001"
     return f"{text} ({p_value})" if is_drawn else text

@@ -14,13 +14,14 @@ from uqpen.core.model import Input, Model, Output
 from uqpen.core.units import DIMENSIONLESS, si_unit
 from uqpen.designs.data import DataDesign
 from uqpen.designs.design import Design
+from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.models.data.columns import DataFile
 from uqpen.models.data.data_file import data_file, read_data_file
 from uqpen.models.data.data_model import DataModel
 from uqpen.models.data.results import REASON, STATUS, data_coordinates, data_points, data_results
 from uqpen.study.table_reader import TableReader
 
-__all__ = ["DATA", "DEFAULT_DESIGNS", "bind_designs", "has_data", "read_data"]
+__all__ = ["DATA", "DEFAULT_DESIGNS", "bind_designs", "check_fixed", "has_data", "read_data"]
 
 # The key with the file.
 DATA = "data"
@@ -90,6 +91,16 @@ def bind_designs(table: TableReader, designs: dict[str, Design], model: Model) -
         else:
             bound[name] = design
     return bound
+
+
+def check_fixed(table: TableReader, joint: JointDistribution, model: Model) -> None:
+    """Note inputs with one value in the study, and others in its data file."""
+    points = model.points if isinstance(model, DataModel) else {}
+    for entry in joint.fixed:
+        name = entry.variable.name
+        if name in points and (points[name] != entry.value).any():
+            expected = f"its distribution, or nothing: its values are those of {model.name}"
+            table.add_wrong(name, table.content[name], expected)
 
 
 def _names(table: TableReader, key: str) -> list[str] | None:

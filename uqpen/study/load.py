@@ -18,7 +18,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
 from uqpen.statistics.estimate import LEVEL
 from uqpen.study.analyses_section import read_analyses
-from uqpen.study.data_section import DEFAULT_DESIGNS, bind_designs, has_data
+from uqpen.study.data_section import DEFAULT_DESIGNS, bind_designs, check_fixed, has_data
 from uqpen.study.dependence_section import read_dependence
 from uqpen.study.designs_section import (
     check_designs,
@@ -135,6 +135,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     if are_models_whole:
         designs = bind_designs(tables["designs"], designs, model)
     inputs, joint, is_clear = _read_joint(root, tables, model, models, designs, heading.seed)
+    check_fixed(tables["inputs"], joint, model)
     constraints = read_constraints(tables["constraints"], model, inputs)
     quantities = read_quantities_of_interest(tables["outputs"], model, heading.confidence_level)
     events = read_joint_probabilities(tables["joint_probabilities"], model)

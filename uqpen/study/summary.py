@@ -9,6 +9,7 @@ from uqpen.core.lookup import family_name
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs import DESIGNS
 from uqpen.distributions.joint_distribution import FixedInput
+from uqpen.models.data.data_model import DataModel
 from uqpen.statistics import texts
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.threshold import Acceptable
@@ -45,6 +46,20 @@ def input_rows(study: ValidatedStudy) -> Rows:
         else:
             text = entry.description
         rows.append((entry.variable.name, text))
+    if isinstance(study.model, DataModel):
+        stated = {entry.variable.name for entry in study.joint.inputs}
+        rows += [row for row in _data_rows(study.model) if row[0] not in stated]
+    return rows
+
+
+def _data_rows(model: DataModel) -> Rows:
+    """Return the name of each input of a data file with the range of its values."""
+    rows: Rows = []
+    for variable in model.inputs:
+        values = scale(variable.preferred_unit).from_si(model.points[variable.name])
+        unit = "" if variable.preferred_unit == DIMENSIONLESS else f" {variable.preferred_unit}"
+        text = f"{values.min():.4g} to {values.max():.4g}{unit} in {model.name}"
+        rows.append((variable.name, text))
     return rows
 
 

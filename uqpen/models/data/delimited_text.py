@@ -103,14 +103,17 @@ class _Table:
                 raise data_error(found, f"{expected}, one under each heading")
 
     def frame(self, positions: Sequence[int]) -> Any:
-        """Return the columns at some positions as a pandas DataFrame, blank entries missing."""
+        """Return the columns at some positions as a pandas DataFrame, blank entries missing.
+
+        Rows without any entry, with which a spreadsheet may end, are left out.
+        """
         import pandas as pd
 
         options: dict[str, Any] = {"sep": self._delimiter or r"\s+"}
         if int(pd.__version__.partition(".")[0]) < 3:
             options["float_precision"] = "round_trip"  # as every later version does
         header = 2 if self._places else 1
-        return pd.read_csv(
+        frame = pd.read_csv(
             io.StringIO(self.text),
             header=None,
             names=list(range(len(self.headings))),
@@ -122,6 +125,7 @@ class _Table:
             low_memory=False,
             **options,
         )
+        return frame[frame.notna().any(axis="columns")]
 
     def place(self, entry: int) -> str:
         """Return the file and the line of a row."""
@@ -170,7 +174,7 @@ class _Table:
         reader = csv.reader(stream, delimiter=self._delimiter)
         try:
             for row in reader:
-                if row:
+                if any(map(str.strip, row)):
                     yield reader.line_num, row
         except csv.Error as error:
             raise data_error(

@@ -9,6 +9,7 @@ import numpy as np
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.labels import (
+    AGREEMENT,
     CONDITIONAL,
     DEPENDENCE,
     INTERVAL_LEVEL,
@@ -127,6 +128,12 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             f"The points of {design} are the user's own, and presumed to be a sample of the "
             "inputs.",
             "Check how they were chosen.",
+        )
+    if agreement := str(read_group(view.tree, RUNS, design).attrs.get(AGREEMENT, "")):
+        yield Alert(
+            "Inputs",
+            f"The points of {design}, from a file, against the stated inputs: {agreement}.",
+            "If they do not follow those distributions, the statistics are of other inputs.",
         )
     yield from _measured_alert(view, design)
 
