@@ -108,10 +108,8 @@ def _sources(
     left_out += [] if comparison.is_same_domain else [Status.INADMISSIBLE]
     here = {**provenance(), **(of_python_functions() if is_user_supplied(model) else {})}
     then = {key: value for key, value in tree.attrs.items() if key in here}
-    made_with = ", ".join(
-        f"{name} {one} (here {other})" for name, one, other in provenance_differences(then, here)
-    )
-    notes = tuple(filter(None, str(tree.attrs.get(REUSED_RUNS, "")).split("\n")))
+    others = ", ".join(f"{what} {value}" for what, value, _ in provenance_differences(then, here))
+    made_with = [f"runs made with {others}"] if others else []
     group = model_trees(tree)[archived_name]
     changed = _changed_designs(study, tree)
     for design in group_names(group, RUNS):
@@ -120,12 +118,19 @@ def _sources(
                 place,
                 runs,
                 is_complete=True,
-                made_with=made_with,
-                notes=notes,
+                made_with=(*made_with, *_inherited(tree, archived_name, design)),
                 changed_design=design if design in changed else "",
             ).without_statuses(left_out)
             if source is not None:
                 yield source
+
+
+def _inherited(tree: xr.DataTree, model: str, design: str) -> Iterator[str]:
+    """Yield what an archive says of runs of a design that it has taken from others."""
+    label = f"{model}: {design}: " if model else f"{design}: "
+    for line in str(tree.attrs.get(REUSED_RUNS, "")).split("\n"):
+        if line.startswith(label):
+            yield line.removeprefix(label)
 
 
 def _changed_designs(study: ValidatedStudy, tree: xr.DataTree) -> set[str]:

@@ -38,11 +38,8 @@ class RunSource:
         The runs, with their numbers in the round, ascending and each once.
     is_complete : bool
         True if they are all runs of the round.
-    made_with : str
-        How versions and processor that they were made with differ from those here; empty if they
-        do not.
-    notes : tuple of str
-        What their archive says of runs that it has taken itself.
+    made_with : tuple of str
+        What they were made with, where that is not as it is here, in words.
     folder : Path, optional
         Their folder, if they are in no archive.
     changed_design : str
@@ -52,8 +49,7 @@ class RunSource:
     place: str
     runs: FinishedRuns
     is_complete: bool
-    made_with: str = ""
-    notes: tuple[str, ...] = ()
+    made_with: tuple[str, ...] = ()
     folder: Path | None = None
     changed_design: str = ""
 

@@ -20,6 +20,7 @@ __all__ = ["ReusedRuns"]
 
 # Whether a run ends so may depend on the machine.
 _BY_MACHINE = (Status.TIMED_OUT, Status.CRASHED)
+_LOST_BY_MACHINE = "runs that timed out or crashed in an earlier study"
 
 
 class ReusedRuns:
@@ -47,7 +48,7 @@ class ReusedRuns:
             name: EarlierRuns.by_inputs(study.models[name].model, found)
             for name, found in sources.items()
         }
-        self._taken: Counter[tuple[str, str]] = Counter()
+        self._made_with: set[str] = set()
 
     def checkpoint(self, own: Checkpoint, design: str, model: str) -> Checkpoint:
         """Return a checkpoint that restores earlier runs, too, of a model in a round of a design.
@@ -77,14 +78,10 @@ class ReusedRuns:
         """Record the runs that a design takes, given their positions."""
         label = f"{model}: {design}" if model else design
         for source, statuses in earlier.use(at):
-            runs = len(statuses)
-            self._progress.count_reused(runs, source.place)
-            if source.made_with:
-                self._taken[label, f"made with {source.made_with}"] += runs
-            for note in source.notes:
-                self._taken[label, f"of an archive with {note}"] += runs
-            if by_machine := int(np.isin(statuses, _BY_MACHINE).sum()):
-                self._taken[label, "which timed out or crashed then"] += by_machine
+            self._progress.count_reused(len(statuses), source.place)
+            self._made_with.update(f"{label}: {text}" for text in source.made_with)
+            if np.isin(statuses, _BY_MACHINE).any():
+                self._made_with.add(f"{label}: {_LOST_BY_MACHINE}")
 
     def used_folders(self) -> set[Path]:
         """Return the folders all of whose runs have been taken."""
@@ -98,10 +95,7 @@ class ReusedRuns:
 
         Runs that timed out or crashed might not do so here.
         """
-        return "\n".join(
-            f"{label}: {runs} reused runs, {text}"
-            for (label, text), runs in sorted(self._taken.items())
-        )
+        return "\n".join(sorted(self._made_with))
 
 
 class _ReusingCheckpoint(Checkpoint):
