@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 from rich.console import Console, Group
@@ -98,6 +98,12 @@ class _Announced(ProgressRecord):
         self._console = console
         self._design_runs = 0
         self._warnings: set[str] = set()
+
+    def announce_designs(self, runs: Mapping[str, int]) -> None:
+        super().announce_designs(runs)
+        # Before any run, as the user may want to stop.
+        self.show_warnings()
+        self._warnings.clear()
 
     def start_design(self, name: str, runs: int) -> None:
         super().start_design(name, runs)
