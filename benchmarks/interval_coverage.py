@@ -188,7 +188,7 @@ def _run(options: argparse.Namespace) -> list[dict[str, Any]]:
         where = {"problem": name, "design": design, "runs": runs, "seeds": options.seeds}
         for statistic in collected[0]:
             row = summary([seed[statistic] for seed in collected])
-            print(f"  {summary_line(statistic, row)}", flush=True)
+            print(f"  {_line(statistic, row)}", flush=True)
             table.append({**where, "statistic": statistic, **row})
     return table
 
@@ -483,7 +483,7 @@ def _mean(values: Sequence[float]) -> float:
     return math.fsum(values) / len(values) if values else math.nan
 
 
-def summary_line(statistic: str, row: Mapping[str, Any]) -> str:
+def _line(statistic: str, row: Mapping[str, Any]) -> str:
     text = (
         f"{statistic:24} {100 * row['coverage']:5.1f} ± {100 * row['error_of_coverage']:.1f}"
         f"  half-width {row['half_width']:.3e} (true {row['true_half_width']:.3e})"
@@ -503,7 +503,7 @@ def _report(table: Sequence[Mapping[str, Any]]) -> None:
         print(f"\n{verdict}: {len(rows)} of {len(table)} cells")
         for row in rows:
             where = f"{row['problem']}, {row['design']}, {row['runs']}: "
-            print(f"  {where}{summary_line(row['statistic'], row)}")
+            print(f"  {where}{_line(row['statistic'], row)}")
 
 
 # Of the law given admissible draws, from eight times 131 072 blocks; their own errors are below a

@@ -176,6 +176,19 @@ class TestPipe:
             "analysing the runs",
         ]
 
+    def test_what_is_known_before_the_runs_is_shown_before_them(
+        self, lines: tuple[_Lines, list[float], io.StringIO]
+    ) -> None:
+        progress, _, shown = lines
+        progress.warn("early")
+        progress.announce_designs({"one": 1})
+        assert shown.getvalue().splitlines() == ["warning: early"]
+        progress.start_design("one", 1)
+        progress.warn("late")
+        progress.finish()
+        progress.show_warnings()
+        assert shown.getvalue().splitlines()[2:] == ["warning: late"]
+
     def test_what_takes_long_says_how_far_it_is(
         self, lines: tuple[_Lines, list[float], io.StringIO]
     ) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 from rich.console import Console, Group
@@ -104,6 +104,12 @@ class _Warnings(ProgressRecord):
         super().__init__(clock)
         self._console = console
         self._warnings: set[str] = set()
+
+    def announce_designs(self, runs: Mapping[str, int]) -> None:
+        super().announce_designs(runs)
+        # Before any run, as the user may want to stop.
+        self.show_warnings()
+        self._warnings.clear()
 
     def warn(self, text: str) -> None:
         self._warnings.add(text)

@@ -1,22 +1,22 @@
-"""How often intervals cover on designs that were extended in steps, over many seeds.
+"""Designs that are extended in steps have the runs and intervals of fresh ones.
 
-Run it as ``python benchmarks/extended_coverage.py``, with uqpen installed. Each design is made at a
+Run it as ``python benchmarks/extended_designs.py``, with uqpen installed. Each design is made at a
 quarter of its size, at half of it, and whole; runs at the same inputs, to the bit, are taken from
-the steps before. Runs and intervals must equal those of a fresh design of the whole size. Then the
-intervals are held against the truth, as `interval_coverage.py` does.
+the steps before. Runs and intervals must equal those of a fresh design of the whole size.
 """
 
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from interval_coverage import PROBLEMS, Problem, cells_of, made_runs, summary, summary_line
+from coverage_table import EXTENDED
+from interval_coverage import PROBLEMS, Problem, cells_of, made_runs
 
 from uqpen.core.labels import FAILED_RUN, RUN
 from uqpen.designs.design import Design
@@ -28,7 +28,7 @@ from uqpen.designs.saltelli import Saltelli
 from uqpen.execution import evaluate
 
 SIZES = (512, 1024, 2048)
-STATISTICS = ("moments", "quantiles", "exceedance")
+STATISTICS = ("moments", "quantiles", "exceedance", "sensitivity")
 
 # By the number of runs, or of blocks, of a step.
 DESIGNS: dict[str, Callable[[int], Design]] = {
@@ -43,47 +43,42 @@ DESIGNS: dict[str, Callable[[int], Design]] = {
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=200)
-    parser.add_argument("--problems", nargs="+", choices=PROBLEMS, default=["half lost"])
-    parser.add_argument("--designs", nargs="+", choices=DESIGNS, default=list(DESIGNS))
+    parser.add_argument("--seeds", type=int, default=12)
+    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the table of the docs")
     options = parser.parse_args()
-    differing = 0
-    for name in options.problems:
-        problem = PROBLEMS[name]()
-        for title in options.designs:
-            differing += _report(name, problem, title, options.seeds)
-    return 1 if differing else 0
+    problem = PROBLEMS["half lost"]()
+    lines = ["| design | runs made in each step | seeds | seeds that differ |", "|---|---|---|---|"]
+    has_differences = False
+    for title in DESIGNS:
+        made, differing = _extended(problem, title, options.seeds)
+        has_differences |= differing > 0
+        lines.append(f"| {title} | {made} | {options.seeds} | {differing} |")
+        print(lines[-1], flush=True)
+    if options.markdown:
+        EXTENDED.fill(options.markdown, "\n".join(lines))
+    return int(has_differences)
 
 
-def _report(name: str, problem: Problem, title: str, seeds: int) -> int:
-    """Print the coverage of a design; return how many seeds differ from a fresh one."""
-    began = time.perf_counter()
+def _extended(problem: Problem, title: str, seeds: int) -> tuple[str, int]:
+    """Runs that each step makes in the mean, and how many seeds differ from a fresh design."""
     steps = [DESIGNS[title](size) for size in SIZES]
-    statistics = (*STATISTICS, "sensitivity") if title.startswith("saltelli") else STATISTICS
-    found, differing, calls = [], 0, [0] * len(steps)
+    differing, calls = 0, [0] * len(steps)
     for seed in range(seeds):
         known: dict[bytes, dict[str, Any]] = {}
         for position, design in enumerate(steps):
             before = len(known)
             runs = made_runs(problem, design, seed, partial(_make_unknown, problem, known))
             calls[position] += len(known) - before
-        fresh = made_runs(problem, steps[-1], seed)
-        found.append(cells_of(problem, runs, statistics))
-        # Reasons of failed runs are texts for people.
-        is_same = runs.equals(fresh.drop_dims(FAILED_RUN, errors="ignore"))
-        # As texts, since NaN is not equal to itself.
-        is_same &= repr(found[-1]) == repr(cells_of(problem, fresh, statistics))
-        differing += not is_same
-    made = " + ".join(f"{number / seeds:.0f}" for number in calls)
-    print(
-        f"\n{name}, {title}: {made} runs a seed, {seeds} seeds, {differing} differ from fresh",
-        end="",
-    )
-    print(f" ({time.perf_counter() - began:.0f} s)")
-    for statistic in found[0]:
-        row = summary([seed[statistic] for seed in found])
-        print(f"  {summary_line(statistic, row)}", flush=True)
-    return differing
+        differing += not _is_same(problem, runs, made_runs(problem, steps[-1], seed))
+    return " + ".join(f"{number / seeds:.0f}" for number in calls), differing
+
+
+def _is_same(problem: Problem, extended: xr.Dataset, fresh: xr.Dataset) -> bool:
+    """Whether all runs are the same, and all intervals."""
+    # Reasons of failed runs are texts for people, and an interval that is not there is NaN.
+    intervals = [repr(cells_of(problem, runs, STATISTICS)) for runs in (extended, fresh)]
+    has_same_runs = extended.equals(fresh.drop_dims(FAILED_RUN, errors="ignore"))
+    return has_same_runs and intervals[0] == intervals[1]
 
 
 def _make_unknown(
