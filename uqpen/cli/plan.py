@@ -100,7 +100,9 @@ def _rule(study: ValidatedStudy, written: str | None) -> Precision:
     return rule
 
 
-def _show_required_runs(study: ValidatedStudy, archive: Path, rule: Precision, rate: float | None) -> None:
+def _show_required_runs(
+    study: ValidatedStudy, archive: Path, rule: Precision, rate: float | None
+) -> None:
     """Show the number of runs, and the time, that each target takes."""
     from uqpen.archive.read import open_archive, read_group
     from uqpen.cli.screen import plain_table, show_line, standard_output
