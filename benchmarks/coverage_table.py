@@ -187,13 +187,15 @@ the true values. `benchmarks/deciding_coverage.py` makes these tables with the e
 and the test of the package.
 
 At a wanted precision: the coverage in per cent of the interval that decided, after a fixed number
-of 512 runs, and where the design ended by itself: at the worst of many targets and at the middle
-one. Targets lie around the usual half-width at each look up to 8 192 runs, where chance decides
-most. Of so many targets, chance alone puts the worst some 1.5 points below the middle.
+of 512 runs, and where the design ended by itself: at the worst of up to 45 targets and at the
+middle one. Targets lie around the usual half-width at each look up to 8 192 runs, where chance
+decides most. Of so many targets, chance alone puts the worst some 1.5 points below the middle. The
+depth has too heavy a tail for an interval of its standard deviation: such a design goes on to the
+end.
 
-With a decision: the answers in per cent of seeds, and the number of runs that they took. At P
-itself, each answer is wrong. *By intervals* looks after every run whether the Clopper-Pearson
-interval excludes the limit, in place of the test.
+With a decision: the answers in per cent of seeds, and the number of runs that they took. At the
+true value, *held* is the wrong answer. *By intervals* looks after every run whether the
+Clopper-Pearson interval excludes the limit, in place of the test.
 """
 
 _EXTENDED = """\

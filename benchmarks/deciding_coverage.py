@@ -199,7 +199,7 @@ def _decision_table(seeds: int) -> Iterator[str]:
                 rng = np.random.default_rng([2_063, seed])
                 rows.append(_decided(rng.choice(events_of_pool, MOST), limit, p))
             right, wrong, undecided, runs, covers, naive = np.array(rows).T
-            claim = f"P < {limit:g}" if limit != p else "P < P"
+            claim = f"P < {limit:g}" if limit != p else "P < its true value"
             cells = [100 * each.mean() for each in (right, wrong, undecided)]
             counts = [f"{runs.mean():.0f}", f"{np.quantile(runs, 0.9):.0f}"]
             ends = [f"{100 * each.mean():.1f}" for each in (covers, naive)]
@@ -210,10 +210,10 @@ def _decision_table(seeds: int) -> Iterator[str]:
 def _decided(events: npt.NDArray[np.bool_], limit: float, p: float) -> tuple[float, ...]:
     """Return of one seed: right, wrong, undecided, runs, interval covers, wrong by intervals.
 
-    At the limit itself the answer "below" is wrong, and so is "above", as either is strict.
+    At the limit itself "held" is wrong, and "not held" is right.
     """
     verdict, runs = decide(events, np.zeros(len(events), bool), limit, is_below=True)
-    is_right = verdict == ("held" if p < limit else "")
+    is_right = verdict == ("held" if p < limit else "not held")
     is_open = verdict == "undecided"
     lower, upper = anytime_interval(int(events[:runs].sum()), 0, runs)
     return (
@@ -234,7 +234,7 @@ def _is_wrong_by_intervals(events: npt.NDArray[np.bool_], limit: float, p: float
     ended = below | above
     if not ended.any():
         return False
-    return not (below[ended.argmax()] and p < limit)
+    return bool(below[ended.argmax()]) != (p < limit)
 
 
 @cache

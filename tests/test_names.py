@@ -43,6 +43,7 @@ RETIRED = {
 # Names that keep such a word.
 ALLOWED = {
     "figures": "the package that draws pictures",
+    "plan": "the command `uqpen plan`",
     "course": "rod_course enters the hash of the built-in models' source",
 }
 

@@ -27,7 +27,7 @@ _REMARK = (
 )
 
 
-@click.command(short_help="Tell how many runs a precision takes.")
+@click.command(short_help="State how many runs a precision takes.")
 @click.argument("file", type=PATH)
 @click.option(
     "--until",
@@ -48,7 +48,7 @@ _REMARK = (
 def plan(
     file: Path, written: str | None, runs: int, archive: Path | None, executor: ExecutorOptions
 ) -> ExitCode:
-    """Make a pilot of the study FILE, and tell how many independent runs a precision takes.
+    """Make a pilot of the study FILE, and state how many independent runs a precision takes.
 
     The pilot's archive is kept: the study itself can reuse its runs.
     """
@@ -69,7 +69,7 @@ def plan(
     record = ProgressRecord()
     code = make_and_show(pilot, here, archive, executor, receivers=[record])
     if code is not ExitCode.INTERRUPTED:
-        _show_plan(pilot, here / archive, rule, record.state.runs_per_second)
+        _show_required_runs(pilot, here / archive, rule, record.state.runs_per_second)
         show_line(f"to use these runs: uqpen study {file} --reuse {archive}")
     return code
 
@@ -100,7 +100,9 @@ def _rule(study: ValidatedStudy, written: str | None) -> Precision:
     return rule
 
 
-def _show_plan(study: ValidatedStudy, archive: Path, rule: Precision, rate: float | None) -> None:
+def _show_required_runs(
+    study: ValidatedStudy, archive: Path, rule: Precision, rate: float | None
+) -> None:
     """Show the number of runs, and the time, that each target takes."""
     from uqpen.archive.read import open_archive, read_group
     from uqpen.cli.screen import plain_table, show_line, standard_output

@@ -93,7 +93,7 @@ def _stated_blocks(
 ) -> Iterator[Block]:
     """Yield the verdicts on limits, the sentences, and the design behind them."""
     verdicts = [each for entry in shown for each in entry.verdicts]
-    if every := (*verdicts, *joint_findings(view, design), *decision_findings(view)):
+    if every := (*decision_findings(view), *verdicts, *joint_findings(view, design)):
         yield Findings(every, is_verdict=True)
     stated, further = _ordered_sentences(shown, main_outputs(view))
     if stated:
