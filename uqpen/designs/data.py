@@ -56,7 +56,8 @@ class DataDesign(Design):
     def check_settings(self) -> Iterator[Problem]:
         if self.independent and self.follows not in (None, _INDEPENDENT):
             found = f'independent = true with follows = "{self.follows}"'
-            yield Problem(("independent",), found, "one of them")
+            expected = f'independent = true or follows = "{self.follows}", not both'
+            yield Problem(("independent",), found, expected)
         if self.last is not None and self.last < self.first:
             yield Problem(("last",), f"{self.last}", f"{self.first} or more, as first is")
 
