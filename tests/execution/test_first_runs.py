@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -166,3 +166,19 @@ def test_a_study_ends_by_itself_where_no_run_is_left(tmp_path: Path) -> None:
 def test_a_study_goes_on_where_its_first_runs_fail_in_two_ways(tmp_path: Path) -> None:
     fails = "def simulate(x):\n    raise ValueError('negative' if x < 0 else 'positive')\n"
     assert uqpen.run(study_of(tmp_path, fails))["runs/some"].sizes["lost_run"] == 50
+
+
+def test_the_command_shows_a_failed_trial_at_once_and_logs_it(
+    tmp_path: Path, command_line: Callable[..., Any]
+) -> None:
+    (tmp_path / "model.py").write_text(ALL_FAIL)
+    (tmp_path / "study.toml").write_text(STUDY)
+    done = command_line("study", str(tmp_path / "study.toml"), "-o", str(tmp_path / "study.nc"))
+    assert done.code == 3
+    trial = "some: the trial run has failed:\n  ValueError: no convergence at "
+    stopped = "some: the first 10 runs have all failed alike, for example\n  ValueError: no conv"
+    assert 0 <= done.err.index(trial) < done.err.index(stopped)
+    assert "10 runs are kept. With stop_after = 0 in [failures], the same\n" in done.err
+    log = (tmp_path / "study.nc.log").read_text()
+    assert "some: the trial run has failed: ValueError: no convergence at " in log
+    assert max(map(len, done.err.splitlines())) <= 80
