@@ -211,7 +211,7 @@ Blocks of `saltelli` are drawn again by streams of their own since the first tab
 `half lost` with about 1 000 runs they were measured again, over 250 seeds: quantiles 95.2 to
 97.2 %, exceedance probabilities 92.0 to 100.0 %, and with a note means 97.6, standard deviations
 97.2, first-order indices 93.2 and 95.6, total-order indices 96.0 and 96.0. No cell fails. The
-standard error of these coverages is 1.0 to 1.7 points.
+standard error of these coverages is at most 1.7 points.
 """
 
 _NONE = """\

@@ -106,7 +106,7 @@ def pairs_of_designs(draw: st.DrawFn) -> tuple[Design, Design]:
     return make(), make()
 
 
-@settings(max_examples=30)
+@settings(max_examples=20)
 @given(pair=pairs_of_designs())
 def test_what_is_kept_and_what_would_keep_all_is_told(pair: tuple[Design, Design]) -> None:
     check_extension(*pair)
@@ -131,7 +131,7 @@ def redrawn(design: Saltelli, share: float) -> Counter[bytes]:
     return Counter(row.tobytes() for row in np.concatenate(rows))
 
 
-@settings(max_examples=10)
+@settings(max_examples=5)
 @given(
     replicates=st.tuples(st.integers(2, 4), st.integers(0, 3)),
     exponents=st.tuples(st.integers(2, 4), st.integers(0, 2)),
