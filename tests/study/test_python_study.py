@@ -131,6 +131,21 @@ class TestSameContent:
         assert again.quantities_of_interest == study.quantities_of_interest
         assert (again.designs, again.surrogates) == (study.designs, study.surrogates)
 
+    @pytest.mark.parametrize(
+        "copula",
+        [
+            uqpen.ClaytonCopula(("length", "width"), 2.0),
+            uqpen.FrankCopula(("length", "width"), -3.0),
+            uqpen.GumbelCopula(("length", "width"), 2.0),
+            uqpen.JoeCopula(("length", "width"), 1.5),
+        ],
+        ids=lambda copula: type(copula).__name__,
+    )
+    def test_any_copula_joins_the_inputs_that_it_names(self, copula: Any) -> None:
+        study = made(dependence=copula)
+        assert study.joint.dependence == copula
+        assert uqpen.parse_study(study.to_toml(), objects={("model",): area}).joint == study.joint
+
     def test_a_study_from_a_file_has_the_same_class(self, tmp_path: Path) -> None:
         (tmp_path / "area.py").write_text(MODEL)
         (tmp_path / "study.toml").write_text(FILE)

@@ -173,6 +173,8 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
     if isinstance(value, EllipticalCopula):
         fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
         return {"copula": family_name(COPULAS, value), "of": value.measures[0], **fields}
+    if isinstance(value, Dependence) and (name := family_name(COPULAS, value)):
+        return {"copula": name, "inputs": list(value.inputs), **written_settings(value)}
     if isinstance(value, OutputSpec):
         return value.table()
     if isinstance(value, Precision):
@@ -180,7 +182,6 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
     if isinstance(value, FailurePolicy):
         return written_settings(value)
     for kind, family, key in (
-        (Dependence, COPULAS, "copula"),
         (Design, DESIGNS, "kind"),
         (Surrogate, SURROGATES, "kind"),
         (BuiltInModel, MODELS, "use"),
