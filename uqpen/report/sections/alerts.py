@@ -57,7 +57,7 @@ def _missing_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
             "Failed runs",
             "If the failed runs differ from the others, these numbers are biased, and no interval "
             "shows it.",
-            "Mend the model where it fails, and run the study again.",
+            "Find out why they fail, and make these runs again.",
         )
 
 
