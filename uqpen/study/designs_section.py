@@ -26,11 +26,12 @@ _VALID = (
     "Shapley effects, which divide the shared part, follow from a surrogate"
 )
 
-_ACCEPT = "accept"
-_INDEPENDENT_ONLY = (
-    "the test needs independent runs. Points of a set avoid each other, so only whole sets could "
-    "count, and it would take 40 of them at least"
-)
+# What ends a design of independent draws, and why it ends no other.
+_RULES = {
+    "until": "for sets of points, intervals are not certified where the runs decide their number",
+    "accept": "the test needs independent runs. Points of a set avoid each other, so only whole "
+    "sets could count, and it would take 40 of them at least",
+}
 
 # Each unknown kind is looked for among installed packages, which takes some 20 ms.
 _MOST_DESIGNS = 500
@@ -69,11 +70,18 @@ def _read_design(table: TableReader) -> tuple[Design | None, Files]:
         table.take("kind")
         return read_member(table, "kind", kind, DESIGN)
     built_in = family_member(table, "kind", DESIGNS, "a kind of design")
-    if _ACCEPT in table and built_in and built_in is not MonteCarlo:
-        table.take(_ACCEPT)
-        found = f'a decision with kind = "{kind}"'
-        table.add_problem(_ACCEPT, found, f'kind = "monte-carlo": {_INDEPENDENT_ONLY}')
+    if built_in and built_in is not MonteCarlo:
+        _refuse_rules(table, kind)
     return built_in and table.whole_settings(built_in), ()
+
+
+def _refuse_rules(table: TableReader, kind: str) -> None:
+    """Note the rules of a design that can have none."""
+    for key, reason in _RULES.items():
+        if key in table:
+            table.take(key)
+            table.take("at_most")
+            table.add_problem(key, f'{key} with kind = "{kind}"', f'kind = "monte-carlo": {reason}')
 
 
 def _read_object(table: TableReader) -> Design | None:
