@@ -157,7 +157,7 @@ def _reused_runs(
     *,
     lost_again: bool,
 ) -> ReusedRuns:
-    """Return the earlier runs that the study may take; tell which designs have no use for them."""
+    """Return the earlier runs that the study may take; report designs without a use for them."""
     archived = sources_of_archives(study, archives, journal)
     found: dict[str, list[RunSource]] = {}
     for name, variant in study.models.items():
