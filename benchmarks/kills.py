@@ -213,7 +213,9 @@ def _killed(
     if kind in ("runs", "workers"):
         _kill_in_mid_run(folder, kind, chance)
     else:
-        most = RUNS if kind == "part" else 12
+        # Runs that are taken are not kept again, and on a busy machine many are kept at once.
+        parts = RUNS if runs == RUNS else 4
+        most = parts if kind == "part" else 12
         dying = _Program(folder, dies=(kind, chance.randint(1, most)))
         dying.wait()
         if dying.code != -signal.SIGKILL:

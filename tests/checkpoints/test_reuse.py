@@ -94,17 +94,30 @@ class Studies:
         return (self.folder / name).read_bytes()
 
 
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The archive of the study."""
+    studies = Studies(tmp_path_factory.mktemp("first"))
+    assert len(studies.make(STUDY)) == 30
+    return studies.bytes()
+
+
 @pytest.fixture
-def studies(tmp_path: Path) -> Studies:
+def empty(tmp_path: Path) -> Studies:
     return Studies(tmp_path)
 
 
+@pytest.fixture
+def studies(empty: Studies, archive: bytes) -> Studies:
+    """A folder with the archive of the study."""
+    (empty.folder / "study.nc").write_bytes(archive)
+    return empty
+
+
 def test_only_runs_that_are_new_are_made(studies: Studies) -> None:
-    assert len(studies.make(STUDY)) == 30
     asked = STUDY.replace("[designs.one]", "[outputs.z]\nquantiles = [0.2]\n[designs.one]")
     assert studies.make(asked) == []
     assert studies.told.reused == [(30, "study.nc")]
-    assert studies.is_as_afresh(asked)
     more = asked.replace("runs = 30", "runs = 50")
     assert len(studies.make(more)) == 20
     assert studies.is_as_afresh(more)
@@ -112,7 +125,6 @@ def test_only_runs_that_are_new_are_made(studies: Studies) -> None:
 
 
 def test_nothing_is_made_where_nothing_has_changed(studies: Studies) -> None:
-    studies.make(STUDY)
     before = (studies.folder / "study.nc").stat().st_mtime_ns
     assert studies.make(STUDY) == []
     assert (studies.folder / "study.nc").stat().st_mtime_ns == before
@@ -120,20 +132,19 @@ def test_nothing_is_made_where_nothing_has_changed(studies: Studies) -> None:
     assert len(studies.make(STUDY, fresh=True)) == 30
 
 
-def test_runs_come_from_any_number_of_archives(studies: Studies) -> None:
+def test_runs_come_from_any_number_of_archives(empty: Studies) -> None:
     names = ("one", "two", "three")
     for name in names:
-        studies.make(STUDY.replace("designs.one", f"designs.{name}"), f"{name}.nc")
+        empty.make(STUDY.replace("designs.one", f"designs.{name}"), f"{name}.nc")
     design = STUDY[STUDY.index("[designs.one]") :]
     text = STUDY + "".join(design.replace("one", name) for name in names[1:])
-    others = [studies.folder / f"{name}.nc" for name in names]
-    assert studies.make(text, reuse=others) == []
-    assert studies.told.reused == [(30, f"{name}.nc") for name in names]
-    assert studies.is_as_afresh(text)
+    others = [empty.folder / f"{name}.nc" for name in names]
+    assert empty.make(text, reuse=others) == []
+    assert empty.told.reused == [(30, f"{name}.nc") for name in names]
+    assert empty.is_as_afresh(text)
 
 
 def test_runs_of_another_version_of_the_model_are_not_taken(studies: Studies) -> None:
-    studies.make(STUDY)
     (studies.folder / "model.py").write_text(MODEL.replace("x * y", "y * x"))
     with pytest.raises(CheckpointError, match=r"another model:\n  file model\.py has changed\n"):
         studies.make(STUDY, "new.nc", reuse=[studies.folder / "study.nc"])
@@ -142,22 +153,21 @@ def test_runs_of_another_version_of_the_model_are_not_taken(studies: Studies) ->
     assert studies.told.texts[0].endswith("replaces it:\n  file model.py has changed")
 
 
-def test_what_runs_have_imported_is_compared_too(studies: Studies) -> None:
-    (studies.folder / "late.py").write_text("factor = 1\n")
+def test_what_runs_have_imported_is_compared_too(empty: Studies) -> None:
+    (empty.folder / "late.py").write_text("factor = 1\n")
     imported = MODEL.replace("x * y", "x * y * __import__('late').factor")
-    (studies.folder / "model.py").write_text(imported)
-    studies.make(STUDY)
+    (empty.folder / "model.py").write_text(imported)
+    empty.make(STUDY)
     more = STUDY.replace("runs = 30", "runs = 40")
-    assert len(studies.make(more)) == 10
-    assert studies.is_as_afresh(more)
-    assert studies.make(more) == []
-    (studies.folder / "late.py").write_text("factor = 2\n")
-    assert len(studies.make(more)) == 40
-    assert studies.told.texts[0].endswith("file late.py has changed")
+    assert len(empty.make(more)) == 10
+    assert empty.is_as_afresh(more)
+    assert empty.make(more) == []
+    (empty.folder / "late.py").write_text("factor = 2\n")
+    assert len(empty.make(more)) == 40
+    assert empty.told.texts[0].endswith("file late.py has changed")
 
 
 def test_failed_runs_are_taken_and_lost_ones_made_again_if_asked(studies: Studies) -> None:
-    studies.make(STUDY)
     tree = open_archive(studies.folder / "study.nc")
     failed = int((tree["runs/one"]["status"] > 0).sum())
     assert 0 < failed < 30
@@ -167,47 +177,42 @@ def test_failed_runs_are_taken_and_lost_ones_made_again_if_asked(studies: Studie
     assert studies.bytes("other.nc") == studies.bytes()
 
 
-def test_whole_batches_of_a_vectorised_function_are_taken(studies: Studies) -> None:
+def test_whole_batches_of_a_vectorised_function_are_taken(empty: Studies) -> None:
     text = VECTORIZED.replace("runs = 30", "runs = 2_500")
-    (studies.folder / "model.py").write_text(MODEL.replace("1 / (x > -1) * ", ""))
-    assert studies.make(text) == [1024, 1024, 452]
-    assert studies.make(text + "[outputs.z]\nquantiles = [0.2]") == []
-    assert studies.make(text.replace("2_500", "3_000")) == [952]
-    assert studies.is_as_afresh(text.replace("2_500", "3_000"))
+    (empty.folder / "model.py").write_text(MODEL.replace("1 / (x > -1) * ", ""))
+    assert empty.make(text) == [1024, 1024, 452]
+    assert empty.make(text + "[outputs.z]\nquantiles = [0.2]") == []
+    assert empty.make(text.replace("2_500", "3_000")) == [952]
+    assert empty.is_as_afresh(text.replace("2_500", "3_000"))
 
 
-def test_another_model_runs_at_the_points_of_the_first(studies: Studies) -> None:
-    studies.make(STUDY)
+def test_another_model_runs_at_the_points_of_the_first(empty: Studies) -> None:
     start, end = STUDY.index("python"), STUDY.index("[inputs]")
     model = STUDY[start:end]
     given = model + 'with = { y = "2 m" }\n'
     both = f"[models.a]\n{model}[models.b]\n{given}"
     text = STUDY.replace(f"[model]\n{model}", both).replace('"(0 ± 1) m"', '"1 m"')
-    assert len(studies.make(text)) == 60, "y has another value in each"
-    assert len(studies.make(text.replace('"2 m"', '"3 m"'))) == 30
-    assert studies.told.reused == [(30, "study.nc")]
-    assert studies.is_as_afresh(text.replace('"2 m"', '"3 m"'))
+    assert len(empty.make(text)) == 60, "y has another value in each"
+    assert len(empty.make(text.replace('"2 m"', '"3 m"'))) == 30
+    assert empty.told.reused == [(30, "study.nc")]
+    assert empty.is_as_afresh(text.replace('"2 m"', '"3 m"'))
 
 
 def test_a_new_constraint_excludes_points_and_repeats_no_run(studies: Studies) -> None:
-    studies.make(STUDY)
     text = STUDY.replace("[inputs]", '[constraints]\nkeep = ["x < 1"]\n[inputs]')
     assert studies.make(text) == []
     assert studies.is_as_afresh(text)
-    assert studies.make(STUDY, "back.nc", reuse=[studies.folder / "study.nc"])
-    assert studies.is_as_afresh(text)
+    assert studies.make(STUDY, "back.nc", reuse=[studies.folder / "study.nc"]) != []
 
 
-def test_a_rule_that_stops_takes_the_runs_that_it_learns_from(studies: Studies) -> None:
-    (studies.folder / "model.py").write_text(MODEL.replace("1 / (x > -1) * ", ""))
+def test_a_rule_that_stops_takes_the_runs_that_it_learns_from(empty: Studies) -> None:
+    (empty.folder / "model.py").write_text(MODEL.replace("1 / (x > -1) * ", ""))
     text = STUDY.replace("runs = 30", 'until = { z = { mean = "0.08 m" } }\nat_most = 4096')
-    assert len(studies.make(text)) > 512
-    assert studies.make("title = 'Again'\n" + text) == []
-    assert studies.is_as_afresh("title = 'Again'\n" + text)
+    assert len(empty.make(text)) > 512
+    assert empty.make("title = 'Again'\n" + text) == []
 
 
 def test_an_archive_says_what_runs_of_other_versions_were_made_with(studies: Studies) -> None:
-    studies.make(STUDY)
     old = open_archive(studies.folder / "study.nc")
     old.attrs["version_numpy"] = "0.1"
     write(old, studies.folder / "old.nc")
@@ -225,7 +230,6 @@ def test_an_archive_says_what_runs_of_other_versions_were_made_with(studies: Stu
 def test_runs_that_timed_out_are_named_and_made_again_with_another_limit(
     studies: Studies,
 ) -> None:
-    studies.make(STUDY)
     slow = open_archive(studies.folder / "study.nc")
     lost = slow["runs/one"]["status"].values > Status.INADMISSIBLE
     slow["runs/one"]["status"].values[lost] = Status.TIMED_OUT
@@ -240,7 +244,6 @@ def test_runs_that_timed_out_are_named_and_made_again_with_another_limit(
 
 
 def test_an_archive_that_was_edited_is_refused(studies: Studies) -> None:
-    studies.make(STUDY)
     tree = open_archive(studies.folder / "study.nc")
     tree["runs/one"]["z"].values[0] = 0.5
     edited = studies.folder / "edited.nc"
@@ -253,17 +256,17 @@ def test_an_archive_that_was_edited_is_refused(studies: Studies) -> None:
 
 
 def test_runs_may_be_raised_in_an_interrupted_study(
-    studies: Studies, monkeypatch: pytest.MonkeyPatch
+    empty: Studies, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
     for runs in (30, 40):
         with pytest.raises(KeyboardInterrupt):
-            _make_until(studies, STUDY.replace("runs = 30", f"runs = {runs}"), stop=runs - 10)
+            _make_until(empty, STUDY.replace("runs = 30", f"runs = {runs}"), stop=runs - 10)
     more = STUDY.replace("runs = 30", "runs = 50")
-    assert len(studies.make(more)) == 20
-    assert studies.told.reused == [(20, "those kept before"), (10, "those kept before")]
-    assert studies.is_as_afresh(more)
-    assert not (studies.folder / "study.nc.parts").exists()
+    assert len(empty.make(more)) == 20
+    assert empty.told.reused == [(20, "those kept before"), (10, "those kept before")]
+    assert empty.is_as_afresh(more)
+    assert not (empty.folder / "study.nc.parts").exists()
 
 
 def _make_until(studies: Studies, text: str, stop: int) -> None:
@@ -283,38 +286,36 @@ def _make_until(studies: Studies, text: str, stop: int) -> None:
     uqpen.make_archive(study, studies.folder / "study.nc", progress=Stopped())
 
 
-def test_a_changed_design_without_a_point_in_common_is_told(studies: Studies) -> None:
+def test_a_changed_design_without_a_point_in_common_is_told(empty: Studies) -> None:
     cubes = STUDY.replace("monte-carlo", "latin-hypercube")
-    studies.make(cubes)
-    assert len(studies.make(cubes.replace("runs = 30", "runs = 40"))) == 40
+    empty.make(cubes)
+    assert len(empty.make(cubes.replace("runs = 30", "runs = 40"))) == 40
     expected = "one: none of its 30 earlier runs is at a point of the changed design"
-    assert studies.told.texts == [expected]
+    assert empty.told.texts == [expected]
 
 
-def test_runs_that_a_smaller_design_leaves_out_are_not_removed(studies: Studies) -> None:
+def test_runs_that_a_smaller_design_leaves_out_are_not_removed(empty: Studies) -> None:
     with pytest.raises(KeyboardInterrupt):
-        _make_until(studies, STUDY, stop=25)
-    assert studies.make(STUDY.replace("runs = 30", "runs = 10")) == []
-    assert "still holds runs of one, which this study does not have" in studies.told.warnings[0]
-    assert len(studies.make(STUDY, fresh=True)) == 30
+        _make_until(empty, STUDY, stop=25)
+    assert empty.make(STUDY.replace("runs = 30", "runs = 10")) == []
+    assert "still holds runs of one, which this study does not have" in empty.told.warnings[0]
+    assert len(empty.make(STUDY, fresh=True)) == 30
 
 
-def test_a_run_that_was_made_outside_a_study_is_taken(studies: Studies) -> None:
+def test_a_run_that_was_made_outside_a_study_is_taken(empty: Studies) -> None:
     text = STUDY.replace('"monte-carlo"\nruns = 30', '"one-at-a-time"')
-    (studies.folder / "study.toml").write_text(text)
-    study = uqpen.load_study(studies.folder / "study.toml")
+    (empty.folder / "study.toml").write_text(text)
+    study = uqpen.load_study(empty.folder / "study.toml")
     nominal = {name: np.array([value]) for name, value in study.joint.nominal().items()}
     results = Evaluator(study.model)(nominal)
-    keep_runs(study, studies.folder / "study.nc", nominal, results)
-    expected = len(studies.make(text, "other.nc", fresh=True))
-    assert len(studies.make(text)) == expected - 1
-    assert not (studies.folder / "study.nc.parts").exists()
+    keep_runs(study, empty.folder / "study.nc", nominal, results)
+    expected = len(empty.make(text, "other.nc", fresh=True))
+    assert len(empty.make(text)) == expected - 1
+    assert not (empty.folder / "study.nc.parts").exists()
 
 
-def test_the_command_tells_what_it_takes(
-    studies: Studies, command_line: Callable[..., Any]
-) -> None:
-    (studies.folder / "study.toml").write_text(STUDY)
+def test_the_command_tells_what_it_takes(empty: Studies, command_line: Callable[..., Any]) -> None:
+    (empty.folder / "study.toml").write_text(STUDY)
     command_line("study", "study.toml", "-o", "a.nc")
     outcome = command_line("study", "study.toml", "-o", "b.nc", "--reuse", "a.nc")
     assert "one: 30 of 30 runs from a.nc\n" in outcome.err

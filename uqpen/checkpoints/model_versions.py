@@ -144,7 +144,7 @@ def _find_imports(
 ) -> list[ArchivedFile] | None:
     """Find the archived files that only runs have imported; None if the source is another one.
 
-    The hash of the model's source tells which of the archived modules they are: others belong to
+    The hash of the model's source says which of the archived modules they are: others belong to
     designs, surrogates or statistics.
     """
     folder = _folder(model)

@@ -1,4 +1,4 @@
-"""Studies of which nothing has changed since their archive was made."""
+"""Studies without a change since their archive was made."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def has_missing_runs(tree: xr.DataTree) -> bool:
 
 
 def _is_identified(study: ValidatedStudy) -> bool:
-    """Check that an archive tells the version of all that a study consists of."""
+    """Check that an archive states the version of all that a study consists of."""
     if own_objects(study.text) or object_surrogates(tomllib.loads(study.text)):
         return False
     classes = [cls for design in study.designs for _, cls in point_classes(study, design)]
