@@ -22,7 +22,7 @@ import uqpen
 from uqpen.archive.write import write
 from uqpen.core.errors import ClusterError
 from uqpen.core.status import Status
-from uqpen.execution import Map
+from uqpen.execution import Map, attendance
 from uqpen.execution.cluster import Cluster, cluster
 from uqpen.execution.processes import processes
 
@@ -224,6 +224,32 @@ def test_a_worker_that_is_killed_in_mid_study_loses_nothing(
     killer.join()
     (tmp_path / "hurry").touch()
     assert killed == archive(tmp_path, map)
+
+
+def test_a_study_without_a_worker_says_so_and_uses_one_that_joins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(attendance, "_FIRST_REPORT", 0.5)
+    (tmp_path / "slow.py").write_text(COUNTED)
+    (tmp_path / "hurry").touch()
+    (tmp_path / "study.toml").write_text(SLOW)
+    dask, texts = Dask(tmp_path), list[str]()
+
+    def report(text: str) -> None:
+        if not texts:
+            dask.worker("--no-nanny")
+        texts.append(text)
+
+    try:
+        while not dask.file.exists():
+            time.sleep(0.05)
+        with quietly(), cluster(str(dask.file), report) as found:
+            joined = archive(tmp_path, found)
+    finally:
+        dask.end()
+    assert joined == archive(tmp_path, map)
+    assert texts[0].startswith("the cluster has had no worker for 0:00:0")
+    assert texts[-1].startswith("the cluster has workers again, after 0:00:")
 
 
 def test_a_model_that_cannot_be_loaded_there_is_told(tmp_path: Path, two: Cluster) -> None:

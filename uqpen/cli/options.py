@@ -29,16 +29,20 @@ PATH = click.Path(path_type=Path)
 
 
 class ExecutorOptions(NamedTuple):
-    """Number of processes for runs; or the Dask cluster with a scheduler, if that is given."""
+    """Number of processes for runs; a Dask cluster with a scheduler, or jobs of SLURM, if given."""
 
     workers: int
     scheduler: str | None
+    slurm_jobs: int | None = None
+    sbatch: str = ""
 
     @property
     def preparation(self) -> str:
         """Step before the first run, in words; empty for none."""
         if self.scheduler is not None:
             return "connecting to the Dask cluster"
+        if self.slurm_jobs is not None:
+            return f"submitting {self.slurm_jobs} jobs to SLURM"
         return f"starting {self.workers} worker processes" if self.workers > 1 else ""
 
     def open_map(self) -> AbstractContextManager[Map]:
@@ -46,7 +50,11 @@ class ExecutorOptions(NamedTuple):
         if self.scheduler is not None:
             from uqpen.execution.cluster import cluster
 
-            return cluster(self.scheduler)
+            return cluster(self.scheduler, _report)
+        if self.slurm_jobs is not None:
+            from uqpen.execution.slurm import slurm
+
+            return slurm(self.slurm_jobs, self.sbatch, _report)
         if self.workers == 1:
             return nullcontext(map)
         from uqpen.execution.processes import processes
@@ -54,6 +62,10 @@ class ExecutorOptions(NamedTuple):
 
         preload_in_workers("uqpen.cli.main")
         return processes(self.workers)
+
+
+def _report(text: str) -> None:
+    click.echo(text, err=True)
 
 
 def executor_option(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -70,13 +82,34 @@ def executor_option(command: Callable[..., Any]) -> Callable[..., Any]:
         metavar="ADDRESS|FILE",
         help="Make the runs on the Dask cluster with this scheduler; the archive is the same.",
     )
+    @click.option(
+        "--slurm",
+        "slurm_jobs",
+        type=click.IntRange(min=1),
+        metavar="JOBS",
+        help="Make the runs in this number of jobs of SLURM at a time; the archive is the same.",
+    )
+    @click.option(
+        "--sbatch",
+        metavar="OPTIONS",
+        help='Options of these jobs, such as "--time=2:00:00 --cpus-per-task=4".',
+    )
     @functools.wraps(command)
     def run_command(
-        *arguments: Any, workers: int | None, scheduler: str | None, **options: Any
+        *arguments: Any,
+        workers: int | None,
+        scheduler: str | None,
+        slurm_jobs: int | None,
+        sbatch: str | None,
+        **options: Any,
     ) -> Any:
-        if workers is not None and scheduler is not None:
-            raise click.UsageError("--workers and --scheduler exclude each other")
-        return command(*arguments, executor=ExecutorOptions(workers or 1, scheduler), **options)
+        given = {"--workers": workers, "--scheduler": scheduler, "--slurm": slurm_jobs}
+        if len(names := [name for name, value in given.items() if value is not None]) > 1:
+            raise click.UsageError(f"{' and '.join(names)} exclude each other")
+        if sbatch is not None and slurm_jobs is None:
+            raise click.UsageError("--sbatch is for --slurm")
+        executor = ExecutorOptions(workers or 1, scheduler, slurm_jobs, sbatch or "")
+        return command(*arguments, executor=executor, **options)
 
     return run_command
 

@@ -5,20 +5,24 @@ from __future__ import annotations
 import functools
 import logging
 import pickle
-from collections.abc import Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from uqpen.core.errors import ClusterError
+from uqpen.execution.attendance import Attendance
 from uqpen.execution.batch import Batch, BatchResult, Work
 from uqpen.execution.child_process import run_in_child
 from uqpen.execution.task_queue import Task, TaskQueue
+from uqpen.execution.walltime import leave_if_late
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client, Future, as_completed
 
-__all__ = ["Cluster", "cluster"]
+__all__ = ["Cluster", "cluster", "import_distributed"]
 
 # Batches in progress for each thread of the cluster: one to work on, and others on their way.
 _AHEAD = 16
@@ -26,32 +30,41 @@ _AHEAD = 16
 # Time limit for reaching the scheduler, in seconds.
 _PATIENCE = 15
 
+# Seconds between two looks at the workers, and the longest wait for a result before one.
+_BETWEEN_LOOKS, _LONGEST_WAIT = 1.0, 0.1
+
+_GONE = "the Dask scheduler has gone away, or dropped the runs it was given"
+
 # Loggers of connections; the second has a level of its own.
 _LOGS = ("distributed", "distributed.client", "tornado.application")
 
 
+class Jobs(Protocol):
+    """Jobs of a batch system that are workers: how many, and their replacement."""
+
+    size: int
+
+    def renew(self, completed: int) -> None:
+        """Replace the jobs that have ended; `completed` is the number of batches so far."""
+
+
 @contextmanager
-def cluster(scheduler: str) -> Iterator[Cluster]:
+def cluster(scheduler: str, report: Callable[[str], None] = lambda text: None) -> Iterator[Cluster]:
     """Connect to a cluster that makes runs; yield it as a map like the built-in.
 
     Parameters
     ----------
     scheduler : str
         Its address, such as ``tcp://host:8786``, or the path of a scheduler file.
+    report : callable
+        Receives reports on a study without workers.
 
     Raises
     ------
     ClusterError
         If it cannot be reached.
     """
-    try:
-        from distributed import Client
-    except ImportError:
-        needed = 'a Dask cluster needs the extra "cluster": pip install "uqpen[cluster]"'
-        raise ClusterError(needed) from None
-    # Errors report the state of a connection; its log would interrupt the printed tables.
-    for name in _LOGS:
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+    distributed = import_distributed("cluster")
     is_file = "://" not in scheduler
     if is_file and not Path(scheduler).is_file():
         raise ClusterError(
@@ -60,11 +73,24 @@ def cluster(scheduler: str) -> Iterator[Cluster]:
         )
     where: dict[str, Any] = {"scheduler_file" if is_file else "address": scheduler}
     try:
-        client = Client(**where, timeout=_PATIENCE, set_as_default=False)
+        client = distributed.Client(**where, timeout=_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise ClusterError(f"no Dask scheduler responds at {scheduler}: {error}") from None
     with client:
-        yield Cluster(client)
+        yield Cluster(client, report)
+
+
+def import_distributed(extra: str) -> Any:
+    """Import Dask's package; a ClusterError says what to install."""
+    try:
+        import distributed
+    except ImportError:
+        needed = f'a Dask cluster needs the extra "{extra}": pip install "uqpen[{extra}]"'
+        raise ClusterError(needed) from None
+    # Errors report the state of a connection; its log would interrupt the printed tables.
+    for name in _LOGS:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    return distributed
 
 
 class Cluster:
@@ -73,8 +99,17 @@ class Cluster:
     # A task costs the scheduler a millisecond or two, so it should be worth a fifth of a second.
     worth_sending = 0.2
 
-    def __init__(self, client: Client) -> None:
+    def __init__(
+        self,
+        client: Client,
+        report: Callable[[str], None] = lambda text: None,
+        jobs: Jobs | None = None,
+    ) -> None:
         self._client = client
+        self._attendance = Attendance(report)
+        self._jobs = jobs
+        self._looked_at = -_BETWEEN_LOOKS
+        self._completed = 0
 
     def __call__(self, work: Work, batches: Iterable[Batch]) -> Iterator[BatchResult]:
         """Yield the results of batches as they complete."""
@@ -85,25 +120,47 @@ class Cluster:
                 "a model that is a Python object runs in this process or on its own workers, not "
                 'on a cluster; name its function in a file: python = "my_model.py:function"'
             )
-        threads = max(1, sum(self._client.nthreads().values()))
-        call = TaskQueue(work, batches, _AHEAD * threads)
+        call = TaskQueue(work, batches, _AHEAD)
         under_way: dict[Future[BatchResult], Task] = {}
         coming = as_completed(loop=self._client.loop, with_results=True, raise_errors=False)
         try:
-            while call.fill():
-                tasks = list(call.start_all())
-                # Never pure: a batch that is made again must not get its earlier result.
-                batches_to_run = [task.batch for task in tasks]
-                pickled = [call.pickled] * len(tasks)
-                futures = self._client.map(_run_batch, pickled, batches_to_run, pure=False)
-                under_way.update(zip(futures, tasks, strict=True))
-                coming.update(futures)
-                for future, batch_result in coming.next_batch(block=True):
+            while self._has_work(call):
+                if call.has_tasks:
+                    under_way |= self._send(call, coming)
+                _wait_for_results(coming)
+                for future, batch_result in coming.next_batch(block=False):
                     self._record(call, future, under_way.pop(future), batch_result)
                 yield from call.completed()
         finally:
             if under_way:
                 self._client.cancel(list(under_way), force=True)
+
+    def _has_work(self, call: TaskQueue) -> bool:
+        self._look(call)
+        return call.fill()
+
+    def _look(self, call: TaskQueue) -> None:
+        """Look at the workers now and then: more of them take more batches."""
+        if time.monotonic() - self._looked_at < _BETWEEN_LOOKS:
+            return
+        try:
+            threads = sum(self._client.nthreads().values())
+        except (OSError, TimeoutError):
+            raise ClusterError(_GONE) from None
+        self._looked_at = time.monotonic()
+        self._attendance.record(threads)
+        call.most = _AHEAD * max(1, threads, self._jobs.size if self._jobs else 0)
+        if self._jobs:
+            self._jobs.renew(self._completed)
+
+    def _send(self, call: TaskQueue, coming: as_completed) -> dict[Future[BatchResult], Task]:
+        """Send all waiting tasks."""
+        tasks = list(call.start_all())
+        batches = [task.batch for task in tasks]
+        # Never pure: a batch that is made again must not get its earlier result.
+        futures = self._client.map(_run_batch, [call.pickled] * len(tasks), batches, pure=False)
+        coming.update(futures)
+        return dict(zip(futures, tasks, strict=True))
 
     def _record(
         self, call: TaskQueue, future: Future[BatchResult], task: Task, batch_result: BatchResult
@@ -112,10 +169,11 @@ class Cluster:
         from distributed import KilledWorker
 
         if future.status == "finished":
+            self._completed += 1
             call.complete(batch_result)
             return
         if future.status == "cancelled":
-            raise ClusterError("the Dask scheduler has gone away, or dropped the runs it was given")
+            raise ClusterError(_GONE)
         error: BaseException = future.exception()
         if not isinstance(error, KilledWorker):
             raise error
@@ -123,14 +181,32 @@ class Cluster:
         call.record_death(task, "its worker was ended several times")
 
 
+def _wait_for_results(coming: as_completed) -> None:
+    """Wait until a result is there, but not for long."""
+    if not coming.has_ready():
+        with coming.thread_condition:
+            coming.thread_condition.wait(_LONGEST_WAIT)
+
+
 def _run_batch(pickled: bytes, batch: Batch) -> BatchResult:
-    """Run a batch on a worker of the cluster."""
-    work = _load_work(pickled)
-    return run_in_child(work, batch, pickled) if work.is_untrusted else work(batch)
+    """Run a batch on a worker of the cluster; near the end of its job, leave it to another."""
+    loaded = _load_work(pickled)
+    leave_if_late(loaded.longest_run * len(batch))
+    work, began = loaded.work, time.monotonic()
+    result = run_in_child(work, batch, pickled) if work.is_untrusted else work(batch)
+    loaded.longest_run = max(loaded.longest_run, (time.monotonic() - began) / len(batch))
+    return result
+
+
+@dataclass
+class _LoadedWork:
+    """Work on a worker, with the duration of its longest run there in seconds."""
+
+    work: Work
+    longest_run: float = 0.0
 
 
 @functools.lru_cache(maxsize=16)
-def _load_work(pickled: bytes) -> Work:
+def _load_work(pickled: bytes) -> _LoadedWork:
     """Unpickle the work that was sent; a model of the user's own is loaded once."""
-    work: Work = pickle.loads(pickled)
-    return work
+    return _LoadedWork(pickle.loads(pickled))

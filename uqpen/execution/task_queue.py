@@ -29,8 +29,8 @@ class Task:
 class TaskQueue:
     """Queue of tasks to start, and of results not yet fetched.
 
-    It takes batches as they are needed: at most `most` are in progress or waiting. `pickled` is
-    the work as it is sent to workers, if it has been pickled before.
+    It takes batches as they are needed: at most `most` are in progress or waiting, which may change
+    meanwhile. `pickled` is the work as it is sent to workers, if it has been pickled before.
     """
 
     def __init__(
@@ -39,14 +39,14 @@ class TaskQueue:
         self.work = work
         self.pickled = pickled or _pickle_work(work)
         self._coming = iter(batches)
-        self._most = most
+        self.most = most
         self._busy = 0
         self._tasks: deque[Task] = deque()
         self._batch_results: list[BatchResult] = []
 
     def fill(self) -> bool:
         """Take batches up to the limit; return True if there are tasks to start or in progress."""
-        while len(self._tasks) + self._busy < self._most:
+        while len(self._tasks) + self._busy < self.most:
             batch = next(self._coming, None)
             if batch is None:
                 break
