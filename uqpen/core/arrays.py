@@ -6,6 +6,7 @@ import numbers
 import sys
 from collections.abc import Mapping
 from decimal import Decimal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -36,7 +37,8 @@ def is_finite_number(value: object) -> bool:
     """
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         return False
-    return bool(abs(value) <= sys.float_info.max)
+    size: Any = abs(value)
+    return bool(size <= sys.float_info.max)
 
 
 def floats(value: object) -> FloatArray:
