@@ -11,8 +11,8 @@ __all__ = ["ENDS_AT", "leave_if_late"]
 # Environment variable of a worker: the end of its job, in seconds since 1970; empty if unknown.
 ENDS_AT = "UQPEN_ENDS_AT"
 
-# Seconds for the result of the run before to be fetched. It goes with this worker, and where no other
-# is there to keep it, its run is made again.
+# Seconds for the result of the run before to be fetched. It goes with this worker, and where no
+# other is there to keep it, its run is made again.
 _UNTIL_FETCHED = 2.0
 
 # A run may take a fifth longer than the longest before.
