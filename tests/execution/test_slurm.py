@@ -11,13 +11,16 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import distributed
 import pytest
 
 import uqpen
 from uqpen.core.errors import ClusterError
 from uqpen.execution import slurm as slurm_module
+from uqpen.execution import walltime
 from uqpen.execution.attendance import Attendance
 from uqpen.execution.slurm import JobArray, slurm
 
@@ -227,6 +230,23 @@ def test_jobs_that_complete_nothing_end_the_study(
     now[0] += 60
     with pytest.raises(ClusterError, match="9 jobs of SLURM have ended, and no run was completed"):
         array.renew(5)
+
+
+def test_a_worker_leaves_runs_that_would_outlast_its_job(monkeypatch: pytest.MonkeyPatch) -> None:
+    left: list[object] = []
+    loop = SimpleNamespace(add_callback=left.append)
+    worker = SimpleNamespace(loop=loop, close_gracefully="closed")
+    monkeypatch.setattr(distributed, "get_worker", lambda: worker)
+    monkeypatch.setattr(walltime, "_UNTIL_FETCHED", 0.0)
+    monkeypatch.setenv(walltime.ENDS_AT, "")
+    walltime.leave_if_late(1e9)
+    monkeypatch.setenv(walltime.ENDS_AT, str(time.time() + 1000))
+    walltime.leave_if_late(0.0)  # a worker that does not know how long a run takes
+    walltime.leave_if_late(700.0)
+    assert left == []
+    with pytest.raises(distributed.Reschedule):
+        walltime.leave_if_late(900.0)  # it may take a fifth longer
+    assert left == ["closed"]
 
 
 def test_a_study_without_workers_says_so_and_for_how_long() -> None:

@@ -11,6 +11,10 @@ __all__ = ["ENDS_AT", "leave_if_late"]
 # Environment variable of a worker: the end of its job, in seconds since 1970; empty if unknown.
 ENDS_AT = "UQPEN_ENDS_AT"
 
+# Seconds for the result of the run before to be fetched. It goes with this worker, and where no
+# other is there to keep it, its run is made again.
+_UNTIL_FETCHED = 2.0
+
 # A run may take a fifth longer than the longest before.
 _MARGIN = 1.2
 
@@ -31,6 +35,7 @@ def leave_if_late(seconds: float) -> None:
     if seconds and _MARGIN * seconds > _seconds_left():
         from distributed import Reschedule, get_worker
 
+        time.sleep(_UNTIL_FETCHED)
         worker = get_worker()
         worker.loop.add_callback(worker.close_gracefully)
         raise Reschedule
