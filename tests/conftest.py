@@ -261,7 +261,8 @@ def _beam(folder: Path, limit: float) -> xr.DataTree:
     folder = folder / str(limit)
     folder.mkdir()
     (folder / "beam.py").write_text(SOURCE.replace("LIMIT", str(limit)))
-    return uqpen.run(uqpen.parse_study(BEAM, folder=folder))
+    text = BEAM if limit else f"{BEAM}[failures]\nstop_after = 0\n"
+    return uqpen.run(uqpen.parse_study(text, folder=folder))
 
 
 class Archives(UserDict[str, xr.DataTree]):

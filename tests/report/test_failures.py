@@ -99,6 +99,7 @@ def test_what_is_no_sample_has_a_share_without_an_interval(
 def _with_reasons(study_of: Callable[..., ValidatedStudy], reasons: list[str]) -> xr.DataTree:
     """A study all runs of which failed, for these reasons."""
     text = f'[designs.some]\nkind = "monte-carlo"\nruns = {len(reasons)}'
+    text += "\n[failures]\nstop_after = 0"
     tree = uqpen.run(study_of("np.nan * a", text, a=(0.0, 1.0)))
     runs = read_group(tree, "runs", "some")
     found = np.array(reasons, dtype=object)

@@ -175,7 +175,9 @@ def test_no_name_leads_out_of_the_folder(uqpen: Command, tmp_path: Path, name: s
     done = uqpen("rerun", "own.nc", "--trust")
     lost = "a/.." in name  # it is in the folder above the study's, where nothing imports it
     assert done.code == (3 if lost else 2), done.err
-    after = {path for path in tmp_path.rglob("*") if "for_the_moment" not in path.parts}
+    # Of runs that all failed alike, the first ones are kept beside the archive to be.
+    aside = {"for_the_moment", "own_rerun.nc.parts"}
+    after = {path for path in tmp_path.rglob("*") if not aside & set(path.parts)}
     assert {path.name for path in after - before} <= {
         "executed",
         "own_rerun.nc",
