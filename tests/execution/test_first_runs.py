@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -178,7 +179,10 @@ def test_the_command_shows_a_failed_trial_at_once_and_logs_it(
     trial = "some: the trial run has failed:\n  ValueError: no convergence at "
     stopped = "some: the first 10 runs have all failed alike, for example\n  ValueError: no conv"
     assert 0 <= done.err.index(trial) < done.err.index(stopped)
-    assert "10 runs are kept. With stop_after = 0 in [failures], the same\n" in done.err
+    # Batches that were under way are kept too: how many depends on the time that runs take.
+    kept = re.search(r"^(\d+) runs are kept\. With stop_after = 0 in \[failures\],", done.err, re.M)
+    assert kept is not None
+    assert int(kept[1]) >= 10
     log = (tmp_path / "study.nc.log").read_text()
     assert "some: the trial run has failed: ValueError: no convergence at " in log
     assert max(map(len, done.err.splitlines())) <= 80

@@ -102,7 +102,7 @@ def test_the_page_and_the_figure_leave_them_out_and_say_so(celsius: xr.DataTree)
     # The input with the largest estimate stands first.
     assert times_uncertainty.y.rows == ("flow", "ambient", "inlet")
     assert change.y.rows == ("ambient", "inlet", "flow")
-    assert change.x.title == "|change| per standard deviation [degC]"
+    assert change.x.title == "|change| per standard deviation [°C]"
     drawn = panels(celsius, "responses")
     assert [panel.title for panel in drawn] == [
         "duty: response",

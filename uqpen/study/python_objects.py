@@ -170,11 +170,8 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
     """Return the table that declares an object in a study file; None for an unknown class."""
     if distribution := value if isinstance(value, Distribution) else as_frozen(value):
         return _distribution_table(distribution, folder)
-    if isinstance(value, EllipticalCopula):
-        fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
-        return {"copula": family_name(COPULAS, value), "of": value.measures[0], **fields}
     if isinstance(value, Dependence) and (name := family_name(COPULAS, value)):
-        return {"copula": name, "inputs": list(value.inputs), **written_settings(value)}
+        return {"copula": name, **_copula_fields(value)}
     if isinstance(value, OutputSpec):
         return value.table()
     if isinstance(value, Precision):
@@ -193,6 +190,12 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
             reference = class_reference(value, folder, outside)
             return {"kind": reference, **written_settings(value)} if reference else {OBJECT: value}
     return _model_table(value, folder) if isinstance(value, Model) else None
+
+
+def _copula_fields(copula: Dependence) -> dict[str, Any]:
+    names = [field.name for field in dataclasses.fields(copula)]  # type: ignore[arg-type]
+    measure = {"of": copula.measures[0]} if isinstance(copula, EllipticalCopula) else {}
+    return measure | {name: getattr(copula, name) for name in names}
 
 
 def _model_table(model: Model, folder: Path) -> dict[str, Any]:
