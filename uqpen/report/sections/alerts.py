@@ -78,11 +78,11 @@ def _precision_alert(
             outputs_of.append(output_name(view, quantity.output))
     if named:
         texts = [f"{_names_text(those)}: {note}" for note, those in named.items()]
-        more = [f"and {count_text(len(texts) - _MOST_NOTES, 'more note')} in the tables"]
+        more = [f"{capitalized(count_text(len(texts) - _MOST_NOTES, 'more note'))} in the tables"]
         shown = texts[:_MOST_NOTES] + more * (len(texts) > _MOST_NOTES)
         yield Alert(
             "Precision",
-            f"{'; '.join(shown)}.",
+            f"{'. '.join(shown)}.",
             "Quote quantiles, which need no assumption on extreme values, or make more runs.",
         )
 
