@@ -112,6 +112,7 @@ def test_its_commands_parse(
     command = resolve(COMMANDS[words[0]])
     for word in words[1:]:
         if word.endswith((".toml", ".nc", ".json")) and not Path(word).exists():
+            Path(word).parent.mkdir(parents=True, exist_ok=True)
             Path(word).touch()
     assert isinstance(command, click.Command)
     command.make_context(words[0], words[1:])
