@@ -184,7 +184,7 @@ class CheckpointFolder:
 
     def points_error(self, design: str) -> CheckpointError:
         """Return the error for runs that were made at other points."""
-        change = "its points: has a file changed that the study names?"
+        change = Change("points", "its points: has a file changed that the study names?")
         return CheckpointError(_incompatibility_text(self.folder, design, [change]))
 
     def save_if_due(self, unwritten: int) -> None:
