@@ -1,7 +1,6 @@
 """Every block of Python, TOML or uqpen's commands in the documentation runs, or parses.
 
-A block that cannot run has a comment before it, `<!-- not run: reason -->`, and is parsed only. A
-block that is a file has `<!-- file: name -->` before it, or starts with its name in a comment.
+A block that cannot run has a comment before it, `<!-- not run: reason -->`, and is parsed only.
 """
 
 from __future__ import annotations
@@ -13,11 +12,11 @@ import shlex
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import click
 import pytest
 import xarray as xr
+from page_blocks import Block, blocks_of
 
 import uqpen
 from uqpen.cli.main import COMMANDS
@@ -28,36 +27,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
-class Block(NamedTuple):
-    """A block of a page."""
-
-    page: Path
-    line: int
-    language: str
-    text: str
-    reason: str
-    """Why it is not run; empty if it is."""
-    file: str
-    """The name of the file that it is, if it is one."""
-
-    def __str__(self) -> str:
-        return f"{self.page.relative_to(ROOT)}:{self.line}"
-
-
-def _blocks(page: Path) -> Iterator[Block]:
-    text = page.read_text(encoding="utf-8")
-    pattern = r"(?:^<!-- (not run|file): ([^>]+?) -->\n\n)?^( *)```(\w+)\n(.*?)^ *```$"
-    for match in re.finditer(pattern, text, re.MULTILINE | re.DOTALL):
-        mark, words, indent, language, body = match.groups(default="")
-        body = "".join(line.removeprefix(indent) for line in body.splitlines(keepends=True))
-        reason = words if mark == "not run" else ""
-        title = re.match(r"# (\w+\.py)\n", body)
-        file = words if mark == "file" else title[1] if title else ""
-        line = text.count("\n", 0, match.start(4)) + 1
-        yield Block(page, line, language, body, reason, file)
-
-
-BLOCKS = [block for page in PAGES for block in _blocks(page)]
+BLOCKS = [block for page in PAGES for block in blocks_of(page)]
 
 
 def _of(language: str) -> list[Block]:
@@ -142,6 +112,7 @@ def test_its_commands_parse(
     command = resolve(COMMANDS[words[0]])
     for word in words[1:]:
         if word.endswith((".toml", ".nc", ".json")) and not Path(word).exists():
+            Path(word).parent.mkdir(parents=True, exist_ok=True)
             Path(word).touch()
     assert isinstance(command, click.Command)
     command.make_context(words[0], words[1:])

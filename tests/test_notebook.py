@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import re
-import textwrap
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-from jupyter_client import BlockingKernelClient, KernelManager
-from jupyter_client.manager import start_new_kernel
+from notebook_cells import PATIENCE, Notebook, open_notebook, shown
 
 import uqpen
 
 pytestmark = pytest.mark.slow
-
-# Long enough for a machine that is busy with other work; nothing waits for it to pass.
-PATIENCE = 300
 
 STUDY = """
 import uqpen
@@ -67,50 +61,10 @@ def area(length, width):
 """
 
 
-class Notebook:
-    """A notebook whose cells are executed one after the other."""
-
-    def __init__(self, manager: KernelManager, client: BlockingKernelClient) -> None:
-        self.manager, self.client = manager, client
-
-    def run(self, code: str) -> list[dict[str, Any]]:
-        """Execute a cell; return what it shows."""
-        reply, outputs = self.finish(self.start(code))
-        assert reply["status"] == "ok", "\n".join(reply["traceback"])
-        return outputs
-
-    def start(self, code: str) -> str:
-        return str(self.client.execute(textwrap.dedent(code)))
-
-    def finish(self, message: str) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-        outputs = []
-        while True:
-            told = self.client.get_iopub_msg(timeout=PATIENCE)
-            if told["parent_header"].get("msg_id") != message:
-                continue
-            if told["msg_type"] == "status" and told["content"]["execution_state"] == "idle":
-                break
-            outputs.append(told["content"])
-        while True:  # replies to questions of before, whether it is ready, may come as well
-            reply = self.client.get_shell_msg(timeout=PATIENCE)
-            if reply["parent_header"].get("msg_id") == message:
-                return reply["content"], outputs
-
-
 @pytest.fixture
 def notebook(tmp_path: Path) -> Iterator[Notebook]:
-    manager, client = start_new_kernel(cwd=str(tmp_path), startup_timeout=PATIENCE)
-    try:
-        yield Notebook(manager, client)
-    finally:
-        client.stop_channels()
-        manager.shutdown_kernel(now=True)
-
-
-def shown(outputs: list[dict[str, Any]]) -> str:
-    return "\n".join(
-        str(output["data"].get("text/html", "")) for output in outputs if "data" in output
-    )
+    with open_notebook(tmp_path) as notebook:
+        yield notebook
 
 
 def test_its_archive_is_that_of_a_file(notebook: Notebook, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from uqpen.checkpoints.earlier_runs import RunSource
 from uqpen.checkpoints.fingerprint_file import (
     FILE_NAME,
+    Change,
     encode_fingerprint,
     fingerprint_changes,
     list_changes,
@@ -113,8 +114,7 @@ class CheckpointFolder:
                     set_aside(folder, self._model_folder(model))
                 continue
             if changes:
-                texts = [each.text for each in changes]
-                raise CheckpointError(_incompatibility_text(self.folder, design, texts))
+                raise CheckpointError(_incompatibility_text(self.folder, design, changes))
             if before != fingerprint:
                 self._discard(folder, [Status.TIMED_OUT])
                 with self._writing():
@@ -184,7 +184,7 @@ class CheckpointFolder:
 
     def points_error(self, design: str) -> CheckpointError:
         """Return the error for runs that were made at other points."""
-        change = "its points: has a file changed that the study names?"
+        change = Change("points", "its points: has a file changed that the study names?")
         return CheckpointError(_incompatibility_text(self.folder, design, [change]))
 
     def save_if_due(self, unwritten: int) -> None:
@@ -248,9 +248,11 @@ class CheckpointFolder:
         return self.folder / MODELS / model if model else self.folder
 
 
-def _incompatibility_text(folder: Path, design: str, changed: list[str]) -> str:
+def _incompatibility_text(folder: Path, design: str, changes: list[Change]) -> str:
+    only_readings = all(change.is_reading for change in changes)
+    to_read = "read their kept folders with --read-again,\n" if only_readings else ""
     return (
         f"{folder}: contains runs of {design} that were made with other settings:\n"
-        f"{list_changes(changed)}\n"
-        "change the settings back to continue from these runs, or start over with --fresh"
+        f"{list_changes([change.text for change in changes])}\n"
+        f"change the settings back to continue from these runs, {to_read}or start over with --fresh"
     )

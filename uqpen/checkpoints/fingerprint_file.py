@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
@@ -49,6 +50,11 @@ class Change(NamedTuple):
     def is_limit(self) -> bool:
         """True if the changed value is the time limit of a run."""
         return self.key.startswith("model") and self.key.endswith(".time_limit")
+
+    @property
+    def is_reading(self) -> bool:
+        """True if the changed value belongs to `[model.read]`."""
+        return re.match(r"model(s\.[^.]+)?\.read\b", self.key) is not None
 
 
 def fingerprint_changes(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[Change]:
