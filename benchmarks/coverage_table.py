@@ -14,6 +14,7 @@ __all__ = [
     "FEWEST_SEEDS",
     "LOWEST",
     "SKEWED",
+    "STOPPED_REPLICATES",
     "USE_CASES",
     "Place",
     "markdown",
@@ -53,10 +54,11 @@ class Place(NamedTuple):
 
 
 # The tables of the other benchmarks: `skewed_coverage.py`, `usecase_coverage.py`,
-# `deciding_coverage.py`, `extended_designs.py`.
+# `deciding_coverage.py`, `stopped_replicates_coverage.py`, `extended_designs.py`.
 SKEWED = Place("skewed outputs")
 USE_CASES = Place("use cases")
 ENDED = Place("designs that end by themselves")
+STOPPED_REPLICATES = Place("replicates that end by themselves")
 EXTENDED = Place("extended designs")
 
 _KEY = ("problem", "design", "runs", "statistic")

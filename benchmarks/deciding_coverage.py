@@ -67,10 +67,17 @@ def main() -> None:
         ENDED.fill(options.markdown, text)
 
 
+POOLS = ("concrete", "Ishigami", "step")
+
+
 @cache
 def problem(name: str) -> Problem:
     """A problem by its name."""
-    values = POOLS[name](np.random.default_rng(2_061))
+    return problem_of(_pool(name))
+
+
+def problem_of(values: FloatArray) -> Problem:
+    """The problem of outputs that stand for all there are."""
     upper, lower = np.quantile(values, LIMITS)
     quantity = QuantityOfInterest(
         Output("y", "1"),
@@ -83,7 +90,7 @@ def problem(name: str) -> Problem:
     return Problem(values, quantity, np.array(truth))
 
 
-def _concrete(rng: np.random.Generator) -> FloatArray:
+def _concrete() -> FloatArray:
     """The penetration depth of as many independent runs of the concrete study's own model."""
     from uqpen.core.streams import Stream
     from uqpen.designs.monte_carlo import MonteCarlo
@@ -97,23 +104,25 @@ def _concrete(rng: np.random.Generator) -> FloatArray:
     return depth[np.isfinite(depth)]
 
 
-def _ishigami(rng: np.random.Generator) -> FloatArray:
-    x1, x2, x3 = rng.uniform(-np.pi, np.pi, (3, POOL))
+def _ishigami(unit: FloatArray) -> FloatArray:
+    x1, x2, x3 = np.pi * (2 * unit - 1)
     y: FloatArray = np.sin(x1) + 7 * np.sin(x2) ** 2 + 0.1 * x3**4 * np.sin(x1)
     return y
 
 
-def _step(rng: np.random.Generator) -> FloatArray:
-    x1, x2, x3 = rng.random((3, POOL))
+def _step(unit: FloatArray) -> FloatArray:
+    x1, x2, x3 = unit
     y: FloatArray = 3.0 * (x1 + x2 > 1.4) + np.square(x3)
     return y
 
 
-POOLS: dict[str, Callable[[np.random.Generator], FloatArray]] = {
-    "concrete": _concrete,
-    "Ishigami": _ishigami,
-    "step": _step,
-}
+# Of three inputs between 0 and 1, in the rows of an array.
+FUNCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {"Ishigami": _ishigami, "step": _step}
+
+
+def _pool(name: str) -> FloatArray:
+    rng = np.random.default_rng(2_061)
+    return FUNCTIONS[name](rng.random((3, POOL))) if name in FUNCTIONS else _concrete()
 
 
 def estimates(case: tuple[str, int]) -> FloatArray:
@@ -121,14 +130,13 @@ def estimates(case: tuple[str, int]) -> FloatArray:
     name, seed = case
     values, quantity, _ = problem(name)
     drawn = np.random.default_rng([2_062, seed]).choice(values, MOST)
-    found = []
-    for look in LOOKS:
-        made = analyze(
-            _runs(drawn[:look]), [quantity], only=("moments", "quantiles", "exceedance")
-        )["y"]
-        rows = [made[each].values.reshape(-1, 3)[-1] for each in STATISTICS]
-        found.append(rows)
-    return np.array(found)
+    return np.array([bounds_of(_runs(drawn[:look]), quantity) for look in LOOKS])
+
+
+def bounds_of(runs: xr.Dataset, quantity: QuantityOfInterest) -> FloatArray:
+    """Return the bounds of all statistics, shape (kind, 3)."""
+    made = analyze(runs, [quantity], only=("moments", "quantiles", "exceedance"))["y"]
+    return np.array([made[each].values.reshape(-1, 3)[-1] for each in STATISTICS])
 
 
 def _runs(values: FloatArray) -> xr.Dataset:
@@ -150,16 +158,30 @@ def _precision_table(seeds: int, workers: int) -> Iterator[str]:
         with multiprocessing.get_context("fork").Pool(workers) as pool:
             bounds = np.array(pool.map(estimates, cases, chunksize=10))
         for kind, key in enumerate(KINDS):
-            _, lower, upper = np.moveaxis(bounds[:, :, kind], -1, 0)
-            known = np.isfinite(lower) & np.isfinite(upper)
-            covers = (lower <= truth[kind]) & (truth[kind] <= upper)
-            fixed = covers[:, 0][known[:, 0]]
-            reached = sorted(_coverages(key, kind, bounds, covers))
-            cells = ["none"] * 3
-            if len(fixed) > seeds / 2:
-                found = [100 * fixed.mean(), reached[0], np.median(reached)]
-                cells = [f"{each:.1f}" for each in found]
+            cells = precision_cells(key, kind, bounds, truth[kind])
             yield f"| {name} | `{key}` | {' | '.join(cells)} |"
+
+
+def precision_cells(key: str, kind: int, bounds: FloatArray, truth: float) -> list[str]:
+    """Return the coverage in per cent after the first look, at the worst and the middle target.
+
+    Parameters
+    ----------
+    key, kind
+        Of the statistic, and its position in `KINDS`.
+    bounds : ndarray, shape (seed, look, kind, 3)
+        Estimates and the ends of their intervals.
+    truth : float
+        The true value.
+    """
+    _, lower, upper = np.moveaxis(bounds[:, :, kind], -1, 0)
+    known = np.isfinite(lower) & np.isfinite(upper)
+    covers = (lower <= truth) & (truth <= upper)
+    fixed = covers[:, 0][known[:, 0]]
+    if len(fixed) <= len(bounds) / 2:
+        return ["none"] * 3
+    reached = sorted(_coverages(key, kind, bounds, covers))
+    return [f"{each:.1f}" for each in (100 * fixed.mean(), reached[0], np.median(reached))]
 
 
 def _coverages(
@@ -170,7 +192,7 @@ def _coverages(
     half, std = (upper - lower) / 2, bounds[:, :, 1, 0]
     is_usual = np.isfinite(half[:, :-1]).mean(axis=0) > 0.5
     usual = np.nanmedian(half[:, :-1][:, is_usual], axis=0)
-    last = len(LOOKS) - 1
+    last = bounds.shape[1] - 1
     # A quantity, a share of the estimate, and one of the standard deviation.
     scales = [np.ones_like(half), np.abs(estimate) / np.abs(np.median(estimate[:, -1]))]
     scales.append(std / np.median(std[:, -1]))

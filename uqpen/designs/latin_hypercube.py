@@ -12,9 +12,11 @@ from uqpen.core.errors import Problem
 from uqpen.core.labels import OPTIMIZED_BY
 from uqpen.core.settings import choice, count
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design, Rounds
+from uqpen.designs.design import Design
+from uqpen.designs.drawn_points import DrawnPoints
 from uqpen.designs.extension import Extension
 from uqpen.designs.replicated import ReplicatedDesign, split_replicates
+from uqpen.designs.stopping.stopping_rule import StoppingRule, stopping_rule
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["LatinHypercube"]
@@ -33,49 +35,69 @@ class LatinHypercube(ReplicatedDesign):
 
     Parameters
     ----------
-    runs : int
-        Number of points in all, a multiple of `replicates`.
-    replicates : int
-        Number of hypercubes; with one, error bars are wider than necessary, and a note says so.
+    runs : int, optional
+        Number of points in all, a multiple of `replicates`. With `until`, at the first look: 512 or
+        the next that is possible by default, and no fewer.
+    replicates : int, optional
+        Number of hypercubes, by default 10; with one, error bars are wider than necessary, and a
+        note says so. With `until`, at the first look: by default 20, and no fewer.
     optimization : str
         ``"random-cd"`` exchanges coordinates for a lower centred discrepancy, which spreads the
         points over pairs of inputs too; it takes about a second for a hypercube of 1 000 points.
         Other criteria that move points (Lloyd's) leave some strata empty, so there are none.
+    until : StoppingRule, optional
+        The rule that decides whether the points are enough, whenever the number of hypercubes has
+        doubled.
+    at_most : int, optional
+        With `until`, the largest number of points in all.
 
     References
     ----------
     McKay, M. D., Beckman, R. J. & Conover, W. J. (1979). Technometrics 21, 239-245.
     """
 
-    runs: int = count(minimum=2)
-    replicates: int = count(default=10)
+    default_replicates = 10
+    least_stopped = 20
+
+    runs: int | None = count(minimum=2, default=None)
+    replicates: int | None = count(default=None)
     optimization: str = choice("none", "random-cd", default="none")
+    until: StoppingRule | None = stopping_rule("until")
+    at_most: int | None = count(default=None)
+
+    def check_settings(self) -> Iterator[Problem]:
+        yield from super().check_settings()
+        if self.until is not None and self.optimization != "none":
+            expected = '"none" beside until, as so many hypercubes take minutes to optimize'
+            yield Problem(("optimization",), f'"{self.optimization}"', expected)
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
-        seconds = _SECONDS_PER_SET * self.replicates + _SECONDS_PER_POINT * self.runs
+        runs, replicates = self.run_count(joint), self.replicate_count
+        seconds = _SECONDS_PER_SET * replicates + _SECONDS_PER_POINT * runs
         if self.optimization != "none" and seconds > _MOST_SECONDS:
-            found = f'"{self.optimization}" of {self.runs} points in {self.replicates} hypercubes'
+            found = f'"{self.optimization}" of {runs} points in {replicates} hypercubes'
             expected = 'fewer points and hypercubes, as these take minutes to optimize, or "none"'
             yield Problem(("optimization",), found, expected)
 
-    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        for points in super().rounds(joint, stream):
-            is_optimized = self.optimization != "none"
-            yield points.assign_attrs({OPTIMIZED_BY: self.optimization}) if is_optimized else points
+    def drawn_points(
+        self, joint: JointDistribution, stream: Stream, start: int, end: int
+    ) -> DrawnPoints:
+        points = super().drawn_points(joint, stream, start, end)
+        is_optimized = self.optimization != "none"
+        return points.assign_attrs({OPTIMIZED_BY: self.optimization}) if is_optimized else points
 
     def scaled(
         self, joint: JointDistribution, runs: int, *, replicated: bool
     ) -> LatinHypercube | None:
-        shape = split_replicates(runs, self.replicates, replicated=replicated)
-        return replace(self, runs=shape[0], replicates=shape[1]) if shape else None
+        shape = split_replicates(runs, self.replicate_count, replicated=replicated)
+        return LatinHypercube(*shape, self.optimization) if shape else None
 
     def extension(self, earlier: Design, joint: JointDistribution) -> Extension:
         found = super().extension(earlier, joint)
         if not isinstance(earlier, LatinHypercube) or earlier.optimization == self.optimization:
             return found
-        return replace(
-            found, kept=0, nearest={**found.nearest, "optimization": earlier.optimization}
-        )
+        nearest = {**found.nearest, "optimization": earlier.optimization} if found.nearest else {}
+        return replace(found, kept=0, nearest=nearest)
 
     def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
         # Imported here: this part of SciPy takes longer to load than the rest.

@@ -12,6 +12,7 @@ from uqpen.core.errors import Problem
 from uqpen.core.settings import count
 from uqpen.designs.design import Design
 from uqpen.designs.replicated import ReplicatedDesign, split_replicates
+from uqpen.designs.stopping.stopping_rule import StoppingRule, stopping_rule
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["Halton", "SobolSequence", "sobol_points"]
@@ -26,7 +27,7 @@ class _Sequence(ReplicatedDesign):
     is_sequence = True
 
     def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> Design | None:
-        shape = split_replicates(runs, self.replicates, replicated=replicated)
+        shape = split_replicates(runs, self.replicate_count, replicated=replicated)
         return _SequencePoints(self, *shape) if shape else None
 
 
@@ -36,11 +37,17 @@ class SobolSequence(_Sequence):
 
     Parameters
     ----------
-    runs : int
+    runs : int, optional
         Number of points in all: `replicates` times a power of two, as any other number of points
         breaks the balance.
-    replicates : int
-        Number of sets, each scrambled by itself; their scatter shows the error.
+        With `until`, at the first look: 512 or the next that is possible by default, and no fewer.
+    replicates : int, optional
+        Number of sets, each scrambled by itself; their scatter shows the error. By default 16; with
+        `until` 32, and no fewer.
+    until : StoppingRule, optional
+        The rule that decides whether the points are enough, whenever those of each set doubled.
+    at_most : int, optional
+        With `until`, the largest number of points in all.
 
     References
     ----------
@@ -50,8 +57,10 @@ class SobolSequence(_Sequence):
 
     needs_powers_of_two = True
 
-    runs: int = count(minimum=2)
-    replicates: int = count(minimum=2, default=16)
+    runs: int | None = count(minimum=2, default=None)
+    replicates: int | None = count(minimum=2, default=None)
+    until: StoppingRule | None = stopping_rule("until")
+    at_most: int | None = count(default=None)
 
     def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
         return sobol_points(rng, points, dimension)
@@ -63,10 +72,16 @@ class Halton(_Sequence):
 
     Parameters
     ----------
-    runs : int
+    runs : int, optional
         Number of points in all, a multiple of `replicates`.
-    replicates : int
-        Number of sets, each scrambled by itself; their scatter shows the error.
+        With `until`, at the first look: 512 or the next that is possible by default, and no fewer.
+    replicates : int, optional
+        Number of sets, each scrambled by itself; their scatter shows the error. By default 16; with
+        `until` 32, and no fewer.
+    until : StoppingRule, optional
+        The rule that decides whether the points are enough, whenever those of each set doubled.
+    at_most : int, optional
+        With `until`, the largest number of points in all.
 
     References
     ----------
@@ -74,8 +89,10 @@ class Halton(_Sequence):
     Owen, A. B. (2017). arXiv:1706.02808.
     """
 
-    runs: int = count(minimum=2)
-    replicates: int = count(minimum=2, default=16)
+    runs: int | None = count(minimum=2, default=None)
+    replicates: int | None = count(minimum=2, default=None)
+    until: StoppingRule | None = stopping_rule("until")
+    at_most: int | None = count(default=None)
 
     def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
         from scipy.stats import qmc

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -19,6 +20,8 @@ from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.drawn_points import DrawnPoints
 from uqpen.designs.extension import Extension
+from uqpen.designs.stopping.doubling import FIRST_LOOK, doubling_rounds
+from uqpen.designs.stopping.stopping_rule import RequestedOutput, StoppingRule
 from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["ReplicatedDesign", "nested_replicates", "split_replicates", "uneven_replicates"]
@@ -27,12 +30,20 @@ __all__ = ["ReplicatedDesign", "nested_replicates", "split_replicates", "uneven_
 class ReplicatedDesign(Design):
     """Design of independent replicates, each drawn from a generator of its own.
 
-    A subclass is a dataclass with at least these fields.
+    A subclass is a dataclass with at least the fields `runs` and `replicates`. One that has `until`
+    and `at_most` as well can decide the number of its runs.
 
     Attributes
     ----------
-    runs, replicates : int
-        Number of points in all, and number of replicates.
+    runs : int or None
+        Number of points in all; with `until`, those of the first look, 512 or some more by default.
+    replicates : int or None
+        Number of replicates, by default `default_replicates`; with `until`, that of the first look,
+        by default `least_stopped`.
+    until : StoppingRule or None
+        The rule that decides whether the points are enough, whenever their number has doubled.
+    at_most : int or None
+        With `until`, the largest number of points.
     """
 
     sampling = Sampling.STRATIFIED
@@ -40,53 +51,159 @@ class ReplicatedDesign(Design):
     """True if each replicate must have a power of two of points."""
     is_sequence: ClassVar[bool] = False
     """True if the points of a replicate are the first ones of a larger replicate."""
+    default_replicates: ClassVar[int] = 16
+    """Number of replicates if none is given."""
+    least_stopped: ClassVar[int] = 32
+    """Least number of replicates with which it may decide the number of its runs."""
 
-    runs: int
-    replicates: int
+    runs: int | None
+    replicates: int | None
+    until: StoppingRule | None = None
+    at_most: int | None = None
 
     @abstractmethod
     def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
         """Draw one replicate: points of the unit cube."""
 
     def check_settings(self) -> Iterator[Problem]:
-        return uneven_replicates(self.runs, self.replicates, powers_of_two=self.needs_powers_of_two)
+        is_uneven = False
+        if self.runs is not None:
+            for problem in uneven_replicates(
+                self.runs, self.replicate_count, powers_of_two=self.needs_powers_of_two
+            ):
+                is_uneven = True
+                yield problem
+        if self.until is not None:
+            yield from () if is_uneven else self._stopping_problems()
+        elif self.at_most is not None:
+            expected = "runs in its place, or until beside it"
+            yield Problem(("at_most",), str(self.at_most), expected)
+        elif self.runs is None:
+            expected = "a whole number, at least 2 and at most 100_000_000; or until with at_most"
+            yield Problem(("runs",), "nothing", expected)
+
+    def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
+        if self.until is not None:
+            for problem in self.until.check_outputs(requested):
+                yield problem.within("until")
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        each, dimension = self.runs // self.replicates, len(joint.random)
+        def points(start: int, end: int) -> DrawnPoints:
+            return self.drawn_points(joint, stream, start, end)
+
+        most = self.run_count(joint)
+        if self.until is None:
+            yield points(0, most)
+            return
+        intervals = f"over {self.replicate_count} replicates"
+        intervals += "" if self.is_sequence else " or more"
+        yield from doubling_rounds(
+            self.until, most, points, first=self.first_runs, intervals=intervals
+        )
+
+    def drawn_points(
+        self, joint: JointDistribution, stream: Stream, start: int, end: int
+    ) -> DrawnPoints:
+        """Return the points that the design has with a number of runs, and not with a smaller one.
+
+        Parameters
+        ----------
+        joint : JointDistribution
+            The inputs.
+        stream : Stream
+            Source of the random numbers.
+        start, end : int
+            The numbers of runs. Replicates of a sequence grow, others become more.
+        """
+        count, dimension = self.replicate_count, len(joint.random)
+        each, skipped, first = self._points_of_each, 0, 0
+        if self.is_sequence:
+            each, skipped = (end - start) // count, start // count
+        else:
+            first = start // each
 
         @lru_cache(maxsize=1)  # a block may end within a replicate, which the next one goes on with
         def replicate(number: int) -> FloatArray:
-            return self.draw(stream.generator("points", number), each, dimension)
+            rng = stream.generator("points", first + number)
+            return self.draw(rng, skipped + each, dimension)[skipped:]
 
         def draw(start: int, stop: int) -> xr.Dataset:
             unit = [
                 replicate(number)[max(start - number * each, 0) : stop - number * each]
                 for number in range(start // each, -(-stop // each))
             ]
-            numbers: npt.NDArray[Any] = np.arange(start, stop) // each
+            numbers: npt.NDArray[Any] = first + np.arange(start, stop) // each
             return joint.points(np.concatenate(unit), {REPLICATE: numbers})
 
-        yield DrawnPoints(each * self.replicates, draw)
+        return DrawnPoints(end - start, draw)
 
     @property
     def replicate_count(self) -> int:
-        return self.replicates
+        if self.replicates is not None:
+            return self.replicates
+        return self.default_replicates if self.until is None else self.least_stopped
+
+    @property
+    def ends_early(self) -> bool:
+        return self.until is not None
 
     def run_count(self, joint: JointDistribution) -> int:
-        return self.runs
+        return self._most
 
     def extension(self, earlier: Design, joint: JointDistribution) -> Extension:
         if not isinstance(earlier, type(self)):
             return super().extension(earlier, joint)
-        now, before = ((each.runs, each.replicates) for each in (self, earlier))
+        now, before = ((each._most, each.replicate_count) for each in (self, earlier))
         if self.is_sequence:
-            return nested_replicates(now, before, powers_of_two=self.needs_powers_of_two)
-        each = earlier.runs // earlier.replicates
-        is_same = self.runs // self.replicates == each
-        replicates = max(earlier.replicates, round(self.runs / each))
+            found = nested_replicates(now, before, powers_of_two=self.needs_powers_of_two)
+        else:
+            found = self._more_replicates(earlier)
+        # Which settings of looks that double would keep all is not looked for.
+        return found if self.until is None else replace(found, nearest={})
+
+    def _more_replicates(self, earlier: ReplicatedDesign) -> Extension:
+        """Return what replicates of a fixed number of points keep of earlier ones."""
+        each = earlier._points_of_each
+        is_same = self._points_of_each == each
+        replicates = max(earlier._most // each, round(self._most / each))
         nearest = {"runs": each * replicates, "replicates": replicates}
-        kept = min(self.runs, earlier.runs) if is_same else 0
+        kept = min(self._most, earlier._most) if is_same else 0
         return Extension(kept, nearest, f"replicates of {each} points")
+
+    def _stopping_problems(self) -> Iterator[Problem]:
+        """Yield the problems of settings beside `until`."""
+        if self.replicate_count < self.least_stopped:
+            expected = f"at least {self.least_stopped} beside until: of fewer, standard errors "
+            expected += "scatter more, and looks that end at the smallest cover less often"
+            yield Problem(("replicates",), str(self.replicate_count), expected)
+        elif self.first_runs < FIRST_LOOK:
+            expected = f"at least {FIRST_LOOK} at the first look of until, or nothing"
+            yield Problem(("runs",), str(self.first_runs), expected)
+        elif self.at_most is None:
+            yield Problem(("at_most",), "nothing", "the largest number of runs, beside until")
+        elif self.at_most < 2 * self.first_runs:
+            expected = f"a whole number, at least {2 * self.first_runs}, beside until"
+            yield Problem(("at_most",), str(self.at_most), expected)
+
+    @property
+    def _points_of_each(self) -> int:
+        """Number of points of a replicate; of a sequence that decides it, at the first look."""
+        if self.runs is not None:
+            return self.runs // self.replicate_count
+        each = -(-FIRST_LOOK // self.replicate_count)
+        return max(2, 1 << (each - 1).bit_length() if self.needs_powers_of_two else each)
+
+    @property
+    def first_runs(self) -> int:
+        """Number of runs at the first look, or of all."""
+        return self._points_of_each * self.replicate_count
+
+    @property
+    def _most(self) -> int:
+        """Number of runs, or the largest possible number: a doubled first look."""
+        if self.at_most is None:
+            return self.first_runs
+        return self.first_runs << ((self.at_most // self.first_runs).bit_length() - 1)
 
 
 def uneven_replicates(

@@ -83,9 +83,10 @@ def sample_so_far(runs: xr.Dataset, *, is_complete: bool) -> SampleSoFar:
         return SampleSoFar(runs) if is_enough else SampleSoFar(None, _FEW)
     if REPLICATE not in runs.coords:
         return SampleSoFar(None, reason_without_parts(runs))
-    # The last one may not be complete; all have the same number of runs.
+    # One may not be complete. Where replicates grow, those before it are larger than those behind.
     replicates, sizes = np.unique(runs[REPLICATE].values, return_counts=True)
-    complete = replicates[sizes == sizes[0]] if len(replicates) > 1 else []
+    shared, times = np.unique(sizes, return_counts=True)
+    complete = replicates[sizes == shared[(shared * times).argmax()]]
     if len(complete) < 2:
         return SampleSoFar(None, _NO_REPLICATE)
     return SampleSoFar(runs.isel({RUN: np.isin(runs[REPLICATE].values, complete)}))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Collection, Sequence
 
 from uqpen.core.errors import TableError, toml_text
 from uqpen.designs import DESIGNS
 from uqpen.designs.data import DataDesign
 from uqpen.designs.design import Design
-from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.table import TableDesign
 from uqpen.designs.unloaded import UnloadedDesign
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -26,11 +26,12 @@ _VALID = (
     "Shapley effects, which divide the shared part, follow from a surrogate"
 )
 
-# What ends a design of independent draws, and why it ends no other.
+# What decides the number of runs; which designs have it, and why no other.
 _RULES = {
-    "until": "for sets of points, intervals are not certified where the runs decide their number",
-    "accept": "the test needs independent runs. Points of a set avoid each other, so only whole "
-    "sets could count, and it would take 40 of them at least",
+    "until": 'kind = "monte-carlo", "latin-hypercube", "sobol-sequence" or "halton": intervals of '
+    "other designs are not certified where the runs decide their number",
+    "accept": 'kind = "monte-carlo": the test needs independent runs. Points of a set avoid each '
+    "other, so only whole sets could count, and it would take 40 of them at least",
 }
 
 # Each unknown kind is looked for among installed packages, which takes some 20 ms.
@@ -70,18 +71,18 @@ def _read_design(table: TableReader) -> tuple[Design | None, Files]:
         table.take("kind")
         return read_member(table, "kind", kind, DESIGN)
     built_in = family_member(table, "kind", DESIGNS, "a kind of design")
-    if built_in and built_in is not MonteCarlo:
-        _refuse_rules(table, kind)
+    if built_in:
+        _refuse_rules(table, kind, [field.name for field in dataclasses.fields(built_in)])
     return built_in and table.whole_settings(built_in), ()
 
 
-def _refuse_rules(table: TableReader, kind: str) -> None:
-    """Note the rules of a design that can have none."""
-    for key, reason in _RULES.items():
-        if key in table:
+def _refuse_rules(table: TableReader, kind: str, settings: Collection[str]) -> None:
+    """Note the rules that a kind of design cannot have, given the names of its settings."""
+    for key, expected in _RULES.items():
+        if key in table and key not in settings:
             table.take(key)
             table.take("at_most")
-            table.add_problem(key, f'{key} with kind = "{kind}"', f'kind = "monte-carlo": {reason}')
+            table.add_problem(key, f'{key} with kind = "{kind}"', expected)
 
 
 def _read_object(table: TableReader) -> Design | None:
