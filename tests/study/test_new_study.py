@@ -7,11 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from uqpen.core.errors import ModelError
 from uqpen.study.load import parse_study
+from uqpen.study.new_study.data_draft import data_draft
 from uqpen.study.new_study.function_draft import function_draft
 
 BEAM = """
@@ -115,6 +118,72 @@ def test_a_program_gets_its_inputs_from_placeholders_in_their_order(
     assert "read" not in content["model"]  # a JSON file whose path the program is given
 
 
+def test_a_data_file_gives_its_columns_and_claims_nothing_of_its_points(
+    command_line: Callable[..., Any], tmp_path: Path
+) -> None:
+    heading = "load [kN],span,peak [MPa],bend [mm],note,2nd [m],sag [spans],status,reason\n"
+    rows = "4,2,,7,a,1,1,failed,diverged\n5,2,30,8,b,1,1,,\n6,3,31,9,c,1,1,ok,\n"
+    (tmp_path / "runs.csv").write_text(heading + rows)
+    content = _written(command_line, "runs.csv")
+    assert content["model"] == {
+        "data": "runs.csv",
+        "outputs": ["peak", "bend"],  # an input has no blank; the last column
+        "ignore": ["note", "2nd", "sag"],
+        "units": {"span": "1"},
+    }
+    assert content["designs"] == {"runs": {"kind": "data"}}
+    text = Path("study.toml").read_text(encoding="utf-8")
+    for comment in (
+        'inputs = ["load", "span"]',
+        '"note" has texts',
+        '"2nd" is no name that a variable can have',
+        '"sag" has no unit that is known: "spans"',
+        "The column status: what became of each run.",
+        "independent = true",
+        'load = { uniform = { lower = "4 kN", upper = "6 kN" } }',
+    ):
+        assert f"\n# {comment}\n" in text
+    assert "the study is right" in command_line("check", "study.toml").out
+    # What stands in comments is right, too.
+    for line in ("[inputs]", "load = ", "span = ", "independent = true"):
+        text = text.replace(f"# {line}", line)
+    assert parse_study(text, folder=tmp_path).designs["runs"].sampling.is_sample
+
+
+@pytest.mark.parametrize("name", ["dakota.dat", "easyvvuq.csv", "openturns.csv"])
+def test_a_file_of_another_program_gives_a_study_that_passes(
+    command_line: Callable[..., Any], name: str
+) -> None:
+    content = _written(command_line, str(Path(__file__).parents[1] / "data" / "runs" / name))
+    assert len(content["model"]["outputs"]) == 1
+    assert "the study is right" in command_line("check", "study.toml").out
+
+
+CELLS = st.lists(st.sampled_from(["1", "2.5", "-1e3", "", "inf", "text"]), min_size=2, max_size=2)
+HEADINGS = st.sampled_from(
+    ["y [mm]", "z [1]", "w [spans]", "weight [kg]", "replicate", "reason", "run", "1st", "é"]
+)
+
+
+@settings(max_examples=50)
+@given(columns=st.dictionaries(HEADINGS, CELLS, max_size=5))
+def test_a_study_of_any_data_file_passes_as_it_is_written(
+    columns: dict[str, list[str]], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.mktemp("data")
+    table = pd.DataFrame({"a": [1, 2], **columns, "b": [3, 4]})
+    table.to_csv(folder / "a.csv", index=False, encoding="utf-8")
+    try:
+        draft = data_draft(folder / "a.csv", "a.csv")
+    except ModelError as error:
+        # No study takes such a replicate or weight, and the message says where it stands.
+        assume('column "weight"' not in str(error) and 'column "replicate"' not in str(error))
+        raise
+    study = parse_study(draft.text("study.toml"), folder=folder)
+    assert "a" in [each.name for each in study.model.inputs]
+    assert "b" in [each.name for each in study.model.outputs]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -126,7 +195,10 @@ def test_a_program_gets_its_inputs_from_placeholders_in_their_order(
         (["none.py:f"], "none.py: cannot be read: No such file or directory"),
         (["broken.py:f"], "broken.py, line 2: is no Python: "),
         (["there.py:f", "-o", "beam.py"], "beam.py: is there already; expected a new file (-o)"),
-        (["data.txt"], "found data.txt; expected FILE.py:FUNCTION, or --command"),
+        (["a.json"], "found a.json; expected FILE.py:FUNCTION, a data file (.csv, "),
+        (["none.csv"], 'none.csv: found no file "none.csv"; expected a CSV, NetCDF, Parquet or'),
+        (["texts.csv"], '"x" has texts; expected one without a blank for an input, and one for'),
+        (["state.csv"], 'found "fine" in column "status", state.csv, line 2; expected one of ok'),
         (["--command", "./solver 1"], "the command does not have a placeholder such as {load}"),
         (["--command", "./solver {x-1}"], 'the placeholder "x-1" cannot be named in a study'),
         (["--command", "./solver '{x}"], "--command: found ./solver '{x}: No closing quotation"),
@@ -139,6 +211,8 @@ def test_mistakes(
     (tmp_path / "beam.py").write_text(BEAM)
     (tmp_path / "two.py").write_text("def f(x=None): ...\ndef g(x, /): ...\n")
     (tmp_path / "broken.py").write_text("x = 1\ndef f(\n")
+    (tmp_path / "texts.csv").write_text("x,y\none,1\n")
+    (tmp_path / "state.csv").write_text("x,y,status\n1,2,fine\n")
     done = command_line("init", *arguments)
     assert (done.code, done.out) == (2, "")
     assert message in done.err

@@ -1,4 +1,4 @@
-"""``uqpen init``: a first study file of a model of the user's own."""
+"""``uqpen init``: a first study file of a model of the user's own, or of a data file."""
 
 from __future__ import annotations
 
@@ -13,19 +13,25 @@ from uqpen.cli.options import PATH
 __all__ = ["init"]
 
 
-@click.command(short_help="Write a first study file of a function or a program.")
-@click.argument("source", required=False, metavar="[FILE.py[:FUNCTION] | TEMPLATE]")
+# Endings of data files. Another file may be the template of a program.
+_DATA = (".csv", ".tsv", ".txt", ".dat", ".nc", ".parquet")
+
+
+@click.command(short_help="Write a first study file of a function, a program or a data file.")
+@click.argument("source", required=False, metavar="[FILE.py[:FUNCTION] | DATA | TEMPLATE]")
 @click.option("--command", metavar='"PROGRAM ARGUMENTS"', help="The program to run, as in a shell.")
 @click.option("-o", "file", type=PATH, help="The study file to write.  [default: <model>.toml]")
 def init(source: str | None, command: str | None, file: Path | None) -> None:
-    """Write a commented study file of a Python function, or of a program.
+    """Write a commented study file of a Python function, of a program, or of runs in a file.
 
     Arguments of FUNCTION become inputs, and its defaults their nominal values. The file is parsed,
-    not executed. A program has inputs by placeholders {name}, in its arguments or in TEMPLATE.
+    not executed. A program has inputs by placeholders {name}, in its arguments or in TEMPLATE. DATA
+    is a CSV, NetCDF, Parquet or Dakota file with a column for each input and output.
 
     \b
     uqpen init beam.py:deflection
     uqpen init beam.dat.template --command "./solver beam.dat"
+    uqpen init runs.csv
 
     Lines to fill in are marked; `uqpen check` accepts the file as it is.
     """  # noqa: D301 - the \\b keeps the lines that follow it as they are
@@ -33,14 +39,17 @@ def init(source: str | None, command: str | None, file: Path | None) -> None:
     from uqpen.core.errors import ExportError
     from uqpen.core.files import replace_file
     from uqpen.study.new_study.command_draft import command_draft
+    from uqpen.study.new_study.data_draft import data_draft
     from uqpen.study.new_study.function_draft import function_draft
 
     stem, colon, function = (source or "").rpartition(".py:")
     model = Path(f"{stem}.py" if colon else source or "")
     function = function if colon else ""
-    if command is None and model.suffix != ".py":
+    is_data = command is None and model.suffix.lower() in _DATA
+    if command is None and model.suffix != ".py" and not is_data:
         found = source or "nothing"
-        raise click.UsageError(f"found {found}; expected FILE.py:FUNCTION, or --command")
+        expected = f"FILE.py:FUNCTION, a data file ({', '.join(_DATA)}), or --command"
+        raise click.UsageError(f"found {found}; expected {expected}")
     if command is not None and function:
         raise click.UsageError("--command takes a template, not a function")
     try:
@@ -52,12 +61,14 @@ def init(source: str | None, command: str | None, file: Path | None) -> None:
     if file.exists():
         raise ExportError(f"{file}: is there already; expected a new file (-o)")
     reference = Path(os.path.relpath(model, file.parent)).as_posix()
-    if command is None:
-        draft = function_draft(model, function, reference)
+    if is_data:
+        text = data_draft(model, reference).text(str(file))
+    elif command is None:
+        text = function_draft(model, function, reference).text(str(file))
     else:
-        draft = command_draft(words, model if source else None, reference)
+        text = command_draft(words, model if source else None, reference).text(str(file))
     try:
-        replace_file(file, draft.text(str(file)).encode())
+        replace_file(file, text.encode())
     except OSError as error:
         raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
     shown = printable(str(file))

@@ -21,7 +21,15 @@ from uqpen.models.data.data_model import DataModel
 from uqpen.models.data.results import REASON, STATUS, data_coordinates, data_points, data_results
 from uqpen.study.table_reader import TableReader
 
-__all__ = ["DATA", "DEFAULT_DESIGNS", "bind_designs", "check_fixed", "has_data", "read_data"]
+__all__ = [
+    "DATA",
+    "DEFAULT_DESIGNS",
+    "OTHER_COLUMNS",
+    "bind_designs",
+    "check_fixed",
+    "has_data",
+    "read_data",
+]
 
 # The key with the file.
 DATA = "data"
@@ -30,7 +38,7 @@ DATA = "data"
 DEFAULT_DESIGNS: dict[str, Any] = {"data": {"kind": "data"}}
 
 # Columns that are neither input nor output, unless a study names them so.
-_OTHERS = (STATUS, REASON, REPLICATE, WEIGHT)
+OTHER_COLUMNS = (STATUS, REASON, REPLICATE, WEIGHT)
 
 
 def has_data(root: TableReader) -> bool:
@@ -120,7 +128,7 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
     columns = {column.name: column for column in file.columns}
     names = declared.inputs
     if names is None:
-        no_input = {*declared.outputs, *declared.ignored, *_OTHERS}
+        no_input = {*declared.outputs, *declared.ignored, *OTHER_COLUMNS}
         names = [name for name in columns if name not in no_input]
     noted = len(table.problems)
     _check_names(table, file, declared, names)

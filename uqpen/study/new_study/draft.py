@@ -9,9 +9,9 @@ from uqpen.core.errors import ModelError, toml_text
 from uqpen.core.labels import NAME, RESERVED
 from uqpen.core.units import DIMENSIONLESS
 
-__all__ = ["Draft", "DraftInput", "check_names"]
+__all__ = ["FILL_IN", "Draft", "DraftInput", "check_names", "line", "surrogate_lines"]
 
-_FILL_IN = "FILL IN"
+FILL_IN = "FILL IN"
 # Width of an input that nothing is known of, relative to its nominal value.
 _SPREAD = 0.1
 _COLUMN = 30
@@ -71,11 +71,11 @@ class Draft:
         return "\n".join([*self._head(file), *self._model(), *self._inputs(), *self._rest()]) + "\n"
 
     def _head(self, file: str) -> Iterator[str]:
-        yield f"# Lines with {_FILL_IN} need what only you know: units, how uncertain inputs are."
+        yield f"# Lines with {FILL_IN} need what only you know: units, how uncertain inputs are."
         yield f"# Then:  uqpen check {file}   and   uqpen study {file}"
         yield ""
         yield f"title = {toml_text(self.title)}"
-        yield _line("seed = 1", "of all random numbers")
+        yield line("seed = 1", "of all random numbers")
         yield ""
 
     def _model(self) -> Iterator[str]:
@@ -83,15 +83,15 @@ class Draft:
         yield from (f"# {remark}" for remark in self.remarks)
         yield from self.model
         yield ""
-        yield _line("[model.inputs]", "the units that the model takes")
+        yield line("[model.inputs]", "the units that the model takes")
         for each in self.inputs:
             unit = toml_text(each.unit or DIMENSIONLESS)
-            yield _line(f"{each.name} = {unit}", "" if each.unit else f"{_FILL_IN}: its unit")
+            yield line(f"{each.name} = {unit}", "" if each.unit else f"{FILL_IN}: its unit")
         yield ""
-        yield _line("[model.outputs]", "the units that the model returns")
+        yield line("[model.outputs]", "the units that the model returns")
         for name in self.outputs:
             missing = "its unit" if self.knows_outputs else "the names of the outputs, their units"
-            yield _line(f'{name} = "{DIMENSIONLESS}"', f"{_FILL_IN}: {missing}")
+            yield line(f'{name} = "{DIMENSIONLESS}"', f"{FILL_IN}: {missing}")
         if self.readings:
             yield "\n[model.read]"
             yield from self.readings
@@ -103,7 +103,7 @@ class Draft:
         yield '# { uniform = { lower = "1 m", upper = "3 m" } }, { discrete = { values = [1, 2] } }'
         for each in self.inputs:
             known = "10 % around the default" if each.nominal is not None else "its value"
-            yield f"{each.name} = {_distribution(each)}  # {_FILL_IN}: {known}"
+            yield f"{each.name} = {_distribution(each)}  # {FILL_IN}: {known}"
         yield ""
 
     def _rest(self) -> Iterator[str]:
@@ -113,14 +113,12 @@ class Draft:
             yield "# quantiles = [0.05, 0.5, 0.95]"
             yield ""
         yield "[designs.sample]"
-        yield _line(
+        yield line(
             'kind = "latin-hypercube"', "also: monte-carlo, sobol-sequence, saltelli, morris"
         )
         yield "runs = 200"
         yield ""
-        yield _line("# [surrogates.cheap]", "a cheap model, fitted to these runs")
-        yield '# kind = "polynomial-chaos"'
-        yield '# design = "sample"'
+        yield from surrogate_lines("sample")
 
 
 def check_names(names: list[str], what: str) -> None:
@@ -145,5 +143,13 @@ def _distribution(variable: DraftInput) -> str:
     return f"{{ uniform = {{ lower = {texts['lower']}, upper = {texts['upper']} }} }}"
 
 
-def _line(text: str, comment: str) -> str:
+def surrogate_lines(design: str) -> Iterator[str]:
+    """Yield the lines of a surrogate that is fitted to the runs of a design, as a comment."""
+    yield line("# [surrogates.cheap]", "a cheap model, fitted to these runs")
+    yield '# kind = "polynomial-chaos"'
+    yield f"# design = {toml_text(design)}"
+
+
+def line(text: str, comment: str) -> str:
+    """Return a line with a comment behind it, which stands below those of other lines."""
     return f"{text:<{_COLUMN}}  # {comment}" if comment else text
