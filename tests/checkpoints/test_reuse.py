@@ -288,10 +288,15 @@ def _make_until(studies: Studies, text: str, stop: int) -> None:
 
 def test_a_changed_design_without_a_point_in_common_is_told(empty: Studies) -> None:
     cubes = STUDY.replace("monte-carlo", "latin-hypercube")
+    changed = cubes.replace("runs = 30", "runs = 40")
     empty.make(cubes)
-    assert len(empty.make(cubes.replace("runs = 30", "runs = 40"))) == 40
+    assert len(empty.make(changed, "other.nc", reuse=[empty.folder / "study.nc"])) == 40
     expected = "one: none of its 30 earlier runs is at a point of the changed design"
     assert empty.told.texts == [expected]
+    # Of the archive that is replaced, also the settings that would keep them are known.
+    assert len(empty.make(changed)) == 40
+    expected = "one: 30 of its 30 earlier runs are not kept; to keep all of them: runs = 39"
+    assert [text[: len(expected)] for text in empty.told.texts] == [expected]
 
 
 def test_runs_that_a_smaller_design_leaves_out_are_not_removed(empty: Studies) -> None:
