@@ -26,8 +26,8 @@ from uqpen.distributions.joint_distribution import JointDistribution
 
 __all__ = ["ReplicatedDesign", "nested_replicates", "split_replicates", "uneven_replicates"]
 
-# Of sets that ended at a target of a quantile, intervals of nominal 95 % covered in 89 % at the
-# worst target, in at least 92 % of those of other statistics (docs/coverage.md).
+# Where sets ended at a target of a quantile, its intervals of nominal 95 % covered in 91 % at the
+# worst target; those of other statistics covered in 93 % or more (docs/coverage.md).
 _WITHOUT_QUANTILES = (
     'mean, standard_deviation, exceeds or below; or kind = "monte-carlo": over replicates, the '
     "interval of a quantile covers too seldom where the runs decide their number"
