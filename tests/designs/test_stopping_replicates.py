@@ -12,7 +12,7 @@ import xarray as xr
 import uqpen
 from uqpen.archive.estimates import unpack_all
 from uqpen.checkpoints.make_archive import make_archive
-from uqpen.core.errors import SettingsError
+from uqpen.core.errors import SettingsError, StudyError
 from uqpen.core.progress import Progress
 from uqpen.core.status import Status
 from uqpen.designs.design import Design
@@ -49,7 +49,7 @@ keep = ["x1 < 2.9"]
 exceeds = [5]
 [designs.one]
 kind = "sobol-sequence"
-until = { y = { mean = 0.02, exceeds = { 5 = "1 %" } } }
+until = { y = { mean = 0.08, exceeds = { 5 = "2 %" } } }
 at_most = 20_000
 """
 
@@ -80,6 +80,7 @@ def rows(runs: xr.Dataset) -> list[tuple[float, ...]]:
     return sorted(zip(*(runs[name].values.tolist() for name in names), strict=True))
 
 
+@pytest.mark.slow
 @kinds
 def test_points_and_estimates_are_those_of_a_plain_design_of_its_size(kind: str) -> None:
     tree, plain = (run(design) for design in PAIRS[kind])
@@ -147,6 +148,16 @@ def test_settings_that_do_not_go_together_are_told(
     assert expected in problem.expected
 
 
+@pytest.mark.parametrize("kind", ["sobol-sequence", "halton", "latin-hypercube"])
+def test_a_quantile_is_refused_before_any_run(kind: str) -> None:
+    text = STUDY.replace("sobol-sequence", kind).replace("mean = 0.08", 'quantile_95 = "2 %"')
+    with pytest.raises(StudyError) as caught:
+        uqpen.parse_study(text)
+    (problem,) = caught.value.problems
+    assert (problem.key, problem.found) == ("designs.one.until.y", "the 0.95 quantile")
+    assert 'or kind = "monte-carlo": over replicates' in problem.expected
+
+
 class Interrupted(Progress):
     """Stops, as Ctrl-C would, in the second round."""
 
@@ -156,6 +167,7 @@ class Interrupted(Progress):
             raise KeyboardInterrupt
 
 
+@pytest.mark.slow
 def test_the_bytes_are_the_same_for_workers_and_after_an_interruption(tmp_path: Path) -> None:
     study = uqpen.parse_study(STUDY)
     one, two, again = (tmp_path / name / "study.nc" for name in ("one", "two", "again"))
