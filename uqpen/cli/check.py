@@ -54,6 +54,10 @@ def check(file: Path, is_tried: bool) -> ExitCode:
     console.print()
     for line in _run_settings(study):
         console.print(f"{line}\n", markup=False)
+    for line in study.plan:
+        console.print(f"planned: {line}", markup=False)
+    if study.plan:
+        console.print()
     console.print(plain_table(["design", "kind", "runs"], design_rows(study)))
     if study.surrogates:
         console.print()

@@ -92,6 +92,8 @@ def study(
         from uqpen.study.load import load_study
 
         loaded = load_study(file)
+    for line in loaded.plan:
+        click.echo(f"planned: {line}", err=True)
     archive = archive or Path("archives") / f"{loaded.name}.nc"
     code = make_and_show(
         loaded,

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
 from uqpen.statistics.estimate import LEVEL
 from uqpen.study.analyses_section import read_analyses
+from uqpen.study.budget_section import BUDGET, STAND_IN, BudgetPlan, check_budget, plan_budget
 from uqpen.study.data_section import DEFAULT_DESIGNS, bind_designs, check_fixed, has_data
 from uqpen.study.dependence_section import read_dependence
 from uqpen.study.designs_section import (
@@ -33,6 +35,7 @@ from uqpen.study.joint_section import read_groups
 from uqpen.study.models_section import check_variants, read_models
 from uqpen.study.outputs_section import read_quantities_of_interest
 from uqpen.study.published_section import read_published
+from uqpen.study.run_plan import FEWEST_RUNS
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy, Variant
 from uqpen.study.surrogates_section import check_surrogates, read_surrogates
 from uqpen.study.table_reader import TableReader
@@ -115,6 +118,7 @@ class _Heading:
         expected="a confidence level above 0.5 and below 1, such as 0.9",
         default=LEVEL,
     )
+    budget: int | None = count(minimum=FEWEST_RUNS, default=None)
 
 
 def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> ValidatedStudy:
@@ -126,8 +130,9 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     are_models_whole = len(root.problems) == noted
     analyses = read_analyses(root)
     tables = {key: root.table(key, _expected(root, key)) for key in (*_REQUIRED, *_OPTIONAL)}
-    if has_data(root) and "designs" not in root:
-        tables["designs"] = root.inside(DEFAULT_DESIGNS, "designs")
+    budget = check_budget(root, heading.budget)
+    if default := _default_designs(root, budget):
+        tables["designs"] = root.inside(default, "designs")
     root.check_unknown_keys()
     failures = tables["failures"].whole_settings(FailurePolicy) or FailurePolicy()
     designs, design_modules = read_designs(tables["designs"])
@@ -137,6 +142,13 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     inputs, joint, is_clear = _read_joint(root, tables, model, models, designs, heading.seed)
     check_fixed(tables["inputs"], joint, model)
     constraints = read_constraints(tables["constraints"], model, inputs)
+    plan = BudgetPlan(document.text)
+    if budget is not None and is_clear:
+        plan = plan_budget(root, budget, joint, models, is_constrained=bool(constraints))
+        for key in ("designs", "surrogates"):
+            tables[key] = root.inside(plan.section(key), key)
+        designs, design_modules = read_designs(tables["designs"])
+        surrogates, origins = read_surrogates(tables["surrogates"], list(tables["designs"]))
     quantities = read_quantities_of_interest(tables["outputs"], model, heading.confidence_level)
     events = read_joint_probabilities(tables["joint_probabilities"], model)
     published = read_published(
@@ -162,7 +174,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         constraints=constraints,
         quantities_of_interest=quantities,
         designs=designs,
-        text=document.text,
+        text=plan.text,
         surrogates=surrogates,
         published=published,
         folder=folder,
@@ -172,6 +184,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         surrogate_origins=origins,
         confidence_level=heading.confidence_level,
         joint_events=events,
+        plan=tuple(each.text for each in plan.tables),
     )
 
 
@@ -208,9 +221,20 @@ def _read_joint(
     return inputs, read_dependence(tables["dependence"], inputs, groups.owners), is_clear
 
 
+def _default_designs(root: TableReader, budget: int | None) -> dict[str, Any]:
+    """Return the tables of the designs of a study that states none; empty if it has to."""
+    if has_data(root) and "designs" not in root:
+        return DEFAULT_DESIGNS
+    return {} if budget is None else STAND_IN
+
+
 def _expected(root: TableReader, key: str) -> str:
     """Return what is expected of a table that must be there; empty for one that need not be."""
-    is_elsewhere = has_data(root) or (key == "inputs" and "joint" in root)
+    is_elsewhere = (
+        has_data(root)
+        or (key == "designs" and BUDGET in root)
+        or (key == "inputs" and "joint" in root)
+    )
     return "" if is_elsewhere else _REQUIRED.get(key, "")
 
 

@@ -22,8 +22,8 @@ __all__ = ["Study", "load_study"]
 
 # The order of the tables in the text of a study.
 _ORDER = (
-    "title", "seed", "confidence_level", "analyses", "model", "models", "inputs", "joint",
-    "dependence", "constraints", "outputs", "joint_probabilities", "designs", "surrogates",
+    "title", "seed", "confidence_level", "budget", "analyses", "model", "models", "inputs",
+    "joint", "dependence", "constraints", "outputs", "joint_probabilities", "designs", "surrogates",
     "published", "failures",
 )  # fmt: skip
 
@@ -46,8 +46,9 @@ class Study(ValidatedStudy):
         a joint distribution of chaospy, such as ``{("a", "b"): chaospy.MvNormal(…)}``.
     outputs : mapping, optional
         For each output its unit, or an `OutputSpec`.
-    designs : mapping
-        The designs of the runs by name, such as ``{"mc": uqpen.MonteCarlo(runs=1000)}``.
+    designs : mapping, optional
+        The designs of the runs by name, such as ``{"mc": uqpen.MonteCarlo(runs=1000)}``. A `budget`
+        may take their place.
     seed : int
         Seed of all random numbers.
     title : str, optional
@@ -64,6 +65,8 @@ class Study(ValidatedStudy):
         References to functions that compute further statistics.
     confidence_level : float, optional
         Confidence level of all intervals; 0.95 by default.
+    budget : int, optional
+        Number of runs in place of designs and surrogates, which are planned.
     folder : Path
         Folder to which the paths of files are relative.
 
@@ -107,6 +110,7 @@ class Study(ValidatedStudy):
         constraints: Sequence[str] = (),
         analyses: Sequence[str] = (),
         confidence_level: float | None = None,
+        budget: int | None = None,
         folder: str | Path = ".",
     ) -> None:
         made = StudyContent(
@@ -114,6 +118,7 @@ class Study(ValidatedStudy):
                 "title": title,
                 "seed": seed,
                 "confidence_level": confidence_level,
+                "budget": budget,
                 "model": {"use": model} if isinstance(model, str) else model,
                 "models": models,
                 "inputs": inputs,

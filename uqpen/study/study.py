@@ -82,7 +82,7 @@ class ValidatedStudy:
     designs : mapping of str to Design
         The runs to make, by name.
     text : str
-        The study file, verbatim.
+        The study file, verbatim; with a budget, its plan stands in place of that.
     surrogates : mapping of str to Surrogate
         The cheap models to fit, by name.
     published : mapping of str to Publication
@@ -101,6 +101,8 @@ class ValidatedStudy:
         Confidence level of its intervals.
     joint_events : tuple of JointEvent
         Events of several outputs whose probabilities are requested.
+    plan : tuple of str
+        What was planned from a budget and why, a line each.
     """
 
     name: str
@@ -121,6 +123,7 @@ class ValidatedStudy:
     surrogate_origins: Mapping[str, SurrogateOrigin] = field(default_factory=dict)
     confidence_level: float = LEVEL
     joint_events: tuple[JointEvent, ...] = ()
+    plan: tuple[str, ...] = ()
 
     @property
     def model(self) -> Model:
