@@ -102,7 +102,7 @@ kind = "polynomial-chaos"
 design = "training"
 """,
     "own": _OWN,
-    "lost": _OWN,
+    "lost": f"{_OWN}[failures]\nstop_after = 0\n",
     "rods": """\
 seed = 3
 [model]

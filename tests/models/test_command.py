@@ -197,7 +197,11 @@ READINGS = {
         '{ csv = "o", column = "s", row = 0 }',
         2.0,
     ),
-    "text": ("echo s = 1; echo s = 3.0D+00", "{ text = 'stdout', pattern = '^s = (.+)$' }", 3.0),
+    "text": (
+        "echo s = 1; echo s = 3.0D+00",
+        "{ text = 'stdout', pattern = '^s = (.+)$', match = 'last' }",
+        3.0,
+    ),
     "group": (
         "echo at 1 s = 3 >&2",
         "{ text = 'stderr', pattern = 'at (\\d) s = (?P<stress>.+)' }",
@@ -570,8 +574,8 @@ MISTAKES = {
         'beam.toml:3  model.command[1]\n    found     {wdth} in "{wdth}"',
         'an input of the model; did you mean "width"? known: width, load, inputs, outputs',
     ),
-    'command = ["./solver", "{width:d}", "{inputs}"]': (
-        'found     {width:d} in "{width:d}"',
+    'command = ["./solver", "{width:s}", "{inputs}"]': (
+        'found     {width:s} in "{width:s}"',
         "expected  a format such as {width:.6e}",
     ),
     'command = ["./solver", "{inputs:s}"]': ("expected  {inputs}: a path has no format",),
@@ -595,7 +599,7 @@ MISTAKES = {
     ),
     'command = ["./solver", "{inputs}"]\ntemplates = { "../a" = "deck", stdout = "deck" }': (
         "a path relative to the folder of the run, none of inputs.json, outputs.json, outcome.txt, "
-        "stdout, stderr",
+        "run.json, stdout, stderr",
     ),
     'command = ["./solver", "{inputs}"]\nfiles = ["none", "../beam", "stdout"]': (
         'found     no file "none" beside the study',
@@ -620,7 +624,7 @@ MISTAKES = {
     ),
     'command = ["./solver", "{inputs}"]\nread.stress = { file = "out.json" }': (
         "found     nothing that names a file",
-        "expected  one of json, csv, netcdf, text, with the name of a file",
+        "expected  one of json, csv, table, netcdf, text, with the name of a file",
     ),
     'command = ["./solver", "{inputs}"]\nread.stress = { json = "/out.json" }': (
         "expected  the name of a file in the folder of the run, relative to it",
@@ -694,8 +698,8 @@ ANY_READING = st.sampled_from(
     [
         JsonReader("o", "a.0"),
         CsvReader("o", "a", 0),
-        TextReader("o", "(.)"),
-        TextReader("o", "^a(b)?", 1),
+        TextReader("o", "(.)", match="last"),
+        TextReader("o", "^a(b)?", 1, match="first"),
         NetcdfReader("o", "a"),
     ]
 )

@@ -292,7 +292,7 @@ class TestLostRuns:
             loaded = study(
                 address,
                 'name = "sum"\nconfig = { limit = 0.7, beyond = "die" }',
-                ("runs = 20", "runs = 2000"),
+                ("runs = 20", "runs = 2000\n[failures]\nstop_after = 0"),
             )
             made = runs(loaded)
             process.wait(60)

@@ -56,7 +56,9 @@ def runs_not_kept(study: ValidatedStudy, archive: xr.DataTree) -> dict[str, str]
     found = {}
     for name, settings in table.content.items():
         runs = read_group(first, RUNS, name).sizes.get(RUN, 0)
-        text = _text(study, name, settings, now.get("designs", {}).get(name), designs.get(name), runs)
+        text = _text(
+            study, name, settings, now.get("designs", {}).get(name), designs.get(name), runs
+        )
         if runs and text:
             found[name] = text
     return found
