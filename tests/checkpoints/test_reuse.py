@@ -326,7 +326,8 @@ def test_the_command_tells_what_it_takes(empty: Studies, command_line: Callable[
     assert "one: 30 of 30 runs from a.nc\n" in outcome.err
     outcome = command_line("study", "study.toml", "-o", "b.nc")
     assert "b.nc: nothing has changed, so it stays as it is\n" in outcome.err
-    outcome = command_line("study", "study.toml", "--reuse", "absent.nc")
+    # Also where nothing would be taken from it.
+    outcome = command_line("study", "study.toml", "-o", "b.nc", "--reuse", "absent.nc")
     assert outcome.code == 2
     assert "absent.nc: there is no such file" in outcome.err
 

@@ -93,12 +93,12 @@ def make_archive(
         Journal(_sibling_path(path, "log"), title, progress or Progress()) as journal,
     ):
         takes_archives = reuse is not None and not fresh
+        named = open_named(reuse or (), path) if takes_archives else []
         replaced = open_replaced(path, journal) if takes_archives else None
         if replaced and _is_complete(study, replaced.tree, lost_again=lost_again):
             journal.inform(f"{replaced.place}: nothing has changed, so it stays as it is")
             return replaced.tree
         not_kept = runs_not_kept(study, replaced.tree) if replaced else {}
-        named = open_named(reuse or (), path) if takes_archives else []
         archives = [replaced, *named] if replaced else named
         is_unknown = _warn_if_unknown(study, journal)
         kept = _checkpoint_folder(study, path, journal)
