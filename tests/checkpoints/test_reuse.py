@@ -319,6 +319,27 @@ def test_a_run_that_was_made_outside_a_study_is_taken(empty: Studies) -> None:
     assert not (empty.folder / "study.nc.parts").exists()
 
 
+def test_the_run_of_a_check_is_taken_where_a_design_has_its_point(
+    empty: Studies, command_line: Callable[..., Any]
+) -> None:
+    calls, parts = empty.folder / "calls", empty.folder / "archives" / "study.nc.parts"
+    (empty.folder / "study.toml").write_text(STUDY)
+    assert "kept for" not in command_line("check", "--try", "study.toml").out
+    assert not parts.exists()
+    (empty.folder / "study.toml").write_text(
+        STUDY.replace('"monte-carlo"\nruns = 30', '"one-at-a-time"')
+    )
+    shown = command_line("check", "--try", "study.toml").out
+    assert f"kept for {Path('archives', 'study.nc')}, as a design has this point" in shown
+    calls.write_text("")
+    assert "one: 1 of " in command_line("study", "study.toml").err
+    made = len(calls.read_text().split())
+    calls.write_text("")
+    command_line("study", "study.toml", "--fresh")
+    assert len(calls.read_text().split()) == made + 1
+    assert not parts.exists()
+
+
 def test_the_command_tells_what_it_takes(empty: Studies, command_line: Callable[..., Any]) -> None:
     (empty.folder / "study.toml").write_text(STUDY)
     command_line("study", "study.toml", "-o", "a.nc")

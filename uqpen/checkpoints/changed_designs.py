@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 
-import xarray as xr
-
 from uqpen.checkpoints.earlier_runs import RunSource
+from uqpen.checkpoints.first_points import first_points
 from uqpen.checkpoints.reused_runs import ReusedRuns
-from uqpen.core.blocks import LoadedDataset
-from uqpen.core.labels import RUN
-from uqpen.core.streams import BLOCK, Stream
-from uqpen.designs.rounds import draw_rounds
 from uqpen.study.study import ValidatedStudy
 
 __all__ = ["unusable_runs"]
@@ -52,12 +47,9 @@ def unusable_runs(
 
 def _finds_any(study: ValidatedStudy, name: str, model: str, reused: ReusedRuns) -> bool:
     """Check whether one of the first points of a design has an earlier run."""
-    stream = Stream(study.seed, "designs", name)
-    drawn = next(draw_rounds(study.designs[name], study.joint, stream))
-    points = drawn.assign(study.models[model].given)
-    blocked = LoadedDataset(points) if isinstance(points, xr.Dataset) else points
-    head = blocked.read(0, min(blocked.size, BLOCK))
-    runs = head.sizes[RUN]
-    columns = {str(key): head[key].broadcast_like(head[RUN]).values for key in head.data_vars}
-    earlier = reused.earlier_runs(model, columns)
-    return earlier is not None and bool((reused.find(earlier, columns, 0, runs) >= 0).any())
+    points = first_points(study, name, model)
+    earlier = reused.earlier_runs(model, points)
+    if earlier is None:
+        return False
+    runs = len(next(iter(points.values())))
+    return bool((reused.find(earlier, points, 0, runs) >= 0).any())

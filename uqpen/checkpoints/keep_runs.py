@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from uqpen.checkpoints.first_points import first_points
 from uqpen.checkpoints.lock import lock_archive
+from uqpen.checkpoints.point_index import PointIndex
 from uqpen.checkpoints.runs_file import FinishedRuns
 from uqpen.checkpoints.set_aside import add_set_aside
 from uqpen.core.arrays import Arrays
@@ -25,10 +27,11 @@ def keep_runs(
     inputs: Arrays,
     results: Results,
     model: str = ONLY_MODEL,
-) -> None:
+) -> bool:
     """Keep finished runs beside an archive, where `make_archive` finds them by their inputs.
 
-    Of a model whose versions cannot be distinguished, nothing is kept.
+    Of a model whose versions cannot be distinguished, nothing is kept; nor are runs that are at no
+    point of the study's designs.
 
     Parameters
     ----------
@@ -43,13 +46,18 @@ def keep_runs(
     model : str
         The name of the model in a study with several.
 
+    Returns
+    -------
+    bool
+        Whether they are kept.
+
     Raises
     ------
     ArchiveError
         If they cannot be written, or another process is making the archive.
     """
-    if study.models[model].model.unknown_dependency:
-        return
+    if study.models[model].model.unknown_dependency or not _are_of_designs(study, inputs, model):
+        return False
     path = Path(path).absolute()
     folder = path.with_name(f"{path.name}.parts")
     root = folder / MODELS / model if model else folder
@@ -62,3 +70,13 @@ def keep_runs(
         raise
     except OSError as error:
         raise ArchiveError(f"{folder}: runs cannot be kept: {error.strerror}") from None
+    return True
+
+
+def _are_of_designs(study: ValidatedStudy, inputs: Arrays, model: str) -> bool:
+    """Check whether a design begins with points among which is one of these."""
+    for design in study.designs:
+        index = PointIndex(first_points(study, design, model))
+        if (index.find(inputs, 0, len(next(iter(inputs.values())))) >= 0).any():
+            return True
+    return False

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
+from uqpen.checkpoints.keep_runs import keep_runs
 from uqpen.cli.exit_code import ExitCode
 from uqpen.cli.printable import printable
 from uqpen.cli.screen import plain_table, show_line, standard_output
@@ -35,6 +37,9 @@ def _show_trial_run(study: ValidatedStudy, name: str) -> bool:
         show_line(f"trial run{which} at the nominal inputs, {trial.seconds:.3g} s\n")
         rows = list(_output_rows(study, name, trial))
         standard_output().print(plain_table(["output", "value", "unit"], rows))
+        archive = Path("archives") / f"{study.name}.nc"
+        if keep_runs(study, archive, trial.inputs, trial.results, name):
+            show_line(f"kept for {archive}, as a design has this point")
     else:
         show_line(f"trial run{which} at the nominal inputs: {STATUS_TEXT[trial.status]}")
         show_line(f"  {printable(trial.reason)}")
@@ -52,7 +57,7 @@ def _output_rows(
     for quantity in study.model_quantities(study.models[name].model):
         output, unit = quantity.output, quantity.display_unit
         is_bare = bool(output.categories) or unit == DIMENSIONLESS
-        text = _value_text(output, unit, trial.outputs[output.name])
+        text = _value_text(output, unit, trial.results.outputs[output.name][0])
         yield output.name, text, "" if is_bare else unit
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray
-from uqpen.core.model import RunWarning
+from uqpen.core.arrays import Arrays
+from uqpen.core.model import Results, RunWarning
 from uqpen.core.status import Status
 from uqpen.execution import Evaluator
 from uqpen.study.study import ValidatedStudy
@@ -25,12 +24,10 @@ class TrialRun:
 
     Parameters
     ----------
-    outputs : mapping of str to ndarray, shape (*dims)
-        SI values; NaN where the run failed.
-    status : Status
-        How it ended.
-    reason : str
-        Why it failed; empty if it did not.
+    inputs : mapping of str to ndarray, shape (1,)
+        The nominal point in SI units.
+    results : Results
+        What the model has returned there.
     folder : Path or None
         Folder in which its files are kept.
     warnings : tuple of str
@@ -39,18 +36,27 @@ class TrialRun:
         Its duration.
     """
 
-    outputs: Mapping[str, FloatArray]
-    status: Status
-    reason: str
+    inputs: Arrays
+    results: Results
     folder: Path | None
     warnings: tuple[str, ...]
     seconds: float
+
+    @property
+    def status(self) -> Status:
+        """How it ended."""
+        return Status(int(self.results.status[0]))
+
+    @property
+    def reason(self) -> str:
+        """Why it failed; empty if it did not."""
+        return self.results.reasons.get(0, "")
 
 
 def trial_run(study: ValidatedStudy, name: str) -> TrialRun:
     """Run a model of a study, given its name, at the nominal point.
 
-    Random inputs are at their medians. No design makes use of the run.
+    Random inputs are at their medians.
     """
     variant = study.models[name]
     model = variant.model
@@ -64,9 +70,8 @@ def trial_run(study: ValidatedStudy, name: str) -> TrialRun:
     seconds = time.monotonic() - began
     of_run = [each.message for each in caught if isinstance(each.message, RunWarning)]
     return TrialRun(
-        {output: values[0] for output, values in results.outputs.items()},
-        Status(int(results.status[0])),
-        results.reasons.get(0, ""),
+        columns,
+        results,
         model.run_folder(nominal),
         tuple(dict.fromkeys(warning.of_one_run for warning in of_run)),
         seconds,
