@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from uqpen.core.errors import Problem
 from uqpen.core.files import FileSnapshot
+from uqpen.core.model import Results
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import validate
 from uqpen.core.streams import Stream
@@ -89,6 +90,11 @@ class Design(ABC):
     def replicate_count(self) -> int:
         """Number of independent replicates."""
         return 1
+
+    @property
+    def results(self) -> Results | None:
+        """Results of its runs, in the order of its points; None where a model makes them."""
+        return None
 
     @property
     def ends_early(self) -> bool:

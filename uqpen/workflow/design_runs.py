@@ -9,7 +9,6 @@ import xarray as xr
 from uqpen.core.errors import TooManyFailedError
 from uqpen.core.labels import SAMPLING
 from uqpen.core.streams import Stream
-from uqpen.designs.data import DataDesign
 from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import Points
 from uqpen.designs.rounds import run_rounds
@@ -59,9 +58,8 @@ def run_design(
         By the name of a model, its first runs in the study.
     """
     maker = map
-    if isinstance(design, DataDesign):  # which no worker makes, and no checkpoint needs to keep
-        maker, round_checkpoint = recorded_map(design.results), _no_checkpoint
-        first_runs = None
+    if (results := design.results) is not None:  # no worker makes them, no checkpoint keeps them
+        maker, round_checkpoint, first_runs = recorded_map(results), _no_checkpoint, None
 
     def model_runs(name: str, points: Points, number: int) -> xr.Dataset:
         variant = study.models[name]
