@@ -60,14 +60,12 @@ class Ranking(NamedTuple):
 class InputOrder(NamedTuple):
     """Names of inputs, the most important first, and the statistic that this goes by."""
 
-    names: tuple[str, ...]
-    reason: str
+    names: tuple[str, ...] = ()
+    reason: str = ""
 
     def sort(self, inputs: Sequence[str]) -> list[str]:
         """Return some inputs in this order; those that it lacks come last."""
-        return sorted(
-            inputs, key=lambda name: self.names.index(name) if name in self.names else len(inputs)
-        )
+        return sorted(inputs, key=lambda name: (*self.names, name).index(name))
 
 
 def input_label(view: ArchiveView, name: str) -> str:
@@ -106,7 +104,7 @@ def input_order(view: ArchiveView, output: str) -> InputOrder:
         if largest.any():
             names = array[INPUT].values[np.argsort(-largest, kind="stable")]
             return InputOrder(tuple(names.tolist()), f"{_REASONS['first_order']} by {source}")
-    return InputOrder((), "")
+    return InputOrder()
 
 
 def _dependence(view: ArchiveView) -> bool:

@@ -17,7 +17,7 @@ from uqpen.report.axes import padded_limits
 from uqpen.report.blocks import Axis, Chart, LegendKey
 from uqpen.report.marks import Trace, cross_trace, dot_trace, series_marker
 from uqpen.report.notes import has_interval, interval_notes
-from uqpen.report.sections.drivers import input_label
+from uqpen.report.sections.drivers import InputOrder, input_label
 from uqpen.report.shapes import Shape, horizontal_line, vertical_line
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text
@@ -45,7 +45,7 @@ class MeasureChartSpec:
     summary_order: tuple[str, ...]
     unit: str = DIMENSIONLESS
     notes: tuple[str, ...] = ()
-    order: Sequence[str] = ()  # of the inputs, those of the most importance first
+    order: InputOrder = InputOrder()
 
 
 class _InputEstimate(NamedTuple):
@@ -82,7 +82,7 @@ def measures_chart(
 ) -> Chart:
     """A chart of at least one measure, each with at least one estimate."""
     ranked = rank_inputs(found)
-    inputs = _in_order(ranked.names, spec.order)
+    inputs = tuple(spec.order.sort(ranked.names))
     rows = tuple(input_label(view, name) for name in inputs)
     every = [_plotted_series(view, each, inputs, spec.convert) for each in found]
     bounds = np.concatenate([[0.0], *(one.bounds for each in every for one in each.estimates)])
@@ -106,11 +106,6 @@ def measures_chart(
         tables=tuple(tables),
         height=_FRAME + len(inputs) * (_GAP + _DOT * len(found)),
     )
-
-
-def _in_order(inputs: Sequence[str], order: Sequence[str]) -> tuple[str, ...]:
-    """Return inputs in an order; those that it lacks stand last."""
-    return tuple(sorted(inputs, key=lambda name: (*order, name).index(name)))
 
 
 def _plotted_series(

@@ -13,7 +13,7 @@ from uqpen.core.labels import INPUT
 from uqpen.figures.measures import MeasureSeries, measure_series
 from uqpen.figures.sensitivity import EFFECTS, best_sources, index_series, response_measures
 from uqpen.report.blocks import Block, Chart, Charts, Fold, Table
-from uqpen.report.sections.drivers import input_order
+from uqpen.report.sections.drivers import InputOrder, input_order
 from uqpen.report.sections.main_outputs import output_blocks
 from uqpen.report.sections.measures import MeasureChartSpec, measures_chart
 from uqpen.results.archive_view import ArchiveView
@@ -54,7 +54,7 @@ def _measure_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     for name, table in named_tables(view.tree, output, view.unit(output), everything=True):
         tables.setdefault(name, []).append(table)
     shares = index_titles(view.tree)
-    order = input_order(view, output).names
+    order = input_order(view, output)
     every = index_series(view, output)
     if found := best_sources(view, every):
         notes = tuple(filter(None, (shares.note, _left_out_note(view, every, found))))
@@ -99,7 +99,7 @@ def _has_estimates(table: OutputTable) -> bool:
     return any(not cell.startswith(NOTHING) for _, cells in table.rows for cell in cells)
 
 
-def _responses(view: ArchiveView, output: str, order: Sequence[str]) -> Iterator[Chart]:
+def _responses(view: ArchiveView, output: str, order: InputOrder) -> Iterator[Chart]:
     for each in response_measures(view, output):
         if found := measure_series(view, output, ((each.statistic, "", "o"),)):
             title = f"{capitalized(each.label)}, near the nominal point"
