@@ -98,17 +98,16 @@ def make_archive(
         if replaced and _is_complete(study, replaced.tree, lost_again=lost_again):
             journal.inform(f"{replaced.place}: nothing has changed, so it stays as it is")
             return replaced.tree
-        not_kept = runs_not_kept(study, replaced.tree) if replaced else {}
-        archives = [replaced, *named] if replaced else named
         is_unknown = _warn_if_unknown(study, journal)
         kept = _checkpoint_folder(study, path, journal)
         if read_again:
             study = reading_again(study, kept, repeats_others=fresh)
         _discard_runs(kept, every=fresh, failed=lost_again)
+        archives = [replaced, *named] if replaced else named
         sources = _run_sources(study, kept, archives, journal, lost_again=lost_again)
         reused = ReusedRuns(study, sources, journal)
-        not_kept |= unusable_runs(study, sources, reused, [*not_kept])
-        for name, text in not_kept.items():
+        not_kept = runs_not_kept(study, replaced.tree) if replaced else {}
+        for name, text in (not_kept | unusable_runs(study, sources, reused, not_kept)).items():
             journal.inform(f"{name}: {text}")
 
         def checkpoint(design: str, model: str, number: int) -> Checkpoint:

@@ -6,10 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from uqpen.core.files import FileSnapshot
 from uqpen.core.model import Model, violated_conditions
 from uqpen.core.settings import count, number, text
 from uqpen.core.streams import Stream
@@ -36,9 +37,10 @@ from uqpen.study.models_section import check_variants, read_models
 from uqpen.study.outputs_section import read_quantities_of_interest
 from uqpen.study.published_section import read_published
 from uqpen.study.run_plan import FEWEST_RUNS
-from uqpen.study.study import ONLY_MODEL, ValidatedStudy, Variant
+from uqpen.study.study import ONLY_MODEL, SurrogateOrigin, ValidatedStudy, Variant
 from uqpen.study.surrogates_section import check_surrogates, read_surrogates
 from uqpen.study.table_reader import TableReader
+from uqpen.surrogates.surrogate import Surrogate
 
 __all__ = ["load_study", "parse_study", "read_study"]
 
@@ -135,11 +137,10 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         tables["designs"] = root.inside(default, "designs")
     root.check_unknown_keys()
     failures = tables["failures"].whole_settings(FailurePolicy) or FailurePolicy()
-    designs, design_modules = read_designs(tables["designs"])
-    surrogates, origins = read_surrogates(tables["surrogates"], list(tables["designs"]))
-    if are_models_whole:
-        designs = bind_designs(tables["designs"], designs, model)
-    inputs, joint, is_clear = _read_joint(root, tables, model, models, designs, heading.seed)
+    methods = _read_methods(tables, model if are_models_whole else None)
+    inputs, joint, is_clear = _read_joint(
+        root, tables, model, models, methods.designs, heading.seed
+    )
     check_fixed(tables["inputs"], joint, model)
     constraints = read_constraints(tables["constraints"], model, inputs)
     plan = BudgetPlan(document.text)
@@ -147,8 +148,8 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         plan = plan_budget(root, budget, joint, models, is_constrained=bool(constraints))
         for key in ("designs", "surrogates"):
             tables[key] = root.inside(plan.section(key), key)
-        designs, design_modules = read_designs(tables["designs"])
-        surrogates, origins = read_surrogates(tables["surrogates"], list(tables["designs"]))
+        methods = _read_methods(tables, model if are_models_whole else None)
+    designs, surrogates = methods.designs, methods.surrogates
     quantities = read_quantities_of_interest(tables["outputs"], model, heading.confidence_level)
     events = read_joint_probabilities(tables["joint_probabilities"], model)
     published = read_published(
@@ -180,12 +181,30 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         folder=folder,
         failures=failures,
         analyses=analyses,
-        design_modules=design_modules,
-        surrogate_origins=origins,
+        design_modules=methods.design_modules,
+        surrogate_origins=methods.surrogate_origins,
         confidence_level=heading.confidence_level,
         joint_events=events,
         plan=tuple(each.text for each in plan.tables),
     )
+
+
+class _Methods(NamedTuple):
+    """Designs and surrogates of a study, and where those from outside the package come from."""
+
+    designs: dict[str, Design]
+    design_modules: dict[str, tuple[FileSnapshot, ...]]
+    surrogates: dict[str, Surrogate]
+    surrogate_origins: dict[str, SurrogateOrigin]
+
+
+def _read_methods(tables: Mapping[str, TableReader], model: Model | None) -> _Methods:
+    """Read the designs and surrogates; designs of a data file get their runs from the model."""
+    designs, modules = read_designs(tables["designs"])
+    surrogates, origins = read_surrogates(tables["surrogates"], list(tables["designs"]))
+    if model is not None:
+        designs = bind_designs(tables["designs"], designs, model)
+    return _Methods(designs, modules, surrogates, origins)
 
 
 def _read_joint(
