@@ -173,7 +173,7 @@ def quantity(
 
 def limit(*, default: float) -> Any:
     """Declare an end of an interval in the dimension of its context, infinite for an open end."""
-    accepts = lambda value: isinstance(value, int | float) and value == value  # noqa: E731
+    accepts = lambda value: isinstance(value, int | float) and abs(value) <= math.inf  # noqa: E731
     return setting("quantity", "a quantity", accepts, default=default)
 
 

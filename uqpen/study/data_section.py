@@ -49,7 +49,7 @@ def has_data(root: TableReader) -> bool:
 
 @dataclass(frozen=True)
 class _Declaration:
-    """What the table of a model states of the columns of its data file."""
+    """Statements in the table of a model about the columns of its data file."""
 
     file: str
     outputs: list[str]

@@ -47,7 +47,7 @@ class PlannedTable:
 
     @property
     def text(self) -> str:
-        """What was chosen and why, in one line."""
+        """The choice and its reason, in one line."""
         runs = f", {self.settings['runs']} runs" if "runs" in self.settings else ""
         return f"{self.settings['kind']}{runs}: {self.reason}"
 
