@@ -14,4 +14,5 @@ MODELS = {
         "uqpen.models.rigid_penetration_trajectory:RigidPenetrationTrajectory"
     ),
     "ishigami": "uqpen.models.ishigami:Ishigami",
+    "campbell-1d": "uqpen.models.campbell:Campbell",
 }

@@ -20,12 +20,14 @@ from uqpen.statistics import (
     ANALYSES,
     ANALYSES_OF_DESIGNS,
     FIELD_ANALYSES,
+    FIELD_ANALYSES_OF_DESIGNS,
     WEIGHTED_ANALYSES,
     texts,
 )
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
 from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
+from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample, input_sample
@@ -69,13 +71,14 @@ def analyze(
     -------
     dict of str to dict of str to DataArray
         By output, estimate arrays by statistic, in the order of the catalogue. The attributes of
-        each say how many runs it used, and how many ended how. An output with dimensions has those
-        of the `FIELD_ANALYSES` alone.
+        each say how many runs it used, and how many ended how.
     """
     with one_blas_thread():
         handle = LoadedDataset.of(runs)
         sampling = Sampling(handle.attrs[SAMPLING])
         found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
+        scalars = [quantity for quantity in quantities if not quantity.output.dims]
+        fields = [quantity for quantity in quantities if quantity.output.dims]
         if sampling.is_sample:
             drawn = drawn_runs(handle)
             levels = {q.output.name: q.confidence_level for q in quantities}
@@ -83,15 +86,24 @@ def analyze(
                 name: replace(sample, level=levels[name])
                 for name, sample in Sample.several_from_runs(drawn, list(found)).items()
             }
-            analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.template.coords)
-            _run_analyses(analyses, quantities, samples, run_counts(drawn), found)
-        # A design that is made for a statistic estimates it better than its sample does.
-        if own := list(_select(ANALYSES_OF_DESIGNS.get(sampling, {}), only)):
-            whole = dict.fromkeys(found, handle.dataset())
-            _run_analyses(own, quantities, whole, run_counts(handle), found)
-        if sampling.is_sample and outside:
             counts = run_counts(drawn)
-            for quantity in (each for each in quantities if not each.output.dims):
+            analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.template.coords)
+            _run_analyses(analyses, scalars, samples, counts, found)
+            of_fields = {
+                quantity.output.name: FieldSample(samples[quantity.output.name], quantity.output)
+                for quantity in fields
+            }
+            _run_analyses(_select(FIELD_ANALYSES, only), fields, of_fields, counts, found)
+        # A design that is made for a statistic estimates it better than its sample does.
+        for analyses_of_designs, chosen in (
+            (ANALYSES_OF_DESIGNS, scalars),
+            (FIELD_ANALYSES_OF_DESIGNS, fields),
+        ):
+            if chosen and (own := list(_select(analyses_of_designs.get(sampling, {}), only))):
+                whole = dict.fromkeys(found, handle.dataset())
+                _run_analyses(own, chosen, whole, run_counts(handle), found)
+        if sampling.is_sample and outside:
+            for quantity in scalars:
                 name = quantity.output.name
                 added = outside_statistics(outside, samples[name], quantity, found[name])
                 found[name] |= {key: array.assign_attrs(counts) for key, array in added.items()}
@@ -167,10 +179,8 @@ def _run_analyses(
     found: Mapping[str, OutputStatistics],
 ) -> None:
     """Put the statistics of several analyses, for each output, among those found."""
-    for group, analysis in analyses:
+    for _, analysis in analyses:
         for quantity in quantities:
-            if quantity.output.dims and group not in FIELD_ANALYSES:
-                continue
             name = quantity.output.name
             for statistic, array in analysis(evidence[name], quantity):
                 found[name][statistic] = array.assign_attrs(attributes)
