@@ -20,7 +20,7 @@ from uqpen.statistics.distribution_function.probabilities import (
     acceptance_coordinates,
     event_probability,
 )
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimates import Estimates
 from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.sample import Sample
 
@@ -57,8 +57,8 @@ def joint_probabilities(
     drawn = drawn_runs(handle)
     outputs = sorted(set[str]().union(*(event.outputs for event in known)))
     samples = Sample.several_from_runs(drawn, outputs)
-    array = Estimate.stack(
-        [_estimate(event, samples, level) for event in known],
+    estimates = [_estimate(event, samples, level) for event in known]
+    array = Estimates.stack(estimates).to_array(
         EVENT,
         units="1",
         long_name="probability of an event of several outputs",
@@ -76,7 +76,7 @@ def joint_probabilities(
     return {"joint_probability": array.assign_attrs(run_counts(drawn))}
 
 
-def _estimate(event: JointEvent, samples: dict[str, Sample], level: float) -> Estimate:
+def _estimate(event: JointEvent, samples: dict[str, Sample], level: float) -> Estimates:
     # Some runs may lack a derived output; those that have all outputs of the event are used.
     used = reduce(np.intersect1d, (samples[limit.output].used for limit in event.limits))
     met = [limit.is_met(_at(samples[limit.output], used)) for limit in event.limits]
