@@ -127,7 +127,9 @@ def _model_json(tree: xr.DataTree) -> dict[str, Any]:
 def _outputs_json(statistics: SourceStatistics, source: str, runs: xr.Dataset) -> dict[str, Any]:
     """Return all estimates of a source, by the outputs that a runs dataset describes."""
     return {
-        name: _output_json(statistics, source, runs[name]) | _field_json(runs, name)
+        name: _output_json(statistics, source, runs[name])
+        | _attributes_json(statistics.absence(source, name))
+        | _field_json(runs, name)
         for name in output_names(runs)
     }
 

@@ -19,6 +19,7 @@ from uqpen.results.sensitivity_tables import named_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.statistics_rows import (
     StatisticsRows,
+    add_absent_runs,
     add_decisions,
     add_failed_runs,
     add_runs,
@@ -114,6 +115,7 @@ def statistics_table(
     table = OutputTable(label_with_unit(name, unit), sources)
     add_runs(table, tree)
     add_failed_runs(table, tree)
+    add_absent_runs(table, tree, name)
     if is_categorical:
         add_shares(table, tree, name)
     else:
