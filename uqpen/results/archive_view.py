@@ -130,7 +130,7 @@ class ArchiveView:
         return [name for name in self._selected if "flag_meanings" in self.attributes(name)]
 
     def _lacks_values(self, name: str) -> bool:
-        """Check whether a design has completed runs, none of which has a value of an output."""
+        """Check for a design that has completed runs, but none with a value of an output."""
         if ABSENT not in self.attributes(name):
             return False
         completed = [design for design in self.designs if self.has_completed_runs(design)]
