@@ -30,7 +30,6 @@ from uqpen.core.labels import (
     INTERVAL_LABEL,
     LARGEST_CONTRIBUTION,
     MISSING,
-    NOT_ESTIMATED,
     NOT_FITTED,
     NOTE,
     RECIPE,
@@ -59,7 +58,7 @@ _ATTRIBUTES = {
     ),
     **dict.fromkeys((ABSENT, DERIVED_FROM), "text"),
     **dict.fromkeys(("source", "minus", "outputs", "check", "flag_meanings"), "text"),
-    **dict.fromkeys((SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED, NOT_ESTIMATED), "text"),
+    **dict.fromkeys((SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED), "text"),
     **dict.fromkeys(
         (RECIPE, RUNS_SPENT, RUNS_ABSENT, "runs", "runs_used", "repeats", "reference_runs"),
         "count",
@@ -139,13 +138,30 @@ def find_dataset_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic])
         dims = tuple(str(dim) for dim in variable.dims)
         if entry is not None:
             expected = (*entry.dims, *((BOUND,) if entry.has_bounds else ()))
-            if dims != expected or not has_kind(variable, "number"):
+            of_field = dims[: len(dims) - len(expected)]
+            of_statistic = dims[len(of_field) :]
+            if (
+                of_statistic != expected
+                or not DIMENSIONS.keys().isdisjoint(of_field)
+                or not has_kind(variable, "number")
+            ):
                 yield f"{name} is not of numbers along {', '.join(expected)}"
                 continue
         if BOUND in dims:
             yield from _interval_faults(dataset, name)
         for dimension in dims:
             yield from _coordinate_faults(dataset, dimension)
+    yield from _field_faults(dataset, catalogue)
+
+
+def _field_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic]) -> Iterator[str]:
+    """Find dimensions of a field that have no coordinates with a unit."""
+    known = {
+        str(dim) for name in catalogue if name in dataset.data_vars for dim in dataset[name].dims
+    }
+    for dimension in sorted(known.difference(DIMENSIONS, (BOUND,))):
+        if dimension not in dataset.coords or "units" not in dataset.variables[dimension].attrs:
+            yield f"no coordinates with a unit along {dimension}"
 
 
 def _interval_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:

@@ -160,7 +160,8 @@ class Statistic:
     title : str
         Name for display.
     dims : tuple of str
-        Its dimensions, keys of `DIMENSIONS`; an estimate has ``bound`` behind them.
+        Its dimensions, keys of `DIMENSIONS`; an estimate has ``bound`` behind them. That of a field
+        has the dimensions of the field before them.
     unit : UnitRule
         Relation of its unit to that of the output.
     has_bounds : bool
@@ -238,6 +239,7 @@ _STATISTICS = [
     Statistic("cdf_band", "distribution function, simultaneous bounds", (RANK,)),
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
     Statistic("percentile", "percentile", (PERCENT,), UnitRule.VALUE),
+    Statistic("reached", "probability that a curve reaches a place", counts_missing_runs=True),
     *(
         Statistic(
             f"convergence_{name}",

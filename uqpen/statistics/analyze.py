@@ -20,6 +20,7 @@ from uqpen.statistics import (
     ANALYSES,
     ANALYSES_OF_DESIGNS,
     FIELD_ANALYSES,
+    FIELD_ANALYSES_OF_DESIGNS,
     WEIGHTED_ANALYSES,
     texts,
 )
@@ -27,6 +28,7 @@ from uqpen.statistics.absent_values import absent_condition, runs_with_value
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
 from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
+from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample, input_sample
@@ -71,13 +73,14 @@ def analyze(
     -------
     dict of str to dict of str to DataArray
         By output, estimate arrays by statistic, in the order of the catalogue. The attributes of
-        each say how many runs it used, and how many ended how. An output with dimensions has those
-        of the `FIELD_ANALYSES` alone.
+        each say how many runs it used, and how many ended how.
     """
     with one_blas_thread():
         handle = LoadedDataset.of(runs)
         sampling = Sampling(handle.attrs[SAMPLING])
         found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
+        scalars = [quantity for quantity in quantities if not quantity.output.dims]
+        fields = [quantity for quantity in quantities if quantity.output.dims]
         if sampling.is_sample:
             drawn = drawn_runs(handle)
             levels = {q.output.name: q.confidence_level for q in quantities}
@@ -85,16 +88,25 @@ def analyze(
                 name: replace(sample, level=levels[name])
                 for name, sample in Sample.several_from_runs(drawn, list(found)).items()
             }
-            analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.template.coords)
             counts = {name: output_run_counts(drawn, name) for name in found}
-            _run_analyses(analyses, quantities, samples, counts, found)
+            analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.template.coords)
+            _run_analyses(analyses, scalars, samples, counts, found)
+            of_fields = {
+                quantity.output.name: FieldSample(samples[quantity.output.name], quantity.output)
+                for quantity in fields
+            }
+            _run_analyses(_select(FIELD_ANALYSES, only), fields, of_fields, counts, found)
         # A design that is made for a statistic estimates it better than its sample does.
-        if own := list(_select(ANALYSES_OF_DESIGNS.get(sampling, {}), only)):
-            whole = {name: runs_with_value(handle, name) for name in found}
-            of_all = {name: output_run_counts(handle, name) for name in found}
-            _run_analyses(own, quantities, whole, of_all, found)
+        for analyses_of_designs, chosen in (
+            (ANALYSES_OF_DESIGNS, scalars),
+            (FIELD_ANALYSES_OF_DESIGNS, fields),
+        ):
+            if chosen and (own := list(_select(analyses_of_designs.get(sampling, {}), only))):
+                whole = {name: runs_with_value(handle, name) for name in found}
+                of_all = {name: output_run_counts(handle, name) for name in found}
+                _run_analyses(own, chosen, whole, of_all, found)
         if sampling.is_sample and outside:
-            for quantity in (each for each in quantities if not each.output.dims):
+            for quantity in scalars:
                 name = quantity.output.name
                 added = outside_statistics(outside, samples[name], quantity, found[name])
                 found[name] |= {
@@ -172,10 +184,8 @@ def _run_analyses(
     found: Mapping[str, OutputStatistics],
 ) -> None:
     """Put the statistics of several analyses, for each output, among those found."""
-    for group, analysis in analyses:
+    for _, analysis in analyses:
         for quantity in quantities:
-            if quantity.output.dims and group not in FIELD_ANALYSES:
-                continue
             name = quantity.output.name
             for statistic, array in analysis(evidence[name], quantity):
                 found[name][statistic] = array.assign_attrs(attributes[name])
