@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import CONDITIONAL, MISSING, SAMPLING, STATUS, WEIGHT
+from uqpen.core.labels import CONDITIONAL, MISSING, RUNS_ABSENT, SAMPLING, STATUS, WEIGHT
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -228,4 +228,4 @@ def output_run_counts(runs: BlockedRuns, name: str) -> dict[str, int | str]:
     counts, absent = run_counts(runs), absent_condition(runs, name)
     if not absent:
         return counts
-    return {**counts, **absent, "runs_used": int(counts["runs_used"]) - int(absent["runs_absent"])}
+    return {**counts, **absent, "runs_used": int(counts["runs_used"]) - int(absent[RUNS_ABSENT])}

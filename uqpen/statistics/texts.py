@@ -157,6 +157,7 @@ FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set o
 # Failed runs.
 ADMISSIBLE_INPUTS = "admissible inputs"
 # Of an output that some runs do not have.
+ALL_EXIST = "of the runs in which all its outputs have a value"
 VALUE_EXISTS = "a value of it ({absent} in {share:.3g} % of the completed runs)"
 REACHED = "the curve's reaching the place"
 MISSING_SHARE = "{share:.3g} % of the admissible runs"
