@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import uqpen
+from uqpen.results.field_texts import field_lines
 from uqpen.study.summary import output_rows
 
 MODEL = """\
@@ -209,13 +210,18 @@ class TestRuns:
             '[outputs.peak]\nof = "infected"\ntake = "max"\n'
             '[outputs.late]\nof = "speed"\nat = { time = "100 day" }\n'
         )
-        runs = uqpen.run(parsed(text, folder))["runs/mc"].to_dataset()
+        tree = uqpen.run(parsed(text, folder))
+        runs = tree["runs/mc"].to_dataset()
         assert np.array_equal(runs["peak"], runs["infected"].max("time"))
         assert runs["peak"].attrs["derived_from"] == "infected"
         never = runs["rate"].values < 0.3  # the curve ends at a coordinate before 120 day
         assert np.array_equal(np.isnan(runs["late"]), never)
         assert np.array_equal(runs["late_occurs"], never.astype(np.int8))
         assert runs["late"].attrs["absent"] == "speed ends before time = 100 day"
+        assert list(field_lines(tree))[-2:] == [
+            "peak: largest infected along time",
+            "late [degC]: speed at time = 100 day",
+        ]
 
     def test_cost_nothing_in_python(self) -> None:
         calls = []
