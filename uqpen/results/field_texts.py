@@ -8,8 +8,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.fields import coordinate_text, field_dimensions
-from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.labels import NOT_ESTIMATED, RUNS, STATISTICS_GROUP
+from uqpen.archive.read import model_trees
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import estimate_text
 from uqpen.results.field_places import label_at_place
@@ -26,14 +25,13 @@ __all__ = ["field_lines"]
 
 
 def field_lines(tree: xr.DataTree) -> Iterator[str]:
-    """Yield a line for each field of each model, then the reason why some have no statistics.
+    """Yield a line for each field of each model: its dimensions, and the range of its mean.
 
     Examples
     --------
     ``infected: along time [day] from 0 to 160 (161); by mc mean from 0.00115 ± 0.00023 at time =
     160 day to 0.279 ± 0.012 at time = 31 day, sd at most 0.096 ± 0.010 at time = 32 day``
     """
-    reasons: dict[str, None] = {}
     for name, model in model_trees(tree).items():
         head = f"{name}: " if name else ""
         runs = first_runs(model)
@@ -42,16 +40,6 @@ def field_lines(tree: xr.DataTree) -> Iterator[str]:
             label = label_with_unit(label_at_place(output, runs[output]), unit)
             places = ", ".join(_extent(runs[each]) for each in field_dimensions(runs[output]))
             yield f"{head}{label}: along {places}{_range_text(model, output, unit)}"
-            reasons |= dict.fromkeys(_reasons(model, output))
-    for reason in reasons:
-        yield f"not analysed: {reason}"
-
-
-def _reasons(model: xr.DataTree, output: str) -> Iterator[str]:
-    for design in group_names(model, RUNS):
-        attributes = read_group(model, STATISTICS_GROUP, design, output).attrs
-        if NOT_ESTIMATED in attributes:
-            yield str(attributes[NOT_ESTIMATED])
 
 
 def _extent(coordinate: xr.DataArray) -> str:
