@@ -18,15 +18,10 @@ from uqpen.results.digits import grouped_number
 from uqpen.results.table import below_label, exceedance_label, quantile_label
 from uqpen.results.texts import capitalized
 
-__all__ = ["fan_chart", "probability_charts", "quantile_chart"]
+__all__ = ["fan_chart", "probability_charts", "quantile_chart", "ranked_chart"]
 
 # Single runs that are drawn, thin, behind the others.
 _MOST_RUNS = 20
-# Bands of whole curves, the widest first, and their texts in the legend.
-_WHOLE_CURVES = (
-    ("tolerance_band", "{level} tolerance band: holds a new curve"),
-    ("central_region", "central region: the half of the runs that lie deepest"),
-)
 
 
 def fan_chart(curve: CurveView, readout: PlaceReadout) -> Chart:
@@ -34,11 +29,12 @@ def fan_chart(curve: CurveView, readout: PlaceReadout) -> Chart:
     series = curve.view.series(curve.design)
     traces: list[Trace] = []
     keys: list[LegendKey] = []
-    for statistic, text in _WHOLE_CURVES:
-        if found := band(curve, curve.bounds(statistic), "quiet"):
-            level = level_text(curve.estimate(statistic))
+    for content, bounds in curve.entries("tolerance_band"):
+        if found := band(curve, bounds, "quiet"):
             traces += found
-            keys.append(LegendKey(text.format(level=level).strip(), "quiet", "band"))
+            level = level_text(curve.estimate("tolerance_band"))
+            text = f"holds a new curve with probability {content:g} ({level} confidence)"
+            keys.append(LegendKey(text, "quiet", "band"))
     runs = curve.some_runs(_MOST_RUNS)
     traces += [line_trace(curve.places, run, "quiet", hover="", width=0.6) for run in runs]
     counted = f"{grouped_number(len(runs))} of {count_text(len(curve.runs), 'run')}"
@@ -66,6 +62,40 @@ def fan_chart(curve: CurveView, readout: PlaceReadout) -> Chart:
         height=400,
         is_compared=True,
         place=readout,
+    )
+
+
+def ranked_chart(curve: CurveView) -> Iterator[Chart]:
+    """Yield the functional boxplot of the runs, if their curves are ranked."""
+    region, envelope = curve.bounds("central_region"), curve.bounds("envelope")
+    if region is None or envelope is None:
+        return
+    series = curve.view.series(curve.design)
+    outlying = curve.outlying_runs
+    shown = outlying[:_MOST_RUNS]
+    lines = [line_trace(curve.places, run, "beyond", hover="", width=1) for run in shown]
+    count = count_text(len(outlying), "outlying run")
+    omitted = f"{len(shown)} of them are drawn." if len(shown) < len(outlying) else ""
+    yield Chart(
+        title="Ranked curves",
+        summary=f"By {curve.design}: {count} of {grouped_number(len(curve.runs))}.",
+        x=place_axis(curve),
+        y=Axis(curve.view.axis_label(curve.output)),
+        traces=(
+            *band(curve, envelope, "quiet"),
+            *band(curve, region, series),
+            *lines,
+            line(curve, region, series, "median curve, central region in brackets", width=2.5),
+        ),
+        keys=(
+            LegendKey("median curve: the deepest run", series, "line"),
+            LegendKey("central region: the deeper half of the runs", series, "band"),
+            LegendKey("range of all runs but outlying ones", "quiet", "band"),
+            LegendKey(count, "beyond", "line"),
+        ),
+        notes=tuple(filter(None, (omitted,))),
+        height=320,
+        is_compared=True,
     )
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import xarray as xr
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import NOTE
 from uqpen.report.field_places import PlaceReadout
 from uqpen.report.sections.curve_view import CurveView
@@ -45,22 +45,30 @@ def _columns(curve: CurveView) -> Iterator[tuple[str, list[str]]]:
     """Yield the label of each statistic, and its texts by place; empty where there is none."""
     unit = unit_suffix(curve.view.unit(curve.output))
     for statistic, label in (("mean", "mean"), ("std", "sd")):
-        for _, array in curve.arrays(statistic):
-            yield label, _cells(curve, statistic, array, unit)
-    for p, array in curve.arrays("quantile"):
-        yield quantile_label(p), _cells(curve, "quantile", array, unit)
+        if (bounds := curve.bounds(statistic)) is not None:
+            yield label, _cells(bounds, _notes(curve, statistic), unit)
+    for number, (p, bounds) in enumerate(curve.entries("quantile")):
+        yield quantile_label(p), _cells(bounds, _notes(curve, "quantile", number), unit)
     for statistic, written in (("exceedance", exceedance_label), ("below", below_label)):
-        for text, array in curve.arrays(statistic):
-            yield f"{written(str(text))} =", _cells(curve, statistic, array)
-    for _, array in curve.arrays("reached"):
-        yield "share of runs that get this far", _cells(curve, "reached", array)
+        for number, (text, bounds) in enumerate(curve.entries(statistic)):
+            yield f"{written(str(text))} =", _cells(bounds, _notes(curve, statistic, number))
+    if (bounds := curve.bounds("reached")) is not None:
+        yield "share of runs that get this far", _cells(bounds, _notes(curve, "reached"))
 
 
-def _cells(curve: CurveView, statistic: str, array: xr.DataArray, unit: str = "") -> list[str]:
+def _notes(curve: CurveView, statistic: str, entry: int = 0) -> list[str]:
+    """Return the note on an entry of a statistic at each place."""
+    array = curve.estimate(statistic)
+    if array is None or NOTE not in array.coords:
+        return [""] * curve.places.size
+    notes = array.coords[NOTE].transpose(curve.dimension, ...).values
+    return list(map(str, notes.reshape(curve.places.size, -1)[:, entry]))
+
+
+def _cells(estimates: FloatArray, notes: list[str], unit: str = "") -> list[str]:
     """Return the estimate at each place with its interval, or with the reason for none."""
-    shown = curve.view.conversion(curve.output, statistic)(array.values)
     cells = []
-    for bounds, note in zip(shown.tolist(), array.coords[NOTE].values.tolist(), strict=True):
+    for bounds, note in zip(estimates.tolist(), notes, strict=True):
         text = f"{estimate_text(*bounds)}{unit}" if np.isfinite(bounds[0]) else ""
         is_without = bool(text and note) and not np.isfinite(bounds[1:]).any()
         cells.append(f"{text} (no interval: {note})" if is_without else text)

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray, IntArray
-from uqpen.core.labels import BOUND, RUN
+from uqpen.core.labels import RUN, RUNS
 from uqpen.figures.scatter import thin_runs
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.curve_estimates import CurveEstimates
 from uqpen.results.texts import unit_suffix
 
 __all__ = ["CurveView"]
@@ -65,6 +67,10 @@ class CurveView:
         """Return one of the places with its unit."""
         return f"{self.places[position]:.6g}{unit_suffix(self.view.unit(self.dimension))}"
 
+    @cached_property
+    def _estimates(self) -> CurveEstimates:
+        return CurveEstimates(self.view, self.output, self.design)
+
     def estimate(self, statistic: str, source: str = "") -> xr.DataArray | None:
         """Return a statistic at the places, in SI units; None where the source has none."""
         array = self.view.statistics.get(source or self.design, self.output, statistic)
@@ -73,29 +79,14 @@ class CurveView:
         return array.isel({self.dimension: self.positions})
 
     def bounds(self, statistic: str) -> FloatArray | None:
-        """Return a statistic in the unit that is shown, shape (place, …, bound)."""
-        array = self.estimate(statistic)
-        if array is None:
-            return None
-        convert = self.view.conversion(self.output, statistic)
-        return np.asarray(convert(array.values), dtype=np.float64)
-
-    def arrays(self, statistic: str) -> Iterator[tuple[Any, xr.DataArray]]:
-        """Yield each entry of a statistic at the places, by its label; a single one by ``None``."""
-        array = self.estimate(statistic)
-        if array is None:
-            return
-        if array.dims[1] == BOUND:
-            yield None, array
-            return
-        for number, label in enumerate(array[array.dims[1]].values.tolist()):
-            yield label, array[:, number]
+        """Return a statistic of one value at each place, in the unit that is shown."""
+        found = self._estimates.bounds(statistic)
+        return None if found is None else found[self.positions]
 
     def entries(self, statistic: str) -> Iterator[tuple[Any, FloatArray]]:
-        """Yield each entry of a statistic, as by `bounds`."""
-        convert = self.view.conversion(self.output, statistic)
-        for label, array in self.arrays(statistic):
-            yield label, np.asarray(convert(array.values), dtype=np.float64)
+        """Yield each entry of a statistic by its label, as by `bounds`."""
+        for label, found in self._estimates.entries(statistic).items():
+            yield label, found[self.positions]
 
     @cached_property
     def runs(self) -> FloatArray:
@@ -108,3 +99,13 @@ class CurveView:
         """Return a random part of the runs, the same each time."""
         numbers = xr.Dataset({"row": (RUN, np.arange(len(self.runs)))})
         return self.runs[thin_runs(numbers, most)["row"].values]
+
+    @property
+    def outlying_runs(self) -> FloatArray:
+        """Values of the outlying runs at the places, shape (run, place)."""
+        mask = self.view.statistics.get(self.design, self.output, "outlying")
+        every = read_group(self.view.tree, RUNS, self.design)[self.output].values
+        numbers = [] if mask is None else mask["curve"].values[mask.values == 1]
+        values = every[np.asarray(numbers, dtype=np.int64)][:, self.positions]
+        found: FloatArray = self.view.scale(self.output).from_si(values)
+        return found

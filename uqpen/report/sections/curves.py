@@ -7,7 +7,12 @@ from collections.abc import Iterator
 from uqpen.archive.fields import field_dimensions
 from uqpen.report.blocks import Block, Charts, Fold, Heading
 from uqpen.report.sections.curve_drivers import driver_areas, driver_lines, measures_along
-from uqpen.report.sections.curve_fan import fan_chart, probability_charts, quantile_chart
+from uqpen.report.sections.curve_fan import (
+    fan_chart,
+    probability_charts,
+    quantile_chart,
+    ranked_chart,
+)
 from uqpen.report.sections.curve_readout import place_readout
 from uqpen.report.sections.curve_slices import place_drivers, place_histogram
 from uqpen.report.sections.curve_view import CurveView
@@ -64,6 +69,6 @@ def _curve_blocks(curve: CurveView) -> Iterator[Block]:
             *probability_charts(curve),
         )
     )
-    further = (*quantile_chart(curve), *driver_lines(curve, indices))
+    further = (*ranked_chart(curve), *quantile_chart(curve), *driver_lines(curve, indices))
     if further:
-        yield Fold("Quantiles and shares of the variance with their bands", (Charts(further),))
+        yield Fold("Ranked curves, quantiles and shares with their bands", (Charts(further),))
