@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,7 @@ __all__ = [
     "has_enough_runs_around",
     "order_statistic",
     "percentiles",
+    "quantile_estimate",
     "quantile_estimates",
     "sample_quantile",
 ]
@@ -53,7 +55,7 @@ def quantile_estimates(
         return
     described = {"units": "1", "long_name": "probability of lying below the quantile"}
     array = Estimate.stack(
-        [_quantile_estimate(sample, p) for p in quantity.quantiles],
+        [quantile_estimate(sample, p) for p in quantity.quantiles],
         PROBABILITY,
         units=quantity.output.unit,
         long_name=f"quantiles of {quantity.output.title}",
@@ -77,7 +79,7 @@ def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
         return
     described = {"units": "%", "long_name": "probability of lying below the percentile"}
     array = Estimate.stack(
-        [_quantile_estimate(sample, percent / 100) for percent in _PERCENTS],
+        [quantile_estimate(sample, percent / 100) for percent in _PERCENTS],
         PERCENT,
         units=quantity.output.unit,
         long_name=f"percentiles of {quantity.output.title}",
@@ -120,7 +122,8 @@ def order_statistic(sample: Sample, rank: float) -> float:
     return float(sample.sorted_values[int(rank) - 1])
 
 
-def _quantile_estimate(sample: Sample, p: float) -> Estimate:
+def quantile_estimate(sample: Sample, p: float) -> Estimate:
+    """Estimate a quantile with the interval that suits the design."""
     value = float(sample_quantile(sample, p))
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(value, reason)
@@ -131,8 +134,8 @@ def _quantile_estimate(sample: Sample, p: float) -> Estimate:
         if lower >= 1 and upper <= sample.size:
             ends = order_statistic(sample, lower), order_statistic(sample, upper)
             return Estimate(value, *ends, texts.WOODRUFF, label)
-    low, high = order_statistic_ranks(sample.size, p, sample.level)
-    ends = order_statistic(sample, float(low)), order_statistic(sample, float(high))
+    low, high = _ranks(sample.size, p, sample.level)
+    ends = order_statistic(sample, low), order_statistic(sample, high)
     if all(map(math.isnan, ends)):
         return Estimate.without_bounds(value, sample.too_few_runs)
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
@@ -141,6 +144,13 @@ def _quantile_estimate(sample: Sample, p: float) -> Estimate:
         note = texts.NO_LOWER_BOUND if math.isnan(ends[0]) else texts.NO_UPPER_BOUND
         return estimate.with_note(note.format(too_few=sample.too_few_runs))
     return estimate
+
+
+@lru_cache(maxsize=256)
+def _ranks(runs: int, p: float, level: float) -> tuple[float, float]:
+    """Return the ranks that enclose a quantile: the same at all places of a field."""
+    low, high = order_statistic_ranks(runs, p, level)
+    return float(low), float(high)
 
 
 def _weighted_quantile_estimate(

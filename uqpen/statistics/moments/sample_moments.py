@@ -21,7 +21,7 @@ from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.standard_errors import cdf_error, standard_error
 from uqpen.statistics.weights import effective_size
 
-__all__ = ["sample_moments"]
+__all__ = ["mean_estimate", "sample_moments"]
 
 
 # With fewer runs, a tail that no run has met may be long enough to move any mean.
@@ -66,7 +66,7 @@ def sample_moments(
     shape = SampleShape(sample)
     # Each is computed on demand, since some callers need the mean alone.
     for statistic, estimated, long_name in (
-        ("mean", partial(_mean, sample, shape), "mean"),
+        ("mean", partial(mean_estimate, sample, shape), "mean"),
         ("std", partial(_std, sample, shape), "standard deviation"),
         ("half_spread", partial(_half_spread, sample), "half the 16 % to 84 % range"),
     ):
@@ -90,7 +90,8 @@ def sample_moments(
         yield "effective_size", estimate.to_array(units="1", long_name=long_name)
 
 
-def _mean(sample: Sample, shape: SampleShape) -> Estimate:
+def mean_estimate(sample: Sample, shape: SampleShape) -> Estimate:
+    """Estimate the mean with the interval that suits the design."""
     if reason := sample.reason_without_intervals:
         return Estimate.without_bounds(shape.mean, reason)
     error, _ = standard_error(sample, shape.deviations)
