@@ -163,7 +163,7 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
             values = np.full(shape, str(array.attrs.get(key, "")), dtype=object)
         else:
             table = np.array(np.atleast_1d(codes.attrs[f"{_FLAG}{key}"]), dtype=object)
-            values = table[codes.values]
+            values = np.asarray(table[codes.values], dtype=object)
         texts[key] = _texts(dims, values)
     coordinates = xr.Coordinates({**array.coords.variables, **texts}, indexes=array.xindexes)
     attributes = {key: value for key, value in array.attrs.items() if key not in INTERVAL_TEXTS}

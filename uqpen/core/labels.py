@@ -80,10 +80,14 @@ MISSING = "missing"
 RUNS_SPENT = "runs_spent"
 ESTIMATOR = "estimator"
 LARGEST_CONTRIBUTION = "largest_contribution"
+# Comment on a curve that may end before its dimension does.
+CURVE_MAY_END = "NaN after the end of the curve"
+# Of an output of runs that some of them do not have, NaN there: what is true of those runs.
+ABSENT = "absent"
+# Of an output that follows from another: the name of that.
+DERIVED_FROM = "derived_from"
 # Of an output that a surrogate could not be fitted to: the reason.
 NOT_FITTED = "not_fitted"
-# Of an output without statistics: the reason.
-NOT_ESTIMATED = "not_estimated"
 DEPENDENCE = "dependence"
 # The rule by which a design decided how many runs it makes, and what that means for intervals.
 STOPPING_RULE = "stopping_rule"

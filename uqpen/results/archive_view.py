@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.arrays import FloatArray, rows_by_weight
 from uqpen.core.errors import UnknownNameError
@@ -23,7 +22,7 @@ from uqpen.results.best_sources import is_sample_design
 from uqpen.results.source_slots import source_slots
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle, source_style
-from uqpen.results.table import Conversion, conversion, first_runs, output_names
+from uqpen.results.table import Conversion, conversion, field_names, first_runs, output_names
 from uqpen.results.texts import title_with_unit
 from uqpen.statistics.convergence import reason_without_parts
 from uqpen.statistics.sample import input_sample
@@ -116,7 +115,7 @@ class ArchiveView:
         return [
             name
             for name in self._selected
-            if "flag_meanings" not in self.attributes(name) and not self._is_field(name)
+            if "flag_meanings" not in self.attributes(name) and name not in self.fields
         ]
 
     @property
@@ -124,8 +123,11 @@ class ArchiveView:
         """The categorical outputs; only the selected one, if any."""
         return [name for name in self._selected if "flag_meanings" in self.attributes(name)]
 
-    def _is_field(self, name: str) -> bool:
-        return bool(field_dimensions(first_runs(self.tree)[name]))
+    @property
+    def fields(self) -> list[str]:
+        """The outputs with dimensions; only the selected one, if any."""
+        known = field_names(first_runs(self.tree))
+        return [name for name in known if self.output in (None, name)]
 
     @property
     def _selected(self) -> list[str]:

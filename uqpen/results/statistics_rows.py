@@ -57,6 +57,7 @@ class StatisticsRows:
 
     def add(self) -> None:
         """Add all rows that the archive has an estimate for."""
+        self._add_row("P(reached)", "reached", self._arrays("reached"))
         self._add_row("effective runs", "effective_size", self._arrays("effective_size"))
         self._add_row("mean", "mean", self._arrays("mean"))
         stds = self._arrays("std")

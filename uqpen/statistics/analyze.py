@@ -24,6 +24,7 @@ from uqpen.statistics import (
     WEIGHTED_ANALYSES,
     texts,
 )
+from uqpen.statistics.absent_values import absent_condition, runs_with_value
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
 from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
@@ -38,6 +39,7 @@ __all__ = [
     "analyze_failures",
     "drawn_runs",
     "in_catalogue_order",
+    "output_run_counts",
     "run_counts",
 ]
 
@@ -86,7 +88,7 @@ def analyze(
                 name: replace(sample, level=levels[name])
                 for name, sample in Sample.several_from_runs(drawn, list(found)).items()
             }
-            counts = run_counts(drawn)
+            counts = {name: output_run_counts(drawn, name) for name in found}
             analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.template.coords)
             _run_analyses(analyses, scalars, samples, counts, found)
             of_fields = {
@@ -100,13 +102,16 @@ def analyze(
             (FIELD_ANALYSES_OF_DESIGNS, fields),
         ):
             if chosen and (own := list(_select(analyses_of_designs.get(sampling, {}), only))):
-                whole = dict.fromkeys(found, handle.dataset())
-                _run_analyses(own, chosen, whole, run_counts(handle), found)
+                whole = {name: runs_with_value(handle, name) for name in found}
+                of_all = {name: output_run_counts(handle, name) for name in found}
+                _run_analyses(own, chosen, whole, of_all, found)
         if sampling.is_sample and outside:
             for quantity in scalars:
                 name = quantity.output.name
                 added = outside_statistics(outside, samples[name], quantity, found[name])
-                found[name] |= {key: array.assign_attrs(counts) for key, array in added.items()}
+                found[name] |= {
+                    key: array.assign_attrs(counts[name]) for key, array in added.items()
+                }
         return {output: in_catalogue_order(statistics) for output, statistics in found.items()}
 
 
@@ -175,7 +180,7 @@ def _run_analyses(
     analyses: Iterable[tuple[str, Analysis]],
     quantities: Sequence[QuantityOfInterest],
     evidence: Mapping[str, Any],
-    attributes: Mapping[str, int | str],
+    attributes: Mapping[str, Mapping[str, int | str]],
     found: Mapping[str, OutputStatistics],
 ) -> None:
     """Put the statistics of several analyses, for each output, among those found."""
@@ -183,7 +188,7 @@ def _run_analyses(
         for quantity in quantities:
             name = quantity.output.name
             for statistic, array in analysis(evidence[name], quantity):
-                found[name][statistic] = array.assign_attrs(attributes)
+                found[name][statistic] = array.assign_attrs(attributes[name])
 
 
 def run_counts(runs: BlockedRuns) -> dict[str, int | str]:
@@ -201,3 +206,14 @@ def run_counts(runs: BlockedRuns) -> dict[str, int | str]:
         share = sum(failed.values()) / (sum(failed.values()) + counts[Status.OK])
         attributes[MISSING] = texts.MISSING_SHARE.format(share=100 * share)
     return attributes
+
+
+def output_run_counts(runs: BlockedRuns, name: str) -> dict[str, int | str]:
+    """Return the counts of the runs of an output's statistics, as attributes.
+
+    They are those of `run_counts`, except where completed runs have no value of the output.
+    """
+    counts, absent = run_counts(runs), absent_condition(runs, name)
+    if not absent:
+        return counts
+    return {**counts, **absent, "runs_used": int(counts["runs_used"]) - int(absent["runs_absent"])}

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import EVENT
 from uqpen.core.labels import SAMPLING
@@ -76,10 +77,18 @@ def joint_probabilities(
 
 
 def _estimate(event: JointEvent, samples: dict[str, Sample], level: float) -> Estimate:
-    met = [limit.is_met(samples[limit.output].values) for limit in event.limits]
+    # Some runs may lack a derived output; those that have all outputs of the event are used.
+    used = reduce(np.intersect1d, (samples[limit.output].used for limit in event.limits))
+    met = [limit.is_met(_at(samples[limit.output], used)) for limit in event.limits]
     occurs = reduce(np.logical_or if event.is_any else np.logical_and, met)
-    sample = samples[event.limits[0].output]
-    return event_probability(replace(sample, values=occurs.astype(np.float64), level=level), occurs)
+    values = occurs.astype(np.float64)
+    sample = replace(samples[event.limits[0].output], used=used, values=values, level=level)
+    return event_probability(sample, occurs)
+
+
+def _at(sample: Sample, used: IntArray) -> FloatArray:
+    """Return the values of a sample in some of its runs."""
+    return sample.values[np.isin(sample.used, used, assume_unique=True)]
 
 
 def _texts(texts: list[str]) -> npt.NDArray[np.object_]:

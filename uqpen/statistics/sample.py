@@ -27,6 +27,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 from uqpen.statistics import texts
+from uqpen.statistics.absent_values import absent_runs
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.weights import effective_size, weighted_mean
@@ -115,15 +116,24 @@ class Sample:
     def several_from_runs(
         cls, runs: xr.Dataset | BlockedRuns, names: Iterable[str]
     ) -> dict[str, Sample]:
-        """Return the samples of several variables by name, which have the inputs in common."""
+        """Return the samples of several variables by name, which have the inputs in common.
+
+        Runs without a value of a derived output are neither used nor missing in its sample.
+        """
         handle = LoadedDataset.of(runs)
         is_used = handle.column(STATUS) == Status.OK
         if WEIGHT in handle.template.coords:
             is_used &= handle.column(WEIGHT) > 0  # a run without a weight counts for nothing
         used = np.flatnonzero(is_used)
         whole = cls._from_values(handle, np.full(used.shape, np.nan), used)
-        values = {name: handle.column(name)[used].astype(np.float64) for name in names}
-        return {name: replace(whole, values=found) for name, found in values.items()}
+        found = {}
+        for name in names:
+            values = handle.column(name)[used].astype(np.float64)
+            found[name] = replace(whole, values=values)
+            if absent_runs(handle, name) is not None:
+                exists = ~np.isnan(values)
+                found[name] = replace(whole, values=values[exists], used=used[exists])
+        return found
 
     @classmethod
     def from_statuses(cls, runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> Sample:

@@ -38,9 +38,6 @@ WIDER_OF_TWO = "the wider of jackknife over replicates and delta method over blo
 DELONG = "DeLong on the logit"
 SURROGATE_SAMPLING = "sampling of the surrogate"
 
-# The reason why an output with dimensions has no statistics.
-SCALARS_ONLY = "statistics take only scalar outputs"
-
 # Bands over all places of a field, and ranked curves.
 SIMULTANEOUS = "{method}, at a level that holds at all places at once"
 FURTHEST_DEVIATIONS = "order statistics of the furthest deviations of runs from those of a third"
@@ -150,8 +147,10 @@ VARIES_IN_ONE_REPLICATE = "it varies in one replicate only"
 TOO_MANY_SUBSETS = "it needs all subsets of the inputs, too many for {inputs} inputs"
 DEPENDENT_INPUTS = "the random inputs depend on each other"
 ESTIMAND = "indices of the input distribution"
-ESTIMAND_IF_ADMISSIBLE = "indices of the input distribution, conditional on admissible inputs"
+ESTIMAND_IF = "indices of the input distribution, conditional on {condition}"
+ESTIMAND_IF_ADMISSIBLE = ESTIMAND_IF.format(condition="admissible inputs")
 FAILED_BLOCKS = "blocks with a failed run are left out"
+ABSENT_BLOCKS = "blocks with a run without a value are left out"
 INADMISSIBLE_BLOCKS = "blocks without an admissible draw are left out"
 FIRST_ORDER_INCLUDES = "first-order indices include correlation"
 
@@ -162,6 +161,8 @@ FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set o
 
 # Failed runs.
 ADMISSIBLE_INPUTS = "admissible inputs"
+# Of an output that some runs do not have.
+VALUE_EXISTS = "a value of it ({absent} in {share:.3g} % of the completed runs)"
 MISSING_SHARE = "{share:.3g} % of the admissible runs"
 FEW_FAILED = "fewer than {runs} failed runs are too few for an interval"
 FEW_COMPLETED = "fewer than {runs} completed runs are too few for an interval"

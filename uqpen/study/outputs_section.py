@@ -6,19 +6,25 @@ from typing import Any
 
 from uqpen.core.model import Model, Output
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.study.derived_section import is_derived, requests_table
 from uqpen.study.table_reader import TableReader, check_names
 
 __all__ = ["read_quantities_of_interest"]
+
+# Requests of which a field has none: a value that holds a share has one side, a band has two.
+_OF_SCALARS = ("hold", "hold_above")
 
 
 def read_quantities_of_interest(
     table: TableReader, model: Model, confidence_level: float
 ) -> tuple[QuantityOfInterest, ...]:
-    """Read the quantity of interest of each of the model's outputs, in the model's order."""
-    check_names(table, [output.name for output in model.outputs], "output", model)
+    """Read the quantity of interest of each output, derived ones too, in the model's order."""
+    refused = [name for name in table if is_derived(table.content[name])]
+    known = [output.name for output in model.all_outputs]
+    check_names(table, [*known, *refused], "output", model)
     return tuple(
-        _read_quantity(table.table(output.name), output, confidence_level)
-        for output in model.outputs
+        _read_quantity(requests_table(table, output, model), output, confidence_level)
+        for output in model.all_outputs
     )
 
 
@@ -37,6 +43,10 @@ def _read_quantity(
                 key, f'a key of "{output.name}"', "none: an output with categories has shares only"
             )
         return default
+    for key in _OF_SCALARS if output.dims else ():
+        if key in table:
+            expected = "an output without dimensions; a field has hold_between"
+            table.add_problem(key, f'a tolerance limit of "{output.name}"', expected)
     quantity = table.settings(QuantityOfInterest, like=output.unit, given=given)
     table.check_unknown_keys()
     return quantity or default
