@@ -26,7 +26,7 @@ from uqpen.statistics.fields.field_sample import FieldSample, field_coordinates
 from uqpen.statistics.fields.simultaneous_level import simultaneous_level
 from uqpen.statistics.moments.sample_moments import mean_estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import Sample
+from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.sample_shape import SampleShape
 
 __all__ = ["mean_band", "quantile_band"]
@@ -85,7 +85,7 @@ def quantile_band(
 
     def estimated(sample: Sample) -> list[Estimate]:
         pairs = zip(probabilities, levels, strict=True)
-        return [quantile_estimate(replace(sample, level=level), p) for p, level in pairs]
+        return [_simultaneous_quantile(sample, p, level) for p, level in pairs]
 
     described = {"units": "1", "long_name": "probability of lying below the quantile"}
     yield (
@@ -102,6 +102,18 @@ def quantile_band(
             level=field.runs.level,
         ).assign_attrs(_attributes(field, places, np.array(levels))),
     )
+
+
+def _simultaneous_quantile(sample: Sample, probability: float, level: float) -> Estimate:
+    """Return a quantile with the interval at a higher level, no narrower than at its own."""
+    wide = quantile_estimate(replace(sample, level=level), probability)
+    if sample.error_model is not ErrorModel.REPLICATED:
+        return wide
+    # Few replicates may show the error at the lower of the levels alone. Another formula, which has
+    # the other's place there, may be narrower. NaN stays: it is an end that does not exist.
+    narrow = quantile_estimate(sample, probability)
+    lower = float(np.minimum(wide.lower, narrow.lower))
+    return replace(wide, lower=lower, upper=float(np.maximum(wide.upper, narrow.upper)))
 
 
 def _level(field: FieldSample, places: BandPlaces, influence: Influence) -> float:
