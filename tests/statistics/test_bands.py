@@ -139,7 +139,7 @@ class TestPlacesLeftOut:
     @pytest.mark.parametrize(
         ("sample", "reason"),
         [
-            (field(smooth_curves(1, 19)), "19 runs are too few"),
+            (field(smooth_curves(1, 19)), "the runs are too few"),
             (
                 field(smooth_curves(1, 100), 5),
                 "fewer than 8 replicates are too few for a simultaneous band",

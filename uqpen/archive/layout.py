@@ -34,6 +34,7 @@ from uqpen.core.labels import (
     NOTE,
     RECIPE,
     ROLE,
+    RUNS_ABSENT,
     RUNS_SPENT,
     SOURCE_KIND,
     STOPPING_CLAIM,
@@ -59,7 +60,8 @@ _ATTRIBUTES = {
     **dict.fromkeys(("source", "minus", "outputs", "check", "flag_meanings"), "text"),
     **dict.fromkeys((SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED), "text"),
     **dict.fromkeys(
-        (RECIPE, RUNS_SPENT, "runs", "runs_used", "repeats", "reference_runs"), "count"
+        (RECIPE, RUNS_SPENT, RUNS_ABSENT, "runs", "runs_used", "repeats", "reference_runs"),
+        "count",
     ),
     **dict.fromkeys(("order", "terms", "q2", "check_q2_of_output"), "number"),
     CONFIDENCE_LEVEL: "number",

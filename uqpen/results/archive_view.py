@@ -13,7 +13,7 @@ import xarray as xr
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.arrays import FloatArray, rows_by_weight
 from uqpen.core.errors import UnknownNameError
-from uqpen.core.labels import ROLE, RUNS, SAMPLING, STATUS, WEIGHT
+from uqpen.core.labels import ABSENT, ROLE, RUNS, SAMPLING, STATUS, WEIGHT
 from uqpen.core.lookup import choices
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -111,17 +111,29 @@ class ArchiveView:
 
     @property
     def numeric_outputs(self) -> list[str]:
-        """The outputs that are numbers; only the selected one, if any."""
+        """The outputs that are numbers; only the selected one, if any.
+
+        A derived one is not among them if no run of some design has a value of it.
+        """
         return [
             name
             for name in self._selected
-            if "flag_meanings" not in self.attributes(name) and name not in self.fields
+            if "flag_meanings" not in self.attributes(name)
+            and name not in self.fields
+            and not self._lacks_values(name)
         ]
 
     @property
     def categorical_outputs(self) -> list[str]:
         """The categorical outputs; only the selected one, if any."""
         return [name for name in self._selected if "flag_meanings" in self.attributes(name)]
+
+    def _lacks_values(self, name: str) -> bool:
+        """Check for a design that has completed runs, but none with a value of an output."""
+        if ABSENT not in self.attributes(name):
+            return False
+        completed = [design for design in self.designs if self.has_completed_runs(design)]
+        return any(not self.completed_values(design, name).size for design in completed)
 
     @property
     def fields(self) -> list[str]:
@@ -164,10 +176,12 @@ class ArchiveView:
     def completed_values(self, design: str, output: str) -> FloatArray:
         """Return an output of the completed runs of a design's sample, in SI units.
 
-        Of weighted runs, as many values as there are runs, each as often as its weight says.
+        Runs without a value of a derived output are left out. Of weighted runs, as many values as
+        there are runs, each as often as its weight says.
         """
         runs = self.runs(design)
         is_ok = runs[STATUS].values == Status.OK
+        is_ok &= ~np.isnan(runs[output].values)
         values = np.asarray(runs[output].values[is_ok], dtype=np.float64)
         if WEIGHT not in runs.coords or not values.size:
             return values

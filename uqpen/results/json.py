@@ -128,7 +128,11 @@ def _model_json(tree: xr.DataTree) -> dict[str, Any]:
 
 def _outputs_json(statistics: SourceStatistics, source: str, runs: xr.Dataset) -> dict[str, Any]:
     """Return all estimates of a source, by the outputs that a runs dataset describes."""
-    return {name: _output_json(statistics, source, runs[name]) for name in output_names(runs)}
+    return {
+        name: _output_json(statistics, source, runs[name])
+        | _attributes_json(statistics.absence(source, name))
+        for name in output_names(runs)
+    }
 
 
 def _publication_json(statistics: SourceStatistics, name: str) -> dict[str, Any]:

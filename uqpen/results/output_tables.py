@@ -20,6 +20,7 @@ from uqpen.results.sensitivity_tables import generalized_table, named_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.statistics_rows import (
     StatisticsRows,
+    add_absent_runs,
     add_decisions,
     add_failed_runs,
     add_runs,
@@ -126,6 +127,7 @@ def statistics_table(
     table = OutputTable(label_with_unit(label, unit), sources)
     add_runs(table, tree)
     add_failed_runs(table, tree)
+    add_absent_runs(table, tree, name)
     if is_categorical:
         add_shares(table, tree, name)
     else:

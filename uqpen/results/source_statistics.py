@@ -22,6 +22,7 @@ from uqpen.core.labels import (
     LARGEST_CONTRIBUTION,
     MISSING,
     RUNS,
+    RUNS_ABSENT,
     SOURCE_KIND,
     STATISTICS_GROUP,
     STATUS,
@@ -127,6 +128,20 @@ class SourceStatistics:
         asked = self.sources if sources is None else sources
         found = {source: self.get(source, output, statistic) for source in asked}
         return {source: array for source, array in found.items() if array is not None}
+
+    def absence(self, source: str, output: str) -> dict[str, Any]:
+        """Return what the statistics of an output are conditional on, if not all runs have it.
+
+        Returns
+        -------
+        dict
+            ``runs_absent``, the number of completed runs without a value, and ``conditional_on``;
+            empty where all have one.
+        """
+        for array in self.statistics(source, output).values():
+            if RUNS_ABSENT in array.attrs:
+                return {key: array.attrs[key] for key in (RUNS_ABSENT, CONDITIONAL)}
+        return {}
 
     def largest_contribution(self, publication: str, output: str) -> str:
         """Return the input that a publication calls the largest contribution; empty for none."""

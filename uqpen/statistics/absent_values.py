@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqpen.core.arrays import BoolArray
 from uqpen.core.blocks import BlockedRuns
-from uqpen.core.labels import ABSENT, CONDITIONAL, STATUS
+from uqpen.core.labels import ABSENT, CONDITIONAL, RUNS_ABSENT, STATUS
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 
@@ -42,7 +42,7 @@ def absent_condition(runs: BlockedRuns, name: str) -> dict[str, int | str]:
     condition = texts.VALUE_EXISTS.format(absent=absent, share=100 * share)
     if (status == Status.INADMISSIBLE).any():
         condition = f"{texts.ADMISSIBLE_INPUTS} and {condition}"
-    return {"runs_absent": int(mask.sum()), CONDITIONAL: condition}
+    return {RUNS_ABSENT: int(mask.sum()), CONDITIONAL: condition}
 
 
 def runs_with_value(runs: BlockedRuns, name: str) -> xr.Dataset:

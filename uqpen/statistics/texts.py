@@ -114,6 +114,12 @@ FEW_DIFFER = (
     "only {distinct} of {effects} effects differ from the others: the coverage may be below nominal"
 )
 
+# Texts at the places of a field, without the numbers of the texts above: they differ by the place.
+HEAVY_TAIL_AT_PLACES = "heavy tail"
+SMALL_EFFECTIVE_SIZE_AT_PLACES = "weights: the effective sample size is too small"
+FEW_WEIGHTS_DECIDE_AT_PLACES = "weights: few effective runs decide it"
+TOO_FEW_RUNS_AT_PLACES = "the runs are too few"
+
 # Quadrature rules.
 NO_SCATTER_OF_RULE = "a quadrature rule has no scatter, so its error is unknown"
 IMPOSSIBLE_MOMENT = "negative weights of the rule give an impossible {moment}: try a higher order"
@@ -162,7 +168,9 @@ FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set o
 # Failed runs.
 ADMISSIBLE_INPUTS = "admissible inputs"
 # Of an output that some runs do not have.
+ALL_EXIST = "of the runs in which all its outputs have a value"
 VALUE_EXISTS = "a value of it ({absent} in {share:.3g} % of the completed runs)"
+REACHED = "the curve's reaching the place"
 MISSING_SHARE = "{share:.3g} % of the admissible runs"
 FEW_FAILED = "fewer than {runs} failed runs are too few for an interval"
 FEW_COMPLETED = "fewer than {runs} completed runs are too few for an interval"

@@ -39,7 +39,7 @@ class _Declared(NamedTuple):
 
 
 def is_derived(table: object) -> bool:
-    """Check whether the table of an output says of which field it is derived."""
+    """Check for the table of an output that follows from a field."""
     return isinstance(table, Mapping) and _OF in table
 
 

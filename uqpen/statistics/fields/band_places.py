@@ -41,18 +41,22 @@ class BandPlaces:
         """Positions of the places that the band covers."""
         return np.array([p for p, reason in enumerate(self.reasons) if not reason], dtype=np.int64)
 
-    def left_out(self, dims: tuple[Dimension, ...]) -> str:
-        """Return how many places are left out and why, along a curve also where; empty for none."""
+    def left_out(self, dims: tuple[Dimension, ...]) -> dict[str, str]:
+        """Return how many places are left out and why, along a curve also where, as an attribute.
+
+        It is absent where none is left out.
+        """
         by_reason: dict[str, list[int]] = {}
         for place, reason in enumerate(self.reasons):
             if reason:
                 by_reason.setdefault(reason, []).append(place)
-        return "; ".join(
+        text = "; ".join(
             texts.LEFT_OUT.format(
                 places=len(places), of=len(self.reasons), reason=reason, where=_where(dims, places)
             )
             for reason, places in by_reason.items()
         )
+        return {LEFT_OUT: text} if text else {}
 
 
 def reason_without_band(runs: Sample) -> str:

@@ -50,13 +50,13 @@ def deviation_blocks(
             yield block, np.where(exists, known - known.sum(axis=0) / exists.sum(axis=0), 0.0)
 
 
-def field_means(field: FieldSample) -> list[float]:
+def field_means(field: FieldSample) -> FloatArray:
     """Return the means at all places, flattened; NaN where no run reaches."""
-    means = []
+    means = np.empty(field.matrix.shape[1])
     for start in range(0, field.matrix.shape[1], _PLACES):
         places = slice(start, start + _PLACES)
         exists = field.exists[:, places]
         sums = field.matrix[:, places].sum(axis=0, where=exists, initial=0.0)
         counts = exists.sum(axis=0)
-        means += np.where(counts > 0, sums / np.maximum(counts, 1), np.nan).tolist()
+        means[places] = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
     return means

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -10,24 +10,19 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.catalogue import PROBABILITY
+from uqpen.core.labels import BOUND, INTERVAL_LEVEL
 from uqpen.statistics import texts
-from uqpen.statistics.distribution_function.quantiles import quantile_estimate, sample_quantile
-from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.fields.band_places import (
-    LEFT_OUT,
-    BandPlaces,
-    band_places,
-    reason_without_band,
-)
+from uqpen.statistics.distribution_function.quantiles import quantile_estimates
+from uqpen.statistics.fields.at_each_place import ScalarAnalysis, at_each_place
+from uqpen.statistics.fields.band_places import BandPlaces, band_places, reason_without_band
 from uqpen.statistics.fields.deviations import Influence, deviation_blocks
-from uqpen.statistics.fields.field_sample import FieldSample, field_coordinates
+from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.fields.simultaneous_level import simultaneous_level
-from uqpen.statistics.moments.sample_moments import mean_estimate
+from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import ErrorModel, Sample
-from uqpen.statistics.sample_shape import SampleShape
 
 __all__ = ["mean_band", "quantile_band"]
 
@@ -47,22 +42,8 @@ def mean_band(
     """
     places = band_places(field, reason_without_band(field.runs))
     level = _level(field, places, lambda values, _: values)
-
-    def estimated(sample: Sample) -> list[Estimate]:
-        sample = replace(sample, level=level)
-        return [mean_estimate(sample, SampleShape(sample))]
-
-    yield (
-        "mean_band",
-        Estimate.grid(
-            _at_places(field, places, estimated),
-            field.sizes,
-            units=quantity.output.unit,
-            long_name=f"mean of {quantity.output.title}, simultaneous bounds",
-            coordinates=field_coordinates(field.dims),
-            level=field.runs.level,
-        ).assign_attrs(_attributes(field, places, level)),
-    )
+    array = _at_level(sample_moments, field, quantity, level)
+    yield "mean_band", _band(array, field, places, level)
 
 
 def quantile_band(
@@ -79,41 +60,15 @@ def quantile_band(
         ``pointwise_level`` is the level at each place, by probability.
     """
     places = band_places(field, reason_without_band(field.runs))
-    probabilities = quantity.quantiles
-    curves = _quantiles(field, probabilities)
+    array = _at_level(quantile_estimates, field, quantity, field.runs.level)
+    curves = array.values[..., 0].reshape(len(places.reasons), -1).T
     levels = [_level(field, places, partial(_is_below, curve)) for curve in curves]
-
-    def estimated(sample: Sample) -> list[Estimate]:
-        pairs = zip(probabilities, levels, strict=True)
-        return [_simultaneous_quantile(sample, p, level) for p, level in pairs]
-
-    described = {"units": "1", "long_name": "probability of lying below the quantile"}
-    yield (
-        "quantile_band",
-        Estimate.grid(
-            _at_places(field, places, estimated),
-            {**field.sizes, PROBABILITY: len(probabilities)},
-            units=quantity.output.unit,
-            long_name=f"quantiles of {quantity.output.title}, simultaneous bounds",
-            coordinates={
-                **field_coordinates(field.dims),
-                PROBABILITY: (PROBABILITY, np.array(probabilities), described),
-            },
-            level=field.runs.level,
-        ).assign_attrs(_attributes(field, places, np.array(levels))),
-    )
-
-
-def _simultaneous_quantile(sample: Sample, probability: float, level: float) -> Estimate:
-    """Return a quantile with the interval at a higher level, no narrower than at its own."""
-    wide = quantile_estimate(replace(sample, level=level), probability)
-    if sample.error_model is not ErrorModel.REPLICATED:
-        return wide
-    # Few replicates may show the error at the lower of the levels alone. Another formula, which has
-    # the other's place there, may be narrower. NaN stays: it is an end that does not exist.
-    narrow = quantile_estimate(sample, probability)
-    lower = float(np.minimum(wide.lower, narrow.lower))
-    return replace(wide, lower=lower, upper=float(np.maximum(wide.upper, narrow.upper)))
+    if places.covered.size:
+        for position, (p, level) in enumerate(zip(quantity.quantiles, levels, strict=True)):
+            alone = replace(quantity, quantiles=(p,))
+            wide = _at_level(quantile_estimates, field, alone, level).isel({PROBABILITY: 0})
+            array = _widened(array, position, wide)
+    yield "quantile_band", _band(array, field, places, np.array(levels))
 
 
 def _level(field: FieldSample, places: BandPlaces, influence: Influence) -> float:
@@ -125,36 +80,56 @@ def _is_below(curve: FloatArray, values: FloatArray, places: IntArray) -> BoolAr
     return values <= curve[places]
 
 
-def _quantiles(field: FieldSample, probabilities: Sequence[float]) -> FloatArray:
-    """Return quantile curves, shape (probability, place)."""
-    curves = np.empty((field.matrix.shape[1], len(probabilities)))
-    for group in field.samples():
-        for position, place in enumerate(group.places.tolist()):
-            curves[place] = sample_quantile(group.at(position), probabilities)
-    return curves.T
+def _at_level(
+    analysis: ScalarAnalysis, field: FieldSample, quantity: QuantityOfInterest, level: float
+) -> xr.DataArray:
+    """Return the first statistic of an analysis at each place, with intervals at a level."""
+    at_level = replace(field, runs=replace(field.runs, level=level))
+    return next(at_each_place(analysis, at_level, quantity, most=1))[1]
 
 
-def _at_places(
-    field: FieldSample, places: BandPlaces, estimated: Callable[[Sample], Sequence[Estimate]]
-) -> list[Estimate]:
-    """Return the estimates at all places, flattened; without bounds where the band has none."""
-    found: dict[int, list[Estimate]] = {}
-    for group in field.samples():
-        for position, place in enumerate(group.places.tolist()):
-            reason = places.reasons[place]
-            found[place] = [
-                Estimate.without_bounds(each.value, reason)
-                if reason
-                else replace(each, method=texts.SIMULTANEOUS.format(method=each.method))
-                if each.label != "none"
-                else each
-                for each in estimated(group.at(position))
-            ]
-    return [each for place in sorted(found) for each in found[place]]
+def _widened(array: xr.DataArray, position: int, wide: xr.DataArray) -> xr.DataArray:
+    """Return the intervals of several quantiles, one of them with the wider bounds and their texts.
+
+    The error over replicates may suffice at the lower of the levels alone. The formula in its place
+    at the higher one may be narrower at an end. NaN stays: it is an end that does not exist.
+    """
+    array = array.copy(deep=True)
+    part = array.values[..., position, :]
+    part[..., 1] = np.minimum(part[..., 1], wide.values[..., 1])
+    part[..., 2] = np.maximum(part[..., 2], wide.values[..., 2])
+    for text in INTERVAL_TEXTS:
+        array.coords[text].values[..., position] = wide.coords[text].values
+    return array
 
 
-def _attributes(field: FieldSample, places: BandPlaces, level: Any) -> dict[str, Any]:
-    """Return the attributes of a band: its level at each place, the places that it leaves out."""
+def _band(array: xr.DataArray, field: FieldSample, places: BandPlaces, level: Any) -> xr.DataArray:
+    """Return the intervals at each place as a band, without bounds at places that it leaves out."""
+    values = array.values.reshape(len(places.reasons), -1, 3).copy()
+    method, label, note = (
+        array.coords[text].values.reshape(values.shape[:2]).copy() for text in INTERVAL_TEXTS
+    )
+    for place, reason in enumerate(places.reasons):
+        if reason:
+            values[place, :, 1:] = np.nan
+            method[place] = label[place] = "none"
+            note[place] = reason
+    has_bounds = label != "none"
+    method[has_bounds] = [texts.SIMULTANEOUS.format(method=each) for each in method[has_bounds]]
     left_out = places.left_out(field.dims)
-    attributes = {"pointwise_level": level} if places.covered.size else {}
-    return attributes | ({LEFT_OUT: left_out} if left_out else {})
+    attributes = {**array.attrs, INTERVAL_LEVEL: field.runs.level, **left_out}
+    if places.covered.size:
+        attributes["pointwise_level"] = level
+    return estimate_array(
+        values,
+        {str(dim): size for dim, size in array.sizes.items() if dim != BOUND},
+        dict(zip(INTERVAL_TEXTS, (method, label, note), strict=True)),
+        units=attributes.pop("units"),
+        long_name=f"{attributes.pop('long_name')}, simultaneous bounds",
+        attributes=attributes,
+        coordinates={
+            str(name): each.variable
+            for name, each in array.coords.items()
+            if name not in (*INTERVAL_TEXTS, BOUND)
+        },
+    )

@@ -13,15 +13,11 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import BAND_CONTENT
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.fields.band_places import (
-    LEFT_OUT,
-    BandPlaces,
-    band_places,
-    runs_too_few,
-)
+from uqpen.statistics.estimates import Estimates
+from uqpen.statistics.fields.at_each_place import along_field
+from uqpen.statistics.fields.band_places import BandPlaces, band_places, runs_too_few
 from uqpen.statistics.fields.deviations import deviation_blocks, field_means
-from uqpen.statistics.fields.field_sample import FieldSample, field_coordinates
+from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.intervals import runs_needed, upper_rank
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel
@@ -65,23 +61,23 @@ def tolerance_band(
     multiples = [math.nan if math.isnan(rank) else scores[int(rank) - 1] for rank in ranks]
     is_independent = runs.error_model is ErrorModel.INDEPENDENT
     how = texts.FURTHEST_DEVIATIONS, "discrete" if is_independent else "conservative"
-    estimates = [
-        Estimate.without_bounds(mean, why or texts.TOLERANCE_BAND_NEEDS.format(runs=fewest))
-        if why or math.isnan(multiple)
-        else Estimate(mean, mean - multiple * std, mean + multiple * std, *how)
-        for mean, std, why in zip(field_means(centre), stds, places.reasons, strict=True)
+    means = field_means(centre)
+    bands = [
+        Estimates(means, means - multiple * stds, means + multiple * stds, *how).unknown_where(
+            np.isnan(multiple * stds), texts.TOLERANCE_BAND_NEEDS.format(runs=fewest)
+        )
         for multiple, fewest in zip(multiples, needed, strict=True)
     ]
-    array = Estimate.grid(
-        estimates,
-        {**field.sizes, BAND_CONTENT: len(contents)},
+    for why in set(filter(None, places.reasons)):
+        bands = [band.unknown_where(np.array(places.reasons) == why, why) for band in bands]
+    array = Estimates.stack(bands).to_array(
+        BAND_CONTENT,
         units=quantity.output.unit,
         long_name=f"band that holds curves of {quantity.output.title} with a probability",
-        coordinates={**field_coordinates(field.dims), **_content_coordinates(contents, needed)},
+        coordinates=_content_coordinates(contents, needed),
         level=runs.level,
     )
-    left_out = places.left_out(field.dims)
-    yield "tolerance_band", array.assign_attrs({LEFT_OUT: left_out} if left_out else {})
+    yield "tolerance_band", along_field(array, field).assign_attrs(places.left_out(field.dims))
 
 
 def _parts(field: FieldSample) -> tuple[FieldSample, FieldSample]:
@@ -108,17 +104,17 @@ def _runs_needed(content: float, level: float) -> int:
 
 def _scores(
     centre: FieldSample, others: FieldSample, places: BandPlaces
-) -> tuple[list[float], FloatArray]:
+) -> tuple[FloatArray, FloatArray]:
     """Return the standard deviation at each place, and the ascending scores of the other runs."""
     stds = np.full(len(places.reasons), math.nan)
     scores = np.zeros(others.runs.size)
-    means = np.array(field_means(centre))
+    means = field_means(centre)
     for block, deviations in deviation_blocks(centre, places.covered, lambda values, _: values):
         runs = centre.exists[:, block].sum(axis=0)
         stds[block] = np.sqrt((deviations**2).sum(axis=0) / (runs - 1))
         distances = np.abs(others.matrix[:, block] - means[block]) / stds[block]
         np.fmax(scores, np.fmax.reduce(distances, axis=1), out=scores)
-    return stds.tolist(), np.sort(scores)
+    return stds, np.sort(scores)
 
 
 def _content_coordinates(contents: list[float], needed: list[int]) -> dict[str, Any]:
