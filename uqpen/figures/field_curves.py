@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -81,8 +82,8 @@ def _draw_fan(found: CurveEstimates, axes: Axes) -> Iterator[str]:
         yield from _draw_band(found, axes, "quantile", "median", BLACK)
     mean = found.bounds("mean")
     if mean is not None:
-        style = {"color": VERMILION, "linestyle": (0, (5, 1.5)), "label": "mean"}
-        axes.plot(found.places, mean[:, 0], **style)
+        dashes = (0, (5, 1.5))
+        axes.plot(found.places, mean[:, 0], color=VERMILION, linestyle=dashes, label="mean")
         yield from _draw_band(found, axes, "mean", "mean", VERMILION)
     _label_axes(found, axes)
     yield from _mark_ends(found, axes)
@@ -130,8 +131,8 @@ def _draw_tolerance_bands(found: CurveEstimates, axes: Axes, colour: str) -> Non
             held = percent_text(content)
             label = f"band that holds {held} of the curves, {confidence} confidence"
             for bound, text in ((1, label), (2, None)):
-                style = {"color": colour, "linewidth": 0.9, "linestyle": (0, (1, 1)), "label": text}
-                axes.plot(found.places, bounds[:, bound], **style)
+                style: dict[str, Any] = {"color": colour, "linestyle": (0, (1, 1)), "label": text}
+                axes.plot(found.places, bounds[:, bound], linewidth=0.9, **style)
 
 
 def _draw_band(
