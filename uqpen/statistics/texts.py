@@ -107,6 +107,7 @@ FEW_DIFFER = (
 NO_SCATTER_OF_RULE = "a quadrature rule has no scatter, so its error is unknown"
 IMPOSSIBLE_MOMENT = "negative weights of the rule give an impossible {moment}: try a higher order"
 MISSING_NODES = "biased: {failed} of {nodes} nodes failed ({share:.3g} % of the weight)"
+ABSENT_NODES = "biased: {failed} of {nodes} nodes gave no value ({share:.3g} % of the weight)"
 NO_WEIGHT = "the weights of the completed runs add up to zero"
 
 # Elementary effects and responses.
@@ -115,6 +116,7 @@ SINGLE_EFFECT = "a single effect has no scatter"
 TOO_FEW_EFFECTS = "at least two effects are needed"
 NO_SCATTER_OF_EFFECTS = "the effects show no scatter, so their error is unknown"
 MISSING_EFFECTS = "{failed} of {effects} effects are missing because a run failed"
+ABSENT_EFFECTS = "{failed} of {effects} effects are missing because a run gave no value"
 ONE_POINT = "a derivative at one point has no scatter"
 FIXED_INPUT = "a fixed input has no uncertainty"
 ONE_SIDED_STEP = "from the step {side} only: the other run failed"
