@@ -83,19 +83,15 @@ def analyze(
         fields = [quantity for quantity in quantities if quantity.output.dims]
         if sampling.is_sample:
             drawn = drawn_runs(handle)
-            levels = {q.output.name: q.confidence_level for q in quantities}
-            samples = {
-                name: replace(sample, level=levels[name])
-                for name, sample in Sample.several_from_runs(drawn, list(found)).items()
-            }
+            samples = _samples(drawn, scalars)
             counts = {name: output_run_counts(drawn, name) for name in found}
             analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.template.coords)
             _run_analyses(analyses, scalars, samples, counts, found)
-            of_fields = {
-                quantity.output.name: FieldSample(samples[quantity.output.name], quantity.output)
-                for quantity in fields
-            }
-            _run_analyses(_select(FIELD_ANALYSES, only), fields, of_fields, counts, found)
+            # One field after the other, as the values of one may be most of the memory.
+            for quantity in fields:
+                (sample,) = _samples(drawn, [quantity]).values()
+                field = {quantity.output.name: FieldSample(sample, quantity.output)}
+                _run_analyses(_select(FIELD_ANALYSES, only), [quantity], field, counts, found)
         # A design that is made for a statistic estimates it better than its sample does.
         for analyses_of_designs, chosen in (
             (ANALYSES_OF_DESIGNS, scalars),
@@ -158,6 +154,15 @@ def in_catalogue_order(statistics: Mapping[str, xr.DataArray]) -> OutputStatisti
     return dict(sorted(statistics.items(), key=lambda item: places.get(item[0], len(places))))
 
 
+def _samples(runs: BlockedRuns, quantities: Sequence[QuantityOfInterest]) -> dict[str, Sample]:
+    """Return the samples of outputs by name, with the confidence level of their intervals."""
+    found = Sample.several_from_runs(runs, [quantity.output.name for quantity in quantities])
+    return {
+        quantity.output.name: replace(found[quantity.output.name], level=quantity.confidence_level)
+        for quantity in quantities
+    }
+
+
 def _select(
     analyses: Mapping[str, Sequence[str]], only: Collection[str] | None
 ) -> Iterator[tuple[str, Analysis]]:
@@ -188,7 +193,14 @@ def _run_analyses(
         for quantity in quantities:
             name = quantity.output.name
             for statistic, array in analysis(evidence[name], quantity):
-                found[name][statistic] = array.assign_attrs(attributes[name])
+                found[name][statistic] = _with_counts(array, attributes[name])
+
+
+def _with_counts(array: xr.DataArray, attributes: Mapping[str, int | str]) -> xr.DataArray:
+    """Return a statistic with the counts of its runs, and all conditions that it has."""
+    conditions = [each[CONDITIONAL] for each in (attributes, array.attrs) if CONDITIONAL in each]
+    joined = {CONDITIONAL: " and ".join(map(str, conditions))} if conditions else {}
+    return array.assign_attrs({**attributes, **joined})
 
 
 def run_counts(runs: BlockedRuns) -> dict[str, int | str]:

@@ -22,7 +22,7 @@ from uqpen.statistics.distribution_function.probabilities import (
     acceptance_coordinates,
     event_probability,
 )
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimates import Estimates
 from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.sample import Sample
 
@@ -60,8 +60,8 @@ def joint_probabilities(
     outputs = sorted(set[str]().union(*(event.outputs for event in known)))
     samples = Sample.several_from_runs(drawn, outputs)
     absent = [name for name in outputs if absent_runs(drawn, name) is not None]
-    array = Estimate.stack(
-        [_estimate(event, samples, absent, level) for event in known],
+    estimates = [_estimate(event, samples, absent, level) for event in known]
+    array = Estimates.stack(estimates).to_array(
         EVENT,
         units="1",
         long_name="probability of an event of several outputs",
@@ -81,7 +81,7 @@ def joint_probabilities(
 
 def _estimate(
     event: JointEvent, samples: dict[str, Sample], absent: Sequence[str], level: float
-) -> Estimate:
+) -> Estimates:
     # Some runs may lack a derived output; those that have all outputs of the event are used.
     used = reduce(np.intersect1d, (samples[limit.output].used for limit in event.limits))
     met = [limit.is_met(_at(samples[limit.output], used)) for limit in event.limits]
@@ -90,7 +90,9 @@ def _estimate(
     sample = replace(samples[event.limits[0].output], used=used, values=values, level=level)
     estimate = event_probability(sample, occurs)
     has_all = all(limit.output not in absent for limit in event.limits)
-    return estimate if has_all else estimate.with_note(estimate.note, texts.ALL_EXIST)
+    if has_all:
+        return estimate
+    return replace(estimate, note="; ".join(filter(None, (str(estimate.note), texts.ALL_EXIST))))
 
 
 def _at(sample: Sample, used: IntArray) -> FloatArray:
