@@ -123,7 +123,7 @@ class Sample:
             is_used &= handle.column(WEIGHT) > 0  # a run without a weight counts for nothing
         used = np.flatnonzero(is_used)
         whole = cls._from_values(handle, np.full(used.shape, np.nan), used)
-        values = {name: handle.column(name)[used].astype(np.float64) for name in names}
+        values = {name: np.asarray(handle.column(name)[used], dtype=np.float64) for name in names}
         return {name: replace(whole, values=found) for name, found in values.items()}
 
     @classmethod
