@@ -169,7 +169,7 @@ FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set o
 ADMISSIBLE_INPUTS = "admissible inputs"
 # Of an output that some runs do not have.
 ALL_EXIST = "of the runs in which all its outputs have a value"
-VALUE_EXISTS = "a value of it ({absent} in {share:.3g} % of the completed runs)"
+VALUE_EXISTS = "its existence ({absent} in {share:.3g} % of the completed runs)"
 REACHED = "the curve's reaching the place"
 MISSING_SHARE = "{share:.3g} % of the admissible runs"
 FEW_FAILED = "fewer than {runs} failed runs are too few for an interval"
