@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import trapezoid
 
-from uqpen.core.model import Input
 from uqpen.distributions.continuous import Uniform
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.models.campbell import Campbell
@@ -25,10 +24,7 @@ FloatArray = npt.NDArray[np.float64]
 LOWER, UPPER = -1.0, 5.0
 CURVE = Campbell.outputs[0]
 JOINT = JointDistribution(
-    tuple(
-        RandomInput(Input(name, "1"), Uniform(LOWER, UPPER), "1")
-        for name in ["x1", "x2", "x3", "x4"]
-    ),
+    tuple(RandomInput(entry, Uniform(LOWER, UPPER), "1") for entry in Campbell.inputs),
     Campbell.inputs,
 )
 # Mean and variance of x4, and of any other input.
