@@ -63,6 +63,7 @@ FIELD_ANALYSES: Mapping[str, list[str]] = MappingProxyType(
         "moments": ["uqpen.statistics.fields.place_statistics:moments_at_places"],
         "quantiles": ["uqpen.statistics.fields.place_statistics:quantiles_at_places"],
         "exceedance": ["uqpen.statistics.fields.place_statistics:probabilities_at_places"],
+        "sensitivity": ["uqpen.statistics.fields.given_data_at_places:first_order_at_places"],
         "reached": ["uqpen.statistics.fields.place_statistics:reached"],
     }
 )

@@ -11,7 +11,13 @@ from uqpen.statistics.intervals import additive_residual_error, ratio_error
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.weights import weighted_mean_error
 
-__all__ = ["cdf_error", "probability_error", "rounding_error", "standard_error"]
+__all__ = [
+    "cdf_error",
+    "probability_error",
+    "rounding_error",
+    "standard_error",
+    "standard_errors",
+]
 
 
 def standard_error(sample: Sample, influence: FloatArray) -> tuple[float, float]:
@@ -29,20 +35,39 @@ def standard_error(sample: Sample, influence: FloatArray) -> tuple[float, float]
     error, freedom : float
         NaN and 0 where the design allows none.
     """
+    error, freedom = standard_errors(sample, influence)
+    return float(error), freedom
+
+
+def standard_errors(sample: Sample, influence: FloatArray) -> tuple[FloatArray, float]:
+    """Return what `standard_error` does, of several means over the same runs.
+
+    Parameters
+    ----------
+    sample : Sample
+    influence : ndarray, shape (..., run)
+        As of one mean.
+
+    Returns
+    -------
+    errors : ndarray, shape (...)
+    freedom : float
+    """
     if sample.reason_without_intervals:
-        return math.nan, 0
+        return np.full(influence.shape[:-1], np.nan), 0
     if sample.error_model is ErrorModel.REPLICATED:
         return ratio_error(influence, sample.replicate, sample.replicate_count)
     if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
         # With failed runs, the mean is a ratio of sums over all points, and a failed run adds
         # nothing to them.
-        deviation = np.zeros(len(sample.replicates))
-        deviation[sample.used] = influence - influence.mean()
-        error, freedom = additive_residual_error(deviation, sample.points)
-        return error * len(sample.replicates) / sample.size, freedom
-    if sample.run_weights is not None:
-        return weighted_mean_error(influence, sample.run_weights), sample.degrees_of_freedom
-    return float(influence.std(ddof=1)) / math.sqrt(sample.size), sample.degrees_of_freedom
+        deviation = np.zeros((*influence.shape[:-1], len(sample.replicates)))
+        deviation[..., sample.used] = influence - influence.mean(axis=-1, keepdims=True)
+        errors, freedom = additive_residual_error(deviation, sample.points)
+        return errors * len(sample.replicates) / sample.size, freedom
+    if (weights := sample.run_weights) is not None:
+        errors = np.apply_along_axis(weighted_mean_error, -1, influence, weights)
+        return errors, sample.degrees_of_freedom
+    return influence.std(axis=-1, ddof=1) / math.sqrt(sample.size), sample.degrees_of_freedom
 
 
 def rounding_error(sample: Sample) -> float:
