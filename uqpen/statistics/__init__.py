@@ -53,7 +53,16 @@ ANALYSES = {
 
 # The analyses that are right for weighted runs. The others would count every run the same.
 WEIGHTED_ANALYSES = frozenset(
-    {"moments", "quantiles", "percentiles", "exceedance", "cdfs", "shares", "convergence"}
+    {
+        "moments",
+        "quantiles",
+        "percentiles",
+        "exceedance",
+        "cdfs",
+        "shares",
+        "convergence",
+        "reached",
+    }
 )
 
 # The analyses of a field, by the group of their results: functions of a `FieldSample`. The

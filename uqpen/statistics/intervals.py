@@ -14,12 +14,12 @@ import numpy.typing as npt
 from scipy import special
 
 from uqpen.core.arrays import FloatArray, IntArray
-from uqpen.statistics.group_sums import group_sums
 
 __all__ = [
     "additive_residual_error",
     "clopper_pearson",
     "dkw_half_width",
+    "group_sums",
     "order_statistic_ranks",
     "ratio_error",
     "ratio_jackknife_error",
@@ -35,6 +35,27 @@ def student_quantile(freedom: float, level: float) -> float:
     return math.nan if freedom < 1 else float(special.stdtrit(freedom, 0.5 + level / 2))
 
 
+def group_sums(values: FloatArray, group: IntArray, groups: int) -> FloatArray:
+    """Return the sums of values over the groups of their last axis.
+
+    Parameters
+    ----------
+    values : ndarray, shape (..., run)
+    group : ndarray of int, shape (run,)
+        The group of each run, from 0.
+    groups : int
+        Number of groups.
+
+    Returns
+    -------
+    ndarray, shape (..., group)
+    """
+    sums = np.empty((*values.shape[:-1], groups))
+    for row in np.ndindex(values.shape[:-1]):
+        sums[row] = np.bincount(group, values[row], groups)
+    return sums
+
+
 def ratio_error(
     influence: FloatArray, replicate: IntArray, replicates: int
 ) -> tuple[FloatArray, float]:
@@ -46,7 +67,7 @@ def ratio_error(
     Parameters
     ----------
     influence : ndarray, shape (..., run)
-        Values whose mean is estimated, of one mean or of several.
+        Values whose mean is estimated, at any places.
     replicate : ndarray of int, shape (run,)
         The replicate of each run, from 0.
     replicates : int
@@ -60,7 +81,7 @@ def ratio_error(
     """
     deviation = influence - influence.mean(axis=-1, keepdims=True)
     sums = group_sums(deviation, replicate, replicates)
-    scale = replicates / influence.shape[-1]
+    scale = replicates / len(replicate)
     variance = scale**2 * (sums**2).sum(axis=-1) / (replicates * (replicates - 1))
     return np.sqrt(variance), replicates - 1
 
@@ -108,7 +129,7 @@ def additive_residual_error(influence: FloatArray, inputs: FloatArray) -> tuple[
     Parameters
     ----------
     influence : ndarray, shape (..., run)
-        Values whose mean is estimated, of one mean or of several.
+        Values whose mean is estimated, at any places.
     inputs : ndarray, shape (run, input)
         The random inputs; only their order counts.
 
@@ -117,15 +138,16 @@ def additive_residual_error(influence: FloatArray, inputs: FloatArray) -> tuple[
     error : ndarray, shape (...)
         Standard error of the mean.
     freedom : float
-        The degrees of freedom of the residuals.
+        Degrees of freedom of the residuals.
     """
     runs, dimension = inputs.shape
     # At least half of the runs are left to the residuals.
     bins = min(math.isqrt(runs), runs // (2 * dimension)) if dimension else 1
     if runs < 2 or bins < 2:
         freedom = runs - 1
-        none = np.full(influence.shape[:-1], np.nan)
-        return (influence.std(axis=-1, ddof=1) / math.sqrt(runs) if freedom else none), freedom
+        if not freedom:
+            return np.full(influence.shape[:-1], np.nan), freedom
+        return influence.std(axis=-1, ddof=1) / math.sqrt(runs), freedom
     order = np.argsort(inputs, axis=0, kind="stable")
     label = np.empty((dimension, runs), dtype=np.int64)
     for column in range(dimension):

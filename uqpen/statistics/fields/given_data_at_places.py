@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.fields.place_arrays import input_place_array
@@ -70,9 +71,19 @@ class _DistanceShape(SampleShape):
     """The shape of distances from a mean curve, which are deviations as they are."""
 
     @cached_property
-    def mean(self) -> float:
+    def mean(self) -> FloatArray:
         """Zero."""
-        return 0.0
+        return np.zeros(self.sample.values.shape[:-1])
+
+
+@dataclass(frozen=True)
+class _PlaceVariable(Variable):
+    """The values of a field at a place."""
+
+    @property
+    def _tail_note(self) -> str:
+        # Places have a text in common.
+        return texts.HEAVY_TAIL_AT_PLACES
 
 
 @dataclass(frozen=True)
@@ -250,7 +261,7 @@ class _FieldRegressions:
             for start in range(0, len(group.places), size):
                 positions = range(start, min(start + size, len(group.places)))
                 places = group.places[start : start + size]
-                variables = [Variable(group.at(position)) for position in positions]
+                variables = [_PlaceVariable(group.at(position)) for position in positions]
                 weights = [
                     weight * (each.std / self.unit) ** 2
                     for each, weight in zip(variables, self.field.weights[places], strict=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.sensitivity.input_measures import reason_of_input, reason_of_output
 from uqpen.statistics.sensitivity.local_regression import RegressionBins, ResidualVariance
-from uqpen.statistics.standard_errors import standard_errors
+from uqpen.statistics.standard_errors import standard_error
 
 __all__ = ["LocalRegressions", "Variable", "Variables", "VarianceParts"]
 
@@ -66,7 +66,7 @@ class Variable:
     @property
     def std(self) -> float:
         """The standard deviation in the unit of the values."""
-        return self.shape.scale * float(self.shape.deviations.std())
+        return float(self.shape.scale * self.shape.deviations.std())
 
     @property
     def standardized(self) -> FloatArray:
@@ -108,13 +108,17 @@ class Variable:
         # A logarithm shows less of a tail than the output does. Where 1 000 runs of the concrete
         # study showed none in it, the largest index was covered in 78 %.
         may_hide = self.has_doubtful_source and self.shape.has_few_effective_runs
-        return self.shape.is_doubtful or may_hide
+        return bool(self.shape.is_doubtful or may_hide)
 
     @property
     def _warning(self) -> str:
         if self.shape.hidden_tail:
             return texts.ONLY_RUNS.format(runs=self.sample.size)
-        return self.shape.tail_note if self.shape.is_heavy else ""
+        return self._tail_note if self.shape.is_heavy else ""
+
+    @property
+    def _tail_note(self) -> str:
+        return self.shape.tail_note
 
     @property
     def _reason_without_bounds(self) -> str:
@@ -140,7 +144,7 @@ class Variables:
     def variance(self) -> FloatArray:
         """Variance of each about the mean of its distribution, which differs from the sample's."""
         sample = self.each[0].sample
-        errors, freedom = standard_errors(sample, self.standardized)
+        errors, freedom = standard_error(sample, self.standardized)
         return 1 + errors**2 if freedom else np.full(len(self.each), 1 + 1 / sample.size)
 
 
@@ -175,7 +179,7 @@ class VarianceParts:
         values = 1 - self.left / self.total
         ratio = (self.left / self.total)[:, None]
         influence = (ratio * self.squares - self.left_influence) / self.total[:, None]
-        errors, freedom = standard_errors(sample, influence)
+        errors, freedom = standard_error(sample, influence)
         numbers = zip(values, errors, self.pair_noise / self.total, strict=True)
         return [
             variable.estimate(float(value), float(error), freedom, float(noise))

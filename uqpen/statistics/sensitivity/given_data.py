@@ -73,7 +73,7 @@ class _Indices:
         self, values: FloatArray, prefix: str, title: str
     ) -> tuple[str, xr.DataArray]:
         """Indices of a variable over the runs, along ``input``."""
-        has_doubtful_source = SampleShape(self.sample).is_doubtful
+        has_doubtful_source = bool(SampleShape(self.sample).is_doubtful)
         variable = Variable(replace(self.sample, values=values), has_doubtful_source)
         (estimates,), name = self.regressions.indices([variable]), indices_name(title, self.sample)
         array = input_array(estimates, self.sample.inputs, name, level=self.sample.level)

@@ -9,7 +9,7 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.streams import Stream
-from uqpen.statistics.group_sums import group_sums
+from uqpen.statistics.intervals import group_sums
 from uqpen.statistics.sample import ErrorModel, Sample
 
 __all__ = ["RegressionBins", "ResidualVariance"]
