@@ -11,13 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import xarray as xr
 from scipy.integrate import trapezoid
 
+from uqpen.core.labels import SAMPLING
+from uqpen.core.streams import Stream
+from uqpen.designs.design import Design
+from uqpen.designs.rounds import run_rounds
 from uqpen.distributions.continuous import Uniform
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.execution import Evaluator, evaluate, join_rounds
 from uqpen.models.campbell import Campbell
 
-__all__ = ["CURVE", "JOINT", "Exact", "exact"]
+__all__ = ["CURVE", "JOINT", "Exact", "exact", "runs_of"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -29,6 +35,19 @@ JOINT = JointDistribution(
 )
 # Mean and variance of x4, and of any other input.
 MEAN, VARIANCE = 2.0, 3.0
+
+
+def runs_of(design: Design, seed: int) -> xr.Dataset:
+    """Return the runs of a design, by its seed."""
+    evaluator = Evaluator(Campbell())
+    rounds = run_rounds(
+        design,
+        JOINT,
+        Stream(seed, "designs", "campbell"),
+        lambda points, _: {"": evaluate(evaluator, points, {})},
+    )
+    runs = join_rounds([each[""] for each in rounds])
+    return runs.assign_attrs({SAMPLING: str(design.sampling)})
 
 
 class Exact(NamedTuple):

@@ -12,6 +12,7 @@ __all__ = [
     "ENDED",
     "EXTENDED",
     "FEWEST_SEEDS",
+    "FIELD_INDICES",
     "LOWEST",
     "SKEWED",
     "STOPPED_REPLICATES",
@@ -54,12 +55,14 @@ class Place(NamedTuple):
 
 
 # The tables of the other benchmarks: `skewed_coverage.py`, `usecase_coverage.py`,
-# `deciding_coverage.py`, `stopped_replicates_coverage.py`, `extended_designs.py`.
+# `deciding_coverage.py`, `stopped_replicates_coverage.py`, `extended_designs.py`,
+# `field_indices_coverage.py`.
 SKEWED = Place("skewed outputs")
 USE_CASES = Place("use cases")
 ENDED = Place("designs that end by themselves")
 STOPPED_REPLICATES = Place("replicates that end by themselves")
 EXTENDED = Place("extended designs")
+FIELD_INDICES = Place("indices of fields")
 
 _KEY = ("problem", "design", "runs", "statistic")
 

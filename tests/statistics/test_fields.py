@@ -39,7 +39,8 @@ def runs() -> xr.Dataset:
 
 def test_a_statistic_has_the_dimensions_of_its_field_first(runs: xr.Dataset) -> None:
     found = analyze.analyze(runs, QUANTITIES)
-    assert list(found["curve"]) == ["mean", "std", "quantile"]
+    indices = ["first_order", "generalized_first_order"]
+    assert list(found["curve"]) == ["mean", "std", "quantile", *indices]
     assert found["curve"]["mean"].dims == ("time", "bound")
     assert found["curve"]["quantile"].dims == ("time", "probability", "bound")
     expected = runs["x"].values.mean() * np.array([1, 2, 3])

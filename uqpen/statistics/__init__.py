@@ -100,4 +100,16 @@ ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyTy
 )
 
 # The same for fields: functions of all runs.
-FIELD_ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType({})
+FIELD_ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType(
+    {
+        Sampling.PICK_FREEZE: {
+            "sensitivity": ["uqpen.statistics.fields.sobol_at_places:sobol_indices_at_places"],
+        },
+        Sampling.TRAJECTORIES: {
+            "sensitivity": ["uqpen.statistics.fields.effects_at_places:effects_at_places"],
+        },
+        Sampling.ONE_AT_A_TIME: {
+            "sensitivity": ["uqpen.statistics.fields.effects_at_places:responses_at_places"],
+        },
+    }
+)

@@ -14,7 +14,7 @@ from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.model import Dimension, Output
 from uqpen.statistics.sample import Sample
 
-__all__ = ["FieldSample", "PlaceSamples", "field_coordinates", "place_weights"]
+__all__ = ["FieldSample", "PlaceSamples", "equal_columns", "field_coordinates", "place_weights"]
 
 # Values of a field that are taken together, so that memory is bounded: 8 MB.
 _MOST_VALUES = 2**20
@@ -90,7 +90,7 @@ class FieldSample:
     def samples(self) -> Iterator[PlaceSamples]:
         """Yield the samples at all places, together for places that exist in the same runs."""
         most = max(_MOST_VALUES // max(self.runs.size, 1), 1)
-        for places in _equal_columns(self.exists):
+        for places in equal_columns(self.exists):
             chosen = np.flatnonzero(self.exists[:, places[0]])
             used = self.runs.used[chosen]
             for start in range(0, len(places), most):
@@ -100,7 +100,7 @@ class FieldSample:
                 yield PlaceSamples(part, replace(self.runs, values=values, used=used))
 
 
-def _equal_columns(mask: BoolArray) -> Iterator[IntArray]:
+def equal_columns(mask: BoolArray) -> Iterator[IntArray]:
     """Yield the positions of equal columns of a mask, in the order of the first of each."""
     if mask.all():
         yield np.arange(mask.shape[1])

@@ -12,14 +12,15 @@ import xarray as xr
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.fields.distances import DistanceShape
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.fields.place_arrays import input_place_array
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.sensitivity.explained_variance import (
     LocalRegressions,
-    Variable,
-    Variables,
+    SampledVariable,
+    StandardizedVariables,
     VarianceParts,
 )
 from uqpen.statistics.sensitivity.given_data import indices_name
@@ -59,7 +60,7 @@ def first_order_at_places(
     whole = _FieldRegressions(sample)
     rows = whole.place_indices()
     title = indices_name(quantity.output.title, sample.runs)
-    yield "first_order", input_place_array(rows, sample.dims, inputs, title, level)
+    yield "first_order", input_place_array(rows, quantity.output, inputs, title, level)
     generalized = whole.generalized_indices(rows)
     yield (
         "generalized_first_order",
@@ -67,17 +68,8 @@ def first_order_at_places(
     )
 
 
-class _DistanceShape(SampleShape):
-    """The shape of distances from a mean curve, which are deviations as they are."""
-
-    @cached_property
-    def mean(self) -> FloatArray:
-        """Zero."""
-        return np.zeros(self.sample.values.shape[:-1])
-
-
 @dataclass(frozen=True)
-class _PlaceVariable(Variable):
+class _PlaceVariable(SampledVariable):
     """The values of a field at a place."""
 
     @property
@@ -87,7 +79,7 @@ class _PlaceVariable(Variable):
 
 
 @dataclass(frozen=True)
-class _Distances(Variable):
+class _Distances(SampledVariable):
     """Distances of runs from the mean of a field, in place of a variable."""
 
     has_ends: bool = False
@@ -95,7 +87,7 @@ class _Distances(Variable):
     @cached_property
     def shape(self) -> SampleShape:
         """The shape of their tail."""
-        return _DistanceShape(self.sample)
+        return DistanceShape(self.sample)
 
     @property
     def _is_wider(self) -> bool:
@@ -166,7 +158,7 @@ class _Part:
         The runs in which they exist, by their positions in the field.
     regressions : LocalRegressions
         Of these runs.
-    variables : sequence of Variable
+    variables : sequence of SampledVariable
         The values at each place.
     weights : ndarray, shape (variable,)
         Variance at each place that varies, times its part of the grid.
@@ -175,7 +167,7 @@ class _Part:
     places: IntArray
     runs: IntArray
     regressions: LocalRegressions
-    variables: Sequence[Variable]
+    variables: Sequence[SampledVariable]
     weights: FloatArray
 
 
@@ -214,7 +206,7 @@ class _FieldRegressions:
 
             def add(
                 column: int,
-                _: Variables,
+                _: StandardizedVariables,
                 lines: ResidualVariance,
                 parts: VarianceParts,
                 part: _Part = part,
@@ -247,7 +239,9 @@ class _FieldRegressions:
         """Return the share of the field's variance that bins of half the size explain."""
         explained = 0.0
         for part in self._parts():
-            known = Variables([each for each in part.variables if not each.reason_without_indices])
+            known = StandardizedVariables(
+                [each for each in part.variables if not each.reason_without_indices]
+            )
             if known.each:
                 shares = part.regressions.halved_shares(known, column, list(range(len(known.each))))
                 explained += float((part.weights * known.variance) @ shares)

@@ -20,7 +20,7 @@ from uqpen.statistics.sensitivity.input_measures import reason_of_input, reason_
 from uqpen.statistics.sensitivity.local_regression import RegressionBins, ResidualVariance
 from uqpen.statistics.standard_errors import standard_error
 
-__all__ = ["LocalRegressions", "Variable", "Variables", "VarianceParts"]
+__all__ = ["LocalRegressions", "SampledVariable", "StandardizedVariables", "VarianceParts"]
 
 
 # Three bins: with fewer, a curved mean cannot be distinguished from noise.
@@ -35,7 +35,7 @@ _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Variable:
+class SampledVariable:
     """A variable over runs, and the interval of the share of its variance that an input explains.
 
     Parameters
@@ -130,10 +130,10 @@ class Variable:
 
 
 @dataclass(frozen=True, eq=False)
-class Variables:
-    """Several variables over the same runs, each of which varies."""
+class StandardizedVariables:
+    """Variables over the same runs, all of which vary."""
 
-    each: Sequence[Variable]
+    each: Sequence[SampledVariable]
 
     @cached_property
     def standardized(self) -> FloatArray:
@@ -169,12 +169,12 @@ class VarianceParts:
     pair_noise: FloatArray
 
     @classmethod
-    def about(cls, lines: ResidualVariance, variables: Variables) -> VarianceParts:
+    def about(cls, lines: ResidualVariance, variables: StandardizedVariables) -> VarianceParts:
         """Return the parts about the lines through variables."""
         squares = variables.standardized**2
         return cls(variables.variance, lines.variance, squares, lines.influence, lines.pair_noise)
 
-    def estimates(self, variables: Sequence[Variable], sample: Sample) -> list[Estimate]:
+    def estimates(self, variables: Sequence[SampledVariable], sample: Sample) -> list[Estimate]:
         """Return the share of each variance that the input explains, with its bounds."""
         values = 1 - self.left / self.total
         ratio = (self.left / self.total)[:, None]
@@ -188,14 +188,14 @@ class VarianceParts:
 
 
 # Hears an input's number, variables, the lines of the input's bins, and the parts about them.
-Listener = Callable[[int, Variables, ResidualVariance, VarianceParts], None]
+Listener = Callable[[int, StandardizedVariables, ResidualVariance, VarianceParts], None]
 
 
 @dataclass(frozen=True)
 class LocalRegressions:
     """The runs of a sample, put together by each of their inputs.
 
-    Variables over these runs have the bins of the inputs in common.
+    StandardizedVariables over these runs have the bins of the inputs in common.
     """
 
     sample: Sample
@@ -216,17 +216,19 @@ class LocalRegressions:
         return {}
 
     def indices(
-        self, variables: Sequence[Variable], listener: Listener | None = None
+        self, variables: Sequence[SampledVariable], listener: Listener | None = None
     ) -> list[list[Estimate]]:
         """Estimate the index of each input, for each variable.
 
         Parameters
         ----------
-        variables : sequence of Variable
+        variables : sequence of SampledVariable
         listener : callable, optional
             Called with each input, the variables that vary, and their lines and parts.
         """
-        known = Variables([each for each in variables if not each.reason_without_indices])
+        known = StandardizedVariables(
+            [each for each in variables if not each.reason_without_indices]
+        )
         columns = [self._input_indices(known, column, listener) for column in self.inputs]
         rows = zip(*columns, strict=True)
         return [self.row(each.reason_without_indices or next(rows)) for each in variables]
@@ -239,7 +241,7 @@ class LocalRegressions:
         return [each.with_note(each.note, note) for each in found]
 
     def _input_indices(
-        self, known: Variables, column: int, listener: Listener | None
+        self, known: StandardizedVariables, column: int, listener: Listener | None
     ) -> list[Estimate]:
         if not known.each:
             return []
@@ -253,7 +255,9 @@ class LocalRegressions:
             known.each, parts, lambda rows: self.halved_shares(known, column, rows)
         )
 
-    def halved_shares(self, known: Variables, column: int, rows: list[int]) -> FloatArray:
+    def halved_shares(
+        self, known: StandardizedVariables, column: int, rows: list[int]
+    ) -> FloatArray:
         """Return the shares that bins of half the size explain, of some variables."""
         if column not in self._halved_bins:
             bins = RegressionBins.from_sample(self.sample, column, halved=True)
@@ -263,7 +267,7 @@ class LocalRegressions:
 
     def estimates(
         self,
-        variables: Sequence[Variable],
+        variables: Sequence[SampledVariable],
         parts: VarianceParts,
         halved_shares: Callable[[list[int]], FloatArray],
     ) -> list[Estimate]:
@@ -271,7 +275,7 @@ class LocalRegressions:
 
         Parameters
         ----------
-        variables : sequence of Variable
+        variables : sequence of SampledVariable
         parts : VarianceParts
             Their variances about the lines of the input's bins.
         halved_shares : callable

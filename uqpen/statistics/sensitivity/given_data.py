@@ -19,7 +19,7 @@ from uqpen.statistics.distribution_function.probabilities import (
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sample_shape import SampleShape
-from uqpen.statistics.sensitivity.explained_variance import LocalRegressions, Variable
+from uqpen.statistics.sensitivity.explained_variance import LocalRegressions, SampledVariable
 from uqpen.statistics.sensitivity.input_measures import event_array, input_array
 
 __all__ = ["first_order", "indices_name"]
@@ -74,7 +74,7 @@ class _Indices:
     ) -> tuple[str, xr.DataArray]:
         """Indices of a variable over the runs, along ``input``."""
         has_doubtful_source = bool(SampleShape(self.sample).is_doubtful)
-        variable = Variable(replace(self.sample, values=values), has_doubtful_source)
+        variable = SampledVariable(replace(self.sample, values=values), has_doubtful_source)
         (estimates,), name = self.regressions.indices([variable]), indices_name(title, self.sample)
         array = input_array(estimates, self.sample.inputs, name, level=self.sample.level)
         return f"{prefix}first_order", array
@@ -84,7 +84,9 @@ class _Indices:
     ) -> tuple[str, xr.DataArray]:
         """Indices of events, given the runs in which each event occurs."""
         samples = [replace(self.sample, values=event.astype(np.float64)) for event in events]
-        rows = self.regressions.indices([Variable(sample, is_event=True) for sample in samples])
+        rows = self.regressions.indices(
+            [SampledVariable(sample, is_event=True) for sample in samples]
+        )
         inputs, name = self.sample.inputs, indices_name(title, self.sample)
         array = event_array(rows, coordinates, inputs, name, self.sample.level)
         return f"{prefix}first_order", array
