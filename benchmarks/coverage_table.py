@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 __all__ = [
+    "BANDS",
     "ENDED",
     "EXTENDED",
     "FEWEST_SEEDS",
@@ -63,6 +64,7 @@ ENDED = Place("designs that end by themselves")
 STOPPED_REPLICATES = Place("replicates that end by themselves")
 EXTENDED = Place("extended designs")
 FIELD_INDICES = Place("indices of fields")
+BANDS = Place("bands along a curve")
 
 _KEY = ("problem", "design", "runs", "statistic")
 

@@ -97,37 +97,58 @@ class RigidMotion(NamedTuple):
     ----------
     inertia, resistance : ndarray, shape (run,)
         K, m, and B, m2 s-2.
-    rest_depth, rest_time : ndarray, shape (run,)
-        Where they come to rest, m, s.
+    velocity, depth, time : ndarray, shape (run,)
+        Where it begins, m s-1, m, s.
     """
 
     inertia: FloatArray
     resistance: FloatArray
-    rest_depth: FloatArray
-    rest_time: FloatArray
+    velocity: FloatArray
+    depth: FloatArray
+    time: FloatArray
 
     @classmethod
     def after(cls, rods: Rods, state: FloatArray) -> RigidMotion:
         """Return the motion of rods after a state of u, x, L, z and the time, shape (5, run)."""
         u, _, L, z, t = state
-        inertia = rods.density_ratio * L + rods.added_length
-        root = np.sqrt(rods.resistance)
-        rest_depth = z + inertia * special.log1p(u**2 / rods.resistance)
-        rest_time = t + 2 * inertia / root * np.arctan(u / root)
-        return cls(inertia, rods.resistance, rest_depth, rest_time)
+        return cls(rods.density_ratio * L + rods.added_length, rods.resistance, u, z, t)
 
     def select(self, run: IntArray) -> RigidMotion:
         """Return the motion of some runs; one may be there several times."""
         return RigidMotion(*(each[run] for each in self))
 
+    @property
+    def rest_depth(self) -> FloatArray:
+        """Depth at which each rod comes to rest, m."""
+        further: FloatArray = self.inertia * special.log1p(self.velocity**2 / self.resistance)
+        return self.depth + further
+
+    @property
+    def rest_time(self) -> FloatArray:
+        """Time at which each rod comes to rest, s."""
+        root = np.sqrt(self.resistance)
+        return self.time + 2 * self.inertia / root * np.arctan(self.velocity / root)
+
     def at_depths(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the velocity of each run, m s-1, and the time, s, at a depth of its own, m."""
-        u = np.sqrt(self.resistance * special.expm1((self.rest_depth - z) / self.inertia))
+        gone, left = z - self.depth, self.rest_depth - z
+        # Exact at the nearer end of the motion.
+        square = np.where(
+            gone < left,
+            self.velocity**2
+            + (self.velocity**2 + self.resistance) * special.expm1(-gone / self.inertia),
+            self.resistance * special.expm1(left / self.inertia),
+        )
+        u = np.sqrt(np.maximum(square, 0.0))
         root = np.sqrt(self.resistance)
-        return u, self.rest_time - 2 * self.inertia / root * np.arctan(u / root)
+        angle = np.arctan(self.velocity / root) - np.arctan(u / root)
+        return u, self.time + 2 * self.inertia / root * angle
 
     def at_times(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the velocity of each run, m s-1, and the depth, m, at a time of its own, s."""
         root = np.sqrt(self.resistance)
-        u = root * np.tan((self.rest_time - t) * root / (2 * self.inertia))
-        return u, self.rest_depth - self.inertia * special.log1p(u**2 / self.resistance)
+        tangent = np.tan((t - self.time) * root / (2 * self.inertia))
+        slower = (self.velocity - root * tangent) / (1 + self.velocity / root * tangent)
+        u = np.maximum(slower, 0.0)
+        lost = (self.velocity**2 - u**2) / (u**2 + self.resistance)
+        return u, self.depth + self.inertia * special.log1p(lost)

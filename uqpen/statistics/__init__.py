@@ -62,6 +62,8 @@ WEIGHTED_ANALYSES = frozenset(
         "shares",
         "convergence",
         "reached",
+        "bands",
+        "ranked_curves",
     }
 )
 
@@ -74,6 +76,12 @@ FIELD_ANALYSES: Mapping[str, list[str]] = MappingProxyType(
         "exceedance": ["uqpen.statistics.fields.place_statistics:probabilities_at_places"],
         "sensitivity": ["uqpen.statistics.fields.given_data_at_places:first_order_at_places"],
         "reached": ["uqpen.statistics.fields.place_statistics:reached"],
+        "bands": [
+            "uqpen.statistics.fields.simultaneous_bands:mean_band",
+            "uqpen.statistics.fields.simultaneous_bands:quantile_band",
+            "uqpen.statistics.fields.tolerance_band:tolerance_band",
+        ],
+        "ranked_curves": ["uqpen.statistics.fields.ranked_curves:ranked_curves"],
     }
 )
 
