@@ -205,6 +205,14 @@ true value, *held* is the wrong answer. *By intervals* looks after every run whe
 Clopper-Pearson interval excludes the limit, in place of the test.
 """
 
+_FIELD_INDICES = """\
+## Indices of fields
+
+[Campbell's curve](statistics.md#sensitivity-along-a-curve) at nineteen angles, with its exact indices. A cell gives
+the coverage in per cent, at the angles that of the worst and of the best one. `benchmarks/field_indices_coverage.py` makes this
+table.
+"""
+
 _EXTENDED = """\
 ## Extended designs
 
@@ -275,7 +283,8 @@ def markdown(table: Sequence[Row], designs: Sequence[str], page: str) -> str:
     parts += [_UNCOVERED, _lines(_by_size(uncovered, "coverage_warned"))]
     parts += [_NOTED, _grid(covered, designs, _warned)]
     parts += [_SKEWED, SKEWED.text(page), _ENDED, ENDED.text(page)]
-    parts += [_OF_USE_CASES, USE_CASES.text(page), _EXTENDED, EXTENDED.text(page), _NONE]
+    parts += [_OF_USE_CASES, USE_CASES.text(page), _EXTENDED, EXTENDED.text(page)]
+    parts += [_FIELD_INDICES, FIELD_INDICES.text(page), _NONE]
     return "\n".join(parts)
 
 
