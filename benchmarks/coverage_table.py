@@ -208,9 +208,9 @@ Clopper-Pearson interval excludes the limit, in place of the test.
 _FIELD_INDICES = """\
 ## Indices of fields
 
-[Campbell's curve](statistics.md#sensitivity-along-a-curve) at nineteen angles, with its exact indices. A cell gives
-the coverage in per cent, at the angles that of the worst and of the best one. `benchmarks/field_indices_coverage.py` makes this
-table.
+[Campbell's curve](statistics.md#sensitivity-along-a-curve) at nineteen angles, with its exact
+indices. A cell gives the coverage in per cent; at the angles, that of the worst and of the best.
+`benchmarks/field_indices_coverage.py` makes this table.
 """
 
 _EXTENDED = """\

@@ -97,6 +97,12 @@ class RegressionBins:
         return 1 / self.size[self.label] + self.place**2
 
     @cached_property
+    def free_share(self) -> FloatArray:
+        """What the leverage leaves of each run's residual; infinite where it leaves nothing."""
+        free = 1 - self.leverage
+        return np.where(free > 0, free, np.inf)
+
+    @cached_property
     def slots(self) -> IntArray:
         """Numbers of the runs in some bins, shape (bin, slot); the number of runs for no run.
 
@@ -163,8 +169,7 @@ class ResidualVariance:
     @cached_property
     def _leave_one_out_products(self) -> FloatArray:
         """The product of each run's residual and of that from the line through all others."""
-        free = 1 - self.bins.leverage
-        return np.where(free > 0, self.residual**2 / np.where(free > 0, free, 1), 0)
+        return self.residual**2 / self.bins.free_share
 
     @cached_property
     def _sums(self) -> FloatArray:
@@ -211,8 +216,7 @@ class ResidualVariance:
         ndarray, shape (bin, slot, slot)
             For `RegressionBins.pair_noise`.
         """
-        free = 1 - self.bins.leverage
-        scale = np.where(free > 0, 1 / np.sqrt(np.where(free > 0, free, 1)), 0)
+        scale = 1 / np.sqrt(self.bins.free_share)
         left_out = self.bins.in_slots(self.residual) * self.bins.in_slots(scale)
         left_out *= np.sqrt(weights)[:, None, None]
         return np.einsum("vbj,vbk->bjk", left_out, left_out)
