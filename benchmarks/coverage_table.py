@@ -13,6 +13,7 @@ __all__ = [
     "ENDED",
     "EXTENDED",
     "FEWEST_SEEDS",
+    "FIELD_INDICES",
     "LOWEST",
     "SKEWED",
     "STOPPED_REPLICATES",
@@ -55,12 +56,14 @@ class Place(NamedTuple):
 
 
 # The tables of the other benchmarks: `skewed_coverage.py`, `usecase_coverage.py`,
-# `deciding_coverage.py`, `stopped_replicates_coverage.py`, `extended_designs.py`.
+# `deciding_coverage.py`, `stopped_replicates_coverage.py`, `extended_designs.py`,
+# `field_indices_coverage.py`.
 SKEWED = Place("skewed outputs")
 USE_CASES = Place("use cases")
 ENDED = Place("designs that end by themselves")
 STOPPED_REPLICATES = Place("replicates that end by themselves")
 EXTENDED = Place("extended designs")
+FIELD_INDICES = Place("indices of fields")
 BANDS = Place("bands along a curve")
 
 _KEY = ("problem", "design", "runs", "statistic")
@@ -202,6 +205,14 @@ true value, *held* is the wrong answer. *By intervals* looks after every run whe
 Clopper-Pearson interval excludes the limit, in place of the test.
 """
 
+_FIELD_INDICES = """\
+## Indices of fields
+
+[Campbell's curve](statistics.md#sensitivity-along-a-curve) at nineteen angles, with its exact
+indices. A cell gives the coverage in per cent; at the angles, that of the worst and of the best.
+`benchmarks/field_indices_coverage.py` makes this table.
+"""
+
 _EXTENDED = """\
 ## Extended designs
 
@@ -285,7 +296,7 @@ def markdown(table: Sequence[Row], designs: Sequence[str], page: str) -> str:
     parts += [_NOTED, _grid(covered, designs, _warned)]
     parts += [_SKEWED, SKEWED.text(page), _ENDED, ENDED.text(page)]
     parts += [_OF_USE_CASES, USE_CASES.text(page), _EXTENDED, EXTENDED.text(page)]
-    parts += [_BANDS, BANDS.text(page), _NONE]
+    parts += [_BANDS, BANDS.text(page), _FIELD_INDICES, FIELD_INDICES.text(page), _NONE]
     return "\n".join(parts)
 
 

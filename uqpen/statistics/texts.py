@@ -148,6 +148,8 @@ STEP_FAILED = "both runs of the step failed"
 # Sobol' indices and Shapley effects.
 INCLUDES_CORRELATION = "includes correlation"
 OPTIMIZED_POINTS = "optimized points are not independent: replicates are needed"
+ENDED_BLOCKS = "blocks with a curve that ends before are left out"
+FEW_BLOCKS_REACH = "fewer than half of the blocks reach the place as a whole"
 NO_BLOCK = "no block is complete"
 BLOCKS_OF_ONE_REPLICATE = "all complete blocks are of one replicate"
 FEW_INFORMATIVE_BLOCKS = "fewer than ten blocks contribute to it"
