@@ -24,9 +24,9 @@ class Prediction:
 
     Parameters
     ----------
-    mean : ndarray, shape (run,)
+    mean : ndarray, shape (run,); of a field (run, *dims)
         The predicted values.
-    std : ndarray, shape (run,), or None
+    std : ndarray of that shape, or None
         Their predictive standard deviations; None if the surrogate has none.
     """
 
