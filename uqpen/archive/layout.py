@@ -28,7 +28,6 @@ from uqpen.core.labels import (
     INTERVAL_LABEL,
     LARGEST_CONTRIBUTION,
     MISSING,
-    NOT_ESTIMATED,
     NOT_FITTED,
     NOTE,
     RECIPE,
@@ -55,7 +54,7 @@ _ATTRIBUTES = {
         "text",
     ),
     **dict.fromkeys(("source", "minus", "outputs", "check", "flag_meanings"), "text"),
-    **dict.fromkeys((SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED, NOT_ESTIMATED), "text"),
+    **dict.fromkeys((SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED), "text"),
     **dict.fromkeys(
         (RECIPE, RUNS_SPENT, "runs", "runs_used", "repeats", "reference_runs"), "count"
     ),

@@ -82,8 +82,6 @@ ESTIMATOR = "estimator"
 LARGEST_CONTRIBUTION = "largest_contribution"
 # Of an output that a surrogate could not be fitted to: the reason.
 NOT_FITTED = "not_fitted"
-# Of an output without statistics: the reason.
-NOT_ESTIMATED = "not_estimated"
 DEPENDENCE = "dependence"
 # The rule by which a design decided how many runs it makes, and what that means for intervals.
 STOPPING_RULE = "stopping_rule"

@@ -11,4 +11,5 @@ MODELS = {
     ),
     "rigid-penetration": "uqpen.models.rigid_penetration:RigidPenetration",
     "ishigami": "uqpen.models.ishigami:Ishigami",
+    "campbell-1d": "uqpen.models.campbell:Campbell",
 }

@@ -9,8 +9,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.fields import field_dimensions
-from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.labels import NOT_ESTIMATED, RUNS, STATISTICS_GROUP
+from uqpen.archive.read import model_trees
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.table import first_runs, label_with_unit, output_names
 
@@ -18,13 +17,12 @@ __all__ = ["dimensions_json", "field_lines"]
 
 
 def field_lines(tree: xr.DataTree) -> Iterator[str]:
-    """Yield a line for each field of each model, then the reason why it has no statistics.
+    """Yield a line for each field of each model.
 
     Examples
     --------
     ``infected: along time [day] from 0 to 160 (161)``
     """
-    reasons: dict[str, None] = {}
     for name, model in model_trees(tree).items():
         head = f"{name}: " if name else ""
         runs = first_runs(model)
@@ -34,16 +32,6 @@ def field_lines(tree: xr.DataTree) -> Iterator[str]:
                 unit = str(runs[output].attrs.get("display_units", DIMENSIONLESS))
                 places = ", ".join(_extent(runs[dimension]) for dimension in along)
                 yield f"{head}{label_with_unit(output, unit)}: along {places}"
-                reasons |= dict.fromkeys(_reasons(model, output))
-    for reason in reasons:
-        yield f"not analysed: {reason}"
-
-
-def _reasons(model: xr.DataTree, output: str) -> Iterator[str]:
-    for design in group_names(model, RUNS):
-        attributes = read_group(model, STATISTICS_GROUP, design, output).attrs
-        if NOT_ESTIMATED in attributes:
-            yield str(attributes[NOT_ESTIMATED])
 
 
 def _extent(coordinate: xr.DataArray) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 import xarray as xr
 
+from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import SCHEMA_ATTRIBUTE, group_names, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
@@ -240,8 +241,10 @@ def _failure_json(failures: Mapping[str, xr.DataArray]) -> dict[str, Any]:
 
 
 def _output_json(statistics: SourceStatistics, source: str, array: xr.DataArray) -> dict[str, Any]:
-    """Return all estimates that a source has of an output."""
+    """Return all estimates that a source has of an output; of a field none."""
     found: dict[str, Any] = {"units": array.attrs.get("units", DIMENSIONLESS)}
+    if field_dimensions(array):
+        return found
     arrays = statistics.statistics(source, str(array.name))
     found |= {name: estimate_json(arrays[name]) for name in _SINGLE if name in arrays}
     for key, name in _FAMILIES.items():

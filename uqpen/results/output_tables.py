@@ -25,7 +25,13 @@ from uqpen.results.statistics_rows import (
     add_shares,
 )
 from uqpen.results.surrogate_fits import fitted_outputs
-from uqpen.results.table import NOTHING, OutputTable, first_runs, label_with_unit, output_names
+from uqpen.results.table import (
+    NOTHING,
+    OutputTable,
+    first_runs,
+    label_with_unit,
+    scalar_output_names,
+)
 from uqpen.surrogates.diagnostics import shown_diagnostics, shown_titles
 from uqpen.surrogates.storage import unfitted_outputs
 
@@ -86,9 +92,9 @@ def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTab
 
 
 def _outputs(model: xr.DataTree) -> dict[str, Mapping[Any, Any]]:
-    """Return the outputs of a model with their attributes, which its first runs have."""
+    """Return the scalar outputs of a model with their attributes, which its first runs have."""
     runs = first_runs(model)
-    return {name: runs[name].attrs for name in output_names(runs)}
+    return {name: runs[name].attrs for name in scalar_output_names(runs)}
 
 
 def statistics_table(

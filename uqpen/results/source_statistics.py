@@ -28,7 +28,7 @@ from uqpen.core.labels import (
 )
 from uqpen.results.estimate_rows import estimate_rows, rows_frame
 from uqpen.results.stopping_texts import StatedDecision
-from uqpen.results.table import first_runs, output_names
+from uqpen.results.table import first_runs, scalar_output_names
 
 __all__ = ["SourceStatistics", "source_entries"]
 
@@ -63,9 +63,9 @@ class SourceStatistics:
 
     @property
     def outputs(self) -> list[str]:
-        """The outputs of the model, in its order."""
+        """The scalar outputs of the model, in its order."""
         tree = self.tree if self.described_by is None else self.described_by
-        return output_names(first_runs(tree))
+        return scalar_output_names(first_runs(tree))
 
     @property
     def node(self) -> xr.DataTree | None:

@@ -38,9 +38,6 @@ WIDER_OF_TWO = "the wider of jackknife over replicates and delta method over blo
 DELONG = "DeLong on the logit"
 SURROGATE_SAMPLING = "sampling of the surrogate"
 
-# The reason why an output with dimensions has no statistics.
-SCALARS_ONLY = "statistics take only scalar outputs"
-
 # Reasons from the sampling, and from the number of completed runs.
 NOT_A_SAMPLE = "the points are not a sample of the input distribution"
 NOT_DECLARED_INDEPENDENT = "the points are not declared independent (independent = true)"

@@ -10,6 +10,9 @@ from uqpen.study.table_reader import TableReader, check_names
 
 __all__ = ["read_quantities_of_interest"]
 
+# Requests of which a field has none: a value that holds a share has one side, a band has two.
+_OF_SCALARS = ("hold", "hold_above")
+
 
 def read_quantities_of_interest(
     table: TableReader, model: Model, confidence_level: float
@@ -37,6 +40,10 @@ def _read_quantity(
                 key, f'a key of "{output.name}"', "none: an output with categories has shares only"
             )
         return default
+    for key in _OF_SCALARS if output.dims else ():
+        if key in table:
+            expected = "an output without dimensions; a field has hold_between"
+            table.add_problem(key, f'a tolerance limit of "{output.name}"', expected)
     quantity = table.settings(QuantityOfInterest, like=output.unit, given=given)
     table.check_unknown_keys()
     return quantity or default

@@ -84,7 +84,7 @@ class OutputSpec:
         Dimensions of an output of a Python function, such as
         ``{"time": {"unit": "s", "from": 0, "to": 10, "size": 101}}`` or
         ``{"time": {"unit": "s", "values": [0, 1, 3]}}``. Each run has values along them, in place
-        of a number. Statistics take only scalar outputs, so such an output has none.
+        of a number. Its statistics are those at each place.
     may_end : bool
         Whether a curve may end before its dimension does: NaN at its end is then no failure.
     """

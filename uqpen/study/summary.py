@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from html import escape
 
 from uqpen.core.html import html_table
@@ -10,7 +11,6 @@ from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs import DESIGNS
 from uqpen.distributions.joint_distribution import FixedInput
 from uqpen.models.data.data_model import DataModel
-from uqpen.statistics import texts
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.threshold import Acceptable
 from uqpen.study.study import ValidatedStudy
@@ -121,16 +121,28 @@ def _at_most(ends_early: bool) -> str:
 def _requested(quantity: QuantityOfInterest) -> list[str]:
     if quantity.output.dims:
         along = ", ".join(f"{each.name} ({len(each.values)})" for each in quantity.output.dims)
-        return [f"its values along {along}", texts.SCALARS_ONLY]
+        statistics = f"mean, standard deviation, quantiles {_listed(quantity.quantiles)}"
+        return [f"at each place along {along}: {statistics}", *_probabilities(quantity)]
     if quantity.output.categories:
         return ["shares of " + ", ".join(category.label for category in quantity.output.categories)]
     return [
-        "moments, cdf, quantiles " + ", ".join(f"{p:g}" for p in quantity.quantiles),
-        *(f"P(> {each.text}){_accepted(each)}" for each in quantity.thresholds),
-        *(f"P(< {each.text}){_accepted(each)}" for each in quantity.lower_thresholds),
+        f"moments, cdf, quantiles {_listed(quantity.quantiles)}",
+        *_probabilities(quantity),
         *(f"value held with {p:g}" for p in quantity.tolerance_contents),
         *(f"value held from below with {p:g}" for p in quantity.lower_tolerance_contents),
         *(f"values held between with {p:g}" for p in quantity.tolerance_interval_contents),
+    ]
+
+
+def _listed(probabilities: Iterable[float]) -> str:
+    return ", ".join(f"{p:g}" for p in probabilities)
+
+
+def _probabilities(quantity: QuantityOfInterest) -> list[str]:
+    """Return the requested probabilities of lying beyond a value."""
+    return [
+        *(f"P(> {each.text}){_accepted(each)}" for each in quantity.thresholds),
+        *(f"P(< {each.text}){_accepted(each)}" for each in quantity.lower_thresholds),
     ]
 
 
