@@ -20,9 +20,11 @@ from uqpen.surrogates.principal_components import PrincipalComponents
 from uqpen.surrogates.score_model import score_name
 from uqpen.surrogates.storage import describe, description
 
-__all__ = ["COMPONENT", "FieldCheck", "FieldFit", "dimension_variables"]
+__all__ = ["COMPONENT", "FIT_TEXT", "FieldCheck", "FieldFit", "dimension_variables"]
 
 COMPONENT = "component"
+# Attribute of the group of a field: what the components and the surrogate leave, in words.
+FIT_TEXT = "fit"
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +178,9 @@ class FieldFit:
         numbers = (COMPONENT, np.arange(1, parts.count + 1), {"long_name": "principal component"})
         coordinates = {COMPONENT: numbers, **dimension_variables(self.output.dims)}
         limits = {"training_minimum": self.smallest, "training_maximum": self.largest}
-        attributes = describe(self.output, "of_") | limits | {"fit": self.text}
+        attributes = describe(self.output, "of_") | limits | {FIT_TEXT: self.text}
+        if self.check is not None:
+            attributes |= {"check_runs": self.check.runs, "check_truncation": self.check.truncation}
         return xr.Dataset(variables, coordinates, attributes), diagnostics_dataset(
             self._diagnostics()
         )
@@ -186,14 +190,12 @@ class FieldFit:
         return dims, values.reshape(self.output.shape), {"units": unit, "long_name": title}
 
     def _diagnostics(self) -> list[Diagnostic]:
-        check = self.check or FieldCheck(0, math.nan, math.nan, np.empty(0))
+        q2 = math.nan if self.check is None else 1 - self.check.left
         return [
             Diagnostic("components", self.components.count, "components"),
-            Diagnostic("truncation", self.components.truncation, "beyond the components"),
+            Diagnostic("truncation", self.components.truncation, "truncation"),
             Diagnostic("q2", self.q2, "Q², runs left out"),
-            Diagnostic("check_runs", check.runs, "check runs"),
-            Diagnostic("check_q2_of_output", 1 - check.left, "Q², check runs"),
-            Diagnostic("check_truncation", check.truncation, "beyond the components, check runs"),
+            Diagnostic("check_q2_of_output", q2, "Q², check runs"),
         ]
 
     @classmethod
@@ -210,8 +212,9 @@ class FieldFit:
         }
         check = None
         if "check_q2" in values:
-            left, truncation = 1 - found["check_q2_of_output"], found["check_truncation"]
-            check = FieldCheck(int(found["check_runs"]), left, truncation, values["check_q2"].ravel())
+            runs, truncation = int(told["check_runs"]), float(told["check_truncation"])
+            left = 1 - found["check_q2_of_output"]
+            check = FieldCheck(runs, left, truncation, values["check_q2"].ravel())
         return cls(
             output=Output(name, *description(told, "of_"), dims=dims),
             components=PrincipalComponents(

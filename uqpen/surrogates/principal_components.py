@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -113,6 +113,9 @@ class PrincipalComponents:
         )
         kept = _kept(sizes**2, wanted, max(values.shape))
         components = _with_sign(shapes[:kept] / np.sqrt(weights))
+        is_constant = (values == values[0]).all(axis=0)
+        # No rounding may look like scatter.
+        mean, components = np.where(is_constant, values[0], mean), components * ~is_constant
         rest = (left[:, kept:] * sizes[kept:]) @ shapes[kept:] / np.sqrt(weights)
         return cls(weights, mean, components, sizes[:kept] ** 2, (rest**2).sum(axis=0))
 
@@ -130,6 +133,16 @@ class PrincipalComponents:
     def truncation(self) -> float:
         """Share of that variance that the components leave."""
         return float(self.weights @ self.truncated) / self.variance
+
+    def at(self, places: slice) -> PrincipalComponents:
+        """Return them at some of the places."""
+        return replace(
+            self,
+            weights=self.weights[places],
+            mean=self.mean[places],
+            components=self.components[:, places],
+            truncated=self.truncated[places],
+        )
 
     def scores(self, values: FloatArray) -> FloatArray:
         """Return the scores of some runs, shape (run, component), from their fields."""
