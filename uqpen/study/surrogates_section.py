@@ -65,7 +65,7 @@ def check_surrogates(
     """Note surrogates that do not fit the designs, the outputs or the inputs, if known."""
     numeric = [output.name for output in model.outputs if output.is_number]
     fields = [output.name for output in model.outputs if output.dims]
-    endless = [output.name for output in model.outputs if output.dims and not output.may_end]
+    whole = [output.name for output in model.outputs if output.dims and not output.may_end]
     for name, surrogate in surrogates.items():
         _check_designs(table, name, surrogate, designs)
         for output in surrogate.transform:
@@ -76,7 +76,7 @@ def check_surrogates(
             elif output not in numeric:
                 expected = f"an output of {model.name} that has numbers; {choices(output, numeric)}"
                 table.add_problem((name, "transform", output), "no such output", expected)
-        if fields and not numeric and not endless:
+        if fields and not numeric and not whole:
             found = f"a surrogate of {', '.join(fields)}, whose curves may end"
             table.add_problem(name, found, "an output with numbers that are always there")
         if joint is not None and not joint.random:

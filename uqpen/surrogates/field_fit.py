@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,18 +11,18 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import STATUS
+from uqpen.core.labels import PRINCIPAL_COMPONENT, STATUS
 from uqpen.core.model import Dimension, Output
 from uqpen.core.status import Status
+from uqpen.core.units import DIMENSIONLESS
 from uqpen.surrogates.diagnostics import DIAGNOSTICS, Diagnostic, diagnostics_dataset
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.principal_components import PrincipalComponents
 from uqpen.surrogates.score_model import score_name
 from uqpen.surrogates.storage import describe, description
 
-__all__ = ["COMPONENT", "FIT_TEXT", "FieldCheck", "FieldFit", "dimension_variables"]
+__all__ = ["FIT_TEXT", "FieldCheck", "FieldFit", "dimension_variables"]
 
-COMPONENT = "component"
 # Attribute of the group of a field: what the components and the surrogate leave, in words.
 FIT_TEXT = "fit"
 
@@ -92,9 +92,7 @@ class FieldFit:
     check: FieldCheck | None = None
 
     @classmethod
-    def of_runs(
-        cls, output: Output, components: PrincipalComponents, runs: xr.Dataset
-    ) -> FieldFit:
+    def of_runs(cls, output: Output, components: PrincipalComponents, runs: xr.Dataset) -> FieldFit:
         """Describe a field by its components and its training runs."""
         completed = runs[output.name].values[runs[STATUS].values == Status.OK]
         return cls(output, components, float(completed.min()), float(completed.max()))
@@ -153,37 +151,44 @@ class FieldFit:
 
     def to_groups(self) -> tuple[xr.Dataset, xr.Dataset]:
         """Return its group of an archive, and that of its diagnostics."""
-        parts, dims = self.components, [each.name for each in self.output.dims]
-        unit, title = self.output.unit, self.output.title
-        variance = str(unit) if unit == "1" else f"({unit})2"
-        variables = {
-            "mean_field": self._along(parts.mean, unit, f"mean of {title} in the training runs"),
-            "grid_weight": self._along(parts.weights, "1", "weight in the mean over the field"),
-            "truncated_variance": self._along(
-                parts.truncated, variance, "variance that the components leave"
-            ),
-            "component_field": (
-                (COMPONENT, *dims),
-                parts.components.reshape(-1, *self.output.shape),
-                {"units": "1", "long_name": f"principal components of {title}"},
-            ),
-            "score_variance": (
-                COMPONENT,
-                parts.variances,
-                {"units": variance, "long_name": "variance of the scores in the training runs"},
-            ),
+        numbers = np.arange(1, self.components.count + 1)
+        told = {"units": "1", "long_name": "number of the component"}
+        coordinates = {
+            PRINCIPAL_COMPONENT: (PRINCIPAL_COMPONENT, numbers, told),
+            **dimension_variables(self.output.dims),
+        }
+        attributes = {
+            **describe(self.output, "of_"),
+            "training_minimum": self.smallest,
+            "training_maximum": self.largest,
+            FIT_TEXT: self.text,
         }
         if self.check is not None:
-            variables["check_q2"] = self._along(self.check.q2, "1", "Q² at each place, check runs")
-        numbers = (COMPONENT, np.arange(1, parts.count + 1), {"long_name": "principal component"})
-        coordinates = {COMPONENT: numbers, **dimension_variables(self.output.dims)}
-        limits = {"training_minimum": self.smallest, "training_maximum": self.largest}
-        attributes = describe(self.output, "of_") | limits | {FIT_TEXT: self.text}
-        if self.check is not None:
-            attributes |= {"check_runs": self.check.runs, "check_truncation": self.check.truncation}
+            attributes |= {
+                "check_runs": self.check.runs,
+                "check_left": self.check.left,
+                "check_truncation": self.check.truncation,
+            }
+        variables = dict(self._variables())
         return xr.Dataset(variables, coordinates, attributes), diagnostics_dataset(
             self._diagnostics()
         )
+
+    def _variables(self) -> Iterator[tuple[str, tuple[Any, ...]]]:
+        parts, output = self.components, self.output
+        unit, title = output.unit, output.title
+        square = unit if unit == DIMENSIONLESS else f"({unit})2"
+        yield "mean_field", self._along(parts.mean, unit, f"mean of {title} in the training runs")
+        yield "grid_weight", self._along(parts.weights, "1", "weight in the mean over the field")
+        left = "variance in the training runs that the components leave"
+        yield "truncated_variance", self._along(parts.truncated, square, left)
+        described = {"units": "1", "long_name": f"principal components of {title}"}
+        dims = (PRINCIPAL_COMPONENT, *(each.name for each in output.dims))
+        yield "component_field", (dims, parts.components.reshape(-1, *output.shape), described)
+        described = {"units": square, "long_name": "variance of the scores in the training runs"}
+        yield "score_variance", (PRINCIPAL_COMPONENT, parts.variances, described)
+        if self.check is not None:
+            yield "check_q2", self._along(self.check.q2, "1", "Q² at each place, check runs")
 
     def _along(self, values: FloatArray, unit: str, title: str) -> tuple[Any, ...]:
         dims = [each.name for each in self.output.dims]
@@ -204,17 +209,17 @@ class FieldFit:
         dataset, told = group.to_dataset(inherit=False), group.attrs
         dims = tuple(_dimension(dataset[name]) for name in dataset["mean_field"].dims)
         values = {
-            key: np.asarray(dataset[key].values, dtype=np.float64)
-            for key in dataset.data_vars
+            key: np.asarray(dataset[key].values, dtype=np.float64) for key in dataset.data_vars
         }
         found = {
-            str(key): float(each.values) for key, each in group.children[DIAGNOSTICS].items()
+            str(key): float(each.values)
+            for key, each in group.children[DIAGNOSTICS].data_vars.items()
         }
         check = None
         if "check_q2" in values:
-            runs, truncation = int(told["check_runs"]), float(told["check_truncation"])
-            left = 1 - found["check_q2_of_output"]
-            check = FieldCheck(runs, left, truncation, values["check_q2"].ravel())
+            left, truncation = (float(told[f"check_{key}"]) for key in ("left", "truncation"))
+            runs, q2 = int(told["check_runs"]), values["check_q2"].ravel()
+            check = FieldCheck(runs, left, truncation, q2)
         return cls(
             output=Output(name, *description(told, "of_"), dims=dims),
             components=PrincipalComponents(

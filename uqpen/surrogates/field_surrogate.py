@@ -164,7 +164,7 @@ def _moved(tree: xr.DataTree, paths: Mapping[str, str]) -> dict[str, xr.Dataset]
     """Return the groups of a tree, some of them with all below them at other paths."""
     groups = {}
     for node in tree.subtree:
-        path = node.path
+        path = f"/{node.path.removeprefix(tree.path).lstrip('/')}"
         for old, new in paths.items():
             if path == old or path.startswith(f"{old}/"):
                 path = new + path.removeprefix(old)

@@ -24,6 +24,7 @@ from scipy.linalg import svd
 from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Dimension
 from uqpen.core.settings import setting
+from uqpen.core.threads import one_blas_thread
 
 __all__ = ["DEFAULT_COMPONENTS", "PrincipalComponents", "components_setting", "grid_weights"]
 
@@ -84,6 +85,7 @@ class PrincipalComponents:
     truncated: FloatArray
 
     @classmethod
+    @one_blas_thread()
     def of_runs(
         cls,
         values: FloatArray,

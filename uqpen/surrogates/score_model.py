@@ -1,4 +1,4 @@
-"""A model with the scores of its fields in their place: scalar outputs, which any surrogate fits."""
+"""A model with the scores of its fields in their place: scalars, which any surrogate fits."""
 
 from __future__ import annotations
 
@@ -83,18 +83,14 @@ class ScoreModel(Model):
                 yield Output(score_name(output.name, number), output.unit, title)
 
 
-def scored_runs(
-    runs: xr.Dataset, components: Mapping[str, PrincipalComponents]
-) -> xr.Dataset:
+def scored_runs(runs: xr.Dataset, components: Mapping[str, PrincipalComponents]) -> xr.Dataset:
     """Return runs of a model with scores in place of its fields."""
     fields = {name: runs[name].values for name in components}
     scores = {name: (RUN, values) for name, values in _scores(fields, components).items()}
     return runs.drop_vars(list(components)).assign(scores)
 
 
-def _scores(
-    fields: Arrays, components: Mapping[str, PrincipalComponents]
-) -> dict[str, FloatArray]:
+def _scores(fields: Arrays, components: Mapping[str, PrincipalComponents]) -> dict[str, FloatArray]:
     return {
         score_name(name, number): score
         for name, each in components.items()
@@ -102,9 +98,7 @@ def _scores(
     }
 
 
-def field_components(
-    output: Output, runs: xr.Dataset, wanted: float
-) -> PrincipalComponents | str:
+def field_components(output: Output, runs: xr.Dataset, wanted: float) -> PrincipalComponents | str:
     """Find the components of a field over the completed runs of a design.
 
     The result is the reason where that is not possible. `wanted` is as `PrincipalComponents`

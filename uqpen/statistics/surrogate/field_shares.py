@@ -79,9 +79,10 @@ def sampled_shares(
         Their names as outputs.
     components : ndarray, shape (component, place)
     """
-    first, second = _column(pairs.first, scores), {
-        subset: _column(found, scores) for subset, found in pairs.second.items()
-    }
+    first, second = (
+        _column(pairs.first, scores),
+        {subset: _column(found, scores) for subset, found in pairs.second.items()},
+    )
     usable = np.isfinite(first).all(axis=1)
     for values in second.values():
         usable &= np.isfinite(values).all(axis=1)

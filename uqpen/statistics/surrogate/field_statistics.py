@@ -33,8 +33,8 @@ from uqpen.core.labels import (
     SENSITIVITY,
     UNCHECKED,
 )
-from uqpen.core.model import Dimension
 from uqpen.core.lookup import resolve
+from uqpen.core.model import Dimension
 from uqpen.statistics import FIELD_ANALYSES, texts
 from uqpen.statistics.fields.field_sample import FieldSample, field_coordinates
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -136,7 +136,7 @@ class _Field:
 
     def moments(self) -> Arrays:
         """Yield mean and standard deviation at each place."""
-        parts = self.fit.components.components
+        parts = self._components
         if self.terms:
             indices, coefficients = self.terms
             is_constant = ~indices.any(axis=1)
@@ -152,7 +152,10 @@ class _Field:
             ("std", np.sqrt(np.maximum(variance, 0)), "standard deviation"),
         ):
             title = f"{title} of {self.quantity.output.title}"
-            yield name, self._array(values, title, self.moments_estimator, self.quantity.output.unit)
+            yield (
+                name,
+                self._array(values, title, self.moments_estimator, self.quantity.output.unit),
+            )
 
     def by_draws(self, group: str) -> Arrays:
         """Yield the statistics of an analysis of fields, some places at a time."""
@@ -170,13 +173,16 @@ class _Field:
                 if key not in (*INTERVAL_TEXTS, BOUND, _PLACE)
             }
             values = np.concatenate([array.values[..., 0] for array in arrays])
-            yield name, self._array(
-                values,
-                first.attrs["long_name"],
-                self.draws.sampling_estimator,
-                first.attrs["units"],
-                own=own,
-                coordinates=coordinates,
+            yield (
+                name,
+                self._array(
+                    values,
+                    first.attrs["long_name"],
+                    self.draws.sampling_estimator,
+                    first.attrs["units"],
+                    own=own,
+                    coordinates=coordinates,
+                ),
             )
 
     def _parts(self) -> Iterator[FieldSample]:
@@ -190,12 +196,16 @@ class _Field:
 
     def indices(self) -> Arrays:
         """Yield Sobol' indices and Shapley effects at each place and of the whole field."""
-        joint, scores = self.draws.joint, self.fit.scores
-        shares, estimator = None, self.draws.pairs_estimator
+        joint, shares = self.draws.joint, None
         if self.terms:
-            shares, estimator = closed_form_shares(*self.terms, self._components), _FROM_COEFFICIENTS
-        elif not joint.conditional_reason:
-            shares = sampled_shares(self.draws.pairs, scores, self._components)
+            shares, estimator = (
+                closed_form_shares(*self.terms, self._components),
+                _FROM_COEFFICIENTS,
+            )
+        else:
+            estimator = self.draws.pairs_estimator
+            if not joint.conditional_reason:
+                shares = sampled_shares(self.draws.pairs, self.fit.scores, self._components)
         inputs = input_coordinate([entry.variable.name for entry in joint.random])
         places = len(self.fit.components.mean)
         for name, (attribute, title) in _INDICES.items():
@@ -240,7 +250,7 @@ class _Field:
     ) -> xr.DataArray:
         """Return an estimate array without bounds; what is NaN has a reason."""
         dims = () if is_whole else self.quantity.output.dims
-        sizes = {each.name: len(each.values) for each in dims} | own
+        sizes = {**{each.name: len(each.values) for each in dims}, **own}
         is_known = np.isfinite(values)
         bounds = np.full((values.size, len(BOUNDS)), np.nan)
         bounds[:, 0] = values.ravel()
