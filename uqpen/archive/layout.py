@@ -13,6 +13,7 @@ from uqpen.archive.estimates import has_interval_texts, statistic_names
 from uqpen.core.catalogue import CATALOGUE, DIMENSIONS, REQUESTED_DIMENSIONS, Statistic
 from uqpen.core.errors import QuantityError
 from uqpen.core.labels import (
+    ABSENT,
     BOUND,
     BOUNDS,
     CITED,
@@ -24,6 +25,7 @@ from uqpen.core.labels import (
     DECISION_PROBABILITY,
     DECISION_RUNS,
     DECISION_UPPER,
+    DERIVED_FROM,
     INTERVAL,
     INTERVAL_LABEL,
     LARGEST_CONTRIBUTION,
@@ -32,6 +34,7 @@ from uqpen.core.labels import (
     NOTE,
     RECIPE,
     ROLE,
+    RUNS_ABSENT,
     RUNS_SPENT,
     SOURCE_KIND,
     STOPPING_CLAIM,
@@ -53,10 +56,12 @@ _ATTRIBUTES = {
         (INTERVAL, INTERVAL_LABEL, NOTE, ROLE, CONDITIONAL, MISSING, "units", "display_units"),
         "text",
     ),
+    **dict.fromkeys((ABSENT, DERIVED_FROM), "text"),
     **dict.fromkeys(("source", "minus", "outputs", "check", "flag_meanings"), "text"),
     **dict.fromkeys((SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED), "text"),
     **dict.fromkeys(
-        (RECIPE, RUNS_SPENT, "runs", "runs_used", "repeats", "reference_runs"), "count"
+        (RECIPE, RUNS_SPENT, RUNS_ABSENT, "runs", "runs_used", "repeats", "reference_runs"),
+        "count",
     ),
     **dict.fromkeys(("order", "terms", "q2", "check_q2_of_output"), "number"),
     CONFIDENCE_LEVEL: "number",

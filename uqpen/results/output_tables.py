@@ -13,12 +13,14 @@ from uqpen.core.labels import CONFIDENCE_LEVEL, DIFFERENCES, SURROGATES
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import percent_text
 from uqpen.results.failure_tables import failure_tables
+from uqpen.results.field_places import label_at_place
 from uqpen.results.joint_tables import joint_tables
 from uqpen.results.outside_rows import OutputUnit, add_outside_rows
-from uqpen.results.sensitivity_tables import named_tables
+from uqpen.results.sensitivity_tables import generalized_table, named_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.statistics_rows import (
     StatisticsRows,
+    add_absent_runs,
     add_decisions,
     add_failed_runs,
     add_runs,
@@ -28,6 +30,7 @@ from uqpen.results.surrogate_fits import fitted_outputs
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
+    field_names,
     first_runs,
     label_with_unit,
     scalar_output_names,
@@ -83,6 +86,9 @@ def _level_text(tree: xr.DataTree) -> str:
 
 
 def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTable]:
+    for output in field_names(first_runs(model)):
+        if table := generalized_table(model, output):
+            yield table
     for output, attributes in _outputs(model).items():
         if table := statistics_table(model, output, attributes):
             yield table
@@ -118,9 +124,11 @@ def statistics_table(
     if not sources:
         return None
     unit = _shown_unit(described)
-    table = OutputTable(label_with_unit(name, unit), sources)
+    label = label_at_place(name, first_runs(tree)[name])
+    table = OutputTable(label_with_unit(label, unit), sources)
     add_runs(table, tree)
     add_failed_runs(table, tree)
+    add_absent_runs(table, tree, name)
     if is_categorical:
         add_shares(table, tree, name)
     else:

@@ -22,13 +22,14 @@ from uqpen.core.labels import (
     LARGEST_CONTRIBUTION,
     MISSING,
     RUNS,
+    RUNS_ABSENT,
     SOURCE_KIND,
     STATISTICS_GROUP,
     STATUS,
 )
 from uqpen.results.estimate_rows import estimate_rows, rows_frame
 from uqpen.results.stopping_texts import StatedDecision
-from uqpen.results.table import first_runs, scalar_output_names
+from uqpen.results.table import first_runs, output_names
 
 __all__ = ["SourceStatistics", "source_entries"]
 
@@ -63,9 +64,9 @@ class SourceStatistics:
 
     @property
     def outputs(self) -> list[str]:
-        """The scalar outputs of the model, in its order."""
+        """The outputs of the model, in its order."""
         tree = self.tree if self.described_by is None else self.described_by
-        return scalar_output_names(first_runs(tree))
+        return output_names(first_runs(tree))
 
     @property
     def node(self) -> xr.DataTree | None:
@@ -127,6 +128,20 @@ class SourceStatistics:
         asked = self.sources if sources is None else sources
         found = {source: self.get(source, output, statistic) for source in asked}
         return {source: array for source, array in found.items() if array is not None}
+
+    def absence(self, source: str, output: str) -> dict[str, Any]:
+        """Return what the statistics of an output are conditional on, if not all runs have it.
+
+        Returns
+        -------
+        dict
+            ``runs_absent``, the number of completed runs without a value, and ``conditional_on``;
+            empty where all have one.
+        """
+        for array in self.statistics(source, output).values():
+            if RUNS_ABSENT in array.attrs:
+                return {key: array.attrs[key] for key in (RUNS_ABSENT, CONDITIONAL)}
+        return {}
 
     def largest_contribution(self, publication: str, output: str) -> str:
         """Return the input that a publication calls the largest contribution; empty for none."""

@@ -35,6 +35,7 @@ __all__ = [
     "estimate_remark",
     "estimate_with_verdict",
     "exceedance_label",
+    "field_names",
     "first_runs",
     "identity",
     "label_with_unit",
@@ -183,3 +184,8 @@ def output_names(runs: xr.Dataset) -> list[str]:
 def scalar_output_names(runs: xr.Dataset) -> list[str]:
     """Return the outputs without dimensions among the variables of a runs dataset."""
     return [name for name in output_names(runs) if not field_dimensions(runs[name])]
+
+
+def field_names(runs: xr.Dataset) -> list[str]:
+    """Return the outputs with dimensions among the variables of a runs dataset."""
+    return [name for name in output_names(runs) if field_dimensions(runs[name])]

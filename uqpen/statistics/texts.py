@@ -103,6 +103,12 @@ FEW_DIFFER = (
     "only {distinct} of {effects} effects differ from the others: the coverage may be below nominal"
 )
 
+# Texts at the places of a field, without the numbers of the texts above: they differ by the place.
+HEAVY_TAIL_AT_PLACES = "heavy tail"
+SMALL_EFFECTIVE_SIZE_AT_PLACES = "weights: the effective sample size is too small"
+FEW_WEIGHTS_DECIDE_AT_PLACES = "weights: few effective runs decide it"
+TOO_FEW_RUNS_AT_PLACES = "the runs are too few"
+
 # Quadrature rules.
 NO_SCATTER_OF_RULE = "a quadrature rule has no scatter, so its error is unknown"
 IMPOSSIBLE_MOMENT = "negative weights of the rule give an impossible {moment}: try a higher order"
@@ -136,8 +142,10 @@ VARIES_IN_ONE_REPLICATE = "it varies in one replicate only"
 TOO_MANY_SUBSETS = "it needs all subsets of the inputs, too many for {inputs} inputs"
 DEPENDENT_INPUTS = "the random inputs depend on each other"
 ESTIMAND = "indices of the input distribution"
-ESTIMAND_IF_ADMISSIBLE = "indices of the input distribution, conditional on admissible inputs"
+ESTIMAND_IF = "indices of the input distribution, conditional on {condition}"
+ESTIMAND_IF_ADMISSIBLE = ESTIMAND_IF.format(condition="admissible inputs")
 FAILED_BLOCKS = "blocks with a failed run are left out"
+ABSENT_BLOCKS = "blocks with a run without a value are left out"
 INADMISSIBLE_BLOCKS = "blocks without an admissible draw are left out"
 FIRST_ORDER_INCLUDES = "first-order indices include correlation"
 
@@ -148,6 +156,10 @@ FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set o
 
 # Failed runs.
 ADMISSIBLE_INPUTS = "admissible inputs"
+# Of an output that some runs do not have.
+ALL_EXIST = "of the runs in which all its outputs have a value"
+VALUE_EXISTS = "a value of it ({absent} in {share:.3g} % of the completed runs)"
+REACHED = "the curve's reaching the place"
 MISSING_SHARE = "{share:.3g} % of the admissible runs"
 FEW_FAILED = "fewer than {runs} failed runs are too few for an interval"
 FEW_COMPLETED = "fewer than {runs} completed runs are too few for an interval"

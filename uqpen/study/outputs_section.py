@@ -6,6 +6,7 @@ from typing import Any
 
 from uqpen.core.model import Model, Output
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.study.derived_section import is_derived, requests_table
 from uqpen.study.table_reader import TableReader, check_names
 
 __all__ = ["read_quantities_of_interest"]
@@ -17,11 +18,13 @@ _OF_SCALARS = ("hold", "hold_above")
 def read_quantities_of_interest(
     table: TableReader, model: Model, confidence_level: float
 ) -> tuple[QuantityOfInterest, ...]:
-    """Read the quantity of interest of each of the model's outputs, in the model's order."""
-    check_names(table, [output.name for output in model.outputs], "output", model)
+    """Read the quantity of interest of each output, derived ones too, in the model's order."""
+    refused = [name for name in table if is_derived(table.content[name])]
+    known = [output.name for output in model.all_outputs]
+    check_names(table, [*known, *refused], "output", model)
     return tuple(
-        _read_quantity(table.table(output.name), output, confidence_level)
-        for output in model.outputs
+        _read_quantity(requests_table(table, output, model), output, confidence_level)
+        for output in model.all_outputs
     )
 
 

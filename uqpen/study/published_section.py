@@ -27,7 +27,7 @@ def read_published(
             section.add_wrong((), name, "a name that no design or surrogate has")
             continue
         publication = section.settings(Publication)
-        estimates = [_read_estimates(section, output, model) for output in model.outputs]
+        estimates = [_read_estimates(section, output, model) for output in model.all_outputs]
         section.check_unknown_keys("output")
         if publication is not None:
             found[name] = replace(publication, estimates=tuple(filter(None, estimates)))

@@ -87,6 +87,14 @@ class OutputSpec:
         of a number. Its statistics are those at each place.
     may_end : bool
         Whether a curve may end before its dimension does: NaN at its end is then no failure.
+    of : str, optional
+        An output with dimensions; this one is a number that follows from it, after each run.
+    take : str, optional
+        What is taken of it, such as ``"max"``; see the study file.
+    at : mapping of str to str, optional
+        In place of `take`: the place whose value is taken, such as ``{"time": "10 day"}``.
+    threshold : str or float, optional
+        Of ``take="first_above"`` and ``"first_below"``.
     """
 
     unit: str | None = None
@@ -98,7 +106,12 @@ class OutputSpec:
     hold_between: Sequence[float] = ()
     along: Mapping[str, Mapping[str, Any]] | None = None
     may_end: bool = False
+    of: str | None = None
+    take: str | None = None
+    at: Mapping[str, str | float] | None = None
+    threshold: str | float | None = None
 
     def table(self) -> dict[str, Any]:
         """Return its declaration as a table of a study file."""
-        return {name: value for name, value in vars(self).items() if value}
+        threshold = {} if self.threshold is None else {"threshold": self.threshold}  # may be 0
+        return {name: value for name, value in vars(self).items() if value} | threshold

@@ -67,7 +67,7 @@ def output_rows(study: ValidatedStudy) -> Rows:
     """Return the name of each output, and of each joint event, with what is estimated of it."""
     return [
         *(
-            (quantity.output.name, "; ".join(_requested(quantity)))
+            (quantity.output.name, "; ".join([*_derived(study, quantity), *_requested(quantity)]))
             for quantity in study.quantities_of_interest
         ),
         *((event.name, f"P({event.condition}){_accepted(event)}") for event in study.joint_events),
@@ -116,6 +116,12 @@ def study_html(study: ValidatedStudy) -> str:
 
 def _at_most(ends_early: bool) -> str:
     return "at most " if ends_early else ""
+
+
+def _derived(study: ValidatedStudy, quantity: QuantityOfInterest) -> list[str]:
+    """Return what a derived output is, such as "largest infected along time"."""
+    names = [each.output.name for each in study.model.derived]
+    return [quantity.output.title] if quantity.output.name in names else []
 
 
 def _requested(quantity: QuantityOfInterest) -> list[str]:

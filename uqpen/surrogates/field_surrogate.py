@@ -195,7 +195,9 @@ def fit_fields(
     fit : callable
         Fits a surrogate to runs of a model with scalar outputs alone.
     """
-    found = {each.name: field_components(each, runs, wanted) for each in model.outputs if each.dims}
+    found = {
+        each.name: field_components(each, runs, wanted) for each in model.all_outputs if each.dims
+    }
     reasons = {key: each for key, each in found.items() if isinstance(each, str)}
     components = {k: each for k, each in found.items() if isinstance(each, PrincipalComponents)}
     while True:
@@ -221,7 +223,7 @@ def fit_fields(
     return FieldSurrogate(
         name=name,
         inputs=scalars.inputs,
-        outputs=tuple(output for output in model.outputs if output.name in known),
+        outputs=tuple(output for output in model.all_outputs if output.name in known),
         scalars=scalars,
         fields=fields,
         reasons={**scalars.reasons, **reasons},

@@ -44,7 +44,7 @@ def fit_surrogate(
     def fit(runs: xr.Dataset, model: Model) -> FittedSurrogate:
         return _fit_scalars(surrogate, name, runs, model, joint, stream)
 
-    if any(output.dims for output in model.outputs):
+    if any(output.dims for output in model.all_outputs):
         return fit_fields(name, runs, model, surrogate.components, fit)
     return fit(runs, model)
 

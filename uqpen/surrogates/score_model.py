@@ -54,17 +54,15 @@ class ScoreModel(Model):
     @property
     def outputs(self) -> tuple[Output, ...]:  # type: ignore[override]
         """Its scalar outputs, and the scores in place of each field."""
-        return tuple(each for output in self.original.outputs for each in self._scalars(output))
+        return tuple(each for output in self.original.all_outputs for each in self._scalars(output))
 
     def evaluate(self, inputs: Arrays) -> Results:
         """Return the results of the original model with scores; see `Model.evaluate`."""
         results = self.original.evaluate(inputs)
-        scalars = {
-            name: values
-            for name, values in results.outputs.items()
-            if not self.original.output(name).dims
-        }
-        return replace(results, outputs=scalars | _scores(results.outputs, self.components))
+        outputs = self.original.derive(results.outputs, results.status)
+        fields = {output.name for output in self.original.outputs if output.dims}
+        scalars = {name: values for name, values in outputs.items() if name not in fields}
+        return replace(results, outputs=scalars | _scores(outputs, self.components))
 
     def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
         """Yield the conditions of the original model."""

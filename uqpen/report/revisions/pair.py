@@ -33,9 +33,8 @@ class ModelPair:
     @property
     def outputs(self) -> list[str]:
         """The scalar outputs of both that have the same unit in SI, in the order of A."""
-        others = set(self.second.statistics.outputs)
-        first = self.first.statistics.outputs
-        return [name for name in first if name in others and self.has_same_unit(name)]
+        others = set(self.second.outputs).difference(self.first.fields, self.second.fields)
+        return [name for name in self.first.outputs if name in others and self.has_same_unit(name)]
 
     @property
     def sources(self) -> list[str]:

@@ -16,8 +16,8 @@ from uqpen.statistics.sample import Sample
 
 __all__ = ["FieldSample", "PlaceSamples", "field_coordinates"]
 
-# Values of a field that are taken together, so that memory is bounded: 32 MB.
-_MOST_VALUES = 2**22
+# Values of a field that are taken together, so that memory is bounded: 8 MB.
+_MOST_VALUES = 2**20
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,8 @@ class PlaceSamples:
     places : ndarray of int, shape (place,)
         Positions of the places in the field, flattened.
     runs : Sample
-        The runs in which these places exist; its values are of shape (run, place).
+        The runs in which these places exist; its values are of shape (place, run), those of a
+        place next to each other.
     """
 
     places: IntArray
@@ -37,8 +38,8 @@ class PlaceSamples:
 
     @property
     def values(self) -> FloatArray:
-        """The values by place, shape (place, run), those of a place next to each other."""
-        return self.runs.values.T
+        """The values by place, shape (place, run)."""
+        return self.runs.values
 
     def at(self, place: int) -> Sample:
         """Return the sample at one of the places, by its position in `places`."""
@@ -86,12 +87,12 @@ class FieldSample:
         most = max(_MOST_VALUES // max(self.runs.size, 1), 1)
         for places in _equal_columns(self.exists):
             chosen = np.flatnonzero(self.exists[:, places[0]])
-            whole = replace(self.runs, values=chosen, used=self.runs.used[chosen])
+            used = self.runs.used[chosen]
             for start in range(0, len(places), most):
                 part = places[start : start + most]
                 # Those of a place next to each other, as sums are then the same as of it alone.
                 values = np.ascontiguousarray(self.matrix[:, part][chosen].T)
-                yield PlaceSamples(part, replace(whole, values=values.T))
+                yield PlaceSamples(part, replace(self.runs, values=values, used=used))
 
 
 def _equal_columns(mask: BoolArray) -> Iterator[IntArray]:

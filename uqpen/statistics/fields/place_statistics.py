@@ -8,8 +8,6 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
-from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.statistics.distribution_function.probabilities import (
     below_probabilities,
     event_probability,
@@ -17,23 +15,20 @@ from uqpen.statistics.distribution_function.probabilities import (
 )
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
 from uqpen.statistics.fields.at_each_place import at_each_place
-from uqpen.statistics.fields.field_sample import FieldSample, field_coordinates
+from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import Sample
 
 __all__ = ["moments_at_places", "probabilities_at_places", "quantiles_at_places", "reached"]
 
 Arrays = Iterator[tuple[str, xr.DataArray]]
 
-# Of the moments; the others are diagnostics of one distribution.
-_MOMENTS = ("mean", "std")
-
 
 def moments_at_places(field: FieldSample, quantity: QuantityOfInterest) -> Arrays:
     """Mean and standard deviation at each place of a field."""
-    for name, array in at_each_place(sample_moments, field, quantity):
-        if name in _MOMENTS:
-            yield name, array
+    # The others are diagnostics of one distribution.
+    yield from at_each_place(sample_moments, field, quantity, most=2)
 
 
 def quantiles_at_places(field: FieldSample, quantity: QuantityOfInterest) -> Arrays:
@@ -59,18 +54,13 @@ def reached(field: FieldSample, quantity: QuantityOfInterest) -> Arrays:
     """
     if not quantity.output.may_end:
         return
-    estimates = [
-        event_probability(replace(field.runs, values=event.astype(np.float64)), event)
-        for event in field.exists.T
-    ]
-    texts = zip(*((each.method, each.label, each.note) for each in estimates), strict=True)
-    array = estimate_array(
-        np.array([estimate.bounds for estimate in estimates]),
-        field.sizes,
-        dict(zip(INTERVAL_TEXTS, map(list, texts), strict=True)),
-        units="1",
-        long_name=f"probability that {quantity.output.title} reaches a place",
-        attributes={INTERVAL_LEVEL: field.runs.level},
-        coordinates=field_coordinates(field.dims),
-    )
-    yield "reached", array
+    events = replace(field.runs, values=field.exists.astype(np.float64))
+    always = replace(field.output, may_end=False)
+    yield from at_each_place(_reached, FieldSample(events, always), quantity)
+
+
+def _reached(sample: Sample, quantity: QuantityOfInterest) -> Arrays:
+    """Probability that a value is 1."""
+    long_name = f"probability that {quantity.output.title} reaches a place"
+    found = event_probability(sample, sample.values > 0)
+    yield "reached", found.to_array(units="1", long_name=long_name, level=sample.level)
