@@ -181,7 +181,8 @@ class ArchiveView:
         """
         runs = self.runs(design)
         is_ok = runs[STATUS].values == Status.OK
-        is_ok &= ~np.isnan(runs[output].values)
+        # A field has a value where some of its places do.
+        is_ok &= ~np.isnan(runs[output].values).reshape(is_ok.size, -1).all(axis=1)
         values = np.asarray(runs[output].values[is_ok], dtype=np.float64)
         if WEIGHT not in runs.coords or not values.size:
             return values

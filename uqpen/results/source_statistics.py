@@ -29,7 +29,7 @@ from uqpen.core.labels import (
 )
 from uqpen.results.estimate_rows import estimate_rows, rows_frame
 from uqpen.results.stopping_texts import StatedDecision
-from uqpen.results.table import first_runs, output_names
+from uqpen.results.table import first_runs, output_names, scalar_output_names
 
 __all__ = ["SourceStatistics", "source_entries"]
 
@@ -65,8 +65,16 @@ class SourceStatistics:
     @property
     def outputs(self) -> list[str]:
         """The outputs of the model, in its order."""
-        tree = self.tree if self.described_by is None else self.described_by
-        return output_names(first_runs(tree))
+        return output_names(self._first_runs)
+
+    @property
+    def scalar_outputs(self) -> list[str]:
+        """The outputs of the model without dimensions, in its order."""
+        return scalar_output_names(self._first_runs)
+
+    @property
+    def _first_runs(self) -> xr.Dataset:
+        return first_runs(self.tree if self.described_by is None else self.described_by)
 
     @property
     def node(self) -> xr.DataTree | None:
