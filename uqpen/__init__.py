@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from uqpen.execution.failures import FailurePolicy
     from uqpen.figures.page import figure
     from uqpen.library import make_archive, run, verify
+    from uqpen.models.campbell import Campbell
     from uqpen.models.ishigami import Ishigami
     from uqpen.models.rigid_penetration import RigidPenetration
     from uqpen.models.walker_anderson import WalkerAnderson
@@ -58,6 +59,7 @@ __all__ = [
     "Archive",
     "ArchiveError",
     "Beta",
+    "Campbell",
     "ClaytonCopula",
     "DataDesign",
     "Discrete",
@@ -148,6 +150,7 @@ _HOMES = {
     "uqpen.execution.failures": ("FailurePolicy",),
     "uqpen.figures.page": ("figure",),
     "uqpen.library": ("make_archive", "run", "verify"),
+    "uqpen.models.campbell": ("Campbell",),
     "uqpen.models.ishigami": ("Ishigami",),
     "uqpen.models.rigid_penetration": ("RigidPenetration",),
     "uqpen.models.walker_anderson": ("WalkerAnderson",),

@@ -18,7 +18,7 @@ from uqpen.archive.fields import find_field_faults
 from uqpen.archive.netcdf import write_tree
 from uqpen.archive.read import open_archive, read_groups
 from uqpen.core.errors import ArchiveError
-from uqpen.core.labels import ROLE, RUN
+from uqpen.core.labels import BOUND, ROLE, RUN
 from uqpen.verification.check_result import CheckOutcome
 from uqpen.verification.runs_diff import diff_runs
 
@@ -78,12 +78,14 @@ def test_a_field_lies_along_its_coordinates(archive: xr.DataTree) -> None:
     assert np.array_equal(runs["curve"].values[:, 0], runs["x"].values * 0.01)
 
 
-def test_it_says_why_it_has_no_statistics(archive: xr.DataTree) -> None:
+def test_a_statistic_has_the_coordinates_of_its_field(archive: xr.DataTree) -> None:
+    runs = archive["runs/mc"].to_dataset()
     for design in ("mc", "blocks"):
         group = archive[f"statistics/{design}/curve"].to_dataset()
-        assert not group.variables
-        assert group.attrs == {"not_estimated": "statistics take only scalar outputs"}
-        assert "mean" in archive[f"statistics/{design}/y"]
+        assert {"mean", "std", "quantile", "reached"} <= set(group.data_vars)
+        assert group["quantile"].dims == ("time", "probability", BOUND)
+        assert group["time"].identical(runs["time"])
+        assert group["mean"].attrs["units"] == "m"
     fit = archive["surrogates/pce"]
     assert fit.attrs["outputs"] == "y"
     assert fit["curve"].attrs["not_fitted"].startswith("it has dimensions")

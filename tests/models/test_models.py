@@ -12,6 +12,7 @@ from uqpen.core.status import Status
 from uqpen.core.units import si_unit
 from uqpen.execution import Evaluator
 from uqpen.models import MODELS, rod_lanes
+from uqpen.models.campbell import Campbell
 from uqpen.models.ishigami import Ishigami
 from uqpen.models.rigid_penetration import RigidPenetration
 from uqpen.models.rod_and_target import OUTPUTS, Termination
@@ -213,6 +214,17 @@ def test_the_ishigami_function_has_its_known_values() -> None:
         "x3": np.array([1.0, 2.0]),
     }
     np.testing.assert_allclose(Ishigami().evaluate(inputs).outputs["y"], [1.1, 7.0], rtol=1e-15)
+
+
+def test_campbells_curve_has_its_known_values() -> None:
+    # Without x1 and x3 the peak has no width; with x1 = 1 its exponent at -90, 0 and 90 is known.
+    inputs = {"x1": [0.0, 1.0], "x2": [1.0, 0.0], "x3": [0.0, 2.0], "x4": [2.0, 0.5]}
+    values = Campbell().evaluate({k: np.array(v) for k, v in inputs.items()}).outputs["y"]
+    assert values.shape == (2, 181)
+    np.testing.assert_array_equal(values[0], 13.0)
+    peak, growth = np.exp(-(90**2) / 64), 0.5 * np.exp(0.18)
+    exact = [10 + peak + 0.25 / growth, 11.5, 10 + peak + growth]
+    np.testing.assert_allclose(values[1, [0, 90, 180]], exact, rtol=1e-14)
 
 
 def test_settings_are_part_of_what_a_model_is() -> None:

@@ -1,16 +1,28 @@
-"""The trajectory of a rod as outputs in time, against the same equations elsewhere."""
+"""Trajectories of rods as outputs, against the same equations elsewhere and what they conserve."""
 
 from __future__ import annotations
 
+import csv
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_simpson
 
+from uqpen.core.arrays import FloatArray
+from uqpen.core.errors import SettingsError
 from uqpen.core.status import Status
 from uqpen.execution import Evaluator
+from uqpen.models.rigid_penetration import RigidPenetration
+from uqpen.models.rigid_penetration_trajectory import RigidPenetrationTrajectory
+from uqpen.models.rod_curves import Along, Curves, follow_erosion
+from uqpen.models.rod_motion import RigidMotion, make_rods
+from uqpen.models.rod_trajectories import RodTrajectories
 from uqpen.models.rod_trajectory import make_rod, trajectory
-from uqpen.models.walker_anderson import WalkerAnderson
-from uqpen.models.walker_anderson_trajectory import WalkerAndersonTrajectory, rod_motion
+from uqpen.models.walker_anderson_trajectory import WalkerAndersonTrajectory
 from uqpen.testing import check_model
+
+DATA = Path(__file__).parents[1] / "data"
 
 ROD = {
     "projectile_density": 17_500.0,
@@ -27,71 +39,175 @@ ROD = {
 # Erodes and then goes on as a rigid body; erodes to a standstill; is rigid throughout.
 CASES = {
     "breakdown": ROD,
+    "smoothed": {**ROD, "smoothing": 1.0},
     "standstill": {**ROD, "target_yield_limit": 5e9},
-    "rigid": {**ROD, "impact_velocity": 300.0},
+    "rigid": {**ROD, "impact_velocity": 50.0},
 }
+# Promised of the curves with the default tolerance, of their largest values.
+PROMISED = 1e-6
 
 
-def inputs(case: dict[str, float], runs: int = 1) -> dict[str, np.ndarray]:  # type: ignore[type-arg]
-    return {name: np.full(runs, value) for name, value in case.items()}
+def inputs(*cases: dict[str, float]) -> dict[str, FloatArray]:
+    return {name: np.array([case[name] for case in cases]) for name in ROD}
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_it_is_the_trajectory_of_one_rod(case: str) -> None:
-    rod = make_rod(**CASES[case])
-    known = trajectory(rod)
-    found = rod_motion(rod, known.time, 1e-10)
-    assert found.rest_time == pytest.approx(known.time[-1], rel=1e-12)
-    assert found.penetration_depth == pytest.approx(known.depth[-1], rel=1e-12)
-    # Rounding may put the time of rest past the end of the curve.
-    for name in ("nose_velocity", "tail_velocity", "length", "plastic_extent"):
-        curve = getattr(known, name)[:-1]
-        assert np.abs(getattr(found, name)[:-1] - curve).max() <= 1e-9 * max(curve.max(), 1e-3)
-    assert np.abs(found.nose_depth - known.depth)[:-1].max() <= 1e-12
+def test_curves_are_those_of_one_rod_followed_carefully(case: str) -> None:
+    known = trajectory(make_rod(**CASES[case]), tolerance=1e-12)
+    u, v, L, s = known.nose_velocity, known.tail_velocity, known.length, known.plastic_extent
+    # Rounding may put the coordinate of rest behind the end of the curves.
+    expected = np.stack([u, v, L, s, known.depth, known.time])[:, :-1]
+    largest = np.maximum(np.abs(expected).max(axis=1, keepdims=True), 1e-3)
+    rods = make_rods(inputs(CASES[case]))
+    curves = [
+        Curves.make_empty(Along.DEPTH, known.depth, 1),
+        Curves.make_empty(Along.TIME, known.time, 1),
+    ]
+    end = follow_erosion(rods, curves, WalkerAndersonTrajectory().tolerance)
+    motion = RigidMotion.after(rods, end)
+    for each in curves:
+        each.add_rigid_motion(motion, rods, end)
+        error = np.abs(each.values[:, 0, :-1] - expected) / largest
+        assert error.max() <= PROMISED, each.along
+    assert motion.rest_depth == pytest.approx(known.depth[-1], rel=PROMISED / 10)
+    assert motion.rest_time == pytest.approx(known.time[-1], rel=PROMISED / 10)
 
 
-def test_numbers_at_rest_are_those_of_the_model_for_batches() -> None:
-    cases = {name: np.array([case[name] for case in CASES.values()]) for name in ROD}
-    found = Evaluator(WalkerAndersonTrajectory(times=2))(cases).outputs["penetration_depth"]
-    known = Evaluator(WalkerAnderson())(cases).outputs["penetration_depth"]
-    assert found == pytest.approx(known, rel=1e-5)
+def test_known_values_of_the_nominal_rod() -> None:
+    # Depth in m: time in µs, u and v in m/s, L and s in mm, from Taylor series of high order.
+    known = {
+        0.050: (46.067, 1020.611, 1367.958, 146.2320, 2.80922),
+        0.200: (200.200, 920.739, 1228.831, 95.3474, 2.76201),
+        0.400: (456.296, 583.986, 734.381, 32.6935, 2.12576),
+    }
+    model = WalkerAndersonTrajectory(along="depth", depth_limit="0.4 m", depths=9)
+    found = Evaluator(model)(inputs(ROD)).outputs
+    depths = np.array(model.output("time_at_depth").dims[0].values)
+    units = {"time": 1e6, "nose_velocity": 1, "tail_velocity": 1, "length": 1e3}
+    units["plastic_extent"] = 1e3
+    for depth, values in known.items():
+        at = int(np.argmin(np.abs(depths - depth)))
+        own = [found[f"{name}_at_depth"][0, at] * factor for name, factor in units.items()]
+        # The values have five digits at least.
+        assert own == pytest.approx(values, rel=1.1e-5), depth
+
+
+def test_reference_cases_end_where_they_are_known_to() -> None:
+    with (DATA / "walker_anderson_cases.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    cases = [{name: float(row[name]) for name in ROD} for row in rows]
+    model = WalkerAndersonTrajectory(duration="20 ms", times=20_001)
+    found = Evaluator(model)(inputs(*cases)).outputs
+    depth = [float(row["penetration_depth"]) for row in rows]
+    residue = [float(row["projectile_residue"]) for row in rows]
+    assert found["penetration_depth"] == pytest.approx(depth, rel=1e-8)
+    # The shortest length of a rod is its last one; at a standstill its nose has 1 µs at most left.
+    assert np.nanmin(found["length"], axis=1) == pytest.approx(residue, rel=1e-3)
+    breakdown = np.array([row["termination"] == "v=u" for row in rows])
+    assert np.nanmin(found["length"], axis=1)[breakdown] == pytest.approx(
+        np.array(residue)[breakdown], rel=1e-7
+    )
+
+
+@pytest.mark.parametrize("case", ["breakdown", "smoothed", "standstill"])
+def test_momentum_is_balanced_while_the_rod_erodes(case: str) -> None:
+    rod = CASES[case]
+    R, S, epsilon = rod["crater_radius"], rod["plasticity_radius"], rod["smoothing"]
+    model = WalkerAndersonTrajectory(duration="50 us", times=4001)
+    results = Evaluator(model)(inputs(rod)).outputs
+    u, v, L, s = (
+        results[name][0] for name in ("nose_velocity", "tail_velocity", "length", "plastic_extent")
+    )
+    eroding = v > u
+    eroding[0] = True
+    u, v, L, s = (each[eroding] for each in (u, v, L, s))
+    times = np.array(model.outputs[0].dims[0].values)[eroding]
+    projectile, target = rod["projectile_density"], rod["target_density"]
+    in_target = R * (S - R) / (S + R)
+    momentum = projectile * (v * L + s * (u - v) / (2 + epsilon)) + target * u * in_target
+    force = (
+        -projectile * (v**2 - u**2) / 2
+        - target * u**2 / 2
+        - 7 / 3 * rod["target_yield_limit"] * np.log(S / R)
+    )
+    lost = cumulative_simpson(force, x=times, initial=0.0)
+    assert momentum[0] + lost == pytest.approx(momentum, rel=1e-6)
+
+
+def test_the_nose_moves_at_its_velocity_and_the_rod_erodes_at_the_difference() -> None:
+    model = WalkerAndersonTrajectory(duration="0.5 ms", times=5001)
+    found = {name: values[0] for name, values in Evaluator(model)(inputs(ROD)).outputs.items()}
+    times = np.array(model.outputs[0].dims[0].values)
+    travelled = cumulative_simpson(found["nose_velocity"], x=times, initial=0.0)
+    assert found["nose_depth"] == pytest.approx(travelled, abs=1e-6)
+    eroded = cumulative_simpson(found["tail_velocity"] - found["nose_velocity"], x=times, initial=0)
+    assert 0.16 - found["length"] == pytest.approx(eroded, abs=1e-6)
 
 
 def test_curves_end_where_the_rod_rests() -> None:
-    model = WalkerAndersonTrajectory(duration="2 ms", times=201)
-    results = Evaluator(model)(inputs(ROD))
-    assert results.status.tolist() == [Status.OK]
-    rest = results.outputs["rest_time"][0]
-    times = np.array(model.outputs[0].dims[0].values)
-    for name in ("nose_velocity", "tail_velocity", "length", "plastic_extent", "nose_depth"):
-        assert np.array_equal(np.isnan(results.outputs[name][0]), times > rest), name
-    assert 0 < rest < 2e-3
-    depth = results.outputs["nose_depth"][0][times <= rest]
-    assert (np.diff(depth) > 0).all()
-    assert depth[-1] <= results.outputs["penetration_depth"][0]
+    model = WalkerAndersonTrajectory(along="time and depth")
+    results = Evaluator(model)(inputs(*CASES.values()))
+    assert results.status.tolist() == [Status.OK] * len(CASES)
+    rests = {"elapsed_time": "rest_time", "target_depth": "penetration_depth"}
+    curves = [output for output in model.outputs if output.dims]
+    assert len(curves) == 10
+    for output in curves:
+        (dimension,) = output.dims
+        rest = results.outputs[rests[dimension.name]][:, np.newaxis]
+        is_past = np.array(dimension.values) > rest
+        assert is_past.any()
+        assert np.array_equal(np.isnan(results.outputs[output.name]), is_past), output.name
 
 
-def test_it_begins_at_impact() -> None:
-    found = Evaluator(WalkerAndersonTrajectory(times=2))(inputs(ROD)).outputs
+def test_a_rod_that_goes_deeper_than_the_last_depth_has_no_end() -> None:
+    model = WalkerAndersonTrajectory(along="depth", depth_limit="20 cm", depths=5)
+    found = Evaluator(model)(inputs(ROD)).outputs
+    assert found["penetration_depth"] > 0.2
+    assert np.isfinite(found["nose_velocity_at_depth"]).all()
+
+
+@pytest.mark.parametrize("kind", [WalkerAndersonTrajectory, RigidPenetrationTrajectory])
+def test_they_begin_at_impact(kind: type[RodTrajectories]) -> None:
+    model = kind(along="time and depth", times=2, depths=2)
+    found = Evaluator(model)(inputs(ROD)).outputs
     start = {name: values[0, 0] for name, values in found.items() if values.ndim == 2}
-    assert start == {
-        "nose_velocity": 1400.0,
-        "tail_velocity": 1400.0,
-        "length": 0.16,
-        "plastic_extent": 0.0,
-        "nose_depth": 0.0,
-    }
+    at_surface = {"nose_velocity": 1400.0, "tail_velocity": 1400.0, "length": 0.16}
+    at_surface["plastic_extent"] = 0.0
+    by_depth = {f"{name}_at_depth": value for name, value in at_surface.items()}
+    assert start == {**at_surface, "nose_depth": 0.0, **by_depth, "time_at_depth": 0.0}
+
+
+def test_a_rigid_rod_moves_as_its_closed_form_says() -> None:
+    known = RigidPenetration().trajectory(ROD)
+    rest = float(known["penetration_depth"][-1])
+    model = RigidPenetrationTrajectory(
+        along="depth", depth_limit=rest, depths=known.sizes["penetration_depth"]
+    )
+    found = Evaluator(model)(inputs(ROD)).outputs
+    assert found["penetration_depth"] == pytest.approx(rest)
+    for name in known.data_vars:
+        curve = found[f"{name}_at_depth"][0, :-1]
+        assert curve == pytest.approx(known[name].values[:-1], rel=1e-9), name
+
+
+def test_a_rod_too_slow_to_erode_is_rigid() -> None:
+    slow = inputs({**ROD, "impact_velocity": 50.0})
+    eroding = Evaluator(WalkerAndersonTrajectory())(slow).outputs
+    rigid = Evaluator(RigidPenetrationTrajectory())(slow).outputs
+    for name, values in eroding.items():
+        np.testing.assert_array_equal(values, rigid[name])
 
 
 def test_what_overflows_is_not_finite() -> None:
     case = {**ROD, "projectile_length": 1e300, "target_yield_limit": 1e-300}
     results = Evaluator(WalkerAndersonTrajectory(times=2))(inputs(case))
     assert results.status.tolist() == [Status.NOT_FINITE]
-    assert results.reasons == {0: "nose_velocity is nan at elapsed_time = 0 ms"}
+    assert results.reasons == {0: "penetration_depth is inf"}
 
 
-def test_it_meets_the_contract_of_models() -> None:
-    check_model(WalkerAndersonTrajectory(times=5), inputs(ROD, 2))
+@pytest.mark.parametrize("kind", [WalkerAndersonTrajectory, RigidPenetrationTrajectory])
+def test_they_meet_the_contract_of_models(kind: type[RodTrajectories]) -> None:
+    check_model(kind(along="time and depth", times=5, depths=5), inputs(ROD, CASES["standstill"]))
 
 
 def test_settings_decide_its_identity() -> None:
@@ -99,3 +215,9 @@ def test_settings_decide_its_identity() -> None:
     assert one.identity()["duration"] == "0.002"
     assert other.identity() == {**one.identity(), "duration": "0.001"}
     assert other.outputs != one.outputs
+
+
+def test_an_unknown_coordinate_is_refused() -> None:
+    with pytest.raises(SettingsError) as refused:
+        WalkerAndersonTrajectory(along="width")
+    assert 'one of "time", "depth", "time and depth"' in str(refused.value)

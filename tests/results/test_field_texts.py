@@ -15,6 +15,7 @@ from uqpen.cli.run import run
 from uqpen.cli.show import show
 from uqpen.figures.page import available
 from uqpen.report.page import report_page
+from uqpen.results.digits import estimate_text
 from uqpen.results.field_texts import field_lines
 from uqpen.results.html import archive_html
 from uqpen.results.json import archive_json
@@ -43,10 +44,7 @@ x = "0 ± 1"
 kind = "monte-carlo"
 runs = 30
 """
-LINES = [
-    "sheet [cm]: along time [day] from 0 to 4 (3), level from 1 to 2 (2)",
-    "not analysed: statistics take only scalar outputs",
-]
+HEAD = "sheet [cm]: along time [day] from 0 to 4 (3), level from 1 to 2 (2)"
 
 
 def made(folder: Path, text: str) -> xr.DataTree:
@@ -72,8 +70,20 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
     return made(tmp_path_factory.mktemp("alone"), STUDY.replace('y = "1"\n', ""))
 
 
-def test_there_is_a_line_for_each_and_one_reason(mixed: xr.DataTree) -> None:
-    assert list(field_lines(mixed)) == LINES
+def test_there_is_a_line_for_each_with_its_range(mixed: xr.DataTree) -> None:
+    y = mixed["statistics/mc/y"].to_dataset()
+    mean = estimate_text(*y["mean"].values.tolist())
+    sd = estimate_text(*y["std"].values.tolist())
+    assert list(field_lines(mixed)) == [
+        f"{HEAD}; by mc mean from {mean} at time = 0 day, level = 1 to 4 at time = 4 day, "
+        f"level = 2, sd at most {sd} at time = 0 day, level = 1"
+    ]
+
+
+def test_a_field_without_statistics_has_its_dimensions(mixed: xr.DataTree) -> None:
+    tree = mixed.copy()
+    tree["statistics/mc/sheet"] = xr.Dataset()
+    assert list(field_lines(tree)) == [HEAD]
 
 
 def test_of_several_models_lines_name_the_model(tmp_path: Path) -> None:
@@ -81,11 +91,8 @@ def test_of_several_models_lines_name_the_model(tmp_path: Path) -> None:
     table, rest = rest.split("[inputs]\n")
     one = "[models.one]\n" + table.replace("[model.", "[models.one.")
     text = f"{head}{one}{one.replace('models.one', 'models.other')}[inputs]\n{rest}"
-    assert list(field_lines(made(tmp_path, text))) == [
-        f"one: {LINES[0]}",
-        f"other: {LINES[0]}",
-        LINES[1],
-    ]
+    lines = list(field_lines(made(tmp_path, text)))
+    assert [line.partition(";")[0] for line in lines] == [f"one: {HEAD}", f"other: {HEAD}"]
 
 
 def test_show_prints_them(mixed: xr.DataTree, alone: xr.DataTree, tmp_path: Path) -> None:
@@ -93,30 +100,47 @@ def test_show_prints_them(mixed: xr.DataTree, alone: xr.DataTree, tmp_path: Path
         uqpen.write(tree, tmp_path / "study.nc")
         shown = CliRunner().invoke(show, [str(tmp_path / "study.nc"), "--all"])
         assert shown.exit_code == 0
-        for line in LINES:
-            assert line in shown.output
-    assert "mean" not in shown.output
+        assert HEAD in shown.output
+    assert "quantile" not in shown.output
 
 
 def test_json_has_their_dimensions(mixed: xr.DataTree) -> None:
     outputs = json.loads(json.dumps(archive_json(mixed)))["designs"]["mc"]["outputs"]
-    assert outputs["sheet"] == {
-        "units": "m",
-        "dimensions": {"time": {"size": 3, "units": "s"}, "level": {"size": 2, "units": "1"}},
+    assert outputs["sheet"]["dimensions"] == {
+        "time": {"size": 3, "units": "s", "coordinates": [0.0, 86_400.0, 345_600.0]},
+        "level": {"size": 2, "units": "1", "coordinates": [1.0, 2.0]},
     }
     assert "dimensions" not in outputs["y"]
 
 
-def test_the_long_table_has_scalars_only(mixed: xr.DataTree, alone: xr.DataTree) -> None:
-    assert set(long_table(mixed)["output"]) == {"y", ""}
-    assert set(long_table(alone)["output"]) == {""}
+def test_json_has_lists_along_them(mixed: xr.DataTree) -> None:
+    outputs = json.loads(json.dumps(archive_json(mixed)))["designs"]["mc"]["outputs"]
+    field, number = outputs["sheet"], outputs["y"]
+    for name in ("mean", "std"):
+        assert field[name]["estimate"][0][0] == pytest.approx(number[name]["estimate"] / 100)
+        assert [len(row) for row in field[name]["upper"]] == [2, 2, 2]
+    # One text for all places, or one for each.
+    assert field["std"]["interval_label"] == number["std"]["interval_label"]
+    constant = {text for row in field["mean"]["note"][1:] for text in row}
+    assert field["mean"]["note"][0] == 2 * [number["mean"]["note"]]
+    assert number["mean"]["note"] not in constant
+    assert field["quantiles"].keys() == number["quantiles"].keys()
+    assert field["quantiles"]["0.5"]["estimate"][1:] == [[0.01, 0.02], [0.03, 0.04]]
+
+
+def test_the_long_table_has_a_row_for_each_place(mixed: xr.DataTree) -> None:
+    table = long_table(mixed).query("output == 'sheet' and statistic == 'mean'")
+    assert table["time"].tolist() == [0.0, 0.0, 86_400.0, 86_400.0, 345_600.0, 345_600.0]
+    assert table["level"].tolist() == [1.0, 2.0] * 3
+    assert table["coordinates"].iloc[-1] == "time=345600.0, level=2.0"
+    assert table["estimate"].iloc[-1] == 0.04
 
 
 def test_a_page_names_them(mixed: xr.DataTree, alone: xr.DataTree) -> None:
     for tree in (mixed, alone):
         page = report_page(tree)
-        assert all(line in page for line in LINES)
-        assert archive_html(tree)
+        assert HEAD in page
+        assert HEAD in archive_html(tree)
         assert available(tree) is not None
 
 

@@ -1,8 +1,6 @@
-"""Which analyses take outputs with dimensions."""
+"""Statistics of fields: at each place those of a scalar output, of the runs that exist there."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -13,7 +11,7 @@ from uqpen.core.model import Dimension, Input, Output
 from uqpen.core.sampling import Sampling
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
-from uqpen.statistics import ANALYSES, FIELD_ANALYSES, analyze
+from uqpen.statistics import analyze
 from uqpen.statistics.model_differences import model_differences
 from uqpen.statistics.outside import OutsideAnalysis
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -39,35 +37,15 @@ def runs() -> xr.Dataset:
     return made.assign_attrs(sampling=str(Sampling.INDEPENDENT))
 
 
-def mean_by_place(
-    sample: Sample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
-    """The mean at each place of a field."""
-    dims = [dimension.name for dimension in quantity.output.dims]
-    yield "mean", xr.DataArray(sample.values.mean(axis=0), dims=dims)
-
-
-def test_every_field_analysis_is_an_analysis() -> None:
-    assert ANALYSES.keys() >= FIELD_ANALYSES
-
-
-def test_others_take_scalars_only(runs: xr.Dataset) -> None:
+def test_a_statistic_has_the_dimensions_of_its_field_first(runs: xr.Dataset) -> None:
     found = analyze.analyze(runs, QUANTITIES)
-    assert found["curve"] == {}
-    assert {"mean", "quantile", "cdf", "first_order"} <= found["y"].keys()
-
-
-def test_a_listed_one_takes_the_whole_field(
-    runs: xr.Dataset, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(analyze, "ANALYSES", {"moments": [f"{__name__}:mean_by_place"]})
-    monkeypatch.setattr(analyze, "FIELD_ANALYSES", frozenset({"moments"}))
-    monkeypatch.setattr(analyze, "resolve", lambda text: mean_by_place)
-    found = analyze.analyze(runs, QUANTITIES)
-    assert found["curve"]["mean"].dims == ("time",)
+    assert list(found["curve"])[:3] == ["mean", "std", "quantile"]
+    assert found["curve"]["mean"].dims == ("time", "bound")
+    assert found["curve"]["quantile"].dims == ("time", "probability", "bound")
     expected = runs["x"].values.mean() * np.array([1, 2, 3])
-    assert found["curve"]["mean"].values == pytest.approx(expected)
+    assert found["curve"]["mean"].values[:, 0] == pytest.approx(expected)
     assert found["curve"]["mean"].attrs["runs_used"] == 40
+    assert {"mean", "quantile", "cdf", "first_order"} <= found["y"].keys()
 
 
 def test_analyses_from_outside_take_scalars_only(runs: xr.Dataset) -> None:
@@ -81,5 +59,9 @@ def test_analyses_from_outside_take_scalars_only(runs: xr.Dataset) -> None:
     assert seen == ["y"]
 
 
-def test_differences_of_models_are_of_scalars(runs: xr.Dataset) -> None:
-    assert model_differences(runs, runs, QUANTITIES).keys() == {"y"}
+def test_differences_of_models_are_at_each_place(runs: xr.Dataset) -> None:
+    other = runs.assign(curve=runs["curve"] + runs["time"] * runs["x"])
+    found = model_differences(runs, other, QUANTITIES)
+    assert list(found["curve"])[:3] == ["mean", "std", "quantile"]
+    expected = runs["x"].values.mean() * np.array([0, 1, 2])
+    assert found["curve"]["mean"].values[:, 0] == pytest.approx(expected)

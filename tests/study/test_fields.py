@@ -98,7 +98,7 @@ class TestDeclared:
     def test_what_is_asked_is_listed(self, folder: Path) -> None:
         rows = dict(output_rows(parsed(STUDY, folder)))
         assert rows["infected"] == (
-            "its values along time (5); statistics take only scalar outputs"
+            "at each place along time (5): mean, standard deviation, quantiles 0.05, 0.5, 0.95"
         )
 
     @given(
@@ -193,10 +193,16 @@ class TestMistakes:
     def test_a_request_for_a_statistic(self, folder: Path) -> None:
         text = STUDY + '[outputs.infected]\nunit = "%"\nexceeds = [0.5]\nhold = [0.9]\n'
         assert problems(text, folder) == [
-            f'outputs.infected.{key}: found a question to "infected"; expected none: statistics '
-            "take only scalar outputs, and it has dimensions"
-            for key in ("exceeds", "hold")
+            'outputs.infected.hold: found a tolerance limit of "infected"; expected an output '
+            "without dimensions; a field has hold_between"
         ]
+
+    def test_a_stopping_target(self, folder: Path) -> None:
+        target = 'at_most = 2000\nuntil = { infected = { mean = "1 %" } }'
+        found = "designs.mc.until.infected: found an output with dimensions"
+        assert f"{found}; expected an output that is a number" in problems(
+            STUDY.replace("runs = 20", target), folder
+        )
 
     def test_its_unit_is_no_mistake(self, folder: Path) -> None:
         study = parsed(STUDY + '[outputs.infected]\nunit = "%"\n', folder)
@@ -206,7 +212,7 @@ class TestMistakes:
         text = STUDY + '[published.book]\nsource = "a book"\ninfected = { mean = 0.5 }\n'
         assert problems(text, folder) == [
             'published.book.infected.mean: found an estimate of "infected"; expected an output '
-            "without dimensions: statistics take only scalar outputs"
+            "without dimensions"
         ]
 
     def test_a_surrogate_of_a_field(self, folder: Path) -> None:

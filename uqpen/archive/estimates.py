@@ -13,13 +13,16 @@ a kilobyte.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping
+import math
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 import xarray as xr
 
+from uqpen.core.arrays import IntArray
 from uqpen.core.labels import BOUND, BOUNDS, INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE
 
 __all__ = [
@@ -108,13 +111,11 @@ def pack(arrays: Mapping[str, xr.DataArray] | Iterable[tuple[str, xr.DataArray]]
         if BOUND in array.dims:
             if not np.isfinite(array.values[..., 1:]).any():
                 attributes.pop(INTERVAL_LEVEL, None)
-            texts = [array.coords[text].values for text in INTERVAL_TEXTS]
-            entries = list(zip(*(np.ravel(text).tolist() for text in texts), strict=True))
-            known = {entry: code for code, entry in enumerate(dict.fromkeys(entries))}
+            codes, known = _coded_texts(array)
             if len(known) > 1:
-                variables[f"{name}{_CODES}"] = _codes(name, array, entries, known)
+                variables[f"{name}{_CODES}"] = _codes(name, array, codes, known)
             else:
-                entry = entries[0] if entries else ("none", "none", "")
+                entry = known[0] if known else ("none", "none", "")
                 attributes |= {
                     key: text for key, text in zip(INTERVAL_TEXTS, entry, strict=True) if text
                 }
@@ -122,20 +123,28 @@ def pack(arrays: Mapping[str, xr.DataArray] | Iterable[tuple[str, xr.DataArray]]
     return xr.Dataset(variables, coordinates)
 
 
+def _coded_texts(array: xr.DataArray) -> tuple[IntArray, list[tuple[str, ...]]]:
+    """Return the position of each entry's texts in a list, and the list in order of appearance."""
+    together = np.zeros(math.prod(array.shape[:-1]), dtype=np.int64)
+    columns = [np.ravel(array.coords[text].values) for text in INTERVAL_TEXTS]
+    for column in columns:
+        own, distinct = pd.factorize(column)
+        together, _ = pd.factorize(together * len(distinct) + own)
+    _, first = np.unique(together, return_index=True)
+    return together, [tuple(str(column[each]) for column in columns) for each in first]
+
+
 def _codes(
-    name: str,
-    array: xr.DataArray,
-    entries: list[tuple[str, ...]],
-    known: Mapping[tuple[str, ...], int],
+    name: str, array: xr.DataArray, entries: IntArray, known: Sequence[tuple[str, ...]]
 ) -> tuple[Any, ...]:
     """Return the variable that says which of the known texts each entry has."""
     dims = [dim for dim in array.dims if dim != BOUND]
     kind = np.int8 if len(known) <= np.iinfo(np.int8).max else np.int16
-    codes = np.array([known[entry] for entry in entries], dtype=kind)
+    codes = entries.astype(kind)
     attributes = {
         "long_name": f"how the intervals of {name} were made",
         "flag_values": np.arange(len(known), dtype=kind),
-        "flag_meanings": " ".join(f"k{code}" for code in known.values()),
+        "flag_meanings": " ".join(f"k{code}" for code in range(len(known))),
         **{
             f"{_FLAG}{key}": [entry[position] for entry in known]
             for position, key in enumerate(INTERVAL_TEXTS)
@@ -163,7 +172,7 @@ def unpack(dataset: xr.Dataset, name: str) -> xr.DataArray | None:
             values = np.full(shape, str(array.attrs.get(key, "")), dtype=object)
         else:
             table = np.array(np.atleast_1d(codes.attrs[f"{_FLAG}{key}"]), dtype=object)
-            values = table[codes.values]
+            values = np.asarray(table[codes.values], dtype=object)
         texts[key] = _texts(dims, values)
     coordinates = xr.Coordinates({**array.coords.variables, **texts}, indexes=array.xindexes)
     attributes = {key: value for key, value in array.attrs.items() if key not in INTERVAL_TEXTS}

@@ -12,7 +12,7 @@ from uqpen.core.labels import ROLE, RUN
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.core.variables import MOST_DIMENSIONS
 
-__all__ = ["field_dimensions", "find_field_faults", "place_text"]
+__all__ = ["coordinate_text", "field_dimensions", "find_field_faults", "place_text"]
 
 
 def field_dimensions(variable: xr.DataArray) -> tuple[str, ...]:
@@ -25,13 +25,18 @@ def place_text(variable: xr.DataArray, place: Sequence[int]) -> str:
 
     The place is the position of the value along ``run`` and each further dimension.
     """
-    texts = []
-    for dimension, position in zip(variable.dims[1:], place[1:], strict=True):
-        coordinate = variable[dimension]
-        shown = str(coordinate.attrs.get("display_units", DIMENSIONLESS))
-        value = f"{scale(shown).from_si(float(coordinate.values[position])):.10g}"
-        texts.append(f"{dimension} = {value}" + (f" {shown}" if shown != DIMENSIONLESS else ""))
+    texts = [
+        coordinate_text(variable[dimension], variable[dimension].values[position])
+        for dimension, position in zip(variable.dims[1:], place[1:], strict=True)
+    ]
     return f" at {', '.join(texts)}" if texts else ""
+
+
+def coordinate_text(coordinate: xr.DataArray, value: float) -> str:
+    """Return a value of a coordinate in its unit for display, such as ``time = 3 s``."""
+    shown = str(coordinate.attrs.get("display_units", DIMENSIONLESS))
+    written = f"{scale(shown).from_si(float(value)):.10g}"
+    return f"{coordinate.name} = {written}" + (f" {shown}" if shown != DIMENSIONLESS else "")
 
 
 def find_field_faults(runs: xr.Dataset) -> Iterator[str]:

@@ -13,6 +13,7 @@ from uqpen.archive.estimates import has_interval_texts, statistic_names
 from uqpen.core.catalogue import CATALOGUE, DIMENSIONS, REQUESTED_DIMENSIONS, Statistic
 from uqpen.core.errors import QuantityError
 from uqpen.core.labels import (
+    ABSENT,
     BOUND,
     BOUNDS,
     CITED,
@@ -24,15 +25,16 @@ from uqpen.core.labels import (
     DECISION_PROBABILITY,
     DECISION_RUNS,
     DECISION_UPPER,
+    DERIVED_FROM,
     INTERVAL,
     INTERVAL_LABEL,
     LARGEST_CONTRIBUTION,
     MISSING,
-    NOT_ESTIMATED,
     NOT_FITTED,
     NOTE,
     RECIPE,
     ROLE,
+    RUNS_ABSENT,
     RUNS_SPENT,
     SOURCE_KIND,
     STOPPING_CLAIM,
@@ -54,10 +56,12 @@ _ATTRIBUTES = {
         (INTERVAL, INTERVAL_LABEL, NOTE, ROLE, CONDITIONAL, MISSING, "units", "display_units"),
         "text",
     ),
+    **dict.fromkeys((ABSENT, DERIVED_FROM), "text"),
     **dict.fromkeys(("source", "minus", "outputs", "check", "flag_meanings"), "text"),
-    **dict.fromkeys((SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED, NOT_ESTIMATED), "text"),
+    **dict.fromkeys((SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED), "text"),
     **dict.fromkeys(
-        (RECIPE, RUNS_SPENT, "runs", "runs_used", "repeats", "reference_runs"), "count"
+        (RECIPE, RUNS_SPENT, RUNS_ABSENT, "runs", "runs_used", "repeats", "reference_runs"),
+        "count",
     ),
     **dict.fromkeys(("order", "terms", "q2", "check_q2_of_output"), "number"),
     CONFIDENCE_LEVEL: "number",
@@ -134,13 +138,30 @@ def find_dataset_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic])
         dims = tuple(str(dim) for dim in variable.dims)
         if entry is not None:
             expected = (*entry.dims, *((BOUND,) if entry.has_bounds else ()))
-            if dims != expected or not has_kind(variable, "number"):
+            of_field = dims[: len(dims) - len(expected)]
+            of_statistic = dims[len(of_field) :]
+            if (
+                of_statistic != expected
+                or not DIMENSIONS.keys().isdisjoint(of_field)
+                or not has_kind(variable, "number")
+            ):
                 yield f"{name} is not of numbers along {', '.join(expected)}"
                 continue
         if BOUND in dims:
             yield from _interval_faults(dataset, name)
         for dimension in dims:
             yield from _coordinate_faults(dataset, dimension)
+    yield from _field_faults(dataset, catalogue)
+
+
+def _field_faults(dataset: xr.Dataset, catalogue: Mapping[str, Statistic]) -> Iterator[str]:
+    """Find dimensions of a field that have no coordinates with a unit."""
+    known = {
+        str(dim) for name in catalogue if name in dataset.data_vars for dim in dataset[name].dims
+    }
+    for dimension in sorted(known.difference(DIMENSIONS, (BOUND,))):
+        if dimension not in dataset.coords or "units" not in dataset.variables[dimension].attrs:
+            yield f"no coordinates with a unit along {dimension}"
 
 
 def _interval_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:

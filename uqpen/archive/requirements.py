@@ -16,6 +16,7 @@ from uqpen.archive.layout import has_kind
 from uqpen.archive.tree import group_names, read_group
 from uqpen.core.catalogue import PROBABILITY
 from uqpen.core.labels import (
+    ABSENT,
     FAILURES_GROUP,
     INPUT,
     INTERVAL_LEVEL,
@@ -133,8 +134,9 @@ def _run_faults(runs: xr.Dataset) -> Iterator[str]:
 def _is_finite(variable: xr.DataArray, status: xr.DataArray) -> bool:
     completed = np.asarray(variable.values, dtype=np.float64)[status.values == Status.OK]
     # A curve may end before its dimension does; it is NaN from there.
-    may_end = completed.ndim == 2
-    return bool((np.isfinite(completed) | (may_end & np.isnan(completed))).all())
+    # A derived number may be one that some runs do not have; it is NaN in them, too.
+    may_be_nan = completed.ndim == 2 or ABSENT in variable.attrs
+    return bool((np.isfinite(completed) | (may_be_nan & np.isnan(completed))).all())
 
 
 def _has_flags(variable: xr.DataArray) -> bool:

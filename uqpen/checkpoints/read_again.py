@@ -47,9 +47,7 @@ def read_again(
             "repeated"
         )
     kept.remove_all()
-    variants = {
-        name: replace(variant, model=models[name]) for name, variant in study.models.items()
-    }
+    variants = {name: variant.with_model(models[name]) for name, variant in study.models.items()}
     return replace(study, models=variants)
 
 

@@ -141,15 +141,18 @@ def _output_rows(
     status = Status(int(results.status[0]))
     if status is not Status.OK:
         raise ModelError(f"the run is {STATUS_TEXT[status]}: {results.reasons[0]}")
-    for output in model.outputs:
+    values = model.derive(results.outputs, results.status)
+    for output in model.all_outputs:
         unit = units.get(output.name, output.preferred_unit)
         if output.dims:
-            shown = _field_text(output, results.outputs[output.name][0], unit)
+            shown = _field_text(output, values[output.name][0], unit)
             yield output.name, shown, "" if unit == DIMENSIONLESS else unit
             continue
-        value = float(results.outputs[output.name][0])
+        value = float(values[output.name][0])
         if output.categories:
             yield output.name, output.categories[round(value)].label, ""
+        elif output.absent and np.isnan(value):
+            yield output.name, f"none: {output.absent}", ""
         else:
             shown = f"{scale(unit).from_si(value):.10g}"
             yield output.name, shown, "" if unit == DIMENSIONLESS else unit

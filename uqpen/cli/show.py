@@ -17,14 +17,31 @@ __all__ = ["show"]
 @click.argument("archive", type=PATH)
 @click.option("--json", "as_text", is_flag=True, help="JSON on standard output, in SI units.")
 @click.option("--all", "everything", is_flag=True, help="All sensitivity measures of the inputs.")
-def show(archive: Path, as_text: bool, everything: bool) -> None:
+@click.option("--output", help="Show this output only.")
+@click.option(
+    "--at",
+    multiple=True,
+    metavar="DIMENSION=PLACE",
+    help='Show an output with dimensions there: --output infected --at "time=10 day".',
+)
+def show(
+    archive: Path, as_text: bool, everything: bool, output: str | None, at: tuple[str, ...]
+) -> None:
     """Show the results in ARCHIVE, as `uqpen study` or `uqpen compare` did; nothing is run."""
     from uqpen.archive.read import open_archive
     from uqpen.core.labels import BENCHMARK, KIND
     from uqpen.core.lookup import resolve
 
+    if at and output is None:
+        raise click.UsageError("--at needs --output NAME")
     tree = open_archive(archive)
     is_comparison = tree.attrs.get(KIND) == BENCHMARK
+    if output is not None:
+        if is_comparison:
+            raise click.UsageError("--output is for the archive of a study")
+        tree, places = resolve("uqpen.results.output_selection:select_output")(tree, output, at)
+        for remark in filter(None, (place.remark for place in places)):
+            click.echo(remark, err=True)
     if as_text:
         function = "benchmark_json:benchmark_json" if is_comparison else "json:archive_json"
         as_json = resolve(f"uqpen.results.{function}")

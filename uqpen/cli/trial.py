@@ -54,10 +54,12 @@ def _output_rows(
     study: ValidatedStudy, name: str, trial: TrialRun
 ) -> Iterator[tuple[str, str, str]]:
     """Yield the name, value and unit of each output, as the study shows them."""
-    for quantity in study.model_quantities(study.models[name].model):
+    model = study.models[name].model
+    values = model.derive(trial.results.outputs, trial.results.status)
+    for quantity in study.model_quantities(model):
         output, unit = quantity.output, quantity.display_unit
-        is_bare = bool(output.categories) or unit == DIMENSIONLESS
-        text = _value_text(output, unit, trial.results.outputs[output.name][0])
+        text = _value_text(output, unit, values[output.name][0])
+        is_bare = bool(output.categories) or unit == DIMENSIONLESS or text.startswith("none")
         yield output.name, text, "" if is_bare else unit
 
 
@@ -65,6 +67,8 @@ def _value_text(output: Output, unit: str, values: FloatArray) -> str:
     """Return a value, a category, or the ends of a field with its dimensions."""
     if output.categories:
         return output.categories[round(float(values))].label
+    if output.absent and np.isnan(values):
+        return f"none: {output.absent}"
     shown = scale(unit).from_si(np.array([np.nanmin(values), np.nanmax(values)]))
     if not output.dims:
         return f"{shown[0]:.6g}"

@@ -80,10 +80,16 @@ MISSING = "missing"
 RUNS_SPENT = "runs_spent"
 ESTIMATOR = "estimator"
 LARGEST_CONTRIBUTION = "largest_contribution"
+# Comment on a curve that may end before its dimension does.
+CURVE_MAY_END = "NaN after the end of the curve"
+# Of an output that follows from another: the name of that.
+DERIVED_FROM = "derived_from"
+# Of one that some runs do not have, NaN there: what is true of those runs. Of its statistics: the
+# number of completed runs that do not have it.
+ABSENT = "absent"
+RUNS_ABSENT = "runs_absent"
 # Of an output that a surrogate could not be fitted to: the reason.
 NOT_FITTED = "not_fitted"
-# Of an output without statistics: the reason.
-NOT_ESTIMATED = "not_estimated"
 DEPENDENCE = "dependence"
 # The rule by which a design decided how many runs it makes, and what that means for intervals.
 STOPPING_RULE = "stopping_rule"

@@ -7,12 +7,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray
+from uqpen.core.derived import DerivedOutput
 from uqpen.core.errors import UnknownNameError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
@@ -112,6 +113,8 @@ class Model(ABC):
         Whether a call can hang, or end the process that makes it.
     enforced_limits : Limits
         Limits of one run that its caller has to enforce.
+    derived : tuple of DerivedOutput
+        What a study derives from its fields, after a run. `evaluate` knows nothing of them.
     """
 
     name: str
@@ -121,6 +124,12 @@ class Model(ABC):
     vectorized: bool = True
     is_untrusted: bool = False
     enforced_limits: Limits = Limits()
+    derived: tuple[DerivedOutput, ...] = ()
+
+    @property
+    def all_outputs(self) -> tuple[Output, ...]:
+        """Its outputs, and behind them those derived from them: all that its runs have."""
+        return (*self.outputs, *(each.output for each in self.derived))
 
     @property
     def is_object(self) -> bool:
@@ -236,6 +245,32 @@ class Model(ABC):
     def identity(self) -> dict[str, str]:
         """Return the properties that determine its results, to distinguish it from other models."""
         return {"name": self.name}
+
+    def with_derived(self, derived: Sequence[DerivedOutput]) -> Self:
+        """Return the same model with other derived outputs.
+
+        It shares all else with this one: a copy by `copy` or `dataclasses` may load it anew.
+        """
+        if self.derived == tuple(derived):
+            return self
+        model = object.__new__(type(self))
+        vars(model).update(vars(self), derived=tuple(derived))
+        return model
+
+    def derive(self, outputs: Arrays, status: npt.NDArray[np.int8]) -> dict[str, FloatArray]:
+        """Return the values of all outputs of runs: those of the model, and the derived ones.
+
+        Parameters
+        ----------
+        outputs, status
+            As in `Results`.
+        """
+        is_ok = status == Status.OK
+        derived = {
+            each.output.name: each.values(outputs[each.source], self.output(each.source), is_ok)
+            for each in self.derived
+        }
+        return {**outputs, **derived}
 
     def input(self, name: str) -> Input:
         """Return the input named `name`."""

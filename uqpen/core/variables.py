@@ -183,6 +183,9 @@ class Output(Variable):
         Of a field, such as a curve in time; `MOST_DIMENSIONS` at most.
     may_end : bool
         Whether a curve may end before its dimension does: its values after the end are NaN.
+    absent : str
+        What is true of the runs in which a derived number does not exist, and is NaN; empty where
+        every run has one, as all outputs of models.
 
     Raises
     ------
@@ -193,6 +196,7 @@ class Output(Variable):
     categories: tuple[Category, ...] = ()
     dims: tuple[Dimension, ...] = ()
     may_end: bool = False
+    absent: str = ""
 
     def __post_init__(self) -> None:
         names = [dimension.name for dimension in self.dims]

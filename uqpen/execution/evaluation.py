@@ -213,7 +213,7 @@ class _RunsUnderWay:
         return found
 
     def _dataset(self, block: BlockRecord) -> xr.Dataset:
-        results = block.variables(self._model.outputs)
+        results = block.variables(self._model)
         return runs_dataset(block.points, results, self._model, self._display_units)
 
 
@@ -232,5 +232,5 @@ def _check_names(points: xr.Dataset, model: Model) -> None:
     StudyError
         If one has.
     """
-    if WEIGHT in points.coords and any(output.name == WEIGHT for output in model.outputs):
+    if WEIGHT in points.coords and any(output.name == WEIGHT for output in model.all_outputs):
         raise StudyError(f'weighted points cannot go to a model with an output "{WEIGHT}"')

@@ -12,7 +12,7 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedDataset
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, RUN, STATUS
-from uqpen.core.model import Output, empty_outputs
+from uqpen.core.model import Model, Output, empty_outputs
 from uqpen.core.streams import BLOCK
 from uqpen.execution.batch import Batch, BatchResult
 
@@ -51,11 +51,15 @@ class BlockRecord:
         self._status[runs] = results.status
         self._reasons |= {batch_result.start + run: text for run, text in results.reasons.items()}
 
-    def variables(self, outputs: Sequence[Output]) -> dict[str, Any]:
-        """Return the results as variables of a dataset; failed runs have their numbers in all."""
+    def variables(self, model: Model) -> dict[str, Any]:
+        """Return the results of a model, and the outputs derived from them, as variables.
+
+        Failed runs have their numbers in all.
+        """
         variables: dict[str, Any] = {}
-        for output in outputs:
-            values: npt.NDArray[Any] = self._outputs[output.name]
+        found = model.derive(self._outputs, self._status)
+        for output in model.all_outputs:
+            values: npt.NDArray[Any] = found[output.name]
             if output.categories:
                 # A failed run has no category, which integers express as a category of its own.
                 values = np.where(np.isnan(values), -1, values).astype(np.int8)

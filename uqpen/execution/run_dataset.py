@@ -8,14 +8,24 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, REPLICATE, ROLE, RUN, STATUS, WEIGHT
+from uqpen.core.labels import (
+    ABSENT,
+    CURVE_MAY_END,
+    DERIVED_FROM,
+    FAILED_RUN,
+    FAILURE_REASON,
+    REPLICATE,
+    ROLE,
+    RUN,
+    STATUS,
+    WEIGHT,
+)
 from uqpen.core.model import Category, Dimension, Model, Output
 from uqpen.core.status import Status
 
 __all__ = ["runs_dataset"]
 
-# Attribute of a curve that may end before its dimension does.
-_END = {"comment": "NaN after the end of the curve"}
+_END = {"comment": CURVE_MAY_END}
 
 
 def runs_dataset(
@@ -61,7 +71,7 @@ def _measure(dimension: Dimension) -> dict[str, str]:
 
 def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, str]) -> None:
     """Add attributes to every variable, following the CF conventions."""
-    for role, variables in (("input", model.inputs), ("output", model.outputs)):
+    for role, variables in (("input", model.inputs), ("output", model.all_outputs)):
         for variable in variables:
             if variable.name in runs:
                 shown = display_units.get(variable.name, variable.preferred_unit)
@@ -73,6 +83,9 @@ def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, 
                     **(_category_attributes(categories) if categories else measure),
                     **(_END if isinstance(variable, Output) and variable.may_end else {}),
                 }
+    for derived in model.derived:
+        absent = {ABSENT: derived.output.absent} if derived.output.absent else {}
+        runs[derived.output.name].attrs |= {DERIVED_FROM: derived.source, **absent}
     runs[STATUS].attrs = {"long_name": "what became of the run"}
     runs[STATUS].attrs |= _flag_attributes(list(Status), [status.meaning for status in Status])
     number = {"units": "1", "long_name": "number of the run"}

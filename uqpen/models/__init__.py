@@ -10,5 +10,9 @@ MODELS = {
         "uqpen.models.walker_anderson_trajectory:WalkerAndersonTrajectory"
     ),
     "rigid-penetration": "uqpen.models.rigid_penetration:RigidPenetration",
+    "rigid-penetration-trajectory": (
+        "uqpen.models.rigid_penetration_trajectory:RigidPenetrationTrajectory"
+    ),
     "ishigami": "uqpen.models.ishigami:Ishigami",
+    "campbell-1d": "uqpen.models.campbell:Campbell",
 }

@@ -45,6 +45,12 @@ SECTIONS = {
         "uqpen.report.sections.distributions:distributions",
         absence_note="completed runs that are a sample of the inputs",
     ),
+    "curves": ReportSection(
+        "Curves",
+        "Outputs along a dimension. Move the place to read off its estimates, its runs and what "
+        "drives it there.",
+        "uqpen.report.sections.curves:curves",
+    ),
     "sensitivity": ReportSection(
         "What drives it",
         "First order: the part of the variance that an input causes by itself. Total order: with "

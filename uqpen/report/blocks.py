@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from uqpen.report.field_places import PlaceReadout, PlaceSlices
 from uqpen.report.marks import Trace
 from uqpen.report.shapes import Shape
 from uqpen.results.table import OutputTable
@@ -215,6 +216,8 @@ class Chart(Block):
     tables: tuple[OutputTable, ...] = ()  # the numbers behind it
     height: int = 300  # in CSS pixels
     reading: ThresholdReadout | None = None
+    place: PlaceReadout | None = None  # along the axis x
+    slices: PlaceSlices | None = None
     is_compared: bool = False  # whether a pointer reads off all lines at once
     # The model whose `RunExplorer` has its points: completed runs, then failed ones as a second
     # trace. None where its points are no runs.

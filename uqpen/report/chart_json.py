@@ -66,6 +66,12 @@ def _chart_content(chart: Chart) -> dict[str, Any]:
     }
     if chart.reading is not None:
         drawn["reading"] = _reading_content(chart.reading)
+    if chart.place is not None:
+        read = chart.place
+        drawn["place"] = {"values": read.values, "texts": read.texts, "start": read.start}
+    if chart.slices is not None:
+        at = chart.slices
+        drawn["slices"] = {"of": at.dimension, "values": at.values, "traces": at.traces}
     if chart.runs_of is not None:
         drawn["runs"] = chart.runs_of
     return drawn

@@ -18,6 +18,7 @@ _SCRIPTS = (
     "selection.js",
     "runs.js",
     "thresholds.js",
+    "places.js",
     "address.js",
     "contents.js",
     "tables.js",

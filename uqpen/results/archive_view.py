@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.arrays import FloatArray, rows_by_weight
 from uqpen.core.errors import UnknownNameError
-from uqpen.core.labels import ROLE, RUNS, SAMPLING, STATUS, WEIGHT
+from uqpen.core.labels import ABSENT, ROLE, RUNS, SAMPLING, STATUS, WEIGHT
 from uqpen.core.lookup import choices
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -23,7 +22,7 @@ from uqpen.results.best_sources import is_sample_design
 from uqpen.results.source_slots import source_slots
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.source_style import SourceStyle, source_style
-from uqpen.results.table import Conversion, conversion, first_runs, output_names
+from uqpen.results.table import Conversion, conversion, field_names, first_runs, output_names
 from uqpen.results.texts import title_with_unit
 from uqpen.statistics.convergence import reason_without_parts
 from uqpen.statistics.sample import input_sample
@@ -112,11 +111,16 @@ class ArchiveView:
 
     @property
     def numeric_outputs(self) -> list[str]:
-        """The outputs that are numbers; only the selected one, if any."""
+        """The outputs that are numbers; only the selected one, if any.
+
+        A derived one is not among them if no run of some design has a value of it.
+        """
         return [
             name
             for name in self._selected
-            if "flag_meanings" not in self.attributes(name) and not self._is_field(name)
+            if "flag_meanings" not in self.attributes(name)
+            and name not in self.fields
+            and not self._lacks_values(name)
         ]
 
     @property
@@ -124,8 +128,18 @@ class ArchiveView:
         """The categorical outputs; only the selected one, if any."""
         return [name for name in self._selected if "flag_meanings" in self.attributes(name)]
 
-    def _is_field(self, name: str) -> bool:
-        return bool(field_dimensions(first_runs(self.tree)[name]))
+    def _lacks_values(self, name: str) -> bool:
+        """Check for a design that has completed runs, but none with a value of an output."""
+        if ABSENT not in self.attributes(name):
+            return False
+        completed = [design for design in self.designs if self.has_completed_runs(design)]
+        return any(not self.completed_values(design, name).size for design in completed)
+
+    @property
+    def fields(self) -> list[str]:
+        """The outputs with dimensions; only the selected one, if any."""
+        known = field_names(first_runs(self.tree))
+        return [name for name in known if self.output in (None, name)]
 
     @property
     def _selected(self) -> list[str]:
@@ -162,10 +176,13 @@ class ArchiveView:
     def completed_values(self, design: str, output: str) -> FloatArray:
         """Return an output of the completed runs of a design's sample, in SI units.
 
-        Of weighted runs, as many values as there are runs, each as often as its weight says.
+        Runs without a value of a derived output are left out. Of weighted runs, as many values as
+        there are runs, each as often as its weight says.
         """
         runs = self.runs(design)
         is_ok = runs[STATUS].values == Status.OK
+        # A field has a value where some of its places do.
+        is_ok &= ~np.isnan(runs[output].values).reshape(is_ok.size, -1).all(axis=1)
         values = np.asarray(runs[output].values[is_ok], dtype=np.float64)
         if WEIGHT not in runs.coords or not values.size:
             return values

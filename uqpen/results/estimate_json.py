@@ -3,40 +3,55 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
-from uqpen.archive.estimates import interval_text
 from uqpen.core.labels import BOUND, INTERVAL, INTERVAL_LABEL, NOTE
 
 __all__ = ["entries_json", "estimate_json", "json_value"]
 
 
 def estimate_json(array: xr.DataArray) -> dict[str, Any]:
-    """Return an estimate, its bounds, and how they were made."""
-    bounds = zip(array[BOUND].values.tolist(), array.values.tolist(), strict=True)
+    """Return an estimate, its bounds, and how they were made.
+
+    Those of a field are lists along its dimensions.
+    """
+    bounds = zip(array[BOUND].values.tolist(), np.moveaxis(array.values, -1, 0), strict=True)
     content: dict[str, Any] = {str(bound): json_value(value) for bound, value in bounds}
-    content |= {what: interval_text(array, what) for what in (INTERVAL, INTERVAL_LABEL)}
-    if note := interval_text(array, NOTE):
+    content |= {what: _texts_json(array, what) for what in (INTERVAL, INTERVAL_LABEL)}
+    if note := _texts_json(array, NOTE):
         content[NOTE] = note
     return content
 
 
+def _texts_json(array: xr.DataArray, name: str) -> Any:
+    """Return a text on an interval; a list along the dimensions of a field where it differs."""
+    if name not in array.coords:
+        return ""
+    texts = array.coords[name].values
+    found = set(np.ravel(texts).tolist())
+    return str(found.pop()) if len(found) == 1 else texts.tolist()
+
+
 def entries_json(
-    array: xr.DataArray, entry_json: Callable[[xr.DataArray], Any] = estimate_json
+    array: xr.DataArray,
+    entry_json: Callable[[xr.DataArray], Any] = estimate_json,
+    *,
+    field: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return the entries of an estimate array, by the coordinate along each of its dimensions.
 
-    A single entry lies along ``bound`` alone.
+    A single entry lies along ``bound`` alone, behind the dimensions of its field if it has one.
     """
-    if array.dims == (BOUND,):
+    own = next((dim for dim in array.dims if dim not in (*field, BOUND)), None)
+    if own is None:
         return entry_json(array)
-    labels = array[array.dims[0]].values
     return {
-        str(label): entries_json(each, entry_json)
-        for label, each in zip(labels, array, strict=True)
+        str(label): entries_json(array[{own: position}], entry_json, field=field)
+        for position, label in enumerate(array[own].values)
     }
 
 

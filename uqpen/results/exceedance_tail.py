@@ -46,6 +46,7 @@ class LargestRun:
         """Return the largest run of a design with at least one completed run."""
         runs = view.runs(design)
         completed = runs[output].values[runs[STATUS].values == Status.OK]
+        completed = completed[~np.isnan(completed)]
         value = float(view.scale(output).from_si(completed.max()))
         return cls(value, int(completed.size), unit_suffix(view.unit(output)))
 

@@ -1,49 +1,53 @@
-"""Fields among the outputs of an archive: their dimensions, as text and as JSON."""
+"""Fields among the outputs of an archive as lines of text: their dimensions and their range."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.fields import field_dimensions
-from uqpen.archive.read import group_names, model_trees, read_group
-from uqpen.core.labels import NOT_ESTIMATED, RUNS, STATISTICS_GROUP
+from uqpen.archive.fields import coordinate_text, field_dimensions
+from uqpen.archive.read import model_trees
+from uqpen.core.labels import DERIVED_FROM
 from uqpen.core.units import DIMENSIONLESS, scale
-from uqpen.results.table import first_runs, label_with_unit, output_names
+from uqpen.results.digits import estimate_text
+from uqpen.results.field_places import label_at_place
+from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.table import (
+    conversion,
+    field_names,
+    first_runs,
+    label_with_unit,
+    shown_bounds,
+)
 
-__all__ = ["dimensions_json", "field_lines"]
+__all__ = ["field_lines"]
 
 
 def field_lines(tree: xr.DataTree) -> Iterator[str]:
-    """Yield a line for each field of each model, then the reason why it has no statistics.
+    """Yield a line for each field of each model, and for each number that follows from one.
 
     Examples
     --------
-    ``infected: along time [day] from 0 to 160 (161)``
+    ``infected: along time [day] from 0 to 160 (161); by mc mean from 0.00115 ± 0.00023 at time =
+    160 day to 0.279 ± 0.012 at time = 31 day, sd at most 0.096 ± 0.010 at time = 32 day``
+
+    ``peak: largest infected along time``
     """
-    reasons: dict[str, None] = {}
     for name, model in model_trees(tree).items():
         head = f"{name}: " if name else ""
         runs = first_runs(model)
-        for output in output_names(runs):
-            along = field_dimensions(runs[output])
-            if along:
-                unit = str(runs[output].attrs.get("display_units", DIMENSIONLESS))
-                places = ", ".join(_extent(runs[dimension]) for dimension in along)
-                yield f"{head}{label_with_unit(output, unit)}: along {places}"
-                reasons |= dict.fromkeys(_reasons(model, output))
-    for reason in reasons:
-        yield f"not analysed: {reason}"
-
-
-def _reasons(model: xr.DataTree, output: str) -> Iterator[str]:
-    for design in group_names(model, RUNS):
-        attributes = read_group(model, STATISTICS_GROUP, design, output).attrs
-        if NOT_ESTIMATED in attributes:
-            yield str(attributes[NOT_ESTIMATED])
+        for output in field_names(runs):
+            unit = str(runs[output].attrs.get("display_units", DIMENSIONLESS))
+            label = label_with_unit(label_at_place(output, runs[output]), unit)
+            places = ", ".join(_extent(runs[each]) for each in field_dimensions(runs[output]))
+            yield f"{head}{label}: along {places}{_range_text(model, output, unit)}"
+        for derived, variable in runs.data_vars.items():
+            # The companion of a number that not all runs have is described by its shares.
+            if DERIVED_FROM in variable.attrs and "display_units" in variable.attrs:
+                label = label_with_unit(str(derived), str(variable.attrs["display_units"]))
+                yield f"{head}{label}: {variable.attrs['long_name']}"
 
 
 def _extent(coordinate: xr.DataArray) -> str:
@@ -54,12 +58,29 @@ def _extent(coordinate: xr.DataArray) -> str:
     return f"{label} from {ends[0]:.6g} to {ends[1]:.6g} ({coordinate.size})"
 
 
-def dimensions_json(runs: xr.Dataset, output: str) -> dict[str, Any]:
-    """Return the size of each dimension of a field, and its unit; empty for a scalar."""
-    return {
-        dimension: {
-            "size": int(runs.sizes[dimension]),
-            "units": str(runs[dimension].attrs.get("units", DIMENSIONLESS)),
-        }
-        for dimension in field_dimensions(runs[output])
-    }
+def _range_text(model: xr.DataTree, output: str, unit: str) -> str:
+    """Return the range of the mean and the largest sd, by the first source that has a mean."""
+    statistics = SourceStatistics(model)
+    source, mean = next(iter(statistics.by_source(output, "mean").items()), ("", None))
+    if mean is None or not np.isfinite(mean.values[..., 0]).any():
+        return ""
+    lowest, highest = (
+        _text_at(mean, "mean", unit, find(mean.values[..., 0]))
+        for find in (np.nanargmin, np.nanargmax)
+    )
+    text = f"; by {source} mean from {lowest} to {highest}"
+    std = statistics.get(source, output, "std")
+    if std is None or not np.isfinite(std.values[..., 0]).any():
+        return text
+    return f"{text}, sd at most {_text_at(std, 'std', unit, np.nanargmax(std.values[..., 0]))}"
+
+
+def _text_at(array: xr.DataArray, statistic: str, unit: str, position: int) -> str:
+    """Return an estimate at one place of a field, by its position among all, and the place."""
+    index = np.unravel_index(position, array.shape[:-1])
+    estimate = estimate_text(*shown_bounds(array[index], conversion(statistic, scale(unit))))
+    places = (
+        coordinate_text(array[dim], array[dim].values[at])
+        for dim, at in zip(array.dims, index, strict=False)
+    )
+    return f"{estimate} at {', '.join(places)}"

@@ -10,6 +10,7 @@ import xarray as xr
 from uqpen.archive.read import model_trees
 from uqpen.core.html import html_table
 from uqpen.core.labels import KIND, RUNS
+from uqpen.results.field_texts import field_lines
 from uqpen.results.output_tables import statistics_tables
 
 __all__ = ["archive_html"]
@@ -39,4 +40,5 @@ def archive_html(tree: xr.DataTree) -> str:
         for table in islice(tables, _MOST_OUTPUTS)
     ]
     more = len(tables) - len(shown)
-    return "\n".join([title, *shown, *([f"<p>and {more} more outputs</p>"] if more else [])])
+    lines = [*([f"and {more} more outputs"] if more else []), *map(escape, field_lines(tree))]
+    return "\n".join([title, *shown, *(f"<p>{line}</p>" for line in lines)])

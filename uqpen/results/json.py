@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import xarray as xr
 
+from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import SCHEMA_ATTRIBUTE, group_names, model_trees, read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
@@ -31,7 +32,7 @@ from uqpen.results.acceptance import Acceptance
 from uqpen.results.estimate_json import entries_json, estimate_json, json_value
 from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.failure_tables import ASSOCIATIONS, ENDS
-from uqpen.results.field_texts import dimensions_json
+from uqpen.results.field_json import field_json
 from uqpen.results.outside_rows import outside_json
 from uqpen.results.sensitivity_json import sensitivity_json
 from uqpen.results.source_statistics import SourceStatistics
@@ -79,7 +80,8 @@ def archive_json(tree: xr.DataTree) -> dict[str, Any]:
     dict
         ``designs.<name>`` with ``runs``, ``status.<meaning>`` and ``outputs.<output>``, and
         ``surrogates.<name>`` likewise; each figure ``{estimate, lower, upper}`` in SI units, None
-        where there is none, with how its interval was made. Of several models, all that under
+        where there is none, with how its interval was made. A field has ``dimensions``, and lists
+        along them in place of the numbers of its figures. Of several models, all that under
         ``models.<name>``, and their differences under ``differences.<name>``. The
         ``confidence_level`` of all intervals, where it is not 0.95.
     """
@@ -127,15 +129,10 @@ def _model_json(tree: xr.DataTree) -> dict[str, Any]:
 def _outputs_json(statistics: SourceStatistics, source: str, runs: xr.Dataset) -> dict[str, Any]:
     """Return all estimates of a source, by the outputs that a runs dataset describes."""
     return {
-        name: _output_json(statistics, source, runs[name]) | _field_json(runs, name)
+        name: _output_json(statistics, source, runs[name])
+        | _attributes_json(statistics.absence(source, name))
         for name in output_names(runs)
     }
-
-
-def _field_json(runs: xr.Dataset, output: str) -> dict[str, Any]:
-    """Return the dimensions of a field; nothing for another output."""
-    dimensions = dimensions_json(runs, output)
-    return {"dimensions": dimensions} if dimensions else {}
 
 
 def _publication_json(statistics: SourceStatistics, name: str) -> dict[str, Any]:
@@ -242,21 +239,23 @@ def _failure_json(failures: Mapping[str, xr.DataArray]) -> dict[str, Any]:
 def _output_json(statistics: SourceStatistics, source: str, array: xr.DataArray) -> dict[str, Any]:
     """Return all estimates that a source has of an output."""
     found: dict[str, Any] = {"units": array.attrs.get("units", DIMENSIONLESS)}
+    found |= field_json(array)
+    along = field_dimensions(array)
     arrays = statistics.statistics(source, str(array.name))
     found |= {name: estimate_json(arrays[name]) for name in _SINGLE if name in arrays}
     for key, name in _FAMILIES.items():
         if name in arrays:
-            found[key] = _family_json(arrays[name])
-    found |= sensitivity_json(arrays)
-    if other := outside_json(arrays):
+            found[key] = _family_json(arrays[name], along)
+    found |= sensitivity_json(arrays, field=along)
+    if other := outside_json(arrays, field=along):
         found["other"] = other
     return found
 
 
-def _family_json(array: xr.DataArray) -> dict[str, Any]:
-    """Return the entries of a statistic, by their labels."""
-    entries = entries_json(array)
-    for entry, each in zip(entries.values(), array, strict=True):
+def _family_json(array: xr.DataArray, field: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the entries of a statistic, by their labels; those of a field have no verdict."""
+    entries = entries_json(array, field=field)
+    for entry, each in zip(entries.values(), array, strict=True) if not field else ():
         if acceptance := Acceptance.from_array(each):
             entry |= {
                 "at_least": acceptance.at_least,

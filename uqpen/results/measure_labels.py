@@ -10,6 +10,7 @@ __all__ = [
     "CHANGES",
     "EFFECTS",
     "EXCEEDANCE_INDICES",
+    "GENERALIZED_INDICES",
     "INDICES",
     "LOGARITHM_INDICES",
     "PAIR_INDICES",
@@ -53,6 +54,7 @@ INDICES = _indices()
 LOGARITHM_INDICES = _indices("log_")
 EXCEEDANCE_INDICES = _indices("exceedance_")
 CATEGORY_INDICES = _indices("category_")
+GENERALIZED_INDICES = _indices("generalized_")
 PAIR_INDICES = (Measure("second_order", "second order"),)
 RESPONSES = (
     Measure("response", "response [%]"),

@@ -13,19 +13,28 @@ from uqpen.core.labels import CONFIDENCE_LEVEL, DIFFERENCES, SURROGATES
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import percent_text
 from uqpen.results.failure_tables import failure_tables
+from uqpen.results.field_places import label_at_place
 from uqpen.results.joint_tables import joint_tables
 from uqpen.results.outside_rows import OutputUnit, add_outside_rows
-from uqpen.results.sensitivity_tables import named_tables
+from uqpen.results.sensitivity_tables import generalized_table, named_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.statistics_rows import (
     StatisticsRows,
+    add_absent_runs,
     add_decisions,
     add_failed_runs,
     add_runs,
     add_shares,
 )
 from uqpen.results.surrogate_fits import fitted_outputs
-from uqpen.results.table import NOTHING, OutputTable, first_runs, label_with_unit, output_names
+from uqpen.results.table import (
+    NOTHING,
+    OutputTable,
+    field_names,
+    first_runs,
+    label_with_unit,
+    scalar_output_names,
+)
 from uqpen.surrogates.diagnostics import shown_diagnostics, shown_titles
 from uqpen.surrogates.storage import unfitted_outputs
 
@@ -76,6 +85,9 @@ def _level_text(tree: xr.DataTree) -> str:
 
 
 def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTable]:
+    for output in field_names(first_runs(model)):
+        if table := generalized_table(model, output):
+            yield table
     for output, attributes in _outputs(model).items():
         if table := statistics_table(model, output, attributes):
             yield table
@@ -86,9 +98,9 @@ def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTab
 
 
 def _outputs(model: xr.DataTree) -> dict[str, Mapping[Any, Any]]:
-    """Return the outputs of a model with their attributes, which its first runs have."""
+    """Return the scalar outputs of a model with their attributes, which its first runs have."""
     runs = first_runs(model)
-    return {name: runs[name].attrs for name in output_names(runs)}
+    return {name: runs[name].attrs for name in scalar_output_names(runs)}
 
 
 def statistics_table(
@@ -111,9 +123,11 @@ def statistics_table(
     if not sources:
         return None
     unit = _shown_unit(described)
-    table = OutputTable(label_with_unit(name, unit), sources)
+    label = label_at_place(name, first_runs(tree)[name])
+    table = OutputTable(label_with_unit(label, unit), sources)
     add_runs(table, tree)
     add_failed_runs(table, tree)
+    add_absent_runs(table, tree, name)
     if is_categorical:
         add_shares(table, tree, name)
     else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,12 +45,17 @@ def add_outside_rows(
         table.rows.append((label, [by_source.get(source, NOTHING) for source in table.columns]))
 
 
-def outside_json(arrays: Mapping[str, xr.DataArray]) -> dict[str, Any]:
+def outside_json(
+    arrays: Mapping[str, xr.DataArray], *, field: Sequence[str] = ()
+) -> dict[str, Any]:
     """Return the statistics that the catalogue does not know, each with its unit and its title.
 
     They are those of one source and output, by the coordinate along each of their dimensions.
     """
-    return {name: entries_json(array, _described_json) for name, array in _outside(arrays).items()}
+    return {
+        name: entries_json(array, _described_json, field=field)
+        for name, array in _outside(arrays).items()
+    }
 
 
 def _described_json(array: xr.DataArray) -> dict[str, Any]:

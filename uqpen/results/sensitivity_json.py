@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,9 @@ _OTHER_MEASURES = {
 }
 
 
-def sensitivity_json(arrays: Mapping[str, xr.DataArray]) -> dict[str, Any]:
+def sensitivity_json(
+    arrays: Mapping[str, xr.DataArray], *, field: Sequence[str] = ()
+) -> dict[str, Any]:
     """Return all measures out of the statistics that a source has of an output.
 
     Returns
@@ -35,18 +37,18 @@ def sensitivity_json(arrays: Mapping[str, xr.DataArray]) -> dict[str, Any]:
     dict
         ``sensitivity.<input>.<measure>``; ``sensitivity_of_exceedance.<threshold>`` and
         ``sensitivity_of_shares.<kind>`` likewise; ``sensitivity_of_pairs.<pair>.second_order``.
-        Without the keys of no measure.
+        Without the keys of no measure. `field` are the dimensions of a field.
     """
     of_inputs = [name for name in arrays if name in CATALOGUE and CATALOGUE[name].dims == (INPUT,)]
     found = {
-        "sensitivity": _measures_json(arrays, dict(zip(of_inputs, of_inputs, strict=True))),
-        **{key: _measures_json(arrays, names) for key, names in _OTHER_MEASURES.items()},
+        "sensitivity": _measures_json(arrays, dict(zip(of_inputs, of_inputs, strict=True)), field),
+        **{key: _measures_json(arrays, names, field) for key, names in _OTHER_MEASURES.items()},
     }
     return {key: figures for key, figures in found.items() if figures}
 
 
 def _measures_json(
-    arrays: Mapping[str, xr.DataArray], statistics: Mapping[str, str]
+    arrays: Mapping[str, xr.DataArray], statistics: Mapping[str, str], field: Sequence[str]
 ) -> dict[str, Any]:
     """Return measures by the entries that they lie along, then by their names."""
     found: dict[str, Any] = {}
@@ -54,10 +56,10 @@ def _measures_json(
         if statistic not in arrays:
             continue
         array = arrays[statistic]
-        labels = [array[dim].values for dim in array.dims[:-1]]
-        for place in np.ndindex(array.shape[:-1]):
+        dims = [dim for dim in array.dims[:-1] if dim not in field]
+        for place in np.ndindex(*(array.sizes[dim] for dim in dims)):
             entry = found
-            for along, position in zip(labels, place, strict=True):
-                entry = entry.setdefault(str(along[position]), {})
-            entry[name] = estimate_json(array[place])
+            for dim, position in zip(dims, place, strict=True):
+                entry = entry.setdefault(str(array[dim].values[position]), {})
+            entry[name] = estimate_json(array[dict(zip(dims, place, strict=True))])
     return found

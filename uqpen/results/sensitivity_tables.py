@@ -16,6 +16,7 @@ from uqpen.results.measure_labels import (
     CHANGES,
     EFFECTS,
     EXCEEDANCE_INDICES,
+    GENERALIZED_INDICES,
     INDICES,
     LOGARITHM_INDICES,
     PAIR_INDICES,
@@ -26,7 +27,7 @@ from uqpen.results.relative_changes import without_arbitrary_zeros
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, label_with_unit
 
-__all__ = ["named_tables"]
+__all__ = ["generalized_table", "named_tables"]
 
 
 def named_tables(
@@ -84,6 +85,14 @@ def named_tables(
             at = [each._replace(array=each.array[position]) for each in columns]
             title = shares.title(f"the variance of exceeding {threshold}")
             yield "exceedance", _table(f"{output}: {title}", at)
+
+
+def generalized_table(tree: xr.DataTree, output: str) -> OutputTable | None:
+    """Return the indices of a field's variance over all places; None where there are none."""
+    shares = index_titles(tree)
+    columns = list(_columns(SourceStatistics(tree), output, shares.ordered(GENERALIZED_INDICES)))
+    title = f"{output}: {shares.title('its variance over all places')}"
+    return _table(title, columns, note=shares.note) if columns else None
 
 
 def _response_table(

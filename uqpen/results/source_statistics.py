@@ -22,13 +22,14 @@ from uqpen.core.labels import (
     LARGEST_CONTRIBUTION,
     MISSING,
     RUNS,
+    RUNS_ABSENT,
     SOURCE_KIND,
     STATISTICS_GROUP,
     STATUS,
 )
 from uqpen.results.estimate_rows import estimate_rows, rows_frame
 from uqpen.results.stopping_texts import StatedDecision
-from uqpen.results.table import first_runs, output_names
+from uqpen.results.table import first_runs, output_names, scalar_output_names
 
 __all__ = ["SourceStatistics", "source_entries"]
 
@@ -64,8 +65,16 @@ class SourceStatistics:
     @property
     def outputs(self) -> list[str]:
         """The outputs of the model, in its order."""
-        tree = self.tree if self.described_by is None else self.described_by
-        return output_names(first_runs(tree))
+        return output_names(self._first_runs)
+
+    @property
+    def scalar_outputs(self) -> list[str]:
+        """The outputs of the model without dimensions, in its order."""
+        return scalar_output_names(self._first_runs)
+
+    @property
+    def _first_runs(self) -> xr.Dataset:
+        return first_runs(self.tree if self.described_by is None else self.described_by)
 
     @property
     def node(self) -> xr.DataTree | None:
@@ -127,6 +136,20 @@ class SourceStatistics:
         asked = self.sources if sources is None else sources
         found = {source: self.get(source, output, statistic) for source in asked}
         return {source: array for source, array in found.items() if array is not None}
+
+    def absence(self, source: str, output: str) -> dict[str, Any]:
+        """Return what the statistics of an output are conditional on, if not all runs have it.
+
+        Returns
+        -------
+        dict
+            ``runs_absent``, the number of completed runs without a value, and ``conditional_on``;
+            empty where all have one.
+        """
+        for array in self.statistics(source, output).values():
+            if RUNS_ABSENT in array.attrs:
+                return {key: array.attrs[key] for key in (RUNS_ABSENT, CONDITIONAL)}
+        return {}
 
     def largest_contribution(self, publication: str, output: str) -> str:
         """Return the input that a publication calls the largest contribution; empty for none."""

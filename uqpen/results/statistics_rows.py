@@ -16,6 +16,7 @@ from uqpen.core.labels import (
     MISSING,
     RUN,
     RUNS,
+    RUNS_ABSENT,
     RUNS_SPENT,
     SURROGATES,
 )
@@ -38,6 +39,7 @@ from uqpen.results.tolerance_rows import add_tolerance_limits
 
 __all__ = [
     "StatisticsRows",
+    "add_absent_runs",
     "add_decisions",
     "add_failed_runs",
     "add_runs",
@@ -57,6 +59,7 @@ class StatisticsRows:
 
     def add(self) -> None:
         """Add all rows that the archive has an estimate for."""
+        self._add_row("P(reached)", "reached", self._arrays("reached"))
         self._add_row("effective runs", "effective_size", self._arrays("effective_size"))
         self._add_row("mean", "mean", self._arrays("mean"))
         stds = self._arrays("std")
@@ -155,6 +158,20 @@ def add_failed_runs(table: OutputTable, tree: xr.DataTree) -> None:
             meaning = status.meaning
             found = {source: each[meaning] for source, each in chances.items() if meaning in each}
             table.rows.append((f"P({STATUS_TEXT[status]})", table.cells(found)))
+
+
+def add_absent_runs(table: OutputTable, tree: xr.DataTree, output: str) -> None:
+    """Add a row of the completed runs without a value of an output, where there are any."""
+    statistics = SourceStatistics(tree)
+    found = [statistics.absence(source, output) for source in table.columns]
+    if not any(found):
+        return
+    cells = []
+    for absence in found:
+        cells.append(grouped_number(absence[RUNS_ABSENT]) if absence else NOTHING)
+        if absence:
+            cells[-1] += table.note_mark(f"statistics are conditional on {absence[CONDITIONAL]}")
+    table.rows.append(("without a value", cells))
 
 
 def _qualifications(statistics: SourceStatistics, design: str) -> Iterator[str]:

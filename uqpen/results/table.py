@@ -9,6 +9,7 @@ from typing import Any
 import xarray as xr
 
 from uqpen.archive.estimates import interval_text
+from uqpen.archive.fields import field_dimensions
 from uqpen.archive.read import group_names, read_group
 from uqpen.core.catalogue import CATALOGUE, UnitRule
 from uqpen.core.labels import (
@@ -34,11 +35,13 @@ __all__ = [
     "estimate_remark",
     "estimate_with_verdict",
     "exceedance_label",
+    "field_names",
     "first_runs",
     "identity",
     "label_with_unit",
     "output_names",
     "quantile_label",
+    "scalar_output_names",
     "shown_bounds",
 ]
 
@@ -176,3 +179,13 @@ def first_runs(tree: xr.DataTree) -> xr.Dataset:
 def output_names(runs: xr.Dataset) -> list[str]:
     """Return the outputs among the variables of a runs dataset."""
     return [str(name) for name, v in runs.data_vars.items() if v.attrs.get(ROLE) == "output"]
+
+
+def scalar_output_names(runs: xr.Dataset) -> list[str]:
+    """Return the outputs without dimensions among the variables of a runs dataset."""
+    return [name for name in output_names(runs) if not field_dimensions(runs[name])]
+
+
+def field_names(runs: xr.Dataset) -> list[str]:
+    """Return the outputs with dimensions among the variables of a runs dataset."""
+    return [name for name in output_names(runs) if field_dimensions(runs[name])]

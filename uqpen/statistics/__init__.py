@@ -8,7 +8,7 @@ quadrature rule) have analyses of their own, which take their runs. The probabil
 statuses of runs are estimated by
 `uqpen.statistics.distribution_function.probabilities.status_probabilities`.
 
-An analysis takes scalar outputs only, unless it is among the `FIELD_ANALYSES`.
+An analysis takes scalar outputs. A field, an output with dimensions, has `FIELD_ANALYSES`.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ __all__ = [
     "ANALYSES",
     "ANALYSES_OF_DESIGNS",
     "FIELD_ANALYSES",
+    "FIELD_ANALYSES_OF_DESIGNS",
     "INPUT_ANALYSES",
     "WEIGHTED_ANALYSES",
 ]
@@ -55,9 +56,22 @@ WEIGHTED_ANALYSES = frozenset(
     {"moments", "quantiles", "percentiles", "exceedance", "cdfs", "shares", "convergence"}
 )
 
-# The analyses that take outputs with dimensions, too: samples whose values are of shape
-# (run, *dims). The statistics of a field have its dimensions.
-FIELD_ANALYSES: frozenset[str] = frozenset()
+# The analyses of a field, by the group of their results: functions of a `FieldSample`. The
+# statistics of a field have its dimensions before their own.
+FIELD_ANALYSES: Mapping[str, list[str]] = MappingProxyType(
+    {
+        "moments": ["uqpen.statistics.fields.place_statistics:moments_at_places"],
+        "quantiles": ["uqpen.statistics.fields.place_statistics:quantiles_at_places"],
+        "exceedance": ["uqpen.statistics.fields.place_statistics:probabilities_at_places"],
+        "reached": ["uqpen.statistics.fields.place_statistics:reached"],
+        "bands": [
+            "uqpen.statistics.fields.simultaneous_bands:mean_band",
+            "uqpen.statistics.fields.simultaneous_bands:quantile_band",
+            "uqpen.statistics.fields.tolerance_band:tolerance_band",
+        ],
+        "ranked_curves": ["uqpen.statistics.fields.ranked_curves:ranked_curves"],
+    }
+)
 
 # The analyses of a sample that read its inputs. The others read its values, weights and replicates
 # alone, except where the error is that of one stratified set: it follows from the inputs, too. An
@@ -80,3 +94,6 @@ ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyTy
         },
     }
 )
+
+# The same for fields: functions of all runs.
+FIELD_ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType({})

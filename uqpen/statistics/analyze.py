@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import CONDITIONAL, MISSING, SAMPLING, STATUS, WEIGHT
+from uqpen.core.labels import CONDITIONAL, MISSING, RUNS_ABSENT, SAMPLING, STATUS, WEIGHT
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -20,12 +20,15 @@ from uqpen.statistics import (
     ANALYSES,
     ANALYSES_OF_DESIGNS,
     FIELD_ANALYSES,
+    FIELD_ANALYSES_OF_DESIGNS,
     WEIGHTED_ANALYSES,
     texts,
 )
+from uqpen.statistics.absent_values import absent_condition, runs_with_value
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
 from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
+from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.outside import OutsideAnalysis, outside_statistics
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample, input_sample
@@ -36,6 +39,7 @@ __all__ = [
     "analyze_failures",
     "drawn_runs",
     "in_catalogue_order",
+    "output_run_counts",
     "run_counts",
 ]
 
@@ -69,32 +73,41 @@ def analyze(
     -------
     dict of str to dict of str to DataArray
         By output, estimate arrays by statistic, in the order of the catalogue. The attributes of
-        each say how many runs it used, and how many ended how. An output with dimensions has those
-        of the `FIELD_ANALYSES` alone.
+        each say how many runs it used, and how many ended how.
     """
     with one_blas_thread():
         handle = LoadedDataset.of(runs)
         sampling = Sampling(handle.attrs[SAMPLING])
         found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
+        scalars = [quantity for quantity in quantities if not quantity.output.dims]
+        fields = [quantity for quantity in quantities if quantity.output.dims]
         if sampling.is_sample:
             drawn = drawn_runs(handle)
-            levels = {q.output.name: q.confidence_level for q in quantities}
-            samples = {
-                name: replace(sample, level=levels[name])
-                for name, sample in Sample.several_from_runs(drawn, list(found)).items()
-            }
+            samples = _samples(drawn, scalars)
+            counts = {name: output_run_counts(drawn, name) for name in found}
             analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.template.coords)
-            _run_analyses(analyses, quantities, samples, run_counts(drawn), found)
+            _run_analyses(analyses, scalars, samples, counts, found)
+            # One field after the other, as the values of one may be most of the memory.
+            for quantity in fields:
+                (sample,) = _samples(drawn, [quantity]).values()
+                field = {quantity.output.name: FieldSample(sample, quantity.output)}
+                _run_analyses(_select(FIELD_ANALYSES, only), [quantity], field, counts, found)
         # A design that is made for a statistic estimates it better than its sample does.
-        if own := list(_select(ANALYSES_OF_DESIGNS.get(sampling, {}), only)):
-            whole = dict.fromkeys(found, handle.dataset())
-            _run_analyses(own, quantities, whole, run_counts(handle), found)
+        for analyses_of_designs, chosen in (
+            (ANALYSES_OF_DESIGNS, scalars),
+            (FIELD_ANALYSES_OF_DESIGNS, fields),
+        ):
+            if chosen and (own := list(_select(analyses_of_designs.get(sampling, {}), only))):
+                whole = {name: runs_with_value(handle, name) for name in found}
+                of_all = {name: output_run_counts(handle, name) for name in found}
+                _run_analyses(own, chosen, whole, of_all, found)
         if sampling.is_sample and outside:
-            counts = run_counts(drawn)
-            for quantity in (each for each in quantities if not each.output.dims):
+            for quantity in scalars:
                 name = quantity.output.name
                 added = outside_statistics(outside, samples[name], quantity, found[name])
-                found[name] |= {key: array.assign_attrs(counts) for key, array in added.items()}
+                found[name] |= {
+                    key: array.assign_attrs(counts[name]) for key, array in added.items()
+                }
         return {output: in_catalogue_order(statistics) for output, statistics in found.items()}
 
 
@@ -141,6 +154,15 @@ def in_catalogue_order(statistics: Mapping[str, xr.DataArray]) -> OutputStatisti
     return dict(sorted(statistics.items(), key=lambda item: places.get(item[0], len(places))))
 
 
+def _samples(runs: BlockedRuns, quantities: Sequence[QuantityOfInterest]) -> dict[str, Sample]:
+    """Return the samples of outputs by name, with the confidence level of their intervals."""
+    found = Sample.several_from_runs(runs, [quantity.output.name for quantity in quantities])
+    return {
+        quantity.output.name: replace(found[quantity.output.name], level=quantity.confidence_level)
+        for quantity in quantities
+    }
+
+
 def _select(
     analyses: Mapping[str, Sequence[str]], only: Collection[str] | None
 ) -> Iterator[tuple[str, Analysis]]:
@@ -163,17 +185,22 @@ def _run_analyses(
     analyses: Iterable[tuple[str, Analysis]],
     quantities: Sequence[QuantityOfInterest],
     evidence: Mapping[str, Any],
-    attributes: Mapping[str, int | str],
+    attributes: Mapping[str, Mapping[str, int | str]],
     found: Mapping[str, OutputStatistics],
 ) -> None:
     """Put the statistics of several analyses, for each output, among those found."""
-    for group, analysis in analyses:
+    for _, analysis in analyses:
         for quantity in quantities:
-            if quantity.output.dims and group not in FIELD_ANALYSES:
-                continue
             name = quantity.output.name
             for statistic, array in analysis(evidence[name], quantity):
-                found[name][statistic] = array.assign_attrs(attributes)
+                found[name][statistic] = _with_counts(array, attributes[name])
+
+
+def _with_counts(array: xr.DataArray, attributes: Mapping[str, int | str]) -> xr.DataArray:
+    """Return a statistic with the counts of its runs, and all conditions that it has."""
+    conditions = [each[CONDITIONAL] for each in (attributes, array.attrs) if CONDITIONAL in each]
+    joined = {CONDITIONAL: " and ".join(map(str, conditions))} if conditions else {}
+    return array.assign_attrs({**attributes, **joined})
 
 
 def run_counts(runs: BlockedRuns) -> dict[str, int | str]:
@@ -191,3 +218,14 @@ def run_counts(runs: BlockedRuns) -> dict[str, int | str]:
         share = sum(failed.values()) / (sum(failed.values()) + counts[Status.OK])
         attributes[MISSING] = texts.MISSING_SHARE.format(share=100 * share)
     return attributes
+
+
+def output_run_counts(runs: BlockedRuns, name: str) -> dict[str, int | str]:
+    """Return the counts of the runs of an output's statistics, as attributes.
+
+    They are those of `run_counts`, except where completed runs have no value of the output.
+    """
+    counts, absent = run_counts(runs), absent_condition(runs, name)
+    if not absent:
+        return counts
+    return {**counts, **absent, "runs_used": int(counts["runs_used"]) - int(absent[RUNS_ABSENT])}

@@ -19,6 +19,7 @@ __all__ = [
     "additive_residual_error",
     "clopper_pearson",
     "dkw_half_width",
+    "group_sums",
     "order_statistic_ranks",
     "ratio_error",
     "ratio_jackknife_error",
@@ -34,7 +35,29 @@ def student_quantile(freedom: float, level: float) -> float:
     return math.nan if freedom < 1 else float(special.stdtrit(freedom, 0.5 + level / 2))
 
 
-def ratio_error(influence: FloatArray, replicate: IntArray, replicates: int) -> tuple[float, float]:
+def group_sums(values: FloatArray, group: IntArray, groups: int) -> FloatArray:
+    """Return the sums of values over the groups of their last axis.
+
+    Parameters
+    ----------
+    values : ndarray, shape (..., run)
+    group : ndarray of int, shape (run,)
+        The group of each run, from 0.
+    groups : int
+        Number of groups.
+
+    Returns
+    -------
+    ndarray, shape (..., group)
+    """
+    first = np.arange(math.prod(values.shape[:-1]))[:, np.newaxis] * groups
+    sums = np.bincount((first + group).ravel(), values.ravel(), first.size * groups)
+    return sums.reshape(*values.shape[:-1], groups).astype(np.float64, copy=False)
+
+
+def ratio_error(
+    influence: FloatArray, replicate: IntArray, replicates: int
+) -> tuple[FloatArray, float]:
     """Standard error of a mean from the scatter of its replicates.
 
     Failed runs leave replicates of unequal size, so the mean is a ratio of sums. Its error follows
@@ -42,8 +65,8 @@ def ratio_error(influence: FloatArray, replicate: IntArray, replicates: int) -> 
 
     Parameters
     ----------
-    influence : ndarray, shape (run,)
-        Values whose mean is estimated.
+    influence : ndarray, shape (..., run)
+        Values whose mean is estimated, at any places.
     replicate : ndarray of int, shape (run,)
         The replicate of each run, from 0.
     replicates : int
@@ -51,14 +74,15 @@ def ratio_error(influence: FloatArray, replicate: IntArray, replicates: int) -> 
 
     Returns
     -------
-    error, freedom : float
-        With the degrees of freedom.
+    error : ndarray, shape (...)
+    freedom : float
+        Its degrees of freedom.
     """
-    deviation = influence - influence.mean()
-    sums = np.bincount(replicate, weights=deviation, minlength=replicates)
-    scale = replicates / len(influence)
-    variance = scale**2 * float((sums**2).sum()) / (replicates * (replicates - 1))
-    return math.sqrt(variance), replicates - 1
+    deviation = influence - influence.mean(axis=-1, keepdims=True)
+    sums = group_sums(deviation, replicate, replicates)
+    scale = replicates / len(replicate)
+    variance = scale**2 * (sums**2).sum(axis=-1) / (replicates * (replicates - 1))
+    return np.sqrt(variance), replicates - 1
 
 
 def ratio_jackknife_error(
@@ -93,7 +117,7 @@ def ratio_jackknife_error(
     return math.sqrt(variance), groups - 1
 
 
-def additive_residual_error(influence: FloatArray, inputs: FloatArray) -> tuple[float, float]:
+def additive_residual_error(influence: FloatArray, inputs: FloatArray) -> tuple[FloatArray, float]:
     """Standard error of a mean over one Latin hypercube.
 
     Stratification removes the part that is additive in the inputs from the mean's variance. The
@@ -103,29 +127,33 @@ def additive_residual_error(influence: FloatArray, inputs: FloatArray) -> tuple[
 
     Parameters
     ----------
-    influence : ndarray, shape (run,)
-        Values whose mean is estimated.
+    influence : ndarray, shape (..., run)
+        Values whose mean is estimated, at any places.
     inputs : ndarray, shape (run, input)
         The random inputs; only their order counts.
 
     Returns
     -------
-    error, freedom : float
-        Standard error of the mean, and the degrees of freedom of the residuals.
+    error : ndarray, shape (...)
+        Standard error of the mean.
+    freedom : float
+        Degrees of freedom of the residuals.
     """
     runs, dimension = inputs.shape
     # At least half of the runs are left to the residuals.
     bins = min(math.isqrt(runs), runs // (2 * dimension)) if dimension else 1
     if runs < 2 or bins < 2:
         freedom = runs - 1
-        return (float(influence.std(ddof=1)) / math.sqrt(runs) if freedom else math.nan), freedom
+        if not freedom:
+            return np.full(influence.shape[:-1], np.nan), freedom
+        return influence.std(axis=-1, ddof=1) / math.sqrt(runs), freedom
     order = np.argsort(inputs, axis=0, kind="stable")
     label = np.empty((dimension, runs), dtype=np.int64)
     for column in range(dimension):
         label[column, order[:, column]] = np.arange(runs) * bins // runs
-    residual = _additive_residual(influence - influence.mean(), label, bins)
+    residual = _additive_residual(influence - influence.mean(axis=-1, keepdims=True), label, bins)
     freedom = runs - 1 - dimension * (bins - 1)
-    return math.sqrt(float((residual**2).sum()) / freedom / runs), freedom
+    return np.sqrt((residual**2).sum(axis=-1) / freedom / runs), freedom
 
 
 def _additive_residual(residual: FloatArray, label: IntArray, bins: int) -> FloatArray:
@@ -135,7 +163,7 @@ def _additive_residual(residual: FloatArray, label: IntArray, bins: int) -> Floa
     # is left of the fit by about bins / runs, so a few reach rounding.
     for _ in range(6):
         for column, size in zip(label, sizes, strict=True):
-            residual = residual - (np.bincount(column, residual, minlength=bins) / size)[column]
+            residual = residual - (group_sums(residual, column, bins) / size)[..., column]
     return residual
 
 

@@ -10,16 +10,19 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import EVENT
 from uqpen.core.labels import SAMPLING
 from uqpen.core.sampling import Sampling
+from uqpen.statistics import texts
+from uqpen.statistics.absent_values import absent_runs
 from uqpen.statistics.analyze import OutputStatistics, drawn_runs, run_counts
 from uqpen.statistics.distribution_function.probabilities import (
     acceptance_coordinates,
     event_probability,
 )
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimates import Estimates
 from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.sample import Sample
 
@@ -56,8 +59,9 @@ def joint_probabilities(
     drawn = drawn_runs(handle)
     outputs = sorted(set[str]().union(*(event.outputs for event in known)))
     samples = Sample.several_from_runs(drawn, outputs)
-    array = Estimate.stack(
-        [_estimate(event, samples, level) for event in known],
+    absent = [name for name in outputs if absent_runs(drawn, name) is not None]
+    estimates = [_estimate(event, samples, absent, level) for event in known]
+    array = Estimates.stack(estimates).to_array(
         EVENT,
         units="1",
         long_name="probability of an event of several outputs",
@@ -75,11 +79,25 @@ def joint_probabilities(
     return {"joint_probability": array.assign_attrs(run_counts(drawn))}
 
 
-def _estimate(event: JointEvent, samples: dict[str, Sample], level: float) -> Estimate:
-    met = [limit.is_met(samples[limit.output].values) for limit in event.limits]
+def _estimate(
+    event: JointEvent, samples: dict[str, Sample], absent: Sequence[str], level: float
+) -> Estimates:
+    # Some runs may lack a derived output; those that have all outputs of the event are used.
+    used = reduce(np.intersect1d, (samples[limit.output].used for limit in event.limits))
+    met = [limit.is_met(_at(samples[limit.output], used)) for limit in event.limits]
     occurs = reduce(np.logical_or if event.is_any else np.logical_and, met)
-    sample = samples[event.limits[0].output]
-    return event_probability(replace(sample, values=occurs.astype(np.float64), level=level), occurs)
+    values = occurs.astype(np.float64)
+    sample = replace(samples[event.limits[0].output], used=used, values=values, level=level)
+    estimate = event_probability(sample, occurs)
+    has_all = all(limit.output not in absent for limit in event.limits)
+    if has_all:
+        return estimate
+    return replace(estimate, note="; ".join(filter(None, (str(estimate.note), texts.ALL_EXIST))))
+
+
+def _at(sample: Sample, used: IntArray) -> FloatArray:
+    """Return the values of a sample in some of its runs."""
+    return sample.values[np.isin(sample.used, used, assume_unique=True)]
 
 
 def _texts(texts: list[str]) -> npt.NDArray[np.object_]:

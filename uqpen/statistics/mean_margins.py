@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
+
 from uqpen.core.arrays import FloatArray
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.sample import ErrorModel, Sample
@@ -10,10 +13,8 @@ from uqpen.statistics.standard_errors import standard_error
 
 __all__ = ["mean_margins", "student_margins"]
 
-_NONE = Margins(0.0, 0.0)
 
-
-def mean_margins(sample: Sample, deviations: FloatArray, *, is_heavy: bool) -> Margins:
+def mean_margins(sample: Sample, deviations: FloatArray, *, is_heavy: npt.ArrayLike) -> Margins:
     """Return the distances of both ends of a mean's interval from the mean.
 
     Both ends move out by what the smallest and the largest run have moved the mean. Strata need
@@ -24,17 +25,19 @@ def mean_margins(sample: Sample, deviations: FloatArray, *, is_heavy: bool) -> M
     ----------
     sample : Sample
         The runs; their design allows an error.
-    deviations : ndarray, shape (run,)
-        Deviations of the values from their mean.
-    is_heavy : bool
+    deviations : ndarray, shape (..., run)
+        Deviations of the values from their mean, at any places.
+    is_heavy : array_like of bool, shape (...)
         True if few runs decide the variance.
     """
     is_stratified = sample.error_model in (
         ErrorModel.REPLICATED,
         ErrorModel.SINGLE_STRATIFIED_SET,
     )
-    needs_extremes = is_heavy or not is_stratified
-    extremes = extreme_margins(deviations, sample.run_weights) if needs_extremes else _NONE
+    needs_extremes = np.asarray(is_heavy) | (not is_stratified)
+    extremes = Margins.zero(deviations.shape[:-1])
+    if needs_extremes.any():
+        extremes = extreme_margins(deviations, sample.run_weights).where(needs_extremes)
     skew, extreme_replicate = _replicate_margins(sample, deviations)
     furthest = extremes.at_least(extreme_replicate)
     return _symmetric_margins(sample, deviations).plus(skew).plus(furthest)
@@ -47,8 +50,8 @@ def student_margins(sample: Sample, influence: FloatArray) -> Margins:
     ----------
     sample : Sample
         The runs; their design allows an error.
-    influence : ndarray, shape (run,)
-        Each run's influence on an estimate.
+    influence : ndarray, shape (..., run)
+        Each run's influence on an estimate, at any places.
     """
     skew, extreme_replicate = _replicate_margins(sample, influence)
     return _symmetric_margins(sample, influence).plus(skew).plus(extreme_replicate)
@@ -63,5 +66,6 @@ def _symmetric_margins(sample: Sample, influence: FloatArray) -> Margins:
 def _replicate_margins(sample: Sample, influence: FloatArray) -> tuple[Margins, Margins]:
     """Return the margins for the skewness of replicates; 0 without replicates."""
     if sample.error_model is not ErrorModel.REPLICATED:
-        return _NONE, _NONE
+        none = Margins.zero(influence.shape[:-1])
+        return none, none
     return skewness_margins(influence, sample.replicate, sample.replicate_count, sample.level)

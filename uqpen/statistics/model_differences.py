@@ -46,12 +46,13 @@ def model_differences(
     requested = [
         replace(quantity, thresholds=(), lower_thresholds=(), tolerance_contents=())
         for quantity in quantities
-        if quantity.output.name in first and quantity.output.is_number
+        if quantity.output.name in first and not quantity.output.categories
     ]
     runs = worst_status_runs([first, other])
     came_back = runs[STATUS].values == Status.OK
     for quantity in requested:
         name = quantity.output.name
-        difference = np.where(came_back, other[name].values - first[name].values, np.nan)
+        difference = other[name].values - first[name].values
+        difference[~came_back] = np.nan
         runs[name] = other[name].copy(data=difference)
     return analyze(runs, requested, only=_GROUPS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.labels import (
     DEPENDENCE,
@@ -27,6 +27,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 from uqpen.statistics import texts
+from uqpen.statistics.absent_values import absent_runs
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.weights import effective_size, weighted_mean
@@ -72,7 +73,8 @@ class Sample:
     Parameters
     ----------
     values : ndarray, shape (run,)
-        In the variable's SI unit; of shape (run, *dims) for an output with dimensions.
+        In the variable's SI unit. Of a field that of all runs has the shape (run, *dims); at places
+        of a field that exist in the same runs it has the shape (place, run).
     used : ndarray of int, shape (run,)
         Numbers of the points with a completed run.
     missing : ndarray of int, shape (missing,)
@@ -115,15 +117,24 @@ class Sample:
     def several_from_runs(
         cls, runs: xr.Dataset | BlockedRuns, names: Iterable[str]
     ) -> dict[str, Sample]:
-        """Return the samples of several variables by name, which have the inputs in common."""
+        """Return the samples of several variables by name, which have the inputs in common.
+
+        Runs without a value of a derived output are neither used nor missing in its sample.
+        """
         handle = LoadedDataset.of(runs)
         is_used = handle.column(STATUS) == Status.OK
         if WEIGHT in handle.template.coords:
             is_used &= handle.column(WEIGHT) > 0  # a run without a weight counts for nothing
         used = np.flatnonzero(is_used)
         whole = cls._from_values(handle, np.full(used.shape, np.nan), used)
-        values = {name: handle.column(name)[used].astype(np.float64) for name in names}
-        return {name: replace(whole, values=found) for name, found in values.items()}
+        found = {}
+        for name in names:
+            values = handle.column(name)[used].astype(np.float64)
+            found[name] = replace(whole, values=values)
+            if absent_runs(handle, name) is not None:
+                exists = ~np.isnan(values)
+                found[name] = replace(whole, values=values[exists], used=used[exists])
+        return found
 
     @classmethod
     def from_statuses(cls, runs: xr.Dataset | BlockedRuns, level: float = LEVEL) -> Sample:
@@ -155,7 +166,8 @@ class Sample:
     def with_missing(self) -> Sample:
         """Return the sample with its missing runs at the end, their values NaN."""
         used = np.concatenate([self.used, self.missing])
-        values = np.concatenate([self.values, np.full(self.missing.shape, np.nan)])
+        lost = np.full((*self.values.shape[:-1], self.missing.size), np.nan)
+        values = np.concatenate([self.values, lost], axis=-1)
         return replace(self, values=values, used=used, missing=self.missing[:0])
 
     @property
@@ -171,7 +183,17 @@ class Sample:
     @property
     def size(self) -> int:
         """Number of completed runs."""
-        return len(self.values)
+        return len(self.used)
+
+    @property
+    def is_at_places(self) -> bool:
+        """True if it has the values at several places of a field."""
+        return self.values.ndim > 1
+
+    def each(self) -> Iterator[Sample]:
+        """Yield the sample at each of its places; of a scalar itself."""
+        for values in self.values.reshape(-1, self.values.shape[-1]):
+            yield replace(self, values=values)
 
     @cached_property
     def run_weights(self) -> FloatArray | None:
@@ -186,27 +208,33 @@ class Sample:
         """Kish's effective sample size (Σw)²/Σw²; without weights, the number of runs."""
         return self.size if self.run_weights is None else effective_size(self.run_weights)
 
-    def mean(self, values: FloatArray) -> float:
+    def mean(self, values: FloatArray) -> FloatArray:
         """Return the mean of values along the runs, by their weights.
 
         Parameters
         ----------
-        values : ndarray, shape (run,)
+        values : ndarray, shape (..., run)
             At least one.
+
+        Returns
+        -------
+        ndarray, shape (...)
         """
         if self.run_weights is None:
-            return float(values.mean())
+            return np.asarray(values.mean(axis=-1))
         return weighted_mean(values, self.run_weights)
 
     @cached_property
     def sorted_values(self) -> FloatArray:
-        """The values, ascending."""
-        return np.sort(self.values)
+        """The values, ascending along the runs."""
+        return np.sort(self.values, axis=-1)
 
-    @property
-    def is_constant(self) -> bool:
-        """True if all values are equal."""
-        return self.size > 0 and bool(self.sorted_values[0] == self.sorted_values[-1])
+    @cached_property
+    def is_constant(self) -> BoolArray:
+        """True where all values are equal, shape () or (place,)."""
+        if not self.size:
+            return np.zeros(self.values.shape[:-1], dtype=np.bool_)
+        return np.asarray(self.values.min(axis=-1) == self.values.max(axis=-1))
 
     @cached_property
     def replicate(self) -> IntArray:
@@ -255,9 +283,13 @@ class Sample:
     def too_few_runs(self) -> str:
         """Text of the reason that there are too few runs."""
         if self.weights is not None:
+            if self.is_at_places:
+                return texts.SMALL_EFFECTIVE_SIZE_AT_PLACES
             return texts.SMALL_EFFECTIVE_SIZE.format(size=self.effective_size)
         if self.size == 1:
             return texts.ONE_IS_TOO_FEW
+        if self.is_at_places:
+            return texts.TOO_FEW_RUNS_AT_PLACES
         return texts.TOO_FEW_RUNS.format(runs=self.size)
 
     @property

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.weights import effective_size
@@ -29,68 +28,77 @@ _DOUBTFUL_KURTOSIS = 4.5
 
 @dataclass(frozen=True)
 class SampleShape:
-    """A sample's deviations from its mean, and the influence of few runs on them."""
+    """A sample's deviations from its mean, and the influence of few runs on them.
+
+    Every number is an array of shape (...), as the sample has values of shape (..., run).
+    """
 
     sample: Sample
 
     @cached_property
-    def mean(self) -> float:
+    def mean(self) -> FloatArray:
         """The mean, also of values near the end of the numbers."""
         values = self.sample.values
-        if not self.sample.size or self.sample.is_constant:
-            return float(values[0]) if self.sample.size else math.nan
+        if not self.sample.size:
+            return np.full(values.shape[:-1], np.nan)
         # The sum of values over their largest cannot overflow.
-        largest = float(np.abs(values).max())
-        return self.sample.mean(values / largest) * largest
+        largest = np.abs(values).max(axis=-1)
+        largest = np.where(largest > 0, largest, 1.0)
+        means = self.sample.mean(values / largest[..., np.newaxis]) * largest
+        return np.where(self.sample.is_constant, values[..., 0], means)
 
     @cached_property
-    def scale(self) -> float:
+    def scale(self) -> FloatArray:
         """The largest deviation; powers of values divided by it neither overflow nor vanish."""
         if not self.sample.size:
-            return math.nan
-        return float(np.abs(self.sample.values - self.mean).max())
+            return np.full(self.mean.shape, np.nan)
+        return np.abs(self.sample.values - self.mean[..., np.newaxis]).max(axis=-1)
 
     @cached_property
     def deviations(self) -> FloatArray:
-        """Deviations from the mean over `scale`."""
-        if not self.scale > 0:
-            return np.zeros(self.sample.size)
-        return (self.sample.values - self.mean) / self.scale
+        """Deviations from the mean over `scale`, shape (..., run)."""
+        varies = self.scale > 0
+        scale = np.where(varies, self.scale, 1.0)
+        deviations = (self.sample.values - self.mean[..., np.newaxis]) / scale[..., np.newaxis]
+        return np.where(varies[..., np.newaxis], deviations, 0.0)
 
-    def _moment(self, power: int) -> float:
-        return self.sample.mean(self.deviations**power) if self.scale > 0 else math.nan
+    def _moment(self, power: int) -> FloatArray:
+        if not self.sample.size:
+            return self.scale
+        return np.where(self.scale > 0, self.sample.mean(self.deviations**power), np.nan)
 
     @cached_property
-    def skewness(self) -> float:
+    def skewness(self) -> FloatArray:
         """The third standardized moment."""
-        return float(self._moment(3) / self._moment(2) ** 1.5)
+        return self._moment(3) / _power(self._moment(2), 1.5)
 
     @cached_property
-    def kurtosis(self) -> float:
+    def kurtosis(self) -> FloatArray:
         """Fourth standardized moment; 3 for a normal distribution."""
-        return self._moment(4) / self._moment(2) ** 2
+        return self._moment(4) / _power(self._moment(2), 2)
 
-    @property
-    def effective_runs(self) -> float:
+    @cached_property
+    def effective_runs(self) -> FloatArray:
         """(Σd²)²/Σd⁴ of the deviations d, times the weights: the runs that decide the variance."""
         if self.sample.run_weights is None:
             return self.sample.size / self.kurtosis
-        return effective_size((self.sample.run_weights * self.deviations) ** 2)
+        squares = (self.sample.run_weights * self.deviations) ** 2
+        return np.apply_along_axis(effective_size, -1, squares)
 
     @property
-    def has_few_effective_runs(self) -> bool:
+    def has_few_effective_runs(self) -> BoolArray:
         """True if the effective runs are too few for a heavy tail."""
         return self.effective_runs < _FEWEST_EFFECTIVE_RUNS
 
     @property
-    def is_heavy(self) -> bool:
+    def is_heavy(self) -> BoolArray:
         """True if a few runs dominate the variance, so that no interval of it is reliable."""
-        return self.kurtosis > _HEAVY_KURTOSIS and self.has_few_effective_runs
+        return (self.kurtosis > _HEAVY_KURTOSIS) & self.has_few_effective_runs
 
     @property
-    def may_be_heavy(self) -> bool:
+    def may_be_heavy(self) -> BoolArray:
         """True if the runs are a heavy tail's, or may be: no interval of the spread is reliable."""
-        return self.kurtosis > _DOUBTFUL_KURTOSIS and self.has_few_effective_runs
+        return (self.kurtosis > _DOUBTFUL_KURTOSIS) & self.has_few_effective_runs
 
     @property
     def is_small(self) -> bool:
@@ -98,9 +106,9 @@ class SampleShape:
         return self.sample.effective_size < _ENOUGH_RUNS_FOR_TAILS
 
     @property
-    def is_doubtful(self) -> bool:
+    def is_doubtful(self) -> BoolArray:
         """True if the distribution may have a heavier tail than these runs show."""
-        return self.is_small or self.may_be_heavy
+        return self.is_small | self.may_be_heavy
 
     @property
     def hidden_tail(self) -> str:
@@ -114,4 +122,11 @@ class SampleShape:
     @property
     def tail_note(self) -> str:
         """Kurtosis and effective runs of a heavy tail, as text."""
+        if self.sample.is_at_places:
+            return texts.HEAVY_TAIL_AT_PLACES
         return texts.HEAVY_TAIL.format(kurtosis=self.kurtosis, runs=self.effective_runs)
+
+
+def _power(base: FloatArray, exponent: float) -> FloatArray:
+    """Return powers by the C library, whose last digits do not depend on the shape of an array."""
+    return np.asarray(np.frompyfunc(lambda each: each**exponent, 1, 1)(base), dtype=np.float64)

@@ -6,22 +6,26 @@ the mean, it misses the true value on the side of the longer tail.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray, IntArray
-from uqpen.statistics.intervals import student_quantile
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.statistics.intervals import group_sums, student_quantile
 
 __all__ = ["Margins", "extreme_margins", "skewness_margins"]
 
 
 class Margins(NamedTuple):
-    """Distances of the lower and the upper end of an interval from the estimate."""
+    """Distances of the lower and the upper end of an interval from the estimate, at any places."""
 
-    below: float
-    above: float
+    below: FloatArray
+    above: FloatArray
+
+    @classmethod
+    def zero(cls, shape: tuple[int, ...]) -> Margins:
+        """Return distances of 0 at places of a shape."""
+        return cls(np.zeros(shape), np.zeros(shape))
 
     def plus(self, other: Margins) -> Margins:
         """Return the sum of two distances, at each end."""
@@ -29,7 +33,11 @@ class Margins(NamedTuple):
 
     def at_least(self, other: Margins) -> Margins:
         """Return the larger of two distances, at each end."""
-        return Margins(max(self.below, other.below), max(self.above, other.above))
+        return Margins(np.maximum(self.below, other.below), np.maximum(self.above, other.above))
+
+    def where(self, condition: BoolArray) -> Margins:
+        """Return the distances at some places, and 0 at the others."""
+        return Margins(*(np.where(condition, margin, 0.0) for margin in self))
 
 
 def extreme_margins(influence: FloatArray, weights: FloatArray | None = None) -> Margins:
@@ -40,15 +48,16 @@ def extreme_margins(influence: FloatArray, weights: FloatArray | None = None) ->
 
     Parameters
     ----------
-    influence : ndarray, shape (run,)
-        Values whose mean is estimated.
+    influence : ndarray, shape (..., run)
+        Values whose mean is estimated, at any places.
     weights : ndarray, shape (run,), optional
         Relative weights.
     """
-    shares = np.full(len(influence), 1 / len(influence)) if weights is None else weights
+    runs = influence.shape[-1]
+    shares = np.full(runs, 1 / runs) if weights is None else weights
     shares = shares / shares.sum()
-    parts = shares * (influence - float((shares * influence).sum()))
-    return Margins(max(-float(parts.min()), 0.0), max(float(parts.max()), 0.0))
+    parts = shares * (influence - (shares * influence).sum(axis=-1, keepdims=True))
+    return Margins(np.maximum(-parts.min(axis=-1), 0.0), np.maximum(parts.max(axis=-1), 0.0))
 
 
 def skewness_margins(
@@ -58,8 +67,8 @@ def skewness_margins(
 
     Parameters
     ----------
-    influence : ndarray, shape (run,)
-        Values whose mean is estimated.
+    influence : ndarray, shape (..., run)
+        Values whose mean is estimated, at any places.
     replicate : ndarray of int, shape (run,)
         The replicate of each run, from 0.
     replicates : int
@@ -77,17 +86,21 @@ def skewness_margins(
     ----------
     Hall, P. (1992). J. R. Statist. Soc. B 54, 221-228.
     """
-    sums = np.bincount(replicate, weights=influence - influence.mean(), minlength=replicates)
-    means = replicates / len(influence) * sums
-    deviations = means - means.mean()
-    squares = float((deviations**2).sum())
-    if replicates < 3 or not squares > 0:
-        return Margins(0.0, 0.0), Margins(0.0, 0.0)
-    std = math.sqrt(squares / (replicates - 1))
-    skewness = float(((deviations / std) ** 3).sum()) * replicates
-    skewness /= (replicates - 1) * (replicates - 2)
+    sums = group_sums(influence - influence.mean(axis=-1, keepdims=True), replicate, replicates)
+    means = replicates / len(replicate) * sums
+    deviations = means - means.mean(axis=-1, keepdims=True)
+    squares = (deviations**2).sum(axis=-1)
+    if replicates < 3:
+        return Margins.zero(squares.shape), Margins.zero(squares.shape)
+    varies = squares > 0
+    std = np.sqrt(np.where(varies, squares, 1.0) / (replicates - 1))
+    skewness = ((deviations / std[..., np.newaxis]) ** 3).sum(axis=-1) * replicates
+    skewness = skewness / ((replicates - 1) * (replicates - 2))
     t = student_quantile(replicates - 1, level)
-    skew = std * abs(skewness) * (1 + 2 * t**2) / (6 * replicates)
-    if skewness < 0:
-        return Margins(skew, 0.0), Margins(-float(deviations.min()) / replicates, 0.0)
-    return Margins(0.0, skew), Margins(0.0, float(deviations.max()) / replicates)
+    skew = std * np.abs(skewness) * (1 + 2 * t**2) / (6 * replicates)
+    furthest = -deviations.min(axis=-1) / replicates, deviations.max(axis=-1) / replicates
+    below, above = varies & (skewness < 0), varies & ~(skewness < 0)
+    skew_margins = Margins(np.where(below, skew, 0.0), np.where(above, skew, 0.0))
+    return skew_margins, Margins(
+        np.where(below, furthest[0], 0.0), np.where(above, furthest[1], 0.0)
+    )

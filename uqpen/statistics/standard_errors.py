@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics.intervals import additive_residual_error, ratio_error
@@ -14,35 +15,37 @@ from uqpen.statistics.weights import weighted_mean_error
 __all__ = ["cdf_error", "probability_error", "rounding_error", "standard_error"]
 
 
-def standard_error(sample: Sample, influence: FloatArray) -> tuple[float, float]:
+def standard_error(sample: Sample, influence: FloatArray) -> tuple[FloatArray, float]:
     """Standard error of a mean over the sample, and its degrees of freedom.
 
     Parameters
     ----------
     sample : Sample
         The runs.
-    influence : ndarray, shape (run,)
-        Values whose mean is estimated, or each run's influence on an estimate.
+    influence : ndarray, shape (..., run)
+        Values whose mean is estimated, or each run's influence on an estimate, at any places.
 
     Returns
     -------
-    error, freedom : float
-        NaN and 0 where the design allows none.
+    error : ndarray, shape (...)
+        NaN where the design allows none.
+    freedom : float
+        Its degrees of freedom; 0 where there is none.
     """
     if sample.reason_without_intervals:
-        return math.nan, 0
+        return np.full(influence.shape[:-1], np.nan), 0
     if sample.error_model is ErrorModel.REPLICATED:
         return ratio_error(influence, sample.replicate, sample.replicate_count)
     if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
         # With failed runs, the mean is a ratio of sums over all points, and a failed run adds
         # nothing to them.
-        deviation = np.zeros(len(sample.replicates))
-        deviation[sample.used] = influence - influence.mean()
+        deviation = np.zeros((*influence.shape[:-1], len(sample.replicates)))
+        deviation[..., sample.used] = influence - influence.mean(axis=-1, keepdims=True)
         error, freedom = additive_residual_error(deviation, sample.points)
         return error * len(sample.replicates) / sample.size, freedom
     if sample.run_weights is not None:
         return weighted_mean_error(influence, sample.run_weights), sample.degrees_of_freedom
-    return float(influence.std(ddof=1)) / math.sqrt(sample.size), sample.degrees_of_freedom
+    return influence.std(axis=-1, ddof=1) / math.sqrt(sample.size), sample.degrees_of_freedom
 
 
 def rounding_error(sample: Sample) -> float:
@@ -56,26 +59,39 @@ def rounding_error(sample: Sample) -> float:
     return 0.5 * math.sqrt(sample.replicate_count) / sample.size
 
 
-def probability_error(sample: Sample, events: BoolArray) -> tuple[float, float, bool]:
+def probability_error(sample: Sample, events: BoolArray) -> tuple[FloatArray, float, BoolArray]:
     """Standard error of the share of the runs in which an event happened.
+
+    Parameters
+    ----------
+    sample : Sample
+        The runs.
+    events : ndarray of bool, shape (..., run)
+        Whether it happened, at any places.
 
     Returns
     -------
-    error, freedom : float
-        With the degrees of freedom.
-    is_rounded : bool
+    error : ndarray, shape (...)
+    freedom : float
+        Its degrees of freedom.
+    is_rounded : ndarray of bool, shape (...)
         True if it is the error of counting whole runs, which is larger than that of the scatter.
     """
     error, freedom = standard_error(sample, events.astype(np.float64))
     is_rounded = error <= rounding_error(sample)
-    return max(error, rounding_error(sample)), freedom, is_rounded
+    return np.maximum(error, rounding_error(sample)), freedom, is_rounded
 
 
-def cdf_error(sample: Sample, value: float) -> tuple[float, float, bool]:
+def cdf_error(sample: Sample, value: npt.ArrayLike) -> tuple[FloatArray, float, BoolArray]:
     """Like `probability_error`, for the distribution function at a value, which may be an atom.
 
     At an atom of the distribution the function jumps, and the error of a quantile may be to either
-    side. The larger of the errors below and above the jump counts.
+    side. The larger of the errors below and above the jump counts. At places, each has its value.
     """
-    at_or_below = probability_error(sample, sample.values <= value)
-    return max(at_or_below, probability_error(sample, sample.values < value))
+    at = np.asarray(value)[..., np.newaxis]
+    error, freedom, is_rounded = probability_error(sample, sample.values <= at)
+    below, _, is_rounded_below = probability_error(sample, sample.values < at)
+    is_rounded = np.where(
+        error > below, is_rounded, is_rounded_below | (error == below) & is_rounded
+    )
+    return np.maximum(error, below), freedom, is_rounded

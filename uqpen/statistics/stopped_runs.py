@@ -6,7 +6,6 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from uqpen.core.labels import BOUND, INTERVAL_LABEL, NOTE, STOPPING_STATISTICS
@@ -52,10 +51,12 @@ def _marked(array: xr.DataArray, certified: list[Any]) -> xr.DataArray:
         labels = array.coords[array.dims[0]].values.tolist()
         is_marked = is_marked & [label not in certified for label in labels]
     own = array.coords[NOTE]
-    notes = np.empty(own.shape, dtype=object)
-    for entry in np.ndindex(own.shape):
-        added = texts.NUMBER_DECIDED_BY_RUNS if is_marked[entry] else ""
-        notes[entry] = "; ".join(filter(None, [str(own.values[entry]), added]))
+    notes = own.values.copy()
+    marked = {
+        note: "; ".join(filter(None, [note, texts.NUMBER_DECIDED_BY_RUNS]))
+        for note in set(notes[is_marked].tolist())
+    }
+    notes[is_marked] = [marked[note] for note in notes[is_marked].tolist()]
     return array.assign_coords({NOTE: (own.dims, notes)})
 
 

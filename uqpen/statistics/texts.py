@@ -38,8 +38,15 @@ WIDER_OF_TWO = "the wider of jackknife over replicates and delta method over blo
 DELONG = "DeLong on the logit"
 SURROGATE_SAMPLING = "sampling of the surrogate"
 
-# The reason why an output with dimensions has no statistics.
-SCALARS_ONLY = "statistics take only scalar outputs"
+# Bands over all places of a field, and ranked curves.
+SIMULTANEOUS = "{method}, at a level that holds at all places at once"
+FURTHEST_DEVIATIONS = "order statistics of the furthest deviations of runs from those of a third"
+NO_BAND_OF_ONE_SET = "no simultaneous band is known for one stratified set"
+FEW_REPLICATES = "fewer than {replicates} replicates are too few for a simultaneous band"
+FEW_REACH = "fewer than {runs} runs reach this place, or not all replicates do"
+LEFT_OUT = "{places} of {of} places: {reason}{where}"
+TOLERANCE_BAND_NEEDS = "a tolerance band needs at least {runs} runs"
+REGION_OF_RUNS = "a region of these runs, not an interval"
 
 # Reasons from the sampling, and from the number of completed runs.
 NOT_A_SAMPLE = "the points are not a sample of the input distribution"
@@ -58,6 +65,7 @@ NO_LOWER_BOUND = "{too_few} for a lower bound"
 NO_UPPER_BOUND = "{too_few} for an upper bound"
 RUNS_NEEDED = "least number of independent runs with an upper bound"
 RUNS_NEEDED_BELOW = "least number of independent runs with a lower bound"
+RUNS_NEEDED_FOR_BAND = "least number of independent runs with a band"
 RUNS_NEEDED_FOR_BOTH = "least number of independent runs with both bounds"
 UPPER_BOUND_NEEDS = "an upper bound needs at least {runs} runs"
 LOWER_BOUND_NEEDS = "a lower bound needs at least {runs} runs"
@@ -106,6 +114,12 @@ FEW_DIFFER = (
     "only {distinct} of {effects} effects differ from the others: the coverage may be below nominal"
 )
 
+# Texts at the places of a field, without the numbers of the texts above: they differ by the place.
+HEAVY_TAIL_AT_PLACES = "heavy tail"
+SMALL_EFFECTIVE_SIZE_AT_PLACES = "weights: the effective sample size is too small"
+FEW_WEIGHTS_DECIDE_AT_PLACES = "weights: few effective runs decide it"
+TOO_FEW_RUNS_AT_PLACES = "the runs are too few"
+
 # Quadrature rules.
 NO_SCATTER_OF_RULE = "a quadrature rule has no scatter, so its error is unknown"
 IMPOSSIBLE_MOMENT = "negative weights of the rule give an impossible {moment}: try a higher order"
@@ -139,8 +153,10 @@ VARIES_IN_ONE_REPLICATE = "it varies in one replicate only"
 TOO_MANY_SUBSETS = "it needs all subsets of the inputs, too many for {inputs} inputs"
 DEPENDENT_INPUTS = "the random inputs depend on each other"
 ESTIMAND = "indices of the input distribution"
-ESTIMAND_IF_ADMISSIBLE = "indices of the input distribution, conditional on admissible inputs"
+ESTIMAND_IF = "indices of the input distribution, conditional on {condition}"
+ESTIMAND_IF_ADMISSIBLE = ESTIMAND_IF.format(condition="admissible inputs")
 FAILED_BLOCKS = "blocks with a failed run are left out"
+ABSENT_BLOCKS = "blocks with a run without a value are left out"
 INADMISSIBLE_BLOCKS = "blocks without an admissible draw are left out"
 FIRST_ORDER_INCLUDES = "first-order indices include correlation"
 
@@ -151,6 +167,10 @@ FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set o
 
 # Failed runs.
 ADMISSIBLE_INPUTS = "admissible inputs"
+# Of an output that some runs do not have.
+ALL_EXIST = "of the runs in which all its outputs have a value"
+VALUE_EXISTS = "its existence ({absent} in {share:.3g} % of the completed runs)"
+REACHED = "the curve's reaching the place"
 MISSING_SHARE = "{share:.3g} % of the admissible runs"
 FEW_FAILED = "fewer than {runs} failed runs are too few for an interval"
 FEW_COMPLETED = "fewer than {runs} completed runs are too few for an interval"

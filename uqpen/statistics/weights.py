@@ -8,8 +8,6 @@ Owen, A. B. (2013). Monte Carlo theory, methods and examples, chapter 9.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
@@ -49,27 +47,31 @@ def runs_on_a_side(weights: FloatArray, is_above: BoolArray) -> float:
     return min(effective_size(weights[is_above]), effective_size(weights[~is_above]))
 
 
-def weighted_mean(values: FloatArray, weights: FloatArray) -> float:
-    """Self-normalised mean Σwx/Σw."""
-    return float((weights * values).sum() / weights.sum())
+def weighted_mean(values: FloatArray, weights: FloatArray) -> FloatArray:
+    """Self-normalised mean Σwx/Σw along the last axis."""
+    return (weights * values).sum(axis=-1) / weights.sum()
 
 
-def weighted_mean_error(influence: FloatArray, weights: FloatArray) -> float:
+def weighted_mean_error(influence: FloatArray, weights: FloatArray) -> FloatArray:
     """Standard error of a self-normalised mean, by the delta method.
 
     For equal weights it is the error of a mean of independent draws.
 
     Parameters
     ----------
-    influence : ndarray, shape (run,)
-        Values whose mean is estimated.
+    influence : ndarray, shape (..., run)
+        Values whose mean is estimated, at any places.
     weights : ndarray, shape (run,)
         Relative weights, of an effective size above 1.
+
+    Returns
+    -------
+    ndarray, shape (...)
     """
     size = effective_size(weights)
     shares = weights / weights.sum()
-    deviations = shares * (influence - weighted_mean(influence, weights))
-    return math.sqrt(float((deviations**2).sum()) * size / (size - 1))
+    deviations = shares * (influence - weighted_mean(influence, weights)[..., np.newaxis])
+    return np.sqrt((deviations**2).sum(axis=-1) * size / (size - 1))
 
 
 def weighted_quantile(

@@ -112,7 +112,7 @@ def _reason_against_surrogate(
         return "no surrogate with constraints"
     if joint.implicit_inputs or not joint.is_independent:
         return "no surrogate of dependent inputs"
-    if not any(output.is_number for each in models.values() for output in each.model.outputs):
+    if not any(output.is_number for each in models.values() for output in each.model.all_outputs):
         return "no surrogate, as no output is a number"
     return ""
 

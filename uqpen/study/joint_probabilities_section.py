@@ -70,7 +70,7 @@ def _read_limit(written: object, model: Model) -> OutputLimit:
     if match is None:
         raise QuantityError(toml_text(written), _LIMIT)
     name, sign, value = match.groups()
-    outputs = {output.name: output for output in model.outputs if output.is_number}
+    outputs = {output.name: output for output in model.all_outputs if output.is_number}
     if name not in outputs:
         expected = f"an output of {model.name} that is a number; {choices(name, outputs)}"
         raise QuantityError(toml_text(name), expected)

@@ -23,6 +23,7 @@ from uqpen.study.analyses_section import read_analyses
 from uqpen.study.budget_section import BUDGET, STAND_IN, BudgetPlan, check_budget, plan_budget
 from uqpen.study.data_section import DEFAULT_DESIGNS, bind_designs, check_fixed, has_data
 from uqpen.study.dependence_section import read_dependence
+from uqpen.study.derived_section import derive_outputs
 from uqpen.study.designs_section import (
     check_designs,
     check_outputs,
@@ -136,6 +137,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     if default := _default_designs(root, budget):
         tables["designs"] = root.inside(default, "designs")
     root.check_unknown_keys()
+    model, models = derive_outputs(tables["outputs"], model, models)
     failures = tables["failures"].whole_settings(FailurePolicy) or FailurePolicy()
     methods = _read_methods(tables, model if are_models_whole else None)
     inputs, joint, is_clear = _read_joint(

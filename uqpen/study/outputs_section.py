@@ -5,24 +5,26 @@ from __future__ import annotations
 from typing import Any
 
 from uqpen.core.model import Model, Output
-from uqpen.statistics import texts
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.study.derived_section import is_derived, requests_table
 from uqpen.study.table_reader import TableReader, check_names
 
 __all__ = ["read_quantities_of_interest"]
 
-# The only key of an output of any kind.
-_UNIT = "unit"
+# Requests of which a field has none: a value that holds a share has one side, a band has two.
+_OF_SCALARS = ("hold", "hold_above")
 
 
 def read_quantities_of_interest(
     table: TableReader, model: Model, confidence_level: float
 ) -> tuple[QuantityOfInterest, ...]:
-    """Read the quantity of interest of each of the model's outputs, in the model's order."""
-    check_names(table, [output.name for output in model.outputs], "output", model)
+    """Read the quantity of interest of each output, derived ones too, in the model's order."""
+    refused = [name for name in table if is_derived(table.content[name])]
+    known = [output.name for output in model.all_outputs]
+    check_names(table, [*known, *refused], "output", model)
     return tuple(
-        _read_quantity(table.table(output.name), output, confidence_level)
-        for output in model.outputs
+        _read_quantity(requests_table(table, output, model), output, confidence_level)
+        for output in model.all_outputs
     )
 
 
@@ -41,17 +43,10 @@ def _read_quantity(
                 key, f'a key of "{output.name}"', "none: an output with categories has shares only"
             )
         return default
-    if output.dims:
-        table = _without_requests(table, output)
+    for key in _OF_SCALARS if output.dims else ():
+        if key in table:
+            expected = "an output without dimensions; a field has hold_between"
+            table.add_problem(key, f'a tolerance limit of "{output.name}"', expected)
     quantity = table.settings(QuantityOfInterest, like=output.unit, given=given)
     table.check_unknown_keys()
     return quantity or default
-
-
-def _without_requests(table: TableReader, output: Output) -> TableReader:
-    """Return the table of a field without requests for statistics, which are noted."""
-    for key in table:
-        if key != _UNIT:
-            expected = f"none: {texts.SCALARS_ONLY}, and it has dimensions"
-            table.add_problem(key, f'a question to "{output.name}"', expected)
-    return table.inside({key: value for key, value in table.content.items() if key == _UNIT})

@@ -8,7 +8,6 @@ from dataclasses import replace
 from uqpen.core.labels import LARGEST_CONTRIBUTION
 from uqpen.core.lookup import choices
 from uqpen.core.model import Model, Output
-from uqpen.statistics import texts
 from uqpen.statistics.published import Publication, PublishedEstimates
 from uqpen.study.table_reader import TableReader, check_names, named_tables
 
@@ -28,7 +27,7 @@ def read_published(
             section.add_wrong((), name, "a name that no design or surrogate has")
             continue
         publication = section.settings(Publication)
-        estimates = [_read_estimates(section, output, model) for output in model.outputs]
+        estimates = [_read_estimates(section, output, model) for output in model.all_outputs]
         section.check_unknown_keys("output")
         if publication is not None:
             found[name] = replace(publication, estimates=tuple(filter(None, estimates)))
@@ -49,7 +48,7 @@ def _read_estimates(
         return None
     if output.dims:
         for key in table:
-            expected = f"an output without dimensions: {texts.SCALARS_ONLY}"
+            expected = "an output without dimensions"
             table.add_problem(key, f'an estimate of "{output.name}"', expected)
         return None
     largest = table.content.get(LARGEST_CONTRIBUTION) or ""

@@ -92,7 +92,8 @@ class OutputSpec:
         ``{"time": {"unit": "s", "from": 0, "to": 10, "size": 101}}``,
         ``{"time": {"unit": "s", "values": [0, 1, 3]}}`` or
         ``{"time": {"file": "times.csv", "column": "time"}}``; or the names of `dimensions` of a
-        `PythonModel`. Each run has values along them, in place of a number.
+        `PythonModel`. Each run has values along them, in place of a number. Its
+        statistics are those at each place.
     on : mapping of str to str, optional
         By dimension, the name under which each run returns coordinates of its own, such as
         ``{"time": "t"}``. Its values are then interpolated to the declared ones.
@@ -101,6 +102,14 @@ class OutputSpec:
         have to be the same.
     may_end : bool
         Whether a curve may end before its dimension does: NaN at its end is then no failure.
+    of : str, optional
+        An output with dimensions; this one is a number that follows from it, after each run.
+    take : str, optional
+        What is taken of it, such as ``"max"``; see the study file.
+    at : mapping of str to str, optional
+        In place of `take`: the place whose value is taken, such as ``{"time": "10 day"}``.
+    threshold : str or float, optional
+        Of ``take="first_above"`` and ``"first_below"``.
     """
 
     unit: str | None = None
@@ -114,6 +123,10 @@ class OutputSpec:
     may_end: bool = False
     on: Mapping[str, str] | None = None
     interpolation: str | None = None
+    of: str | None = None
+    take: str | None = None
+    at: Mapping[str, str | float] | None = None
+    threshold: str | float | None = None
 
     def model_part(self) -> dict[str, Any]:
         """Return the settings that the model declares, if it has any of them."""
@@ -125,4 +138,5 @@ class OutputSpec:
 
     def table(self) -> dict[str, Any]:
         """Return its declaration as a table of a study file."""
-        return {name: value for name, value in vars(self).items() if value}
+        threshold = {} if self.threshold is None else {"threshold": self.threshold}  # may be 0
+        return {name: value for name, value in vars(self).items() if value} | threshold

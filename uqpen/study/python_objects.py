@@ -31,6 +31,7 @@ from uqpen.models import MODELS
 from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
 from uqpen.study.data_objects import data_content, data_table, is_data
+from uqpen.study.derived_section import is_derived
 from uqpen.study.frozen_section import SETTINGS
 from uqpen.study.joint_objects import find_tuple_faults, joint_units, with_joint_tables
 from uqpen.study.model_variables import find_variable_faults
@@ -68,9 +69,7 @@ class StudyContent:
         model = given.get("model")
         if is_data(model):
             self.objects["model",] = data_content(model)
-            outputs = {
-                str(name): _output_unit(value) for name, value in _items(given.get("outputs"))
-            }
+            outputs = {str(name): _output_unit(value) for name, value in _model_outputs(given)}
             units = {**dict(self._input_units(given)), **outputs}
             given["model"] = data_table(model, units, outputs)
         elif callable(model) and not isinstance(model, PythonModel):
@@ -136,7 +135,7 @@ class StudyContent:
                 found = f"values in {' and '.join(units)}"
                 self.problems.append(Problem(("inputs", str(name)), found, expected))
         inputs |= dict(joint_units(given.get("joint")))
-        outputs = {str(name): _model_output(value) for name, value in _items(given.get("outputs"))}
+        outputs = {str(name): _model_output(value) for name, value in _model_outputs(given)}
         return PythonModel(function, inputs, outputs)
 
     def _input_units(self, given: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -248,6 +247,13 @@ def _units(value: object) -> Iterator[str]:
             yield spread.unit if spread else parse_any_dimension(value).unit
         except QuantityError:
             return
+
+
+def _model_outputs(given: Mapping[str, Any]) -> Iterator[tuple[Any, Any]]:
+    """Yield the outputs that the model gives, without those derived from them."""
+    for name, value in _items(given.get("outputs")):
+        if not is_derived(value.table() if isinstance(value, OutputSpec) else value):
+            yield name, value
 
 
 def _without_fields(outputs: object) -> object:

@@ -44,6 +44,10 @@ class Variant:
     model: Model
     given: Mapping[str, float]
 
+    def with_model(self, model: Model) -> Variant:
+        """Return the variant with another form of its model, and the same derived outputs."""
+        return replace(self, model=model.with_derived(self.model.derived))
+
 
 class SurrogateOrigin(NamedTuple):
     """Origin of a surrogate from outside the package.
@@ -78,7 +82,7 @@ class ValidatedStudy:
     constraints : tuple of Constraint
         Conditions that an admissible point meets.
     quantities_of_interest : tuple of QuantityOfInterest
-        One for each of the first model's outputs, in its order.
+        One for each of the first model's outputs, derived ones too, in its order.
     designs : mapping of str to Design
         The runs to make, by name.
     text : str
@@ -137,7 +141,7 @@ class ValidatedStudy:
 
     def model_quantities(self, model: Model) -> tuple[QuantityOfInterest, ...]:
         """Return the quantities of interest whose outputs a model has."""
-        outputs = {output.name: output for output in model.outputs}
+        outputs = {output.name: output for output in model.all_outputs}
         return tuple(
             replace(quantity, output=outputs[quantity.output.name])
             for quantity in self.quantities_of_interest

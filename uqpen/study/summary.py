@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from html import escape
 
 from uqpen.core.html import html_table
@@ -10,7 +11,6 @@ from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs import DESIGNS
 from uqpen.distributions.joint_distribution import FixedInput
 from uqpen.models.data.data_model import DataModel
-from uqpen.statistics import texts
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.threshold import Acceptable
 from uqpen.study.study import ValidatedStudy
@@ -67,7 +67,7 @@ def output_rows(study: ValidatedStudy) -> Rows:
     """Return the name of each output, and of each joint event, with what is estimated of it."""
     return [
         *(
-            (quantity.output.name, "; ".join(_requested(quantity)))
+            (quantity.output.name, "; ".join([*_derived(study, quantity), *_requested(quantity)]))
             for quantity in study.quantities_of_interest
         ),
         *((event.name, f"P({event.condition}){_accepted(event)}") for event in study.joint_events),
@@ -118,19 +118,37 @@ def _at_most(ends_early: bool) -> str:
     return "at most " if ends_early else ""
 
 
+def _derived(study: ValidatedStudy, quantity: QuantityOfInterest) -> list[str]:
+    """Return what a derived output is, such as "largest infected along time"."""
+    names = [each.output.name for each in study.model.derived]
+    return [quantity.output.title] if quantity.output.name in names else []
+
+
 def _requested(quantity: QuantityOfInterest) -> list[str]:
     if quantity.output.dims:
         along = ", ".join(f"{each.name} ({len(each.values)})" for each in quantity.output.dims)
-        return [f"its values along {along}", texts.SCALARS_ONLY]
+        statistics = f"mean, standard deviation, quantiles {_listed(quantity.quantiles)}"
+        return [f"at each place along {along}: {statistics}", *_probabilities(quantity)]
     if quantity.output.categories:
         return ["shares of " + ", ".join(category.label for category in quantity.output.categories)]
     return [
-        "moments, cdf, quantiles " + ", ".join(f"{p:g}" for p in quantity.quantiles),
-        *(f"P(> {each.text}){_accepted(each)}" for each in quantity.thresholds),
-        *(f"P(< {each.text}){_accepted(each)}" for each in quantity.lower_thresholds),
+        f"moments, cdf, quantiles {_listed(quantity.quantiles)}",
+        *_probabilities(quantity),
         *(f"value held with {p:g}" for p in quantity.tolerance_contents),
         *(f"value held from below with {p:g}" for p in quantity.lower_tolerance_contents),
         *(f"values held between with {p:g}" for p in quantity.tolerance_interval_contents),
+    ]
+
+
+def _listed(probabilities: Iterable[float]) -> str:
+    return ", ".join(f"{p:g}" for p in probabilities)
+
+
+def _probabilities(quantity: QuantityOfInterest) -> list[str]:
+    """Return the requested probabilities of lying beyond a value."""
+    return [
+        *(f"P(> {each.text}){_accepted(each)}" for each in quantity.thresholds),
+        *(f"P(< {each.text}){_accepted(each)}" for each in quantity.lower_thresholds),
     ]
 
 

@@ -63,8 +63,8 @@ def check_surrogates(
     joint: JointDistribution | None,
 ) -> None:
     """Note surrogates that do not fit the designs, the outputs or the inputs, if known."""
-    numeric = [output.name for output in model.outputs if output.is_number]
-    fields = [output.name for output in model.outputs if output.dims]
+    numeric = [output.name for output in model.all_outputs if output.is_number]
+    fields = [output.name for output in model.all_outputs if output.dims]
     for name, surrogate in surrogates.items():
         _check_designs(table, name, surrogate, designs)
         for output in surrogate.transform:

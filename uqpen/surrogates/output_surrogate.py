@@ -72,7 +72,7 @@ class OutputSurrogate(Surrogate):
         record = _record(self, training, joint)
         fitted: dict[str, FittedOutput] = {}
         reasons: dict[str, str] = {}
-        for output in model.outputs:
+        for output in model.all_outputs:
             rng = stream.generator("fit", output.name)
             found: FittedOutput | str = training.output_problem(output)
             if not found:
@@ -135,7 +135,7 @@ def unfitted(
         inputs=known_inputs(model, joint),
         outputs=(),
         fitted={},
-        reasons={output.name: reason for output in model.outputs},
+        reasons={output.name: reason for output in model.all_outputs},
         fixed=training.fixed,
         training=_record(surrogate, training, joint),
         kind=_reference(surrogate),

@@ -121,7 +121,7 @@ class PolynomialChaos(Surrogate):
             basis = ProductBasis.from_distribution(joint, degree, logarithms=logarithms)
         expansions: dict[str, Expansion] = {}
         reasons: dict[str, str] = {}
-        for output in model.outputs:
+        for output in model.all_outputs:
             found = self._expansion(output, training, basis, stream, engine)
             if isinstance(found, Expansion):
                 expansions[output.name] = found

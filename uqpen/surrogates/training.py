@@ -73,7 +73,7 @@ class TrainingRuns:
             inputs=inputs,
             outputs={
                 output.name: runs[output.name].values[came_back].astype(np.float64)
-                for output in model.outputs
+                for output in model.all_outputs
                 if output.is_number
             },
             fixed=fixed,
@@ -97,6 +97,8 @@ class TrainingRuns:
         if self.problem:
             return self.problem
         values = self.outputs[output.name]
+        if output.absent and (absent := int(np.isnan(values).sum())):
+            return f"some runs have no value of it ({output.absent} in {absent})"
         if not np.isfinite(values).all():
             return f"it is not finite in {int((~np.isfinite(values)).sum())} runs that came back"
         if (values == values[0]).all():

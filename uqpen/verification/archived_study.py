@@ -219,7 +219,7 @@ def find_incompatibility(
 
 def _missing_variable(variant: Variant, study: ValidatedStudy, made: xr.Dataset) -> str:
     """Return the name of an input or output that runs lack."""
-    for output in variant.model.outputs:
+    for output in variant.model.all_outputs:
         kind = "i" if output.categories else "f"
         dims = (RUN, *(dimension.name for dimension in output.dims))
         if output.name not in made or made[output.name].dims != dims:

@@ -92,7 +92,9 @@ def repeated_runs(
             failures=FailurePolicy(study.failures.retry),
         )
         archived = archived_runs.isel({RUN: positions})
-        found += _run_differences(_runs_name(model, design), archived, again, variant.model.outputs)
+        found += _run_differences(
+            _runs_name(model, design), archived, again, variant.model.all_outputs
+        )
     repeated = sum(len(positions) for _, _, positions in chosen)
     total = sum(
         archived_runs.sizes[RUN] for designs in runs.values() for archived_runs in designs.values()
@@ -116,7 +118,7 @@ def reread_runs(study: ValidatedStudy, runs: Runs) -> CheckResult:
             each._replace(what=f"{name}: {each.what}")
             for each in find_differences(inputs, again[list(inputs)].drop_attrs())
         ]
-        found += _run_differences(name, archived, again, variant.model.outputs)
+        found += _run_differences(name, archived, again, variant.model.all_outputs)
     rows = sum(archived.sizes[RUN] for archived in runs[model].values())
     file = variant.model.name
     what = f"not repeatable, as they come from a file; {rows} read again from {file}"

@@ -12,7 +12,7 @@ import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.errors import SettingsError
-from uqpen.core.labels import ROLE, RUN, RUNS
+from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, ROLE, RUN, RUNS
 from uqpen.core.model import Category, Dimension, Input, Output
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.dimensions_section import dimensions_from_model
@@ -101,7 +101,7 @@ def _model(reference: str, runs: xr.Dataset) -> UnloadedModel:
     outputs = tuple(
         _output(name, variable, runs)
         for name, variable in variables.items()
-        if variable.attrs.get(ROLE) == "output"
+        if variable.attrs.get(ROLE) == "output" and DERIVED_FROM not in variable.attrs
     )
     return UnloadedModel(reference, inputs, outputs)
 
@@ -109,7 +109,12 @@ def _model(reference: str, runs: xr.Dataset) -> UnloadedModel:
 def _output(name: str, variable: xr.DataArray, runs: xr.Dataset) -> Output:
     """Return an output with its categories or its dimensions."""
     dims = tuple(_dimension(str(each), runs) for each in variable.dims if each != RUN)
-    return Output(*_names(name, variable), categories=_categories(variable), dims=dims)
+    return Output(
+        *_names(name, variable),
+        categories=_categories(variable),
+        dims=dims,
+        may_end=variable.attrs.get("comment") == CURVE_MAY_END,
+    )
 
 
 def _dimension(name: str, runs: xr.Dataset) -> Dimension:

@@ -42,7 +42,6 @@ def model_groups(study: ValidatedStudy, model: str, runs: Runs, steps: AnalysisS
     """Yield the groups of one model: runs, failures, surrogates, statistics, its trajectory."""
     variant = study.models[model]
     quantities = study.model_quantities(variant.model)
-    fields = [quantity.output.name for quantity in quantities if quantity.output.dims]
     sources: dict[str, Source] = {}
     for design, design_runs in runs.items():
         attributes: dict[str, str | int | float] = {
@@ -53,7 +52,7 @@ def model_groups(study: ValidatedStudy, model: str, runs: Runs, steps: AnalysisS
         steps.start(f"statistics of {design}", model)
         found = analyze(design_runs, quantities, outside=study.analyses)
         outputs = mark_uncertified(found, design_runs.attrs)
-        sources[design] = Source(attributes, outputs, fields)
+        sources[design] = Source(attributes, outputs)
         failures = analyze_failures(design_runs, study.confidence_level)
         yield f"/{RUNS}/{design}", design_runs
         if failures:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import xarray as xr
 
 from uqpen.archive.estimates import pack
-from uqpen.core.labels import NOT_ESTIMATED
-from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics
 
 __all__ = ["Groups", "Source"]
@@ -22,8 +20,6 @@ class Source(NamedTuple):
 
     attributes: dict[str, str | int | float]
     outputs: Mapping[str, OutputStatistics]
-    # Fields, of which there are no statistics.
-    fields: Sequence[str] = ()
 
     def groups(self, path: str) -> Groups:
         """Yield its groups of an archive, below a path."""
@@ -31,5 +27,3 @@ class Source(NamedTuple):
         for output, statistics in self.outputs.items():
             if statistics:
                 yield f"{path}/{output}", pack(statistics)
-            elif output in self.fields:
-                yield f"{path}/{output}", xr.Dataset(attrs={NOT_ESTIMATED: texts.SCALARS_ONLY})

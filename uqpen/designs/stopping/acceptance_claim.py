@@ -74,12 +74,16 @@ class AcceptanceClaim:
     limit: float
 
     def outcomes(self, runs: xr.Dataset | BlockedRuns) -> Outcomes:
-        """Return the outcomes of a model's runs; inadmissible ones are left out."""
+        """Return the outcomes of a model's runs.
+
+        Left out are inadmissible ones, and those without a value of a derived output.
+        """
         handle = LoadedDataset.of(runs)
         status, values = handle.column(STATUS), handle.column(self.output)
         unit = str(handle.template[self.output].attrs.get("units", DIMENSIONLESS))
         value = parse_quantity(self.value, unit).value
-        positions = np.flatnonzero(status != Status.INADMISSIBLE)
+        is_absent = (status == Status.OK) & np.isnan(values)
+        positions = np.flatnonzero((status != Status.INADMISSIBLE) & ~is_absent)
         missing = status[positions] != Status.OK
         known = values[positions]
         events = known > value if self.is_above else known < value

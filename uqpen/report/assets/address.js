@@ -1,5 +1,6 @@
-// The address of a page has its thresholds, as in `#depth>0.6_m`, behind a place on the page if
-// there is one, as in `#distributions&depth>0.6_m`. So a reading can be sent.
+// The address of a page has its thresholds, as in `#depth>0.6_m`, and the places along dimensions, as
+// in `#time=31_day`. They stand behind a place on the page if there is one, as in
+// `#distributions&depth>0.6_m`. So a reading can be sent.
 
 const inAddress = (text) => encodeURIComponent(text.replaceAll(" ", "_")).replaceAll("%2F", "/");
 
@@ -14,7 +15,7 @@ function decoded(text) {
 // Parts of an address: the place, and a text for each threshold.
 function addressParts() {
   const parts = window.location.hash.slice(1).split("&").map(decoded).filter(Boolean);
-  const isReading = (part) => part.includes(">") && !document.getElementById(part);
+  const isReading = (part) => /[>=]/.test(part) && !document.getElementById(part);
   return { place: parts.find((part) => !isReading(part)) ?? "", readings: parts.filter(isReading) };
 }
 
@@ -22,7 +23,7 @@ function addressOf(place) {
   const readings = [...movedKeys].map((key) => {
     const [name, unit] = key.split("\n");
     const value = String(Number(thresholds.get(key).toPrecision(12)));
-    return `${encodeURIComponent(name)}>${value}${unit ? `_${inAddress(unit)}` : ""}`;
+    return `${encodeURIComponent(name)}${signOf(key)}${value}${unit ? `_${inAddress(unit)}` : ""}`;
   });
   return [place && encodeURIComponent(place), ...readings].filter(Boolean).join("&");
 }
@@ -35,7 +36,7 @@ function writeAddress(place = addressParts().place) {
 
 // A unit that the page does not have is refused, as the number would mean something else.
 function applyReading(part) {
-  const known = [...new Set(forms.map(({ key }) => key))].filter((key) => part.startsWith(`${key.split("\n")[0]}>`));
+  const known = [...new Set(forms.map(({ key }) => key))].filter((key) => part.startsWith(key.split("\n")[0] + signOf(key)));
   for (const key of known) {
     const [name, unit] = key.split("\n");
     const found = part.slice(name.length + 1).match(/^([+-]?\d+\.?\d*(?:e[+-]?\d+)?)(?:_(.*))?$/i);

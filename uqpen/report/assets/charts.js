@@ -98,7 +98,7 @@ function layout(style, chart, width) {
 }
 
 // An estimate at the end of an axis is not cut.
-const tracesOf = (style, chart) => coloured(style, chart.traces).map(
+const tracesOf = (style, chart) => coloured(style, slicedTraces(chart)).map(
   (trace) => (trace.error_x || trace.error_y ? { ...trace, cliponaxis: false } : trace),
 );
 
@@ -107,6 +107,7 @@ function draw(plot, isPrinted = false) {
   const chart = charts[plot.dataset.chart];
   plot.dataset.drawn = theme();
   plot.dataset.chosen = version;
+  plot.dataset.slice = sliceOf(chart);
   plot.dataset.shapes = JSON.stringify(chosenShapes(chart));
   const width = plot.clientWidth;
   // Paper is smaller, and so are its charts.

@@ -77,6 +77,10 @@ function paint(plot, isFresh = false) {
 function follow(plot) {
   if (!plot.dataset.drawn || plot.dataset.chosen === String(version)) return;
   const chart = charts[plot.dataset.chart];
+  if (plot.dataset.slice !== String(sliceOf(chart))) {
+    draw(plot);
+    return;
+  }
   plot.dataset.chosen = version;
   const shapes = JSON.stringify(chosenShapes(chart));
   if (plot.dataset.shapes !== shapes) {

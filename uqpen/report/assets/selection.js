@@ -29,6 +29,13 @@ function moveThreshold(key, value) {
   changed();
 }
 
+// A place along a dimension of fields has a line as a threshold has, and colours no run.
+function movePlace(key, value) {
+  if (thresholds.get(key) === value) return;
+  thresholds.set(key, value);
+  changed();
+}
+
 // Without a range, all runs are selected by this quantity.
 function selectRange(key, range) {
   if (range) ranges.set(key, [Math.min(...range), Math.max(...range)]);

@@ -147,7 +147,7 @@ function thresholdForm(form) {
   return { key, show, start: onGrid(told.start), refuse: (text) => { readout.textContent = text; } };
 }
 
-const forms = [...document.querySelectorAll(".reading")].map(thresholdForm);
+const forms = [...document.querySelectorAll(".reading:not(.place)")].map(thresholdForm);
 forms.forEach(({ key, start }) => { if (!thresholds.has(key)) thresholds.set(key, start); });
 leading = forms[0]?.key;
 forms.forEach(({ show }) => show());
@@ -155,9 +155,11 @@ forms.forEach(({ show }) => show());
 // The thresholds that a reader has moved.
 const movedKeys = new Set();
 
-// Moves a threshold, and all forms of its output at once.
+// Moves a threshold or a place, and all forms of it at once.
 function moveTo(key, value) {
+  const own = forms.filter((form) => form.key === key);
   movedKeys.add(key);
-  moveThreshold(key, value);
-  forms.filter((form) => form.key === key).forEach(({ show }) => show());
+  if (own[0]?.nearest) movePlace(key, own[0].nearest(value));
+  else moveThreshold(key, value);
+  own.forEach(({ show }) => show());
 }

@@ -32,9 +32,9 @@ class ModelPair:
 
     @property
     def outputs(self) -> list[str]:
-        """The outputs of both that have the same unit in SI, in the order of A."""
-        others = set(self.second.outputs)
-        return [name for name in self.first.outputs if name in others and self._has_same_unit(name)]
+        """The scalar outputs of both that have the same unit in SI, in the order of A."""
+        others = set(self.second.outputs).difference(self.first.fields, self.second.fields)
+        return [name for name in self.first.outputs if name in others and self.has_same_unit(name)]
 
     @property
     def sources(self) -> list[str]:
@@ -45,7 +45,8 @@ class ModelPair:
         leading = leading_design(self.first)
         return sorted((n for n in common if n not in published), key=lambda name: name != leading)
 
-    def _has_same_unit(self, output: str) -> bool:
+    def has_same_unit(self, output: str) -> bool:
+        """Return whether an output of both has the same unit in SI."""
         units = {str(view.attributes(output).get("units")) for view in (self.first, self.second)}
         return len(units) == 1
 
@@ -84,7 +85,7 @@ def unpaired(pair: ArchivePair) -> Iterator[Block]:
         lines += [
             f"output{of} {name}: in another unit, {first.unit(name)} and {second.unit(name)}"
             for name in first.outputs
-            if name in second.outputs and name not in each.outputs
+            if name in second.outputs and not each.has_same_unit(name)
         ]
         lines += _only_in_one(f"source{of}", first.statistics.sources, second.statistics.sources)
     if lines:

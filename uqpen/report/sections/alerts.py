@@ -116,6 +116,7 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             "If such inputs occur, the model does not cover them; if not, truncate the "
             "distributions.",
         )
+    yield from _absence_alert(view, design)
     if dependence := str(read_group(view.tree, RUNS, design).attrs.get(DEPENDENCE, "")):
         yield Alert(
             "Dependence",
@@ -136,6 +137,22 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             "If they do not follow those distributions, the statistics are of other inputs.",
         )
     yield from _measured_alert(view, design)
+
+
+def _absence_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
+    """Yield one alert on the outputs that some completed runs do not have."""
+    found = {name: view.statistics.absence(design, name) for name in view.numeric_outputs}
+    texts = [
+        f"{output_name(view, name)} on {absence[CONDITIONAL]}"
+        for name, absence in found.items()
+        if absence
+    ]
+    if texts:
+        yield Alert(
+            "Without a value",
+            f"Some estimates are conditional: {'; '.join(texts)}.",
+            "Quote the share of runs that have one beside them.",
+        )
 
 
 def _inadmissible_text(view: ArchiveView, design: str, condition: str) -> str:

@@ -26,6 +26,7 @@ from uqpen.report.sections.alerts import alerts
 from uqpen.report.sections.answer_without_sample import answer_without_sample
 from uqpen.report.sections.decision_findings import decision_findings
 from uqpen.report.sections.drivers import driver_sentences
+from uqpen.report.sections.field_sentences import field_sentences
 from uqpen.report.sections.histograms import histogram
 from uqpen.report.sections.joint_findings import joint_findings
 from uqpen.report.sections.leading_design import leading_design, output_title
@@ -101,6 +102,8 @@ def _stated_blocks(
     if further:
         title = f"{count_text(len(further), 'more sentence')} to quote"
         yield Fold(title, (Quote(further),))
+    if of_fields := tuple(field_sentences(view, design)):
+        yield Quote(of_fields)
     yield Text(" ".join(filter(None, (_origin_sentence(view, design), _omissions(shown, left)))))
 
 

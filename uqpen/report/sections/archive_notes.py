@@ -58,7 +58,7 @@ def archive_notes(tree: xr.DataTree) -> tuple[str, ...]:
 def _estimate_notes(statistics: SourceStatistics) -> Iterator[tuple[str, str]]:
     # A published estimate has no interval, and its own note on that.
     sources = [name for name in statistics.sources if not statistics.citation(name)]
-    outputs = statistics.outputs
+    outputs = statistics.scalar_outputs
     every = [statistics.statistics(source, output) for source in sources for output in outputs]
     for names in STATISTIC_FAMILIES.values():
         for arrays in every:

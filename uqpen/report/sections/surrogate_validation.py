@@ -91,7 +91,7 @@ def verdict_counts(view: ArchiveView, name: str) -> Counter[str]:
 
 def _validated_estimates(view: ArchiveView, name: str) -> list[_ValidatedEstimate]:
     statistics = view.statistics
-    found = {output: statistics.statistics(name, output) for output in statistics.outputs}
+    found = {output: statistics.statistics(name, output) for output in statistics.scalar_outputs}
     return [
         each
         for family in _FAMILIES

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -13,6 +12,7 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import PERCENT, PROBABILITY
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimates import Estimates
 from uqpen.statistics.intervals import (
     order_statistic_ranks,
     student_quantile,
@@ -52,8 +52,7 @@ def quantile_estimates(
     if quantity.output.categories:
         return
     described = {"units": "1", "long_name": "probability of lying below the quantile"}
-    array = Estimate.stack(
-        [_quantile_estimate(sample, p) for p in quantity.quantiles],
+    array = Estimates.stack([_quantile_estimate(sample, p) for p in quantity.quantiles]).to_array(
         PROBABILITY,
         units=quantity.output.unit,
         long_name=f"quantiles of {quantity.output.title}",
@@ -76,8 +75,8 @@ def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
     if quantity.output.categories:
         return
     described = {"units": "%", "long_name": "probability of lying below the percentile"}
-    array = Estimate.stack(
-        [_quantile_estimate(sample, percent / 100) for percent in _PERCENTS],
+    estimates = [_quantile_estimate(sample, percent / 100) for percent in _PERCENTS]
+    array = Estimates.stack(estimates).to_array(
         PERCENT,
         units=quantity.output.unit,
         long_name=f"percentiles of {quantity.output.title}",
@@ -88,16 +87,20 @@ def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
 
 
 def sample_quantile(sample: Sample, probability: npt.ArrayLike) -> FloatArray:
-    """Median-unbiased quantiles of a sample (Hyndman & Fan 1996, Am. Stat. 50, 361-365, no. 8)."""
+    """Median-unbiased quantiles of a sample (Hyndman & Fan 1996, Am. Stat. 50, 361-365, no. 8).
+
+    The shape is that of the probabilities, behind the number of places if there are any.
+    """
     p = np.asarray(probability, dtype=np.float64)
     if not sample.size:
-        return np.full(p.shape, np.nan)
+        return np.full((*sample.values.shape[:-1], *p.shape), np.nan)
     if sample.run_weights is not None:
-        return weighted_quantile(sample.values, sample.run_weights, p)
+        found = [weighted_quantile(each.values, sample.run_weights, p) for each in sample.each()]
+        return np.reshape(found, (*sample.values.shape[:-1], *p.shape))
     position = np.clip(p * (sample.size + 1 / 3) + 1 / 3, 1, sample.size) - 1
     below = np.floor(position).astype(np.int64)
     above = np.minimum(below + 1, sample.size - 1)
-    low, high = sample.sorted_values[below], sample.sorted_values[above]
+    low, high = sample.sorted_values[..., below], sample.sorted_values[..., above]
     # Weights rather than a difference, which overflows where both ends of the numbers are met.
     share = position - below
     return np.where(low == high, low, (1 - share) * low + share * high)
@@ -113,40 +116,54 @@ def has_enough_runs_around(sample: Sample, counts_below: npt.ArrayLike) -> BoolA
     return np.round(beyond, 6) >= _FEWEST_BEYOND
 
 
-def order_statistic(sample: Sample, rank: float) -> float:
-    """Return the value at a rank counted from 1; NaN where there is no such rank."""
-    if not 1 <= rank <= sample.size:
-        return math.nan
-    return float(sample.sorted_values[int(rank) - 1])
+def order_statistic(sample: Sample, rank: npt.ArrayLike) -> FloatArray:
+    """Return the value at a rank counted from 1; NaN where there is no such rank.
+
+    At places, each may have its rank.
+    """
+    ranks = np.broadcast_to(np.asarray(rank, dtype=np.float64), sample.values.shape[:-1])
+    exists = (ranks >= 1) & (ranks <= sample.size)
+    if not exists.any():
+        return np.full(ranks.shape, np.nan)
+    position = np.where(exists, ranks, 1).astype(np.int64)[..., np.newaxis] - 1
+    values = np.take_along_axis(sample.sorted_values, position, axis=-1)[..., 0]
+    return np.where(exists, values, np.nan)
 
 
-def _quantile_estimate(sample: Sample, p: float) -> Estimate:
-    value = float(sample_quantile(sample, p))
+def _quantile_estimate(sample: Sample, p: float) -> Estimates:
+    value = sample_quantile(sample, p)
     if reason := sample.reason_without_intervals:
-        return Estimate.without_bounds(value, reason)
+        return Estimates.without_bounds(value, reason)
     if sample.run_weights is not None:
-        return _weighted_quantile_estimate(sample, sample.run_weights, p, value)
-    if _has_woodruff(sample, p):
-        lower, upper, label = _woodruff_ranks(sample, p, value, sample.level)
-        if lower >= 1 and upper <= sample.size:
-            ends = order_statistic(sample, lower), order_statistic(sample, upper)
-            return Estimate(value, *ends, texts.WOODRUFF, label)
+        estimates = [
+            _weighted_quantile_estimate(each, sample.run_weights, p) for each in sample.each()
+        ]
+        return Estimates.of(estimates, value.shape)
+    found = _by_order_statistics(sample, p, value)
+    if not _has_woodruff(sample, p):
+        return found
+    lower, upper, label = _woodruff_ranks(sample, p, value, sample.level)
+    exist = (lower >= 1) & (upper <= sample.size)
+    ends = order_statistic(sample, lower), order_statistic(sample, upper)
+    return found.where(exist, Estimates(value, *ends, texts.WOODRUFF, label))
+
+
+def _by_order_statistics(sample: Sample, p: float, value: FloatArray) -> Estimates:
     low, high = order_statistic_ranks(sample.size, p, sample.level)
-    ends = order_statistic(sample, float(low)), order_statistic(sample, float(high))
-    if all(map(math.isnan, ends)):
-        return Estimate.without_bounds(value, sample.too_few_runs)
+    ends = order_statistic(sample, low), order_statistic(sample, high)
+    if np.isnan(low) and np.isnan(high):
+        return Estimates.without_bounds(value, sample.too_few_runs)
+    note = ""
+    if np.isnan(low) or np.isnan(high):
+        note = texts.NO_LOWER_BOUND if np.isnan(low) else texts.NO_UPPER_BOUND
+        note = note.format(too_few=sample.too_few_runs)
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
-    estimate = Estimate(value, *ends, texts.ORDER_STATISTICS, label)
-    if any(map(math.isnan, ends)):
-        note = texts.NO_LOWER_BOUND if math.isnan(ends[0]) else texts.NO_UPPER_BOUND
-        return estimate.with_note(note.format(too_few=sample.too_few_runs))
-    return estimate
+    return Estimates(value, *ends, texts.ORDER_STATISTICS, label, note)
 
 
-def _weighted_quantile_estimate(
-    sample: Sample, weights: FloatArray, p: float, value: float
-) -> Estimate:
+def _weighted_quantile_estimate(sample: Sample, weights: FloatArray, p: float) -> Estimate:
     """Estimate a quantile of weighted runs: the distribution function's error, inverted."""
+    value = float(sample_quantile(sample, p))
     if runs_on_a_side(weights, sample.values > value) < _FEWEST_BEYOND:
         return Estimate.without_bounds(value, texts.FEW_WEIGHTED_BEYOND)
     error, freedom, _ = cdf_error(sample, value)
@@ -160,7 +177,9 @@ def _has_woodruff(sample: Sample, p: float) -> bool:
     return is_replicated and bool(has_enough_runs_around(sample, sample.size * p))
 
 
-def _woodruff_ranks(sample: Sample, p: float, value: float, level: float) -> tuple[int, int, str]:
+def _woodruff_ranks(
+    sample: Sample, p: float, value: FloatArray, level: float
+) -> tuple[FloatArray, FloatArray, npt.NDArray[np.str_]]:
     """Return the ranks that enclose a quantile, and the label of the interval.
 
     Woodruff, R. S. (1952). J. Am. Stat. Assoc. 47, 635-646; with the scatter over replicates.
@@ -168,5 +187,5 @@ def _woodruff_ranks(sample: Sample, p: float, value: float, level: float) -> tup
     error, freedom, is_rounded = cdf_error(sample, value)
     step = student_quantile(freedom, level) * error
     # Least and largest whole number of runs below the quantile.
-    fewest, most = math.ceil(sample.size * (p - step)), math.floor(sample.size * (p + step))
-    return fewest, most + 1, "discrete" if is_rounded else "nominal"
+    fewest, most = np.ceil(sample.size * (p - step)), np.floor(sample.size * (p + step))
+    return fewest, most + 1, np.where(is_rounded, "discrete", "nominal")

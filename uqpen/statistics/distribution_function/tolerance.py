@@ -171,7 +171,7 @@ def _upper_limit(sample: Sample, content: float) -> Estimate:
     inside = sample.values <= value, sample.values < value
     for needed in _blocks(sample, content, inside, content):
         if needed.blocks <= sample.size:
-            upper = order_statistic(sample, needed.blocks)
+            upper = float(order_statistic(sample, needed.blocks))
             method = texts.ONE_SIDED.format(method=needed.method)
             return Estimate(value, math.nan, upper, method, needed.label)
     fewest = runs_needed(content, sample.level)
@@ -186,7 +186,7 @@ def _lower_limit(sample: Sample, content: float) -> Estimate:
     inside = sample.values >= value, sample.values > value
     for needed in _blocks(sample, content, inside, content):
         if needed.blocks <= sample.size:
-            lower = order_statistic(sample, sample.size + 1 - needed.blocks)
+            lower = float(order_statistic(sample, sample.size + 1 - needed.blocks))
             method = texts.ONE_SIDED.format(method=needed.method)
             return Estimate(value, lower, math.nan, method, needed.label)
     fewest = runs_needed(content, sample.level)
@@ -207,8 +207,8 @@ def _interval(sample: Sample, content: float) -> Estimate:
         if needed.blocks < sample.size:
             # As many runs lie outside on either side, so an odd one stays inside.
             first = (sample.size - 1 - int(needed.blocks)) // 2 + 1
-            lower = order_statistic(sample, first)
-            upper = order_statistic(sample, sample.size + 1 - first)
+            lower = float(order_statistic(sample, first))
+            upper = float(order_statistic(sample, sample.size + 1 - first))
             method = texts.TWO_SIDED.format(method=needed.method)
             return Estimate(math.nan, lower, upper, method, needed.label)
     fewest = runs_needed_for_both(content, sample.level)
@@ -244,7 +244,7 @@ def _blocks(
         error, freedom, is_rounded = max(map(partial(probability_error, sample), inside))
         # A one-sided bound at 95 % is the upper end of a two-sided interval at 90 %.
         step = student_quantile(freedom, 2 * sample.level - 1) * error
-        needed = math.floor(sample.size * (content + step)) + 1
+        needed = math.floor(sample.size * (content + float(step))) + 1
         yield _Blocks(needed, texts.WOODRUFF, "discrete" if is_rounded else "nominal")
     label = "discrete" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
     blocks = float(upper_rank(sample.size, content, sample.level))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -13,6 +13,7 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimates import Estimates
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.mean_margins import mean_margins, student_margins
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -45,6 +46,8 @@ _MEAN_METHODS = {
 
 # A sum of as many runs as there ever are is exact to this, relative to the largest.
 _ROUNDING = 1e-12
+# Of the exponential function: a larger one is beyond all numbers.
+_LARGEST_EXPONENT = 709.0
 
 
 def sample_moments(
@@ -79,10 +82,10 @@ def sample_moments(
         ("kurtosis", shape.kurtosis, texts.DIAGNOSTIC),
         ("effective_runs", shape.effective_runs, texts.DIAGNOSTIC),
     ):
-        is_constant = sample.is_constant and sample.size > 1
+        is_constant = bool(sample.is_constant) and sample.size > 1
         why = texts.CONSTANT_OUTPUT if is_constant else sample.reason_without_intervals or reason
         long_name = f"{statistic.replace('_', ' ')} of {title}"
-        estimate = Estimate.without_bounds(value, why)
+        estimate = Estimate.without_bounds(float(value), why)
         yield statistic, estimate.to_array(units="1", long_name=long_name)
     if sample.weights is not None:
         estimate = Estimate.without_bounds(sample.effective_size, texts.DIAGNOSTIC_OF_WEIGHTS)
@@ -90,89 +93,113 @@ def sample_moments(
         yield "effective_size", estimate.to_array(units="1", long_name=long_name)
 
 
-def _mean(sample: Sample, shape: SampleShape) -> Estimate:
+@np.errstate(over="ignore", invalid="ignore")
+def _mean(sample: Sample, shape: SampleShape) -> Estimates:
     if reason := sample.reason_without_intervals:
-        return Estimate.without_bounds(shape.mean, reason)
+        return Estimates.without_bounds(shape.mean, reason)
     error, _ = standard_error(sample, shape.deviations)
-    if _is_falsely_exact(sample, error):
-        return Estimate.without_bounds(shape.mean, texts.NO_SCATTER_OF_STRATA)
     is_small = sample.effective_size < _ENOUGH_RUNS_FOR_MEANS
-    # Of small samples, those without an interval would be the ones that have met the tail.
-    if not is_small and shape.effective_runs < _FEWEST_EFFECTIVE_RUNS_FOR_A_MEAN:
-        reason = texts.MEAN_MAY_NOT_EXIST.format(heavy_tail=shape.tail_note)
-        return Estimate.without_bounds(shape.mean, reason)
     margins = mean_margins(sample, shape.deviations, is_heavy=shape.is_heavy)
     ends = shape.mean - margins.below * shape.scale, shape.mean + margins.above * shape.scale
     # The note depends on the number of runs alone: a note on samples that look heavy would leave
     # those without it that have missed the tail.
-    note = texts.DOUBTFUL_TAIL if is_small and not sample.is_constant else ""
-    return Estimate(shape.mean, *ends, *_MEAN_METHODS[sample.error_model], note)
+    note = np.where(sample.is_constant, "", texts.DOUBTFUL_TAIL if is_small else "")
+    found = Estimates(shape.mean, *ends, *_MEAN_METHODS[sample.error_model], note)
+    # Of small samples, those without an interval would be the ones that have met the tail.
+    if not is_small:
+        reason = texts.MEAN_MAY_NOT_EXIST.format(heavy_tail=shape.tail_note)
+        few = shape.effective_runs < _FEWEST_EFFECTIVE_RUNS_FOR_A_MEAN
+        found = found.unknown_where(few, reason)
+    return found.unknown_where(_is_falsely_exact(sample, error), texts.NO_SCATTER_OF_STRATA)
 
 
-def _std(sample: Sample, shape: SampleShape) -> Estimate:
-    if sample.size < 2 or sample.is_constant:
-        value = 0.0 if sample.size > 1 else math.nan
+def _std(sample: Sample, shape: SampleShape) -> Estimates:
+    if sample.size < 2:
         reason = sample.reason_without_intervals or texts.CONSTANT_OUTPUT
-        return Estimate.without_bounds(value, reason)
+        return Estimates.without_bounds(np.full(shape.mean.shape, np.nan), reason)
     if reason := sample.reason_without_intervals:
-        return Estimate.without_bounds(_unbiased_std(sample, shape) * shape.scale, reason)
+        return Estimates.without_bounds(_unbiased_std(sample, shape) * shape.scale, reason)
     # The squares about the sample's mean are too small by the variance of that mean. Independent
     # draws correct for it by a divisor of one run less. Over strata the variance is smaller.
     error, _ = standard_error(sample, shape.deviations)
-    std = math.hypot(_biased_std(sample, shape), error)
+    std = _elementwise(math.hypot, _biased_std(sample, shape), error)
+    value = std * shape.scale
     if shape.hidden_tail:
-        return Estimate.without_bounds(std * shape.scale, shape.hidden_tail)
-    if shape.may_be_heavy:
-        reason = texts.NO_INTERVAL_AS.format(reason=shape.tail_note)
-        return Estimate.without_bounds(std * shape.scale, reason, texts.SEE_HALF_SPREAD)
-    if reason := _few_weights_decide(sample, shape.deviations**2 - std**2):
-        reason = texts.NO_INTERVAL_AS.format(reason=reason)
-        return Estimate.without_bounds(std * shape.scale, reason, texts.SEE_HALF_SPREAD)
+        found = Estimates.without_bounds(value, shape.hidden_tail)
+    else:
+        found = _std_with_bounds(sample, shape, std)
+    return found.unknown_where(sample.is_constant, texts.CONSTANT_OUTPUT)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def _std_with_bounds(sample: Sample, shape: SampleShape, std: FloatArray) -> Estimates:
+    """Estimate the standard deviation, given that over the largest deviation, with its bounds."""
     # The delta method on log(std), whose distribution is closer to normal than that of std itself.
     error, _ = standard_error(sample, shape.deviations**2)
-    if _is_falsely_exact(sample, error):
-        return Estimate.without_bounds(std * shape.scale, texts.NO_SCATTER_OF_STRATA)
     margins = student_margins(sample, shape.deviations**2)
-    below, above = (math.exp(margin / (2 * std**2)) for margin in margins)
+    below, above = (_elementwise(_factor, margin, std) for margin in margins)
     value = std * shape.scale
     label = "conservative" if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET else "nominal"
     is_replicated = sample.error_model is ErrorModel.REPLICATED
     method = texts.DELTA_FOR_SKEWED if is_replicated else texts.DELTA_ON_LOGARITHM
     method = method.format(error_model=sample.error_model)
     note = texts.DOUBTFUL_TAIL if shape.is_small else ""
-    return Estimate(value, value / below, value * above, method, label, note)
+    found = Estimates(value, value / below, value * above, method, label, note)
+    found = found.unknown_where(_is_falsely_exact(sample, error), texts.NO_SCATTER_OF_STRATA)
+    see = "" if sample.is_at_places else texts.SEE_HALF_SPREAD
+    few, reason = _few_weights_decide(sample, shape, std)
+    found = found.unknown_where(few, texts.NO_INTERVAL_AS.format(reason=reason), see)
+    reason = texts.NO_INTERVAL_AS.format(reason=shape.tail_note)
+    return found.unknown_where(shape.may_be_heavy, reason, see)
 
 
-def _few_weights_decide(sample: Sample, influence: FloatArray) -> str:
-    """Reason why the error of an estimate from weighted runs is not known; empty for none."""
+def _factor(margin: float, std: float) -> float:
+    """Return the factor of a standard deviation to the end of its interval."""
+    exponent = margin / (2 * std**2) if std > 0 else math.inf
+    return math.exp(exponent) if exponent < _LARGEST_EXPONENT else math.inf
+
+
+def _elementwise(function: Callable[..., float], *values: FloatArray) -> FloatArray:
+    """Apply a function of the C library, whose digits do not depend on the shape of an array."""
+    return np.asarray(np.frompyfunc(function, len(values), 1)(*values), dtype=np.float64)
+
+
+def _few_weights_decide(
+    sample: Sample, shape: SampleShape, std: FloatArray
+) -> tuple[BoolArray, str]:
+    """Where the error of a standard deviation of weighted runs is not known, and the reason."""
     if sample.run_weights is None:
-        return ""
-    runs = effective_size((sample.run_weights * influence) ** 2)
-    few = runs < _FEWEST_RUNS_FOR_A_WEIGHTED_STD
-    return texts.FEW_WEIGHTS_DECIDE.format(runs=runs) if few else ""
+        return np.zeros(std.shape, dtype=np.bool_), ""
+    influence = shape.deviations**2 - (std**2)[..., np.newaxis]
+    runs = np.apply_along_axis(effective_size, -1, (sample.run_weights * influence) ** 2)
+    if sample.is_at_places:
+        reason = texts.FEW_WEIGHTS_DECIDE_AT_PLACES
+    else:
+        reason = texts.FEW_WEIGHTS_DECIDE.format(runs=runs)
+    return runs < _FEWEST_RUNS_FOR_A_WEIGHTED_STD, reason
 
 
-def _biased_std(sample: Sample, shape: SampleShape) -> float:
+def _biased_std(sample: Sample, shape: SampleShape) -> FloatArray:
     """Standard deviation over the runs, relative to the largest deviation."""
     if sample.weights is None:
-        return float(shape.deviations.std())
-    return math.sqrt(sample.mean(shape.deviations**2))
+        return np.asarray(shape.deviations.std(axis=-1))
+    return np.sqrt(sample.mean(shape.deviations**2))
 
 
-def _unbiased_std(sample: Sample, shape: SampleShape) -> float:
+def _unbiased_std(sample: Sample, shape: SampleShape) -> FloatArray:
     """Standard deviation with the divisor of independent draws; NaN for a single one."""
     if sample.weights is None:
-        return float(shape.deviations.std(ddof=1))
+        return np.asarray(shape.deviations.std(axis=-1, ddof=1))
     size = sample.effective_size
-    return _biased_std(sample, shape) * math.sqrt(size / (size - 1)) if size > 1 else math.nan
+    return _biased_std(sample, shape) * (math.sqrt(size / (size - 1)) if size > 1 else math.nan)
 
 
-def _is_falsely_exact(sample: Sample, error: float) -> bool:
-    """Check for a zero error of a varying output, as one with few values over strata may have."""
-    return not sample.is_constant and error < _ROUNDING
+def _is_falsely_exact(sample: Sample, error: FloatArray) -> BoolArray:
+    """Find zero errors of a varying output, as one with few values over strata may have."""
+    return ~sample.is_constant & (error < _ROUNDING)
 
 
-def _half_spread(sample: Sample) -> Estimate:
+def _half_spread(sample: Sample) -> Estimates:
     """Half the distance from the 16 % to the 84 % quantile.
 
     For a normal distribution it agrees with the standard deviation to half a per cent. Unlike the
@@ -187,16 +214,16 @@ def _half_spread(sample: Sample) -> Estimate:
     if not reason and not has_enough_runs_around(sample, sample.effective_size * _LOW):
         reason = sample.too_few_runs
     if reason:
-        return Estimate.without_bounds(value, reason)
-    errors, freedoms, _ = zip(*(cdf_error(sample, float(end)) for end in ends), strict=True)
+        return Estimates.without_bounds(np.asarray(value), reason)
+    errors, freedoms, _ = zip(*(cdf_error(sample, end) for end in ends), strict=True)
     correlation = _correlation(sample, sample.values <= ends[0], sample.values <= ends[1])
     step = student_quantile(freedoms[0], sample.level) * np.array(errors)
     down = (ends - sample_quantile(sample, np.clip(probabilities - step, 0.0, 1.0))) / 2
     up = (sample_quantile(sample, np.clip(probabilities + step, 0.0, 1.0)) - ends) / 2
-    return Estimate(
-        value,
-        value - _combined_error(up[0], down[1], correlation),
-        value + _combined_error(down[0], up[1], correlation),
+    return Estimates(
+        np.asarray(value),
+        np.asarray(value - _combined_error(up[0], down[1], correlation)),
+        np.asarray(value + _combined_error(down[0], up[1], correlation)),
         texts.TWO_WOODRUFF.format(error_model=sample.error_model),
         "conservative" if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET else "discrete",
     )
@@ -205,11 +232,12 @@ def _half_spread(sample: Sample) -> Estimate:
 def _correlation(sample: Sample, one: BoolArray, other: BoolArray) -> float:
     """Correlation of the errors of two shares, estimated from their scatter; else 0."""
     first_events, second_events = one.astype(np.float64), other.astype(np.float64)
-    first, _ = standard_error(sample, first_events)
-    second, _ = standard_error(sample, second_events)
+    first, second, between = (
+        float(standard_error(sample, each)[0])
+        for each in (first_events, second_events, second_events - first_events)
+    )
     if not first * second > 0:
         return 0.0
-    between, _ = standard_error(sample, second_events - first_events)
     correlation = (first**2 + second**2 - between**2) / (2 * first * second)
     return min(max(correlation, -1.0), 1.0)
 

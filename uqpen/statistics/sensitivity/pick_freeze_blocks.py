@@ -12,7 +12,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.labels import REPLICATE, ROUND, STATUS
+from uqpen.core.labels import CONDITIONAL, REPLICATE, ROUND, STATUS
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B, BlockLayout
@@ -74,11 +74,15 @@ class PickFreezeBlocks:
         dropped_blocks = int(lost.any(axis=0).sum())
         unsettled = reached.shape[1] - len(whole) - dropped_blocks
         is_conditional = ROUND in runs.coords or (status == Status.INADMISSIBLE).any()
-        estimand = texts.ESTIMAND_IF_ADMISSIBLE if is_conditional else texts.ESTIMAND
+        condition = runs.attrs.get(CONDITIONAL, texts.ADMISSIBLE_INPUTS)
+        estimand = texts.ESTIMAND
+        if is_conditional:
+            estimand = texts.ESTIMAND_IF.format(condition=condition)
         if dropped_blocks:
             estimand += f"; {texts.FAILED_BLOCKS}"
         if unsettled:
-            estimand += f"; {texts.INADMISSIBLE_BLOCKS}"
+            is_absent = CONDITIONAL in runs.attrs  # some of them, of an output that not all have
+            estimand += f"; {texts.ABSENT_BLOCKS if is_absent else texts.INADMISSIBLE_BLOCKS}"
         chosen = {number: part[whole] for number, part in rows.items()}
         _, replicate = np.unique(runs[REPLICATE].values[chosen[MATRIX_A]], return_inverse=True)
         attributes: dict[str, int | str] = {

@@ -1,0 +1,81 @@
+"""A derived output costs no run, however often a study is made again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import uqpen
+
+pytestmark = pytest.mark.slow
+
+MODEL = """\
+import pathlib
+here = pathlib.Path(__file__).parent
+
+def simulate(x):
+    with (here / "calls").open("a") as stream:
+        stream.write("call\\n")
+    if (here / "stop").exists() and len((here / "calls").read_text().split()) == 12:
+        raise KeyboardInterrupt
+    return {"curve": [x, 2 * x, 0.0]}
+"""
+STUDY = """\
+seed = 11
+[model]
+python = "model.py:simulate"
+[model.inputs]
+x = "1"
+[model.outputs]
+curve = { unit = "1", along = { time = { unit = "s", values = [0, 1, 4] } } }
+[inputs]
+x = { uniform = { lower = "0", upper = "1" } }
+[designs.mc]
+kind = "monte-carlo"
+runs = 30
+"""
+PEAK = '[outputs.peak]\nof = "curve"\ntake = "max"\n'
+CROSSING = '[outputs.crossing]\nof = "curve"\ntake = "first_above"\nthreshold = 1\n'
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
+    monkeypatch.setattr("uqpen.checkpoints.checkpoint_folder._PATIENCE", 0.0)
+    (tmp_path / "model.py").write_text(MODEL)
+    return tmp_path
+
+
+def calls(folder: Path, text: str, name: str = "study.nc", *, fresh: bool = False) -> int:
+    """Return the number of runs that the archive of a study takes."""
+    (folder / "calls").write_text("")
+    (folder / "study.toml").write_text(text)
+    uqpen.make_archive(uqpen.load_study(folder / "study.toml"), folder / name, fresh=fresh)
+    return len((folder / "calls").read_text().split())
+
+
+def test_a_new_or_another_one_takes_the_runs_of_the_archive(folder: Path) -> None:
+    assert calls(folder, STUDY) == 30
+    assert calls(folder, STUDY + PEAK) == 0
+    text = STUDY + PEAK.replace("max", "min") + CROSSING
+    assert calls(folder, text) == 0
+    assert calls(folder, text, "afresh.nc", fresh=True) == 30
+    assert (folder / "afresh.nc").read_bytes() == (folder / "study.nc").read_bytes()
+
+
+def test_one_that_is_new_after_an_interruption(folder: Path) -> None:
+    (folder / "stop").touch()
+    with pytest.raises(KeyboardInterrupt):
+        calls(folder, STUDY)
+    (folder / "stop").unlink()
+    assert calls(folder, STUDY + PEAK) == 30 - 11
+    tree = uqpen.open_archive(folder / "study.nc")
+    assert tree["runs/mc/peak"].values == pytest.approx(2 * tree["runs/mc/x"].values)
+
+
+def test_the_archive_verifies_and_repeats_itself(folder: Path) -> None:
+    calls(folder, STUDY + PEAK + CROSSING)
+    verified = uqpen.verify(folder / "study.nc", trust=True)
+    verdicts = {check.name: str(check.verdict) for check in verified}
+    assert verdicts["runs"] == verdicts["statistics"] == "equal"

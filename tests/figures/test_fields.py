@@ -1,0 +1,170 @@
+"""Figures of curves and fields: what is drawn is what the archive holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.axes import Axes
+
+import uqpen
+from uqpen.archive.estimates import estimate_array, pack, unpack_all
+from uqpen.core.errors import FigureError
+from uqpen.core.labels import INTERVAL_LEVEL
+
+MODEL = """
+import numpy as np
+t = np.linspace(0, 10, 11)
+def f(a, b):
+    ending = np.where(t <= 5 * b, a + b * t, np.nan)
+    return {"ending": ending, "whole": np.outer(t, [a, b])}
+def steady(a, b):
+    return {"ending": np.full(11, a), "whole": np.outer(t, [b, b])}
+"""
+
+STUDY = """
+title = "Fields"
+seed = 1
+MODELS
+[inputs]
+a = "(1 ± 0.2) m"
+b = "1.5 ± 0.3"
+[outputs.ending]
+unit = "cm"
+[designs.mc]
+kind = "monte-carlo"
+runs = 60
+"""
+
+OUTPUTS = """
+inputs = { a = "m", b = "1" }
+[TABLE.outputs.ending]
+unit = "m"
+may_end = true
+along = { t = { unit = "ms", from = 0, to = 10, size = 11 } }
+[TABLE.outputs.whole]
+unit = "m"
+along = { t = { unit = "ms", from = 0, to = 10, size = 11 }, x = { unit = "1", values = [1, 2] } }
+"""
+
+
+def study(folder: Path, models: str) -> xr.DataTree:
+    (folder / "model.py").write_text(MODEL, encoding="utf-8")
+    return uqpen.run(uqpen.parse_study(STUDY.replace("MODELS", models), folder=folder))
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
+    folder = tmp_path_factory.mktemp("fields")
+    return study(folder, '[model]\npython = "model.py:f"' + OUTPUTS.replace("TABLE", "model"))
+
+
+def drawn(tree: xr.DataTree, name: str, **asked: Any) -> list[Axes]:
+    return uqpen.figure(tree, name, **asked).axes
+
+
+def line(axes: Axes, label: str) -> np.ndarray:
+    (found,) = [each for each in axes.lines if each.get_label() == label]
+    return np.asarray(found.get_ydata())
+
+
+def labels(axes: Axes) -> list[str]:
+    return axes.get_legend_handles_labels()[1]
+
+
+def with_statistics(tree: xr.DataTree, added: dict[str, xr.DataArray]) -> xr.DataTree:
+    """The archive with further statistics of the curve."""
+    path = "statistics/mc/ending"
+    group = tree[path].to_dataset()
+    known = unpack_all(group)
+    changed = tree.copy()
+    changed[path] = xr.DataTree(pack({**known, **added}).assign_attrs(group.attrs))
+    return changed
+
+
+def along(tree: xr.DataTree, bounds: np.ndarray, **own: list[Any]) -> xr.DataArray:
+    """An estimate array along the curve and one dimension more."""
+    times = tree["statistics/mc/ending"]["t"].variable
+    return estimate_array(
+        bounds,
+        {"t": 11, **{name: len(values) for name, values in own.items()}},
+        {"interval": "made", "interval_label": "nominal", "note": ""},
+        units="m",
+        long_name="made up",
+        attributes={INTERVAL_LEVEL: 0.95},
+        coordinates={"t": times, **{name: (name, values) for name, values in own.items()}},
+    )
+
+
+def test_a_fan_has_the_median_and_the_mean_in_the_unit_of_the_axis(tree: xr.DataTree) -> None:
+    axes = drawn(tree, "fan", output="ending")[0]
+    statistics = tree["statistics/mc/ending"]
+    median = 100 * statistics["quantile"].sel(probability=0.5).values[:, 0]
+    np.testing.assert_allclose(line(axes, "median"), median, rtol=1e-12)
+    np.testing.assert_allclose(line(axes, "mean"), 100 * statistics["mean"].values[:, 0])
+    assert axes.get_ylabel() == "ending [cm]"
+    assert axes.get_xlabel() == "t [ms]"
+    assert {"5 % to 95 % quantile", "single runs"} <= set(labels(axes))
+
+
+def test_lines_stand_where_fewer_curves_go_on(tree: xr.DataTree) -> None:
+    axes = drawn(tree, "fan", output="ending")[0]
+    shares = tree["statistics/mc/ending"]["reached"].values[:, 0]
+    marks = {text.get_text(): text.xy[0] for text in axes.texts}
+    expected = {
+        f"{100 * share:g} %": float(np.argmax(shares < share))
+        for share in (0.95, 0.5, 0.05)
+        if (shares < share).any()
+    }
+    assert len(expected) >= 2
+    assert marks == pytest.approx(expected)
+
+
+def test_the_share_of_the_curves_that_go_on_is_a_panel(tree: xr.DataTree) -> None:
+    axes = drawn(tree, "fan", output="ending")[1]
+    np.testing.assert_allclose(
+        axes.lines[0].get_ydata(), tree["statistics/mc/ending"]["reached"].values[:, 0]
+    )
+    assert axes.get_ylabel() == "P(curve gets there)"
+
+
+def test_models_are_drawn_together(tmp_path: Path) -> None:
+    models = "".join(
+        f'[models.{name}]\npython = "model.py:{function}"'
+        + OUTPUTS.replace("TABLE", f"models.{name}")
+        for name, function in (("one", "f"), ("other", "steady"))
+    )
+    several = study(tmp_path, models)
+    (axes,) = drawn(several, "model-curves")
+    for name in ("one", "other"):
+        quantile = several[f"models/{name}/statistics/mc/ending"]["quantile"]
+        median = 100 * quantile.sel(probability=0.5).values[:, 0]
+        np.testing.assert_allclose(line(axes, f"{name}, median"), median, rtol=1e-12)
+
+
+def test_indices_are_stacked_the_largest_first(tree: xr.DataTree) -> None:
+    shares = np.tile([0.2, 0.7], (11, 1))
+    bounds = np.stack([shares, shares - 0.05, shares + 0.05], axis=-1)
+    made = with_statistics(tree, {"first_order": along(tree, bounds, input=["a", "b"])})
+    stacked, lines = drawn(made, "sensitivity-along", output="ending")
+    assert labels(stacked) == ["b", "a"]
+    tops = [each.get_paths()[0].vertices[:, 1].max() for each in stacked.collections]
+    assert tops == pytest.approx([0.7, 0.9])
+    np.testing.assert_allclose([each.get_ydata()[0] for each in lines.lines], [0.7, 0.2])
+
+
+def test_a_map_has_the_values_of_the_field(tree: xr.DataTree) -> None:
+    axes = drawn(tree, "map", output="whole")
+    mesh = axes[0].collections[0]
+    known = tree["statistics/mc/whole"]["mean"].values[..., 0]
+    np.testing.assert_allclose(np.asarray(mesh.get_array()).reshape(known.shape), known)
+    assert axes[0].get_xlabel() == "x"
+    assert axes[0].get_ylabel() == "t [ms]"
+
+
+def test_a_study_of_numbers_has_none_of_them(tree: xr.DataTree) -> None:
+    with pytest.raises(FigureError, match="has nothing for the figure"):
+        uqpen.figure(tree, "map", output="ending")

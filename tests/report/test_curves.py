@@ -1,0 +1,256 @@
+"""The section on outputs along a dimension, as blocks and in a browser."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import xarray as xr
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Page
+
+import uqpen
+from uqpen.archive.content import with_hashes
+from uqpen.archive.estimates import estimate_array, pack, unpack_all
+from uqpen.report.blocks import Block, Chart, Fold, Heading, find_charts
+from uqpen.report.page import report_page
+from uqpen.report.sections.curves import curves
+from uqpen.report.sections.field_sentences import field_sentences
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.digits import estimate_text
+
+# Every figure at a place is that of x times the number of days.
+MODEL = """\
+import numpy as np
+def simulate(x, z):
+    days = np.arange(41.0)
+    curve = x * days
+    ending = np.where(days < 20 + 12 * x, curve, np.nan)
+    return {"curve": curve, "ending": ending, "third": curve, "x_again": x}
+"""
+STUDY = """\
+title = "Curves"
+seed = 11
+[model]
+python = "model.py:simulate"
+[model.inputs]
+x = "m"
+z = "m"
+[model.outputs]
+curve = { unit = "cm", along = { time = { unit = "day", from = 0, to = 40, size = 41 } } }
+third = { unit = "cm", along = { time = { unit = "day", from = 0, to = 40, size = 41 } } }
+x_again = "cm"
+[model.outputs.ending]
+unit = "cm"
+along = { time = { unit = "day", from = 0, to = 40, size = 41 } }
+may_end = true
+[inputs]
+x = { uniform = { lower = "0 m", upper = "1 m" } }
+z = { uniform = { lower = "0 m", upper = "1 m" } }
+[outputs.curve]
+exceeds = ["9 m"]
+[designs.mc]
+kind = "monte-carlo"
+runs = 90
+"""
+
+
+@pytest.fixture(scope="module")
+def moving(
+    tmp_path_factory: pytest.TempPathFactory, made_once: Callable[..., xr.DataTree]
+) -> xr.DataTree:
+    def make() -> xr.DataTree:
+        folder = tmp_path_factory.mktemp("moving")
+        (folder / "model.py").write_text(MODEL)
+        return uqpen.run(uqpen.parse_study(STUDY, folder=folder))
+
+    return made_once("moving", make)
+
+
+@pytest.fixture(scope="module")
+def driven(moving: xr.DataTree) -> xr.DataTree:
+    """The same with indices along the curve: 0.6 falling to 0.2, and 0.3."""
+    group = moving["statistics/mc/curve"].to_dataset()
+    arrays = unpack_all(group)
+    shares = np.stack([np.linspace(0.6, 0.2, 41), np.full(41, 0.3)], axis=-1)
+    arrays["first_order"] = estimate_array(
+        np.stack([shares, shares - 0.1, shares + 0.1], axis=-1),
+        {"time": 41, "input": 2},
+        {"interval": "known", "interval_label": "nominal", "note": ""},
+        units="1",
+        long_name="first-order Sobol' index",
+        attributes={"interval_level": 0.95, "runs": 90, "estimator": "known"},
+        coordinates={"time": group["time"].variable, "input": ["x", "z"]},
+    )
+    tree = moving.copy()
+    tree["statistics/mc/curve"] = xr.DataTree(pack(arrays))
+    return with_hashes(tree)
+
+
+def blocks(tree: xr.DataTree) -> list[Block]:
+    return list(curves(ArchiveView(tree, "")))
+
+
+def chart(tree: xr.DataTree, title: str, number: int = 0) -> Chart:
+    return [each for each in find_charts(blocks(tree)) if each.title.startswith(title)][number]
+
+
+def test_the_first_fields_are_open_and_the_others_folded(moving: xr.DataTree) -> None:
+    found = blocks(moving)
+    assert [each.text for each in found if isinstance(each, Heading)] == ["curve", "third"]
+    assert isinstance(found[-1], Fold)
+    assert found[-1].title == "Other curves: ending"
+
+
+def test_the_readout_has_the_estimates_of_the_archive(moving: xr.DataTree) -> None:
+    fan = chart(moving, "Curve along time [day]")
+    read = fan.place
+    assert read is not None
+    assert read.values == list(range(41))
+    assert read.start == 40
+    at = read.values.index(30.0)
+    estimates = moving["statistics/mc/curve"].to_dataset().isel(time=30)
+    mean = estimate_text(*(100 * estimates["mean"].values).tolist())
+    chance = estimate_text(*estimates["exceedance"].values[0].tolist())
+    assert read.texts[at].startswith(f"At 30 day: mean {mean} cm; sd ")
+    assert read.texts[at].endswith(f"; P(> 9 m) = {chance}.")
+    # An estimate without an interval says why.
+    assert "sd " in read.texts[at]
+    assert "(no interval: " in read.texts[at]
+
+
+def test_where_all_curves_have_ended_only_their_share_is_told(moving: xr.DataTree) -> None:
+    read = chart(moving, "Ending along time").place
+    assert read is not None
+    assert read.texts[-1].startswith("At 40 day: share of runs that get this far 0")
+
+
+def test_the_lines_behind_are_runs(moving: xr.DataTree) -> None:
+    traces = chart(moving, "Curve along time").traces
+    thin = [np.array(each["y"]) for each in traces if each["line"]["width"] == 0.6]
+    ends = 100 * moving["runs/mc/curve"].values[:, -1]
+    assert len(thin) == 20
+    assert all(np.isclose(ends, run[-1], rtol=1e-5).any() for run in thin)
+    assert len({run[-1] for run in thin}) == 20
+
+
+def test_each_place_has_its_runs_in_bins(moving: xr.DataTree) -> None:
+    drawn = chart(moving, "Runs at the chosen place", 2)
+    assert drawn.slices is not None
+    known = np.isfinite(moving["runs/mc/ending"].values).sum(axis=0)
+    counts = [sum(bars[0]["y"]) for bars in drawn.slices.traces]
+    assert counts == [known[int(place)] for place in drawn.slices.values]
+
+
+def test_shares_of_the_variance_are_stacked(driven: xr.DataTree) -> None:
+    areas = chart(driven, "Shares of the variance, first order by mc")
+    tops = [trace["y"][0] for trace in areas.traces if "fill" in trace]
+    assert tops == pytest.approx([0.6, 0.9, 1.0])
+    assert [key.text for key in areas.keys] == ["x", "z", "interactions"]
+    at_place = chart(driven, "Shares of the variance at the chosen place").slices
+    assert at_place is not None
+    assert at_place.traces[0][0]["x"] == pytest.approx([0.6, 0.3])
+    assert at_place.traces[-1][0]["x"] == pytest.approx([0.2, 0.3])
+
+
+def test_the_main_results_say_where_the_mean_is_largest(moving: xr.DataTree) -> None:
+    first, *_ = field_sentences(ArchiveView(moving, ""), "mc")
+    assert first.startswith("The mean of curve is largest at time\u00a0=\u00a040\u00a0day: ")
+    assert first.endswith("95\u00a0% interval).")
+    assert first in report_page(moving)
+
+
+def finer(tree: xr.DataTree, size: int) -> xr.DataTree:
+    """Return the same with more places, each of which is repeated."""
+    nodes = {}
+    for node in tree.subtree:
+        group = node.to_dataset(inherit=False)
+        if "time" in group.dims:
+            attributes = group["time"].attrs
+            group = group.isel(time=np.arange(size) * 41 // size)
+            group = group.assign_coords(time=np.linspace(0.0, 40 * 86_400.0, size))
+            group["time"].attrs = attributes
+        nodes[node.path] = group
+    return with_hashes(xr.DataTree.from_dict(nodes))
+
+
+def test_of_many_places_some_are_shown(moving: xr.DataTree) -> None:
+    tree = finer(moving, 321)
+    fan = chart(tree, "Curve along time")
+    assert fan.notes == ("161 of 321 places are shown.",)
+    assert all(len(trace["x"]) == 161 for trace in fan.traces)
+    assert chart(tree, "Runs at").notes == ("At the nearest of 81 of 321 places.",)
+    assert len(report_page(tree).encode()) < 2_000_000
+
+
+@pytest.fixture
+def page(show: Callable[[str], Page]) -> Page:
+    page = show("driven")
+    page.evaluate("document.querySelectorAll('#curves details').forEach((e) => { e.open = true; })")
+    page.wait_for_selector("html[data-ready=yes]:not(:has(#curves .plot:not([data-drawn])))")
+    return page
+
+
+def settle(page: Page) -> None:
+    """Wait until the charts have followed what was moved last."""
+    page.evaluate("() => new Promise((done) => setTimeout(() => requestAnimationFrame(done), 20))")
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(done))")
+
+
+# Whether all charts that are seen have their marker at a place.
+ARE_AT = """(place) => {
+  const seen = [...document.querySelectorAll("#curves .plot")].filter((plot) => {
+    const { top, bottom } = plot.getBoundingClientRect();
+    return top < window.innerHeight && bottom > 0 && plot.layout.xaxis.title.text === "time [day]";
+  });
+  const isAt = ({ layout }) => layout.shapes.some(({ x0, x1 }) => x0 === place && x1 === place);
+  return seen.length > 1 && seen.every(isAt);
+}"""
+
+
+def data(page: Page, title: str, member: str) -> list[float]:
+    figure = page.locator("#curves figure", has=page.get_by_text(title, exact=True)).first
+    return figure.locator(".plot").evaluate(f"(plot) => [...plot.data[0].{member}]")
+
+
+@pytest.mark.slow
+def test_the_slider_moves_all_charts_by_keys(page: Page) -> None:
+    page.set_viewport_size({"width": 1200, "height": 1800})
+    slider = page.locator("#curves .place input").first
+    slider.focus()
+    page.keyboard.press("Home")
+    settle(page)
+    first = data(page, "Shares of the variance at the chosen place", "x")
+    page.wait_for_function(ARE_AT, arg=0)
+    for _ in range(8):
+        page.keyboard.press("ArrowRight")
+    settle(page)
+    page.wait_for_function(ARE_AT, arg=8)
+    assert first == pytest.approx([0.6, 0.3])
+    assert data(page, "Shares of the variance at the chosen place", "x")[0] < 0.59
+    assert sum(data(page, "Runs at the chosen place", "y")) == 90
+    # All fields along the dimension are at the same place.
+    texts = page.locator("#curves .place .readout").all_inner_texts()
+    assert all(text.startswith("At 8 day: ") for text in texts)
+    assert slider.get_attribute("aria-valuetext") == texts[0]
+
+
+@pytest.mark.slow
+def test_the_address_has_the_place(page: Page) -> None:
+    page.locator("#curves .place input").first.focus()
+    page.keyboard.press("End")
+    page.wait_for_url("**#time=40_day")
+    for address, text in (("9_day", "At 9 day: mean"), ("9_s", "the unit here is day")):
+        page.evaluate("(place) => { location.hash = `#time=${place}`; }", address)
+        page.locator(".place .readout", has_text=text).first.wait_for()
+
+
+@pytest.mark.slow
+def test_it_fits_and_is_accessible(page: Page) -> None:
+    page.emulate_media(color_scheme="dark")
+    page.set_viewport_size({"width": 390, "height": 900})
+    settle(page)
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    found = Axe().run(page, context="#curves").response["violations"]
+    assert [each["id"] for each in found] == []

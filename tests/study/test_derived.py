@@ -1,0 +1,299 @@
+"""Outputs that a study derives from fields: read, refused, made in Python, and what they cost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import uqpen
+from uqpen.core.model import Arrays, Dimension, Input, Model, Output, Results
+from uqpen.results.field_texts import field_lines
+from uqpen.study.summary import output_rows
+
+MODEL = """\
+import numpy as np
+
+def sir(rate):
+    time = np.linspace(0, 160, 5)
+    return {
+        "infected": 100 * rate * time / 160,
+        "speed": np.where(time <= 400 * rate, rate, np.nan),
+        "field": rate * np.ones((2, 3)),
+        "number": rate,
+    }
+"""
+STUDY = """\
+seed = 1
+[model]
+python = "epidemic.py:sir"
+[model.inputs]
+rate = "1"
+[model.outputs]
+infected = { unit = "1", along = { time = { unit = "day", from = 0, to = 160, size = 5 } } }
+speed = { unit = "degC", along = { time = { unit = "day", from = 0, to = 160, size = 5 } }, may_end = true }
+field = { unit = "Pa", along = { x = { values = [0, 1] }, y = { values = [0, 1, 2] } } }
+number = "1"
+[inputs]
+rate = { uniform = { lower = "0.1", upper = "0.5" } }
+[designs.mc]
+kind = "monte-carlo"
+runs = 40
+"""  # noqa: E501 - a table of TOML in braces has one line
+DAY = 86_400.0
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "epidemic.py").write_text(MODEL)
+    return tmp_path
+
+
+def parsed(derived: str, folder: Path) -> uqpen.Study:
+    return uqpen.parse_study(STUDY + derived, folder=folder)  # type: ignore[return-value]
+
+
+def refused(derived: str, folder: Path) -> list[str]:
+    with pytest.raises(uqpen.StudyError) as error:
+        parsed(derived, folder)
+    assert "nothing was run" in str(error.value)
+    first = len(STUDY.splitlines())
+    lines = [each for each in str(error.value).split("\n") if each.startswith("  study.toml:")]
+    assert all(int(line.split(":")[1].split()[0]) > first for line in lines), lines
+    return [f"{each.key}: {each.found}; {each.expected}" for each in error.value.problems]
+
+
+class TestRead:
+    def test_a_derived_output_is_one_more_quantity(self, folder: Path) -> None:
+        text = '[outputs.peak]\nof = "infected"\ntake = "max"\nexceeds = ["20"]\nhold = [0.95]\n'
+        study = parsed(text, folder)
+        assert [each.name for each in study.model.outputs] == [
+            "infected", "speed", "field", "number",
+        ]  # fmt: skip
+        peak = study.quantities_of_interest[-1]
+        assert peak.output == study.model.all_outputs[-1]
+        assert peak.thresholds[0].value == 20.0
+        name, asked = output_rows(study)[-1]
+        assert name == "peak"
+        assert asked.startswith("largest infected along time; moments")
+
+    @pytest.mark.parametrize(
+        ("keys", "expected"),
+        [
+            ('time_of = "max"', "time of the largest infected"),
+            ('take = "idxmin"', "time of the smallest infected"),
+            ('at = { time = "10 day" }', "infected at time = 10 day"),
+            ('take = "integral"\nunit = "hour"', "integral of infected over time"),
+            ('take = "first_above"\nthreshold = 30', "first time of infected above 30"),
+        ],
+    )
+    def test_ways_to_say_it(self, keys: str, expected: str, folder: Path) -> None:
+        study = parsed(f'[outputs.found]\nof = "infected"\n{keys}\n', folder)
+        assert study.model.derived[0].output.title == expected
+
+    def test_other_models_have_it_where_they_have_the_field(self, folder: Path) -> None:
+        text = STUDY.replace("[model]", "[models.first]").replace("[model.", "[models.first.")
+        text += (
+            '[models.bare]\npython = "epidemic.py:sir"\n[models.bare.inputs]\nrate = "1"\n'
+            '[models.bare.outputs]\nnumber = "1"\n'
+            '[outputs.peak]\nof = "infected"\ntake = "max"\n'
+        )
+        study = uqpen.parse_study(text, folder=folder)
+        names = {
+            name: [each.output.name for each in variant.model.derived]
+            for name, variant in study.models.items()
+        }
+        assert names == {"first": ["peak"], "bare": []}
+
+
+class TestRefused:
+    @pytest.mark.parametrize(
+        ("table", "expected"),
+        [
+            (
+                'of = "infectd"\ntake = "max"',
+                'outputs.found.of: "infectd"; an output of epidemic.py:sir with dimensions; '
+                'did you mean "infected"? known: infected, speed, field',
+            ),
+            (
+                'of = "number"\ntake = "max"',
+                'outputs.found.of: "number"; an output of epidemic.py:sir with dimensions; '
+                "known: infected, speed, field",
+            ),
+            (
+                'of = "infected"',
+                "outputs.found: nothing to take; one of take, at, time_of",
+            ),
+            (
+                'of = "infected"\ntake = "max"\ntime_of = "max"',
+                "outputs.found: take and time_of; one of take, at, time_of",
+            ),
+            (
+                'of = "infected"\ntake = "maximum"',
+                'outputs.found.take: "maximum"; something to take; did you mean "max"? known: '
+                "max, min, mean, integral, first, last, idxmax, idxmin, first_above, first_below, "
+                "total_variation",
+            ),
+            (
+                'of = "infected"\ntim_of = "max"',
+                "outputs.found.tim_of: an unknown dimension; "
+                'did you mean "time_of"? known: time_of',
+            ),
+            (
+                'of = "infected"\ntime_of = "last"',
+                'outputs.found.time_of: "last"; one of max, min',
+            ),
+            (
+                'of = "infected"\ntake = "first_above"',
+                'outputs.found.threshold: nothing; a plain number, such as "0.5"',
+            ),
+            (
+                'of = "infected"\ntake = "first_above"\nthreshold = "3 m"',
+                'outputs.found.threshold: "3 m"; a plain number, such as "0.5"',
+            ),
+            (
+                'of = "infected"\nat = { time = "200 day" }',
+                "outputs.found.at: time = 200 day; a coordinate from 0 day to 160 day",
+            ),
+            (
+                'of = "field"\nat = { x = 0.5 }',
+                "outputs.found.at: no y; a coordinate from 0 to 2",
+            ),
+            (
+                'of = "infected"\nat = { depth = "1 m", time = "1 day" }',
+                "outputs.found.at.depth: an unknown dimension; known: time",
+            ),
+            (
+                'of = "infected"\nat = "10 day"',
+                'outputs.found.at: "10 day"; a table of coordinates, such as { time = "10 day" }',
+            ),
+            (
+                'of = "field"\ntake = "total_variation"',
+                "outputs.found.take: field has 2 dimensions; a curve, along one dimension",
+            ),
+            (
+                'of = "field"\nx_of = "max"',
+                "outputs.found.x_of: field has 2 dimensions; a curve, along one dimension",
+            ),
+            (
+                'of = "speed"\ntake = "total_variation"\nunit = "degC"',
+                'outputs.found.unit: "degC"; a unit such as "K", as it is a difference',
+            ),
+        ],
+    )
+    def test_with_a_message(self, table: str, expected: str, folder: Path) -> None:
+        assert refused(f"[outputs.found]\n{table}\n", folder) == [expected]
+
+    @pytest.mark.parametrize("name", ["infected", "rate", "time"])
+    def test_a_name_that_is_taken(self, name: str, folder: Path) -> None:
+        found = refused(f'[outputs.{name}]\nof = "infected"\ntake = "max"\n', folder)
+        assert found[0].startswith(f'outputs.{name}: an output "{name}", a name that the study')
+
+    def test_a_name_that_a_companion_has(self, folder: Path) -> None:
+        text = (
+            '[outputs.a]\nof = "infected"\ntake = "first_above"\nthreshold = 1\n'
+            '[outputs.a_occurs]\nof = "infected"\ntake = "max"\n'
+        )
+        assert len(refused(text, folder)) == 1
+
+    def test_what_asks_for_a_mistaken_one_is_no_mistake_besides(self, folder: Path) -> None:
+        text = (
+            '[outputs.peak]\nof = "infected"\ntake = "maximum"\nexceeds = ["20"]\n'
+            '[joint_probabilities]\nhigh = ["peak > 20"]\n'
+        )
+        assert len(refused(text, folder)) == 1
+
+
+class TestRuns:
+    def test_are_those_of_the_field(self, folder: Path) -> None:
+        text = (
+            '[outputs.peak]\nof = "infected"\ntake = "max"\n'
+            '[outputs.late]\nof = "speed"\nat = { time = "100 day" }\n'
+        )
+        tree = uqpen.run(parsed(text, folder))
+        runs = tree["runs/mc"].to_dataset()
+        assert np.array_equal(runs["peak"], runs["infected"].max("time"))
+        assert runs["peak"].attrs["derived_from"] == "infected"
+        never = runs["rate"].values < 0.3  # the curve ends at a coordinate before 120 day
+        assert np.array_equal(np.isnan(runs["late"]), never)
+        assert np.array_equal(runs["late_occurs"], never.astype(np.int8))
+        assert runs["late"].attrs["absent"] == "speed ends before time = 100 day"
+        assert list(field_lines(tree))[-2:] == [
+            "peak: largest infected along time",
+            "late [degC]: speed at time = 100 day",
+        ]
+
+    def test_cost_nothing_in_python(self) -> None:
+        calls = []
+
+        def sir(rate: float) -> dict[str, object]:
+            calls.append(rate)
+            return {"infected": rate * np.linspace(0.0, 1.0, 3)}
+
+        curve = uqpen.OutputSpec(
+            "1", along={"time": {"unit": "day", "from": 0, "to": 2, "size": 3}}
+        )
+        tree = uqpen.run(
+            uqpen.Study(
+                model=sir,
+                inputs={"rate": uqpen.Uniform(0.5, 1.0)},
+                outputs={
+                    "infected": curve,
+                    "peak": uqpen.OutputSpec(of="infected", take="max", exceeds=[0.7]),
+                    "start": {"of": "infected", "time_of": "min"},
+                    "crossing": uqpen.OutputSpec(of="infected", take="first_above", threshold=0),
+                    "middle": uqpen.OutputSpec(of="infected", at={"time": "1 day"}),
+                },
+                designs={"mc": uqpen.MonteCarlo(runs=30)},
+                seed=1,
+            )
+        )
+        assert len(calls) == 30
+        rate = tree["runs/mc/rate"].values
+        assert np.array_equal(tree["runs/mc/peak"], rate)
+        assert np.array_equal(tree["runs/mc/middle"], rate / 2)
+        assert np.array_equal(tree["runs/mc/start"], np.zeros(30))
+        assert np.array_equal(tree["runs/mc/crossing"], np.zeros(30))
+        assert tree["statistics/mc/peak/exceedance"].values[0, 0] == (rate > 0.7).mean()
+
+
+class Course(Model):
+    """A model of a class of its own, with a curve that ends."""
+
+    name = "course"
+    inputs = (Input("x", "1"),)
+    outputs = (
+        Output("depth", "m", dims=(Dimension("time", "s", values=(0, 1, 2)),), may_end=True),
+    )
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        depth = inputs["x"][:, None] * np.array([0.0, 1.0, 2.0])
+        depth[inputs["x"] > 0.5, 2] = np.nan
+        return Results.all_ok({"depth": depth})
+
+
+class TestModelsThatAreNotLoaded:
+    def test_an_archive_of_a_class_is_read_without_it(self, tmp_path: Path) -> None:
+        study = uqpen.Study(
+            model=Course(),
+            inputs={"x": uqpen.Uniform(0.0, 1.0)},
+            outputs={
+                "end": uqpen.OutputSpec(of="depth", take="last"),
+                "late": uqpen.OutputSpec(of="depth", at={"time": "1.5 s"}),
+            },
+            designs={"mc": uqpen.MonteCarlo(runs=30)},
+            seed=1,
+        )
+        uqpen.make_archive(study, tmp_path / "course.nc")
+        verdicts = {
+            check.name: str(check.verdict) for check in uqpen.verify(tmp_path / "course.nc")
+        }
+        assert verdicts["statistics"] == "equal"
+
+    def test_a_model_with_a_mistake_has_no_others(self, folder: Path) -> None:
+        text = STUDY.replace('rate = "1"', 'rate = "parrot"')
+        text += '[outputs.peak]\nof = "infected"\ntake = "max"\nexceeds = ["20"]\n'
+        with pytest.raises(uqpen.StudyError) as error:
+            uqpen.parse_study(text, folder=folder)
+        assert [each.key for each in error.value.problems] == ["model.inputs.rate"]

@@ -1,0 +1,154 @@
+"""Equations of rods in their targets: while they erode, and as rigid bodies afterwards.
+
+While a rod erodes, the unknowns are the nose's velocity u, the excess x = v/u - 1 of the tail's
+velocity v, the length L and the depth z; in them the equations stay regular where the nose comes
+to rest. Afterwards the rod is rigid, and its motion has a closed form.
+
+References
+----------
+Soleng, H. H. & Svinsås, E. (2001). FFI/RAPPORT-2000/05876. Its equation numbers stand in brackets;
+its (2.9) is used with (2 - ε), as (2.4) and (2.8) give it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import special
+
+from uqpen.core.arrays import Arrays, FloatArray, IntArray
+from uqpen.models.rod_and_target import sound_speed
+
+__all__ = ["RigidMotion", "Rods", "at_impact", "erosion_slopes", "make_rods"]
+
+
+class Rods(NamedTuple):
+    """Rods and their targets, as the equations take them; see `make_rods`. Shapes are (run,)."""
+
+    density_ratio: FloatArray  # Ω
+    profile: FloatArray  # 2 + ε
+    plastic_scale: FloatArray  # s/x, m
+    tail_strength: FloatArray  # Tp²/c, m s-1
+    sound_speed: FloatArray  # c, m s-1
+    added_length: FloatArray  # R(S - R)/(S + R), m
+    resistance: FloatArray  # (14/3) Tt² ln(S/R), m² s-2
+    length: FloatArray  # L0, m
+    impact_velocity: FloatArray  # v0, m s-1
+
+
+def make_rods(inputs: Arrays) -> Rods:
+    """Return the constants of the equations from the inputs of a rod's models, in SI units."""
+    S, R = inputs["plasticity_radius"], inputs["crater_radius"]
+    density, target = inputs["projectile_density"], inputs["target_density"]
+    c = sound_speed(inputs)
+    return Rods(
+        density_ratio=density / target,
+        profile=2 + inputs["smoothing"],
+        plastic_scale=R * (S - R) * (S + R) / S**2 / (2 - inputs["smoothing"]),  # (2.9)
+        tail_strength=inputs["projectile_yield_limit"] / (density * c),
+        sound_speed=c,
+        added_length=R * (S - R) / (S + R),  # (2.16)
+        resistance=14 / 3 * inputs["target_yield_limit"] / target * special.log1p((S - R) / R),
+        length=inputs["projectile_length"],
+        impact_velocity=inputs["impact_velocity"],
+    )
+
+
+def at_impact(rods: Rods) -> FloatArray:
+    """Return u, x, L, z and the time at impact, shape (5, run)."""
+    zero = np.zeros_like(rods.length)
+    return np.stack([rods.impact_velocity, zero, rods.length, zero, zero])
+
+
+def erosion_slopes(state: FloatArray, constants: FloatArray) -> FloatArray:
+    """Return the slopes in time of u, x, L, z and the time itself, shape (5, run).
+
+    Those of u and x follow from two linear equations, (2.16) and (2.17).
+    """
+    Omega, profile, kappa, tail_strength, c, added_length, resistance, _, _ = constants
+    u, x, L, _, _ = state
+    s = kappa * x  # (2.9)
+    excess = u * x  # v - u
+    g = tail_strength / (L - s)
+    share = 2 * Omega / profile
+    u_in_nose = share * s + 2 * added_length + share * (profile * L - s) * (1 + x)  # (2.16)
+    x_in_nose = share * u * (profile * L - s - kappa * x)  # (2.16)
+    nose = Omega * excess**2 - u**2 - resistance  # (2.16)
+    u_in_tail = 1 + x  # (2.17)
+    x_in_tail = g * kappa + u  # (2.17)
+    tail = -g * (c + excess)  # (2.17)
+    determinant = u_in_nose * x_in_tail - x_in_nose * u_in_tail
+    return np.stack(
+        [
+            (nose * x_in_tail - x_in_nose * tail) / determinant,
+            (u_in_nose * tail - u_in_tail * nose) / determinant,
+            -excess,  # (2.18)
+            u,  # (2.18)
+            np.ones_like(u),
+        ]
+    )
+
+
+class RigidMotion(NamedTuple):
+    """Motion of rods that do not erode: 2 K du/dt = -(u² + B), (2.16) with u = v.
+
+    Attributes
+    ----------
+    inertia, resistance : ndarray, shape (run,)
+        K, m, and B, m2 s-2.
+    velocity, depth, time : ndarray, shape (run,)
+        Where it begins, m s-1, m, s.
+    """
+
+    inertia: FloatArray
+    resistance: FloatArray
+    velocity: FloatArray
+    depth: FloatArray
+    time: FloatArray
+
+    @classmethod
+    def after(cls, rods: Rods, state: FloatArray) -> RigidMotion:
+        """Return the motion of rods after a state of u, x, L, z and the time, shape (5, run)."""
+        u, _, L, z, t = state
+        return cls(rods.density_ratio * L + rods.added_length, rods.resistance, u, z, t)
+
+    def select(self, run: IntArray) -> RigidMotion:
+        """Return the motion of some runs; one may be there several times."""
+        return RigidMotion(*(each[run] for each in self))
+
+    @property
+    def rest_depth(self) -> FloatArray:
+        """Depth at which each rod comes to rest, m."""
+        further: FloatArray = self.inertia * special.log1p(self.velocity**2 / self.resistance)
+        return self.depth + further
+
+    @property
+    def rest_time(self) -> FloatArray:
+        """Time at which each rod comes to rest, s."""
+        root = np.sqrt(self.resistance)
+        return self.time + 2 * self.inertia / root * np.arctan(self.velocity / root)
+
+    def at_depths(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the velocity of each run, m s-1, and the time, s, at a depth of its own, m."""
+        gone, left = z - self.depth, self.rest_depth - z
+        # Exact at the nearer end of the motion.
+        square = np.where(
+            gone < left,
+            self.velocity**2
+            + (self.velocity**2 + self.resistance) * special.expm1(-gone / self.inertia),
+            self.resistance * special.expm1(left / self.inertia),
+        )
+        u = np.sqrt(np.maximum(square, 0.0))
+        root = np.sqrt(self.resistance)
+        angle = np.arctan(self.velocity / root) - np.arctan(u / root)
+        return u, self.time + 2 * self.inertia / root * angle
+
+    def at_times(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the velocity of each run, m s-1, and the depth, m, at a time of its own, s."""
+        root = np.sqrt(self.resistance)
+        tangent = np.tan((t - self.time) * root / (2 * self.inertia))
+        slower = (self.velocity - root * tangent) / (1 + self.velocity / root * tangent)
+        u = np.maximum(slower, 0.0)
+        lost = (self.velocity**2 - u**2) / (u**2 + self.resistance)
+        return u, self.depth + self.inertia * special.log1p(lost)

@@ -1,0 +1,149 @@
+"""What the models of a rod's trajectory have in common: their settings, and curves as outputs."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from uqpen.core.model import (
+    Arrays,
+    BoolArray,
+    Dimension,
+    FloatArray,
+    Output,
+    Results,
+    empty_outputs,
+)
+from uqpen.core.settings import choice, count, quantity, validate
+from uqpen.core.status import Status
+from uqpen.models import rod_and_target
+from uqpen.models.dense_integration import MOST_STEPS
+from uqpen.models.rod_curves import Along, Curves
+from uqpen.models.rod_motion import RigidMotion, Rods, make_rods
+from uqpen.models.source import BuiltInModel
+
+__all__ = ["RodTrajectories"]
+
+# Rods that are followed together, so that their slopes stay in the processor's cache.
+_TOGETHER = 1024
+
+_UNSOLVED = f"erosion did not end within {MOST_STEPS} steps"
+
+# In the order of `Curves.values`: name, unit, name for display, unit for display.
+_CURVES = (
+    ("nose_velocity", "m s-1", "velocity of the projectile's nose, u", "m/s"),
+    ("tail_velocity", "m s-1", "velocity of the projectile's tail, v", "m/s"),
+    ("length", "m", "length of the projectile, L", "cm"),
+    ("plastic_extent", "m", "extent of plastic flow in the projectile, s", "mm"),
+    ("nose_depth", "m", "depth of the projectile's nose, z", "cm"),
+    ("time", "s", "time since impact", "ms"),
+)
+# The curve that the coordinates themselves would be.
+_COORDINATE = {Along.TIME: "time", Along.DEPTH: "nose_depth"}
+_AT_REST = (
+    Output("penetration_depth", "m", "depth of penetration", "cm"),
+    Output("rest_time", "s", "time at which the projectile comes to rest", "ms"),
+)
+
+
+@dataclass(frozen=True)
+class RodTrajectories(BuiltInModel):
+    """Base of the models whose outputs are the curves of a rod, by time or by depth.
+
+    The velocities of its nose and tail, its length, the extent of plastic flow in it, and the depth
+    of its nose or the time, end where the rod comes to rest. The depth and the time at which it
+    rests are numbers.
+
+    Parameters
+    ----------
+    along : str
+        ``"time"``, ``"depth"`` or ``"time and depth"``. The names of the curves by depth end in
+        ``_at_depth``.
+    duration : float or str
+        The last time since impact, in seconds, or a text such as ``"2 ms"``.
+    times : int
+        Number of times, evenly from impact.
+    depth_limit : float or str
+        The last depth of the nose, in metres, or a text such as ``"1 m"``.
+    depths : int
+        Number of depths, evenly from the surface.
+    """
+
+    along: str = choice("time", "depth", "time and depth", default="time")
+    duration: float = quantity(unit="s", above=0, default=2e-3)
+    times: int = count(minimum=2, maximum=100_000, default=201)
+    depth_limit: float = quantity(unit="m", above=0, default=1.0)
+    depths: int = count(minimum=2, maximum=100_000, default=201)
+    outputs: tuple[Output, ...] = field(init=False, repr=False, compare=False)
+
+    inputs = rod_and_target.INPUTS
+    alternatives = rod_and_target.ALTERNATIVES
+
+    def __post_init__(self) -> None:
+        validate(self)
+        curves = [
+            Output(name, *_CURVES[row][1:], dims=(dimension,), may_end=True)
+            for along, dimension in self._dimensions().items()
+            for row, name in _curve_names(along)
+        ]
+        object.__setattr__(self, "outputs", (*curves, *_AT_REST))
+
+    def _dimensions(self) -> dict[Along, Dimension]:
+        """Return what the curves are along."""
+        # Not "time" and "depth", which are of a date and of water to those who follow the CF
+        # conventions.
+        times = np.linspace(0.0, self.duration, self.times).tolist()
+        depths = np.linspace(0.0, self.depth_limit, self.depths).tolist()
+        every = {
+            Along.TIME: Dimension("elapsed_time", "s", "time since impact", "ms", times),
+            Along.DEPTH: Dimension("target_depth", "m", "depth in the target", "cm", depths),
+        }
+        return {key: value for key, value in every.items() if key.name.lower() in self.along}
+
+    def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
+        yield from rod_and_target.conditions(inputs)
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        runs = len(inputs["crater_radius"])
+        outputs = empty_outputs(self.outputs, runs)
+        is_solved = np.ones(runs, dtype=np.bool_)
+        for first in range(0, runs, _TOGETHER):
+            some = slice(first, first + _TOGETHER)
+            # What overflows has no number, which is the reason that such a run gets.
+            with np.errstate(all="ignore"):
+                rods = make_rods({name: values[some] for name, values in inputs.items()})
+                is_solved[some] = self._follow(rods, {n: v[some] for n, v in outputs.items()})
+        status = np.where(is_solved, Status.OK, Status.FAILED).astype(np.int8)
+        reasons = dict.fromkeys(np.flatnonzero(~is_solved).tolist(), _UNSOLVED)
+        return Results(outputs, status, reasons)
+
+    def _follow(self, rods: Rods, outputs: dict[str, FloatArray]) -> BoolArray:
+        """Fill the outputs of some rods in, and return whether their erosion ended."""
+        curves = [
+            Curves.make_empty(along, np.array(dimension.values), rods.length.size)
+            for along, dimension in self._dimensions().items()
+        ]
+        state = self.erode(rods, curves)
+        motion = RigidMotion.after(rods, state)
+        outputs["penetration_depth"][:] = motion.rest_depth
+        outputs["rest_time"][:] = motion.rest_time
+        for each in curves:
+            each.add_rigid_motion(motion, rods, state)
+            for row, name in _curve_names(each.along):
+                outputs[name][:] = each.values[row]
+        is_solved: BoolArray = ~np.isnan(state).any(axis=0)
+        return is_solved
+
+    @abstractmethod
+    def erode(self, rods: Rods, curves: Sequence[Curves]) -> FloatArray:
+        """Fill curves in until erosion ends; see `uqpen.models.rod_curves.follow_erosion`."""
+
+
+def _curve_names(along: Along) -> Iterator[tuple[int, str]]:
+    """Yield the row of each curve in `Curves.values`, and its name as an output."""
+    for row, (name, *_) in enumerate(_CURVES):
+        if name != _COORDINATE[along]:
+            yield row, name if along is Along.TIME else f"{name}_at_depth"

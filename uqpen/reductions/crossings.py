@@ -1,0 +1,89 @@
+"""Where a curve first lies above or below a value, such as the time of a failure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.model import Output
+from uqpen.core.settings import quantity, validate
+from uqpen.reductions.places import CoordinateReduction, along, quantity_text
+
+__all__ = ["FirstAbove", "FirstBelow"]
+
+
+@dataclass(frozen=True)
+class FirstAbove(CoordinateReduction):
+    """Coordinate at which a curve first exceeds a threshold, linear between coordinates.
+
+    Parameters
+    ----------
+    threshold : float
+        In the unit of the output.
+    """
+
+    threshold: float = quantity()
+
+    def __post_init__(self) -> None:
+        validate(self)
+
+    def title(self, field: Output) -> str:
+        return f"first {along(field)} of {field.title} above {quantity_text(self.threshold, field)}"
+
+    def absence(self, field: Output) -> str:
+        return f"{field.title} never exceeds {quantity_text(self.threshold, field)}"
+
+    def reduce(self, values: FloatArray, field: Output) -> FloatArray:
+        return _first_crossing(values, values > self.threshold, self.threshold, field)
+
+
+@dataclass(frozen=True)
+class FirstBelow(CoordinateReduction):
+    """Coordinate at which a curve first lies below a threshold, linear between coordinates.
+
+    Parameters
+    ----------
+    threshold : float
+        In the unit of the output.
+    """
+
+    threshold: float = quantity()
+
+    def __post_init__(self) -> None:
+        validate(self)
+
+    def title(self, field: Output) -> str:
+        return f"first {along(field)} of {field.title} below {quantity_text(self.threshold, field)}"
+
+    def absence(self, field: Output) -> str:
+        return f"{field.title} never lies below {quantity_text(self.threshold, field)}"
+
+    def reduce(self, values: FloatArray, field: Output) -> FloatArray:
+        return _first_crossing(values, values < self.threshold, self.threshold, field)
+
+
+def _first_crossing(
+    values: FloatArray, is_beyond: BoolArray, threshold: float, field: Output
+) -> FloatArray:
+    """Return the coordinate where each curve passes a threshold; NaN where it never does.
+
+    Parameters
+    ----------
+    values, is_beyond : ndarray, shape (run, place)
+        The curves, and whether each value lies beyond the threshold.
+    threshold, field
+        See `FirstAbove`.
+    """
+    coordinates = np.array(field.dims[0].values)
+    after = is_beyond.argmax(axis=1)
+    before = np.maximum(after - 1, 0)
+    runs = np.arange(len(values))
+    start, end = values[runs, before], values[runs, after]
+    # In halves, as a difference of large numbers may overflow.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = (threshold / 2 - start / 2) / (end / 2 - start / 2)
+    share = np.where(after > before, np.clip(share, 0.0, 1.0), 0.0)
+    found = coordinates[before] + share * (coordinates[after] - coordinates[before])
+    return np.where(is_beyond.any(axis=1), found, np.nan)

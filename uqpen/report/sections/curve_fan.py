@@ -1,0 +1,178 @@
+"""Fan chart of a curve, its quantiles, and its probabilities along the dimension."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from uqpen.core.arrays import FloatArray
+from uqpen.report.blocks import Axis, Chart, LegendKey
+from uqpen.report.counting import count_text
+from uqpen.report.field_places import PlaceReadout
+from uqpen.report.marks import Trace, line_trace
+from uqpen.report.sections.curve_lines import DASHES, band, level_text, line, place_axis
+from uqpen.report.sections.curve_view import CurveView
+from uqpen.report.sections.leading_design import output_title
+from uqpen.results.digits import grouped_number
+from uqpen.results.table import below_label, exceedance_label, quantile_label
+from uqpen.results.texts import capitalized
+
+__all__ = ["fan_chart", "probability_charts", "quantile_chart", "ranked_chart"]
+
+# Single runs that are drawn, thin, behind the others.
+_MOST_RUNS = 20
+
+
+def fan_chart(curve: CurveView, readout: PlaceReadout) -> Chart:
+    """Return the chart of the mean with its band, the quantiles, and some single runs."""
+    series = curve.view.series(curve.design)
+    traces: list[Trace] = []
+    keys: list[LegendKey] = []
+    for content, bounds in curve.entries("tolerance_band"):
+        if found := band(curve, bounds, "quiet"):
+            traces += found
+            level = level_text(curve.estimate("tolerance_band"))
+            text = f"holds a new curve with probability {content:g} ({level} confidence)"
+            keys.append(LegendKey(text, "quiet", "band"))
+    runs = curve.some_runs(_MOST_RUNS)
+    traces += [line_trace(curve.places, run, "quiet", hover="", width=0.6) for run in runs]
+    counted = f"{grouped_number(len(runs))} of {count_text(len(curve.runs), 'run')}"
+    keys.append(LegendKey(f"{counted} of {curve.design}", "quiet", "line"))
+    for label, dash, bounds in _quantiles(curve, "quantile"):
+        traces.append(line(curve, bounds, "ink", label, dash=dash, width=1.5))
+        keys.append(LegendKey(label, "ink", "line", dash))
+    if (mean := curve.bounds("mean")) is not None:
+        kind, name = _band_of(curve, "mean")
+        ends = band(curve, curve.bounds(name), series)
+        traces += [*ends, line(curve, mean, series, "mean", width=2.5)]
+        keys.append(LegendKey("mean", series, "line"))
+        if ends:
+            text = f"{kind} {level_text(curve.estimate(name))} band of the mean"
+            keys.append(LegendKey(text, series, "band"))
+    title = capitalized(output_title(curve.view, curve.output))
+    return Chart(
+        title=f"{title} along {curve.view.axis_label(curve.dimension)}",
+        summary=readout.texts[readout.start],
+        x=place_axis(curve),
+        y=Axis(curve.view.axis_label(curve.output)),
+        traces=tuple(traces),
+        keys=tuple(keys),
+        notes=tuple(filter(None, (curve.places_note,))),
+        height=400,
+        is_compared=True,
+        place=readout,
+    )
+
+
+def ranked_chart(curve: CurveView) -> Iterator[Chart]:
+    """Yield the functional boxplot of the runs, if their curves are ranked."""
+    region, envelope = curve.bounds("central_region"), curve.bounds("envelope")
+    if region is None or envelope is None:
+        return
+    series = curve.view.series(curve.design)
+    outlying = curve.outlying_runs
+    shown = outlying[:_MOST_RUNS]
+    lines = [line_trace(curve.places, run, "beyond", hover="", width=1) for run in shown]
+    count = count_text(len(outlying), "outlying run")
+    omitted = f"{len(shown)} of them are drawn." if len(shown) < len(outlying) else ""
+    yield Chart(
+        title="Ranked curves",
+        summary=f"By {curve.design}: {count} of {grouped_number(len(curve.runs))}.",
+        x=place_axis(curve),
+        y=Axis(curve.view.axis_label(curve.output)),
+        traces=(
+            *band(curve, envelope, "quiet"),
+            *band(curve, region, series),
+            *lines,
+            line(curve, region, series, "median curve, central region in brackets", width=2.5),
+        ),
+        keys=(
+            LegendKey("median curve: the deepest run", series, "line"),
+            LegendKey("central region: the deeper half of the runs", series, "band"),
+            LegendKey("range of all runs but outlying ones", "quiet", "band"),
+            LegendKey(count, "beyond", "line"),
+        ),
+        notes=tuple(filter(None, (omitted,))),
+        height=320,
+        is_compared=True,
+    )
+
+
+def quantile_chart(curve: CurveView) -> Iterator[Chart]:
+    """Yield the chart of the quantiles with their bands, if there are any."""
+    kind, name = _band_of(curve, "quantile")
+    entries = _quantiles(curve, name)
+    if not entries:
+        return
+    numbered = list(enumerate(entries))
+    bands = [each for number, (_, _, bounds) in numbered for each in band(curve, bounds, number)]
+    lines = [line(curve, bounds, n, label, dash=dash) for n, (label, dash, bounds) in numbered]
+    level = level_text(curve.estimate(name))
+    yield Chart(
+        title=f"Quantiles with {kind} {level} bands",
+        summary=f"Of {output_title(curve.view, curve.output)} by {curve.design}: "
+        f"{', '.join(label for label, _, _ in entries)}.",
+        x=place_axis(curve),
+        y=Axis(curve.view.axis_label(curve.output)),
+        traces=(*bands, *lines),
+        keys=tuple(LegendKey(label, n, "line", dash) for n, (label, dash, _) in numbered),
+        is_compared=True,
+    )
+
+
+def probability_charts(curve: CurveView) -> Iterator[Chart]:
+    """Yield charts of the runs that reach each place, and of the probabilities of thresholds."""
+    reached = curve.bounds("reached")
+    if reached is not None:
+        yield _probability_chart(curve, "Runs that get this far", {"reached": reached}, "reached")
+    for statistic, label in (("exceedance", exceedance_label), ("below", below_label)):
+        entries = {label(str(text)): bounds for text, bounds in curve.entries(statistic)}
+        if entries:
+            title = f"{', '.join(entries)} at each place"
+            yield _probability_chart(curve, title, entries, statistic)
+
+
+def _probability_chart(
+    curve: CurveView, title: str, entries: dict[str, FloatArray], statistic: str
+) -> Chart:
+    series = curve.view.series(curve.design)
+    bands = [each for bounds in entries.values() for each in band(curve, bounds, series)]
+    looks = list(zip(entries.items(), DASHES * len(entries), strict=False))
+    ranges = (
+        f"{label} from {np.nanmin(bounds[:, 0]):.3g} to {np.nanmax(bounds[:, 0]):.3g}"
+        for label, bounds in entries.items()
+    )
+    level = level_text(curve.estimate(statistic))
+    return Chart(
+        title=title,
+        summary=f"By {curve.design}: {'; '.join(ranges)}.",
+        x=place_axis(curve),
+        y=Axis("probability", (-0.02, 1.02)),
+        traces=(
+            *bands,
+            *(
+                line(curve, bounds, series, label, dash=dash, has_unit=False)
+                for (label, bounds), dash in looks
+            ),
+        ),
+        keys=tuple(LegendKey(label, series, "line", dash) for (label, _), dash in looks),
+        notes=(f"Shade: pointwise {level} intervals.",),
+        height=260,
+        is_compared=True,
+    )
+
+
+def _band_of(curve: CurveView, statistic: str) -> tuple[str, str]:
+    """Return the kind of the band to show of a statistic, and the statistic that has it."""
+    whole = f"{statistic}_band"
+    is_known = curve.estimate(whole) is not None
+    return ("simultaneous", whole) if is_known else ("pointwise", statistic)
+
+
+def _quantiles(curve: CurveView, statistic: str) -> list[tuple[str, str, FloatArray]]:
+    """Return the label, the dashes and the bounds of each quantile."""
+    return [
+        (quantile_label(p), DASHES[0 if p == 0.5 else 1 + number % (len(DASHES) - 1)], bounds)
+        for number, (p, bounds) in enumerate(curve.entries(statistic))
+    ]

@@ -1,0 +1,128 @@
+"""Charts of a curve at one place, which a slider chooses: its distribution and its drivers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import INPUT
+from uqpen.figures.histogram import bin_values
+from uqpen.report.axes import quantity
+from uqpen.report.blocks import Axis, Chart, LegendKey
+from uqpen.report.counting import count_text
+from uqpen.report.field_places import PlaceReadout, PlaceSlices
+from uqpen.report.marks import Trace, bar_trace, dot_trace, series_marker
+from uqpen.report.sections.curve_view import CurveView
+from uqpen.report.sections.drivers import input_label
+from uqpen.results.digits import estimate_text
+
+__all__ = ["place_drivers", "place_histogram"]
+
+# Places with a histogram or with drivers of their own, at the most.
+_MOST_PLACES = 81
+_HOVER = "%{customdata[0]} … %{customdata[1]}<br>%{y} runs"
+
+
+def place_histogram(curve: CurveView, readout: PlaceReadout) -> Chart:
+    """Return the runs in bins at the place that is chosen."""
+    numbers = _numbers(curve)
+    series = curve.view.series(curve.design)
+    bars = [[_bars(curve.runs[:, number], series)] for number in numbers]
+    start = int(np.abs(numbers - readout.start).argmin())
+    return Chart(
+        title="Runs at the chosen place",
+        summary=f"{count_text(len(curve.runs), 'run')} of {curve.design} in bins.",
+        x=Axis(curve.view.axis_label(curve.output)),
+        y=Axis("runs in a bin"),
+        traces=(bars[start][0],),
+        keys=(LegendKey(f"runs of {curve.design}", series, "bar"),),
+        notes=_notes(curve, numbers),
+        height=280,
+        slices=_slices(curve, numbers, bars),
+    )
+
+
+def place_drivers(
+    curve: CurveView, readout: PlaceReadout, indices: list[tuple[str, str, xr.DataArray]]
+) -> Iterator[Chart]:
+    """Yield the shares of the variance at the place that is chosen.
+
+    Parameters
+    ----------
+    indices : list of tuple
+        The label, the source and the array of each measure along place, ``input`` and ``bound``.
+    """
+    if not indices:
+        return
+    numbers = _numbers(curve)
+    rows = tuple(input_label(curve.view, str(name)) for name in indices[0][2][INPUT].values)
+    traces = [
+        [
+            _dots(array.values[number], place, rows, label, source)
+            for place, (label, source, array) in enumerate(indices)
+        ]
+        for number in numbers
+    ]
+    start = int(np.abs(numbers - readout.start).argmin())
+    sources = ", ".join(dict.fromkeys(source for _, source, _ in indices))
+    yield Chart(
+        title="Shares of the variance at the chosen place",
+        summary=f"{', '.join(label for label, _, _ in indices)} by {sources}.",
+        x=Axis("share of the variance", (-0.1, 1.1)),
+        y=Axis("", rows=rows),
+        traces=tuple(traces[start]),
+        keys=tuple(
+            LegendKey(f"{label}, {source}", place, series_marker(place))
+            for place, (label, source, _) in enumerate(indices)
+        ),
+        notes=_notes(curve, numbers),
+        height=110 + 34 * len(rows),
+        slices=_slices(curve, numbers, traces),
+    )
+
+
+def _numbers(curve: CurveView) -> np.ndarray:
+    """Return the positions, among the places shown, that have charts of their own."""
+    size = curve.places.size
+    return np.unique(np.round(np.linspace(0, size - 1, min(size, _MOST_PLACES))).astype(int))
+
+
+def _notes(curve: CurveView, numbers: np.ndarray) -> tuple[str, ...]:
+    if len(numbers) == curve.places.size:
+        return ()
+    whole = curve.view.runs(curve.design).sizes[curve.dimension]
+    return (f"At the nearest of {len(numbers)} of {whole} places.",)
+
+
+def _slices(curve: CurveView, numbers: np.ndarray, traces: list[list[Trace]]) -> PlaceSlices:
+    return PlaceSlices(
+        tuple(quantity(curve.view, curve.dimension)),
+        curve.places[numbers].tolist(),
+        [[_changing(trace) for trace in at] for at in traces],
+    )
+
+
+def _changing(trace: Trace) -> Trace:
+    """Return the members of a trace that differ from place to place."""
+    kept = ("x", "y", "width", "customdata", "error_x", "text", "marker")
+    return {key: value for key, value in trace.items() if key in kept}
+
+
+def _bars(values: FloatArray, series: int) -> Trace:
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return bar_trace([0.0, 1.0], [0], series, hover=_HOVER)
+    counts, edges = bin_values(known)
+    return bar_trace(edges, counts, series, hover=_HOVER)
+
+
+def _dots(bounds: FloatArray, place: int, rows: tuple[str, ...], label: str, source: str) -> Trace:
+    offsets = np.arange(len(rows)) + 0.22 * (place - 0.5)
+    hovers = [
+        f"{row}, {label} by {source}: {estimate_text(*each)}"
+        for row, each in zip(rows, bounds.tolist(), strict=True)
+    ]
+    return dot_trace(bounds, offsets, place, hovers=hovers, name=label, marker=series_marker(place))

@@ -1,0 +1,86 @@
+"""An archive cut down to one output, and to places of it where that is a field."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import xarray as xr
+
+from uqpen.archive.read import model_trees
+from uqpen.core.errors import UnknownNameError
+from uqpen.core.labels import DIFFERENCES, MODELS, RUNS, STATISTICS_GROUP, SURROGATES
+from uqpen.core.lookup import choices
+from uqpen.results.field_places import FieldPlace, find_place
+from uqpen.results.table import first_runs, output_names
+
+__all__ = ["select_output"]
+
+# The depth of the groups of outputs, below each group of a model that has some.
+_DEPTHS = {STATISTICS_GROUP: 2, SURROGATES: 2, DIFFERENCES: 3}
+# Groups that have values along the dimensions of a field.
+_ALONG_FIELDS = (RUNS, STATISTICS_GROUP, DIFFERENCES)
+
+
+def select_output(
+    tree: xr.DataTree, output: str, at: Sequence[str] = ()
+) -> tuple[xr.DataTree, list[FieldPlace]]:
+    """Return an archive as if its models had one output, the values of a field at some places.
+
+    A field at a place is a number there, and so has the tables and the JSON of one.
+
+    Parameters
+    ----------
+    tree : DataTree
+        An archive of a study.
+    output : str
+        The output that remains.
+    at : sequence of str
+        A place along each dimension to cut, such as ``"time=10 day"``; see `find_place`.
+
+    Returns
+    -------
+    tree : DataTree
+        The archive; the coordinates of the places remain as scalar ones.
+    places : list of FieldPlace
+        The coordinates that were found.
+
+    Raises
+    ------
+    UnknownNameError
+        If no model has this output, or the output has no such dimension.
+    QuantityError
+        If a place is not inside the coordinates.
+    """
+    described = {
+        name: runs[name]
+        for model in reversed(model_trees(tree).values())
+        for runs in (first_runs(model),)
+        for name in output_names(runs)
+    }
+    if output not in described:
+        known = choices(output, described)
+        raise UnknownNameError(f'the archive has no output "{output}"; {known}')
+    places = [find_place(described[output], text) for text in at]
+    positions = {place.dimension: place.position for place in places}
+    others = described.keys() - {output}
+    groups = {}
+    for node in tree.subtree:
+        kind, of_output = _kind_and_output(node.relative_to(tree))
+        if of_output in others:
+            continue
+        dataset = node.to_dataset(inherit=False)
+        if kind == RUNS:
+            dataset = dataset.drop_vars(others, errors="ignore")
+        if kind in _ALONG_FIELDS:
+            dataset = dataset.isel(positions, missing_dims="ignore")
+        groups[node.path] = dataset
+    return xr.DataTree.from_dict(groups), places
+
+
+def _kind_and_output(path: str) -> tuple[str, str]:
+    """Return the kind of a group, such as ``runs``, and the output that it is of, if it is."""
+    parts = path.split("/")
+    parts = parts[2:] if parts[0] == MODELS else parts
+    kind = parts[0] if parts else ""
+    depth = _DEPTHS.get(kind, len(parts))
+    return kind, parts[depth] if depth < len(parts) else ""

@@ -1,0 +1,129 @@
+"""Estimates of one statistic: of a scalar output, or at several places of a field."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
+from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.labels import INTERVAL_LEVEL
+from uqpen.statistics.estimate import LEVEL, Estimate
+
+__all__ = ["PLACE", "Estimates"]
+
+# Dimension of the places of a field, before they are put along those of the field.
+PLACE = "place"
+
+
+@dataclass(frozen=True, eq=False)
+class Estimates:
+    """Estimates of a statistic with their bounds, as arrays of shape () or (place,).
+
+    Parameters
+    ----------
+    value, lower, upper : ndarray
+        NaN where there is none.
+    method, label, note : str or ndarray of str
+        As of an `Estimate`; one for all, or one for each.
+    """
+
+    value: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    method: Any
+    label: Any
+    note: Any = ""
+
+    @classmethod
+    def without_bounds(cls, value: FloatArray, *reasons: str) -> Estimates:
+        """Return estimates without bounds, with the reasons; empty ones are left out."""
+        missing = np.full(np.shape(value), np.nan)
+        return cls(value, missing, missing, "none", "none", "; ".join(filter(None, reasons)))
+
+    @classmethod
+    def of(cls, estimates: Sequence[Estimate], shape: tuple[int, ...]) -> Estimates:
+        """Return single estimates together, in a shape."""
+        numbers = np.array([each.bounds for each in estimates]).reshape(*shape, 3)
+        texts = np.array([(e.method, e.label, e.note) for e in estimates], dtype=object)
+        return cls(*np.moveaxis(numbers, -1, 0), *np.moveaxis(texts.reshape(*shape, 3), -1, 0))
+
+    def where(self, condition: npt.ArrayLike, other: Estimates) -> Estimates:
+        """Return other estimates where a condition is true, and these elsewhere."""
+        return Estimates(
+            *(
+                np.where(condition, new, old)
+                for new, old in zip(other._numbers, self._numbers, strict=True)
+            ),
+            *(
+                np.where(condition, _objects(new), _objects(old))
+                for new, old in zip(other._texts, self._texts, strict=True)
+            ),
+        )
+
+    def unknown_where(self, condition: npt.ArrayLike, *reasons: str) -> Estimates:
+        """Return the estimates, without bounds where a condition is true."""
+        return self.where(condition, Estimates.without_bounds(self.value, *reasons))
+
+    @property
+    def has_bounds(self) -> BoolArray:
+        """True where there are bounds."""
+        return np.broadcast_to(_objects(self.label) != "none", np.shape(self.value))
+
+    def method_within(self, template: str) -> npt.NDArray[np.object_]:
+        """Return the methods in a text that contains ``{method}``."""
+        return _objects(np.frompyfunc(lambda each: template.format(method=each), 1, 1)(self.method))
+
+    @classmethod
+    def stack(cls, parts: Sequence[Estimates]) -> Estimates:
+        """Return estimates as one, along a further dimension behind that of the places."""
+        columns = zip(
+            *((*each._numbers, *map(_objects, each._texts)) for each in parts), strict=True
+        )
+        shape = parts[0].value.shape
+        return cls(
+            *(np.stack([np.broadcast_to(part, shape) for part in column], -1) for column in columns)
+        )
+
+    def to_array(
+        self,
+        along: str = "",
+        *,
+        units: str,
+        long_name: str,
+        coordinates: Mapping[str, Any] | None = None,
+        level: float = LEVEL,
+    ) -> xr.DataArray:
+        """Return an estimate array along ``place``, if there are places, a dimension and ``bound``.
+
+        The dimension is that along which estimates were put by `stack`.
+        """
+        bounds = np.stack(self._numbers, axis=-1)
+        own = [along] if along else []
+        names = [PLACE, *own] if bounds.ndim - 1 > len(own) else own
+        return estimate_array(
+            bounds,
+            dict(zip(names, bounds.shape, strict=False)),
+            dict(zip(INTERVAL_TEXTS, self._texts, strict=True)),
+            units=units,
+            long_name=long_name,
+            attributes={INTERVAL_LEVEL: level} if self.has_bounds.any() or along else {},
+            coordinates=coordinates,
+        )
+
+    @property
+    def _numbers(self) -> tuple[FloatArray, ...]:
+        return self.value, self.lower, self.upper
+
+    @property
+    def _texts(self) -> tuple[Any, ...]:
+        return self.method, self.label, self.note
+
+
+def _objects(texts: Any) -> npt.NDArray[np.object_]:
+    return np.asarray(texts, dtype=object)
