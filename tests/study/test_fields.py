@@ -221,12 +221,18 @@ class TestMistakes:
         transformed = STUDY + surrogate + 'transform = { infected = "log" }\n'
         assert problems(transformed, folder) == [
             'surrogates.pce.transform.infected: found the logarithm of "infected", which has '
-            "dimensions; expected a scalar output: surrogates take no other"
+            "dimensions; expected a scalar output: a field is fitted as it is"
         ]
+
+    def test_a_surrogate_of_curves_that_may_end(self, folder: Path) -> None:
+        surrogate = '[surrogates.pce]\nkind = "polynomial-chaos"\ndesign = "mc"\n'
         alone = (STUDY + surrogate).replace('peak = "day-1"\n', "")
-        assert problems(alone, folder) == [
-            "surrogates.pce: found a surrogate of infected, recovered, with dimensions; expected "
-            "a scalar output: surrogates take no other"
+        assert parsed(alone, folder).surrogates
+        field = f'infected = {{ unit = "1", along = {{ {TIME} }}'
+        ending = alone.replace(field, f"{field}, may_end = true")
+        assert problems(ending, folder) == [
+            "surrogates.pce: found a surrogate of infected, recovered, whose curves may end; "
+            "expected an output with numbers that are always there"
         ]
 
     def test_models_with_other_coordinates(self, folder: Path) -> None:

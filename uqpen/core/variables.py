@@ -153,6 +153,15 @@ class Dimension(Variable):
         if problems := list(self._problems()):
             raise SettingsError(problems)
 
+    @property
+    def weights(self) -> FloatArray:
+        """Weight of each coordinate in a mean along the dimension, by the trapezoidal rule."""
+        if len(self.values) == 1:
+            return np.ones(1)
+        steps = np.diff(self.values) / (self.values[-1] - self.values[0])
+        weights: FloatArray = (np.append(steps, 0.0) + np.append(0.0, steps)) / 2
+        return weights
+
     def place_text(self, value: float) -> str:
         """Return a place along it as text, such as ``time = 12 day``; the value is in SI units."""
         unit = "" if self.preferred_unit == DIMENSIONLESS else f" {self.preferred_unit}"
