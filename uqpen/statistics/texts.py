@@ -44,7 +44,7 @@ FURTHEST_DEVIATIONS = "order statistics of the furthest deviations of runs from 
 NO_BAND_OF_ONE_SET = "no simultaneous band is known for one stratified set"
 FEW_REPLICATES = "fewer than {replicates} replicates are too few for a simultaneous band"
 FEW_REACH = "fewer than {runs} runs reach this place, or not all replicates do"
-LEFT_OUT = "{places} of {of} places: {reason}{where}"
+LEFT_OUT = "{places} of {of} places: {reason}{extent}"
 TOLERANCE_BAND_NEEDS = "a tolerance band needs at least {runs} runs"
 REGION_OF_RUNS = "a region of these runs, not an interval"
 

@@ -52,7 +52,10 @@ class BandPlaces:
                 by_reason.setdefault(reason, []).append(place)
         text = "; ".join(
             texts.LEFT_OUT.format(
-                places=len(places), of=len(self.reasons), reason=reason, where=_where(dims, places)
+                places=len(places),
+                of=len(self.reasons),
+                reason=reason,
+                extent=_extent(dims, places),
             )
             for reason, places in by_reason.items()
         )
@@ -98,7 +101,7 @@ def band_places(field: FieldSample, reason: str = "") -> BandPlaces:
     )
 
 
-def _where(dims: tuple[Dimension, ...], places: list[int]) -> str:
+def _extent(dims: tuple[Dimension, ...], places: list[int]) -> str:
     """Return the range of places along a curve in words; empty for fields of more dimensions."""
     if len(dims) != 1:
         return ""
