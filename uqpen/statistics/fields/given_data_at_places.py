@@ -122,8 +122,8 @@ class _InputSums:
         self, runs: IntArray, weights: FloatArray, lines: ResidualVariance, parts: VarianceParts
     ) -> None:
         """Add places that exist in some of the runs."""
-        self.variance += float(weights @ parts.total)
-        self.left += float(weights @ parts.left)
+        self.variance += float((weights * parts.total).sum())
+        self.left += float((weights * parts.left).sum())
         squares, left = (
             np.einsum("v,vr->r", weights, each) for each in (parts.squares, parts.left_influence)
         )
@@ -244,7 +244,7 @@ class _FieldRegressions:
             )
             if known.each:
                 shares = part.regressions.halved_shares(known, column, list(range(len(known.each))))
-                explained += float((part.weights * known.variance) @ shares)
+                explained += float((part.weights * known.variance * shares).sum())
         return explained / self.sums[column].variance
 
     def _parts(self) -> Iterator[_Part]:
