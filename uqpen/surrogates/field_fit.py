@@ -26,8 +26,8 @@ __all__ = ["FIT_TEXT", "FieldCheck", "FieldFit", "dimension_variables"]
 # Attribute of the group of a field: what the components and the surrogate leave, in words.
 FIT_TEXT = "fit"
 
-# A smaller share of a variance is rounding.
-_ROUNDING = 1e-12
+# A smaller share of a variance is rounding, which differs from one processor to another.
+_ROUNDING = 1e-20
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +65,8 @@ class FieldCheck:
             whole = components.weights @ variances
             return cls(
                 runs=len(truth),
-                left=float(components.weights @ errors.mean(axis=0) / whole),
-                truncation=float(components.weights @ rest.mean(axis=0) / whole),
+                left=_known_share(components.weights @ errors.mean(axis=0) / whole),
+                truncation=_known_share(components.weights @ rest.mean(axis=0) / whole),
                 q2=np.where(variances > 0, 1 - errors.mean(axis=0) / variances, math.nan),
             )
 
@@ -242,6 +242,10 @@ def dimension_variables(dims: tuple[Dimension, ...]) -> dict[str, xr.Variable]:
     return {
         each.name: xr.Variable(each.name, np.array(each.values), describe(each)) for each in dims
     }
+
+
+def _known_share(share: float) -> float:
+    return float(share) if not share <= _ROUNDING else 0.0
 
 
 def _share_text(share: float) -> str:
