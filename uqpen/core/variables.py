@@ -152,6 +152,15 @@ class Dimension(Variable):
         if problems := list(self._problems()):
             raise SettingsError(problems)
 
+    @property
+    def weights(self) -> FloatArray:
+        """Weight of each coordinate in a mean along the dimension, by the trapezoidal rule."""
+        if len(self.values) == 1:
+            return np.ones(1)
+        steps = np.diff(self.values) / (self.values[-1] - self.values[0])
+        weights: FloatArray = (np.append(steps, 0.0) + np.append(0.0, steps)) / 2
+        return weights
+
     def _problems(self) -> Iterator[Problem]:
         if expected := dimension_name_problem(self.name):
             yield Problem(("name",), toml_text(self.name), expected)

@@ -8,7 +8,7 @@ import numpy as np
 
 from uqpen.core.arrays import IntArray
 from uqpen.core.model import Dimension
-from uqpen.core.units import scale
+from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.statistics import texts
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.sample import ErrorModel, Sample
@@ -106,4 +106,5 @@ def _where(dims: tuple[Dimension, ...], places: list[int]) -> str:
     ends = (dimension.values[places[0]], dimension.values[places[-1]])
     unit = dimension.preferred_unit
     shown = [f"{scale(unit).from_si(value):.6g}" for value in dict.fromkeys(ends)]
-    return f", {dimension.name} {' to '.join(shown)} {unit}"
+    ends_text = " to ".join(shown) + (f" {unit}" if unit != DIMENSIONLESS else "")
+    return f", {dimension.name} {ends_text}"
