@@ -49,14 +49,9 @@ def grid_weights(dims: Sequence[Dimension]) -> FloatArray:
 
     They are those of the trapezoidal rule along each dimension.
     """
-    return functools.reduce(np.multiply.outer, map(_weights, dims)).ravel()
-
-
-def _weights(dimension: Dimension) -> FloatArray:
-    steps = np.diff(dimension.values)
-    if not steps.size:
-        return np.ones(1)
-    weights: FloatArray = (np.append(steps, 0.0) + np.append(0.0, steps)) / (2 * steps.sum())
+    weights: FloatArray = functools.reduce(
+        np.multiply.outer, [each.weights for each in dims]
+    ).ravel()
     return weights
 
 
