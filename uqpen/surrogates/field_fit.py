@@ -26,6 +26,9 @@ __all__ = ["FIT_TEXT", "FieldCheck", "FieldFit", "dimension_variables"]
 # Attribute of the group of a field: what the components and the surrogate leave, in words.
 FIT_TEXT = "fit"
 
+# A smaller share of a variance is rounding, which differs from one processor to another.
+_ROUNDING = 1e-20
+
 
 @dataclass(frozen=True, eq=False)
 class FieldCheck:
@@ -62,8 +65,8 @@ class FieldCheck:
             whole = components.weights @ variances
             return cls(
                 runs=len(truth),
-                left=float(components.weights @ errors.mean(axis=0) / whole),
-                truncation=float(components.weights @ rest.mean(axis=0) / whole),
+                left=_known_share(components.weights @ errors.mean(axis=0) / whole),
+                truncation=_known_share(components.weights @ rest.mean(axis=0) / whole),
                 q2=np.where(variances > 0, 1 - errors.mean(axis=0) / variances, math.nan),
             )
 
@@ -132,21 +135,19 @@ class FieldFit:
     @property
     def text(self) -> str:
         """What the components and the surrogate leave of the variance, in a sentence."""
-        parts, truncation = self.components, self.components.truncation
-        found = (
-            f"{parts.count} principal component{'s' * (parts.count > 1)} leave"
-            f"{'s' * (parts.count == 1)} {truncation:.2g} of the variance of the field"
-            f" ({100 * math.sqrt(max(truncation, 0.0)):.2g} % of its standard deviation)"
-        )
+        count, truncation = self.components.count, self.components.truncation
+        verb = "component leaves" if count == 1 else "components leave"
+        found = f"{count} principal {verb} {_share_text(truncation)} of the variance of the field"
+        if truncation > _ROUNDING:
+            found += f" ({100 * math.sqrt(truncation):.2g} % of its standard deviation)"
         check = self.check
         if check is not None and math.isfinite(check.left):
-            share = 100 * check.truncation / check.left if check.left > 0 else 0.0
-            found += (
-                f"; at {check.runs} check runs the surrogate leaves {check.left:.2g},"
-                f" {share:.0f} % of that by the truncation"
-            )
+            found += f"; at {check.runs} check runs the surrogate leaves {_share_text(check.left)}"
+            if check.left > _ROUNDING:
+                share = 100 * check.truncation / check.left
+                found += f", {share:.0f} % of that by the truncation"
         elif math.isfinite(self.q2):
-            found += f"; at runs left out the surrogate leaves {1 - self.q2:.2g}"
+            found += f"; at runs left out the surrogate leaves {_share_text(1 - self.q2)}"
         return found
 
     def to_groups(self) -> tuple[xr.Dataset, xr.Dataset]:
@@ -241,6 +242,14 @@ def dimension_variables(dims: tuple[Dimension, ...]) -> dict[str, xr.Variable]:
     return {
         each.name: xr.Variable(each.name, np.array(each.values), describe(each)) for each in dims
     }
+
+
+def _known_share(share: float) -> float:
+    return float(share) if not share <= _ROUNDING else 0.0
+
+
+def _share_text(share: float) -> str:
+    return f"{share:.2g}" if share > _ROUNDING else "none"
 
 
 def _dimension(coordinate: xr.DataArray) -> Dimension:

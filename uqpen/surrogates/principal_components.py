@@ -49,14 +49,9 @@ def grid_weights(dims: Sequence[Dimension]) -> FloatArray:
 
     They are those of the trapezoidal rule along each dimension.
     """
-    return functools.reduce(np.multiply.outer, map(_weights, dims)).ravel()
-
-
-def _weights(dimension: Dimension) -> FloatArray:
-    steps = np.diff(dimension.values)
-    if not steps.size:
-        return np.ones(1)
-    weights: FloatArray = (np.append(steps, 0.0) + np.append(0.0, steps)) / (2 * steps.sum())
+    weights: FloatArray = functools.reduce(
+        np.multiply.outer, [each.weights for each in dims]
+    ).ravel()
     return weights
 
 
@@ -113,12 +108,14 @@ class PrincipalComponents:
         left, sizes, shapes = svd(
             roots * (values - mean) * np.sqrt(weights), full_matrices=False, check_finite=False
         )
-        kept = _kept(sizes**2, wanted, max(values.shape))
+        rank = int((sizes > sizes[0] * max(values.shape) * np.finfo(float).eps).sum())
+        kept = _kept(sizes[:rank] ** 2, wanted)
         components = _with_sign(shapes[:kept] / np.sqrt(weights))
         is_constant = (values == values[0]).all(axis=0)
         # No rounding may look like scatter.
         mean, components = np.where(is_constant, values[0], mean), components * ~is_constant
-        rest = (left[:, kept:] * sizes[kept:]) @ shapes[kept:] / np.sqrt(weights)
+        beyond = slice(kept, rank)
+        rest = (left[:, beyond] * sizes[beyond]) @ shapes[beyond] / np.sqrt(weights)
         return cls(weights, mean, components, sizes[:kept] ** 2, (rest**2).sum(axis=0))
 
     @property
@@ -161,13 +158,12 @@ class PrincipalComponents:
         return values
 
 
-def _kept(variances: FloatArray, wanted: float, size: int) -> int:
-    """Return the number of components to keep, at least one and none of rounding alone."""
-    rank = int((variances > variances[0] * (size * np.finfo(float).eps) ** 2).sum())
+def _kept(variances: FloatArray, wanted: float) -> int:
+    """Return the number of components to keep."""
     if isinstance(wanted, int):
-        return min(wanted, rank)
+        return min(wanted, len(variances))
     shares = np.cumsum(variances) / variances.sum()
-    return min(int(np.searchsorted(shares, wanted)) + 1, rank)
+    return min(int(np.searchsorted(shares, wanted)) + 1, len(variances))
 
 
 def _with_sign(components: FloatArray) -> FloatArray:

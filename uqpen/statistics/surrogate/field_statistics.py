@@ -142,20 +142,20 @@ class _Field:
             is_constant = ~indices.any(axis=1)
             centre = coefficients[is_constant].sum(axis=0)
             matrix = coefficients[~is_constant].T @ coefficients[~is_constant]
-        else:
+        elif self.sample.size > 1:
             centre = self.sample.values.mean(axis=0)
             matrix = np.atleast_2d(np.cov(self.sample.values, rowvar=False))
+        else:
+            centre, matrix = np.full(len(parts), np.nan), np.full((len(parts),) * 2, np.nan)
         variance = ((matrix @ parts) * parts).sum(axis=0)
         mean = self.fit.components.fields(centre[None])[0]
         for name, values, title in (
             ("mean", mean, "mean"),
             ("std", np.sqrt(np.maximum(variance, 0)), "standard deviation"),
         ):
-            title = f"{title} of {self.quantity.output.title}"
-            yield (
-                name,
-                self._array(values, title, self.moments_estimator, self.quantity.output.unit),
-            )
+            title, unit = f"{title} of {self.quantity.output.title}", self.quantity.output.unit
+            array = self._array(values, title, self.moments_estimator, unit, reason=texts.NO_RUN)
+            yield name, array
 
     def by_draws(self, group: str) -> Arrays:
         """Yield the statistics of an analysis of fields, some places at a time."""
@@ -172,18 +172,16 @@ class _Field:
                 for key, each in first.coords.items()
                 if key not in (*INTERVAL_TEXTS, BOUND, _PLACE)
             }
-            values = np.concatenate([array.values[..., 0] for array in arrays])
-            yield (
-                name,
-                self._array(
-                    values,
-                    first.attrs["long_name"],
-                    self.draws.sampling_estimator,
-                    first.attrs["units"],
-                    own=own,
-                    coordinates=coordinates,
-                ),
+            array = self._array(
+                np.concatenate([array.values[..., 0] for array in arrays]),
+                first.attrs["long_name"],
+                self.draws.sampling_estimator,
+                first.attrs["units"],
+                own=own,
+                coordinates=coordinates,
+                reason=texts.NO_RUN,
             )
+            yield name, array
 
     def _parts(self) -> Iterator[FieldSample]:
         """Yield the field at the draws, in parts of some places each."""
@@ -198,10 +196,8 @@ class _Field:
         """Yield Sobol' indices and Shapley effects at each place and of the whole field."""
         joint, shares = self.draws.joint, None
         if self.terms:
-            shares, estimator = (
-                closed_form_shares(*self.terms, self._components),
-                _FROM_COEFFICIENTS,
-            )
+            estimator = _FROM_COEFFICIENTS
+            shares = closed_form_shares(*self.terms, self._components)
         else:
             estimator = self.draws.pairs_estimator
             if not joint.conditional_reason:
