@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
@@ -79,7 +80,7 @@ class FieldSample:
     @property
     def matrix(self) -> FloatArray:
         """The values in shape (run, place)."""
-        return self.runs.values.reshape(self.runs.size, -1)
+        return self.runs.values.reshape(self.runs.size, math.prod(self.output.shape))
 
     @cached_property
     def exists(self) -> BoolArray:
