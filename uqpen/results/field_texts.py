@@ -72,7 +72,7 @@ def _text_at(array: xr.DataArray, statistic: str, unit: str, position: int) -> s
     index = np.unravel_index(position, array.shape[:-1])
     estimate = estimate_text(*shown_bounds(array[index], conversion(statistic, scale(unit))))
     places = (
-        coordinate_text(array[dim], array[dim].values[at])
+        coordinate_text(array[dim], array[dim].values[at], 6)
         for dim, at in zip(array.dims, index, strict=False)
     )
     return f"{estimate} at {', '.join(places)}"

@@ -37,7 +37,7 @@ def _sentence(view: ArchiveView, field: str, design: str) -> str:
     if statistic == "mean_band":
         interval = interval.replace("interval", "band, valid at all places at once")
     places = (
-        coordinate_text(array[dim], array[dim].values[at])
+        coordinate_text(array[dim], array[dim].values[at], 6)
         for dim, at in zip(array.dims, index, strict=False)
     )
     where = no_break(", ".join(places))
