@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 __all__ = [
+    "BANDS",
     "ENDED",
     "EXTENDED",
     "FEWEST_SEEDS",
@@ -60,6 +61,7 @@ USE_CASES = Place("use cases")
 ENDED = Place("designs that end by themselves")
 STOPPED_REPLICATES = Place("replicates that end by themselves")
 EXTENDED = Place("extended designs")
+BANDS = Place("bands along a curve")
 
 _KEY = ("problem", "design", "runs", "statistic")
 

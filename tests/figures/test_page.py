@@ -44,7 +44,7 @@ def test_what_is_in_the_family_says_what_it_shows() -> None:
 def test_the_pictures_of_the_docs_are_there_and_small() -> None:
     text = (DOCS / "figures.md").read_text()
     shown = re.findall(r"\]\((\w+\.svg)\)", text)
-    assert len(shown) == 3
+    assert len(shown) == 4
     for name in (*shown, "concrete.svg"):
         assert (DOCS / name).stat().st_size < 150_000
 

@@ -40,7 +40,7 @@ DESIGNS = {
     "replicated": uqpen.LatinHypercube(runs=400, replicates=20),
     "pick-freeze": uqpen.Saltelli(base=64, replicates=8),
 }
-CONDITION = "a value of it (curve never exceeds 0.5 in {share:.3g} % of the completed runs)"
+CONDITION = "its existence (curve never exceeds 0.5 in {share:.3g} % of the completed runs)"
 
 
 @pytest.fixture(scope="module", params=DESIGNS)
@@ -93,7 +93,7 @@ def test_tables_and_json_say_it(tree: xr.DataTree) -> None:
     cell = dict(table.rows)["without a value"][0]
     assert cell.startswith(str(absent))
     assert any(
-        note.startswith("statistics are conditional on a value of it") for note in table.notes
+        note.startswith("statistics are conditional on its existence") for note in table.notes
     )
     content = archive_json(tree)["designs"]["d"]["outputs"]
     assert content["crossing"]["runs_absent"] == absent

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import uqpen
+from uqpen.core.model import Arrays, Dimension, Input, Model, Output, Results
+from uqpen.results.field_texts import field_lines
 from uqpen.study.summary import output_rows
 
 MODEL = """\
@@ -209,13 +211,18 @@ class TestRuns:
             '[outputs.peak]\nof = "infected"\ntake = "max"\n'
             '[outputs.late]\nof = "speed"\nat = { time = "100 day" }\n'
         )
-        runs = uqpen.run(parsed(text, folder))["runs/mc"].to_dataset()
+        tree = uqpen.run(parsed(text, folder))
+        runs = tree["runs/mc"].to_dataset()
         assert np.array_equal(runs["peak"], runs["infected"].max("time"))
         assert runs["peak"].attrs["derived_from"] == "infected"
         never = runs["rate"].values < 0.3  # the curve ends at a coordinate before 120 day
         assert np.array_equal(np.isnan(runs["late"]), never)
         assert np.array_equal(runs["late_occurs"], never.astype(np.int8))
         assert runs["late"].attrs["absent"] == "speed ends before time = 100 day"
+        assert list(field_lines(tree))[-2:] == [
+            "peak: largest infected along time",
+            "late [degC]: speed at time = 100 day",
+        ]
 
     def test_cost_nothing_in_python(self) -> None:
         calls = []
@@ -249,3 +256,44 @@ class TestRuns:
         assert np.array_equal(tree["runs/mc/start"], np.zeros(30))
         assert np.array_equal(tree["runs/mc/crossing"], np.zeros(30))
         assert tree["statistics/mc/peak/exceedance"].values[0, 0] == (rate > 0.7).mean()
+
+
+class Course(Model):
+    """A model of a class of its own, with a curve that ends."""
+
+    name = "course"
+    inputs = (Input("x", "1"),)
+    outputs = (
+        Output("depth", "m", dims=(Dimension("time", "s", values=(0, 1, 2)),), may_end=True),
+    )
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        depth = inputs["x"][:, None] * np.array([0.0, 1.0, 2.0])
+        depth[inputs["x"] > 0.5, 2] = np.nan
+        return Results.all_ok({"depth": depth})
+
+
+class TestModelsThatAreNotLoaded:
+    def test_an_archive_of_a_class_is_read_without_it(self, tmp_path: Path) -> None:
+        study = uqpen.Study(
+            model=Course(),
+            inputs={"x": uqpen.Uniform(0.0, 1.0)},
+            outputs={
+                "end": uqpen.OutputSpec(of="depth", take="last"),
+                "late": uqpen.OutputSpec(of="depth", at={"time": "1.5 s"}),
+            },
+            designs={"mc": uqpen.MonteCarlo(runs=30)},
+            seed=1,
+        )
+        uqpen.make_archive(study, tmp_path / "course.nc")
+        verdicts = {
+            check.name: str(check.verdict) for check in uqpen.verify(tmp_path / "course.nc")
+        }
+        assert verdicts["statistics"] == "equal"
+
+    def test_a_model_with_a_mistake_has_no_others(self, folder: Path) -> None:
+        text = STUDY.replace('rate = "1"', 'rate = "parrot"')
+        text += '[outputs.peak]\nof = "infected"\ntake = "max"\nexceeds = ["20"]\n'
+        with pytest.raises(uqpen.StudyError) as error:
+            uqpen.parse_study(text, folder=folder)
+        assert [each.key for each in error.value.problems] == ["model.inputs.rate"]

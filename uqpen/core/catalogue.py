@@ -27,9 +27,11 @@ from uqpen.core.labels import (
 )
 
 __all__ = [
+    "BAND_CONTENT",
     "CATALOGUE",
     "CATEGORY",
     "CONTENT_LEVEL",
+    "CURVE",
     "DIMENSIONS",
     "EVENT",
     "FAILURE_STATISTICS",
@@ -57,6 +59,8 @@ PROBABILITY = "probability"
 CONTENT_LEVEL = "content"
 LOWER_CONTENT = "lower_content"
 INTERVAL_CONTENT = "interval_content"
+# The share of all curves that a tolerance band holds.
+BAND_CONTENT = "band_content"
 THRESHOLD = "threshold"
 # A threshold to lie below; the thresholds to exceed may be others.
 LOWER_THRESHOLD = "lower_threshold"
@@ -65,9 +69,11 @@ CATEGORY = "category"
 EVENT = "event"
 PERCENT = "percent"
 RUNS_SO_FAR = "runs_so_far"
+# A curve or field of a run, by the number of the run.
+CURVE = "curve"
 
 # Tables and lists leave out what lies along these, unless it is asked for.
-UNLISTED_DIMENSIONS = frozenset({RANK, PERCENT, RUNS_SO_FAR})
+UNLISTED_DIMENSIONS = frozenset({RANK, PERCENT, RUNS_SO_FAR, CURVE})
 
 
 class UnitRule(Enum):
@@ -99,6 +105,7 @@ DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
         CONTENT_LEVEL: DimensionLabels("number", {"content_runs_needed": "count"}),
         LOWER_CONTENT: DimensionLabels("number", {"lower_content_runs_needed": "count"}),
         INTERVAL_CONTENT: DimensionLabels("number", {"interval_content_runs_needed": "count"}),
+        BAND_CONTENT: DimensionLabels("number", {"band_content_runs_needed": "count"}),
         **{
             name: DimensionLabels(
                 "text",
@@ -116,6 +123,7 @@ DIMENSIONS: Mapping[str, DimensionLabels] = MappingProxyType(
         RANK: DimensionLabels("number"),
         PERCENT: DimensionLabels("number"),
         RUNS_SO_FAR: DimensionLabels("count"),
+        CURVE: DimensionLabels("count"),
         INPUT: DimensionLabels("text"),
         PAIR: DimensionLabels("text", {"pair_first": "text", "pair_second": "text"}),
         STATUS: DimensionLabels("text"),
@@ -129,6 +137,7 @@ REQUESTED_DIMENSIONS = (
     CONTENT_LEVEL,
     LOWER_CONTENT,
     INTERVAL_CONTENT,
+    BAND_CONTENT,
     THRESHOLD,
     LOWER_THRESHOLD,
     CATEGORY,
@@ -240,6 +249,13 @@ _STATISTICS = [
     Statistic("cdf_value", "value of the output", (RANK,), UnitRule.VALUE, has_bounds=False),
     Statistic("percentile", "percentile", (PERCENT,), UnitRule.VALUE),
     Statistic("reached", "probability that a curve reaches a place", counts_missing_runs=True),
+    Statistic("mean_band", "mean, simultaneous bounds", unit=UnitRule.VALUE),
+    Statistic("quantile_band", "quantile, simultaneous bounds", (PROBABILITY,), UnitRule.VALUE),
+    Statistic("tolerance_band", "tolerance band", (BAND_CONTENT,), UnitRule.VALUE),
+    Statistic("central_region", "median curve and central region", unit=UnitRule.VALUE),
+    Statistic("envelope", "median curve and range without outlying curves", unit=UnitRule.VALUE),
+    Statistic("band_depth", "modified band depth", (CURVE,), has_bounds=False),
+    Statistic("outlying", "whether a curve is outlying", (CURVE,), has_bounds=False),
     *(
         Statistic(
             f"convergence_{name}",

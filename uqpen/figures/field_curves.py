@@ -27,6 +27,7 @@ _MARKED = (0.95, 0.5, 0.05)
 _NEAR_END = 0.94
 # Inches; the name of a quantity takes two lines along it.
 _HEIGHT = 2.9
+_CONDITIONAL = "statistics at a place are of the curves that get there"
 # Opacity of the shades between quantiles, of bands and of single runs.
 _FAN, _BAND, _RUN = 0.2, 0.4, 0.35
 
@@ -184,7 +185,8 @@ def _mark_ends(found: CurveEstimates, axes: Axes) -> Iterator[str]:
                 color=GREY,
             )
     if (shares < 1).any():
-        yield "statistics at a place are of the curves that get there; upright: the share that does"
+        yield _CONDITIONAL
+        yield "upright lines: shares of the curves that get there"
 
 
 def _draw_reached(found: CurveEstimates, axes: Axes) -> Iterator[str]:
@@ -212,4 +214,4 @@ def _draw_models(found: dict[int, CurveEstimates], axes: Axes) -> Iterator[str]:
             axes.plot(each.places, middle[:, 0], label=f"{name}, median", **line)
     _label_axes(next(iter(found.values())), axes)
     if any(each.bounds("reached") is not None for each in found.values()):
-        yield "statistics at a place are of the curves that get there"
+        yield _CONDITIONAL

@@ -9,6 +9,7 @@ import xarray as xr
 
 from uqpen.archive.fields import coordinate_text, field_dimensions
 from uqpen.archive.read import model_trees
+from uqpen.core.labels import DERIVED_FROM
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import estimate_text
 from uqpen.results.field_places import label_at_place
@@ -25,12 +26,14 @@ __all__ = ["field_lines"]
 
 
 def field_lines(tree: xr.DataTree) -> Iterator[str]:
-    """Yield a line for each field of each model: its dimensions, and the range of its mean.
+    """Yield a line for each field of each model, and for each number that follows from one.
 
     Examples
     --------
     ``infected: along time [day] from 0 to 160 (161); by mc mean from 0.00115 ± 0.00023 at time =
     160 day to 0.279 ± 0.012 at time = 31 day, sd at most 0.096 ± 0.010 at time = 32 day``
+
+    ``peak: largest infected along time``
     """
     for name, model in model_trees(tree).items():
         head = f"{name}: " if name else ""
@@ -40,6 +43,11 @@ def field_lines(tree: xr.DataTree) -> Iterator[str]:
             label = label_with_unit(label_at_place(output, runs[output]), unit)
             places = ", ".join(_extent(runs[each]) for each in field_dimensions(runs[output]))
             yield f"{head}{label}: along {places}{_range_text(model, output, unit)}"
+        for derived, variable in runs.data_vars.items():
+            # The companion of a number that not all runs have is described by its shares.
+            if DERIVED_FROM in variable.attrs and "display_units" in variable.attrs:
+                label = label_with_unit(str(derived), str(variable.attrs["display_units"]))
+                yield f"{head}{label}: {variable.attrs['long_name']}"
 
 
 def _extent(coordinate: xr.DataArray) -> str:

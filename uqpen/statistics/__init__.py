@@ -64,6 +64,12 @@ FIELD_ANALYSES: Mapping[str, list[str]] = MappingProxyType(
         "quantiles": ["uqpen.statistics.fields.place_statistics:quantiles_at_places"],
         "exceedance": ["uqpen.statistics.fields.place_statistics:probabilities_at_places"],
         "reached": ["uqpen.statistics.fields.place_statistics:reached"],
+        "bands": [
+            "uqpen.statistics.fields.simultaneous_bands:mean_band",
+            "uqpen.statistics.fields.simultaneous_bands:quantile_band",
+            "uqpen.statistics.fields.tolerance_band:tolerance_band",
+        ],
+        "ranked_curves": ["uqpen.statistics.fields.ranked_curves:ranked_curves"],
     }
 )
 

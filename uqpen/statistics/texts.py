@@ -38,6 +38,16 @@ WIDER_OF_TWO = "the wider of jackknife over replicates and delta method over blo
 DELONG = "DeLong on the logit"
 SURROGATE_SAMPLING = "sampling of the surrogate"
 
+# Bands over all places of a field, and ranked curves.
+SIMULTANEOUS = "{method}, at a level that holds at all places at once"
+FURTHEST_DEVIATIONS = "order statistics of the furthest deviations of runs from those of a third"
+NO_BAND_OF_ONE_SET = "no simultaneous band is known for one stratified set"
+FEW_REPLICATES = "fewer than {replicates} replicates are too few for a simultaneous band"
+FEW_REACH = "fewer than {runs} runs reach this place, or not all replicates do"
+LEFT_OUT = "{places} of {of} places: {reason}{where}"
+TOLERANCE_BAND_NEEDS = "a tolerance band needs at least {runs} runs"
+REGION_OF_RUNS = "a region of these runs, not an interval"
+
 # Reasons from the sampling, and from the number of completed runs.
 NOT_A_SAMPLE = "the points are not a sample of the input distribution"
 NOT_DECLARED_INDEPENDENT = "the points are not declared independent (independent = true)"
@@ -55,6 +65,7 @@ NO_LOWER_BOUND = "{too_few} for a lower bound"
 NO_UPPER_BOUND = "{too_few} for an upper bound"
 RUNS_NEEDED = "least number of independent runs with an upper bound"
 RUNS_NEEDED_BELOW = "least number of independent runs with a lower bound"
+RUNS_NEEDED_FOR_BAND = "least number of independent runs with a band"
 RUNS_NEEDED_FOR_BOTH = "least number of independent runs with both bounds"
 UPPER_BOUND_NEEDS = "an upper bound needs at least {runs} runs"
 LOWER_BOUND_NEEDS = "a lower bound needs at least {runs} runs"
@@ -158,7 +169,7 @@ FROM_PAIRS = "by sampling the surrogate at {pairs} pairs of draws for each set o
 ADMISSIBLE_INPUTS = "admissible inputs"
 # Of an output that some runs do not have.
 ALL_EXIST = "of the runs in which all its outputs have a value"
-VALUE_EXISTS = "a value of it ({absent} in {share:.3g} % of the completed runs)"
+VALUE_EXISTS = "its existence ({absent} in {share:.3g} % of the completed runs)"
 REACHED = "the curve's reaching the place"
 MISSING_SHARE = "{share:.3g} % of the admissible runs"
 FEW_FAILED = "fewer than {runs} failed runs are too few for an interval"

@@ -19,7 +19,7 @@ from uqpen.statistics.fields.field_sample import FieldSample, field_coordinates
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 
-__all__ = ["at_each_place"]
+__all__ = ["ScalarAnalysis", "along_field", "at_each_place"]
 
 ScalarAnalysis = Callable[[Sample, QuantityOfInterest], Iterable[tuple[str, xr.DataArray]]]
 
@@ -57,6 +57,11 @@ def at_each_place(
             found.setdefault(name, []).append((group.places, array))
     for name, parts in found.items():
         yield name, _joined(parts, field)
+
+
+def along_field(array: xr.DataArray, field: FieldSample) -> xr.DataArray:
+    """Return an estimate array along all places as one along the dimensions of the field."""
+    return _joined([(np.arange(array.sizes[PLACE]), array)], field)
 
 
 def _joined(parts: list[tuple[IntArray, xr.DataArray]], field: FieldSample) -> xr.DataArray:

@@ -1,0 +1,277 @@
+"""Bands over all places of a field, and ranked curves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import xarray as xr
+
+from uqpen.core.labels import BOUND, INTERVAL, INTERVAL_LABEL, NOTE
+from uqpen.core.model import Dimension, Output
+from uqpen.core.sampling import Sampling
+from uqpen.statistics.fields.band_places import LEFT_OUT
+from uqpen.statistics.fields.field_sample import FieldSample
+from uqpen.statistics.fields.place_statistics import moments_at_places, quantiles_at_places
+from uqpen.statistics.fields.ranked_curves import band_depth, ranked_curves
+from uqpen.statistics.fields.simultaneous_bands import mean_band, quantile_band
+from uqpen.statistics.fields.simultaneous_level import simultaneous_level
+from uqpen.statistics.fields.tolerance_band import tolerance_band
+from uqpen.statistics.input_columns import InputColumns
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import Sample
+
+Values = npt.NDArray[np.float64]
+
+
+def field(values: npt.ArrayLike, replicates: int = 0, *, may_end: bool = False) -> FieldSample:
+    curves = np.array(values, dtype=np.float64)
+    runs = np.arange(len(curves))
+    places = tuple(np.arange(curves.shape[1]) / 100)
+    sample = Sample(
+        values=curves,
+        used=runs,
+        missing=runs[:0],
+        columns=InputColumns.none(len(curves)),
+        replicates=runs * replicates // len(curves),
+        sampling=Sampling.STRATIFIED if replicates else Sampling.INDEPENDENT,
+    )
+    dimension = Dimension("depth", "m", values=places, display_unit="cm")
+    return FieldSample(sample, Output("v", "m/s", dims=(dimension,), may_end=may_end))
+
+
+def quantity(sample: FieldSample, **keys: tuple[float, ...]) -> QuantityOfInterest:
+    return QuantityOfInterest(sample.output, "m/s", **keys)
+
+
+def only(arrays: Iterator[tuple[str, xr.DataArray]]) -> xr.DataArray:
+    ((_, array),) = arrays
+    return array
+
+
+def smooth_curves(seed: int, runs: int, places: int = 20) -> Values:
+    """Sums of a few waves with random heights: their true mean is 0 everywhere."""
+    heights = np.random.default_rng(seed).normal(size=(runs, 4))
+    waves = np.linspace(0, 1, places) * np.pi * np.arange(1, 5)[:, None]
+    found: Values = heights @ np.cos(waves)
+    return found
+
+
+class TestSimultaneousBands:
+    @pytest.mark.parametrize("replicates", [0, 10])
+    def test_contain_the_interval_at_each_place(self, replicates: int) -> None:
+        sample = field(smooth_curves(1, 200), replicates)
+        request = quantity(sample)
+        pairs = [
+            (only(mean_band(sample, request)), dict(moments_at_places(sample, request))["mean"]),
+            (
+                only(quantile_band(sample, request)),
+                dict(quantiles_at_places(sample, request))["quantile"],
+            ),
+        ]
+        for band, pointwise in pairs:
+            assert (band.sel(bound="estimate") == pointwise.sel(bound="estimate")).all()
+            assert not (band.sel(bound="lower") > pointwise.sel(bound="lower")).any()
+            assert not (band.sel(bound="upper") < pointwise.sel(bound="upper")).any()
+            assert (np.asarray(band.attrs["pointwise_level"]) > 0.95).all()
+
+    def test_of_one_place_is_its_interval_but_for_the_simulation(self) -> None:
+        level = simultaneous_level(field(smooth_curves(1, 200, 1)).runs, [smooth_curves(1, 200, 1)])
+        assert level == pytest.approx(0.95, abs=0.02)
+
+    def test_of_equal_places_is_as_of_one(self) -> None:
+        curve = smooth_curves(2, 200, 1)
+        sample = field(curve).runs
+        assert simultaneous_level(sample, [curve] * 3) == simultaneous_level(sample, [curve])
+
+    def test_of_independent_places_is_that_of_their_product(self) -> None:
+        runs = np.random.default_rng(3).normal(size=(1000, 30))
+        level = simultaneous_level(field(runs).runs, [runs - runs.mean(axis=0)])
+        assert level == pytest.approx(0.95 ** (1 / 30), abs=8e-4)  # 1.5 % of 999 draws, over 30
+
+    def test_do_not_depend_on_the_scale_of_a_place(self) -> None:
+        curves = smooth_curves(4, 100)
+        scale = np.geomspace(1e-6, 1e6, 20)
+        bands = [
+            only(mean_band(each, quantity(each))) for each in map(field, (curves, curves * scale))
+        ]
+        assert bands[1].values / scale[:, None] == pytest.approx(bands[0].values, rel=1e-9)
+
+    def test_hardly_depend_on_the_order_of_the_runs(self) -> None:
+        curves = smooth_curves(5, 400)
+        levels = [
+            only(mean_band(each, quantity(each))).attrs["pointwise_level"]
+            for each in (field(curves), field(curves[::-1]))
+        ]
+        assert levels[0] == pytest.approx(levels[1], abs=4e-3)  # two simulations of 999 draws
+
+    @pytest.mark.parametrize("replicates", [0, 10])
+    def test_cover_the_whole_curve(self, replicates: int) -> None:
+        """In 95 % of seeds, with a tolerance of three standard errors of such a count."""
+        covered = 0
+        for seed in range(40):
+            sample = field(smooth_curves(seed, 60, 8), replicates)
+            _, lower, upper = only(mean_band(sample, quantity(sample))).values.T
+            covered += bool(((lower <= 0) & (upper >= 0)).all())
+        assert covered >= 40 * 0.95 - 3 * 1.4
+
+
+class TestPlacesLeftOut:
+    def test_are_those_without_scatter_and_those_reached_by_few(self) -> None:
+        curves = smooth_curves(1, 100)
+        curves[:, 0] = 7.0
+        curves[19:, 18:] = np.nan
+        sample = field(curves, may_end=True)
+        band = only(mean_band(sample, quantity(sample)))
+        assert np.isnan(band.values[[0, 18, 19], 1:]).all()
+        assert np.isfinite(band.values[1:18]).all()
+        assert band.values[0, 0] == 7.0
+        assert band.attrs[LEFT_OUT] == (
+            "1 of 20 places: the output does not vary, depth 0 cm; 2 of 20 places: fewer than 20 "
+            "runs reach this place, or not all replicates do, depth 18 to 19 cm"
+        )
+        assert band.coords[NOTE].values[0] == "the output does not vary"
+
+    @pytest.mark.parametrize(
+        ("sample", "reason"),
+        [
+            (field(smooth_curves(1, 19)), "the runs are too few"),
+            (
+                field(smooth_curves(1, 100), 5),
+                "fewer than 8 replicates are too few for a simultaneous band",
+            ),
+            (
+                replace(
+                    one := field(smooth_curves(1, 100)),
+                    runs=replace(one.runs, sampling=Sampling.STRATIFIED),
+                ),
+                "no simultaneous band is known for one stratified set",
+            ),
+            (
+                replace(one, runs=replace(one.runs, weights=np.ones(100))),
+                "weights: no simultaneous band is known",
+            ),
+        ],
+    )
+    def test_are_all_for_a_reason_of_the_design(self, sample: FieldSample, reason: str) -> None:
+        for analysis in (mean_band, quantile_band):
+            band = only(analysis(sample, quantity(sample)))
+            assert np.isnan(band.sel(bound=["lower", "upper"])).all()
+            assert np.isfinite(band.sel(bound="estimate")).all()
+            assert set(band.coords[NOTE].values.flat) == {reason}
+
+
+class TestToleranceBand:
+    def test_holds_the_highest_score_of_the_runs_that_did_not_make_it(self) -> None:
+        curves = smooth_curves(1, 89)
+        band = only(tolerance_band(sample := field(curves), quantity(sample)))
+        middle = curves[::3]
+        assert band.values[:, 0, 0] == pytest.approx(middle.mean(axis=0))
+        others = np.delete(curves, np.s_[::3], axis=0)
+        scores = np.abs(others - middle.mean(axis=0)) / middle.std(axis=0, ddof=1)
+        # Of 59 runs, the furthest makes a band of content 95 % with a confidence of 95 %.
+        half = scores.max() * middle.std(axis=0, ddof=1)
+        assert band.values[:, 0, 2] - band.values[:, 0, 0] == pytest.approx(half)
+        assert band.coords[INTERVAL_LABEL].values[0, 0] == "discrete"
+
+    def test_says_how_many_runs_it_needs(self) -> None:
+        sample = field(smooth_curves(1, 88))
+        request = quantity(sample, tolerance_interval_contents=(0.5, 0.99))
+        band = only(tolerance_band(sample, request))
+        assert band["band_content"].values.tolist() == [0.5, 0.95, 0.99]
+        assert band["band_content_runs_needed"].values.tolist() == [8, 89, 449]
+        assert np.isfinite(band.sel(band_content=0.5)).all()
+        assert band.coords[NOTE].values[0, 1] == "a tolerance band needs at least 89 runs"
+
+    def test_takes_replicates_whole(self) -> None:
+        curves = smooth_curves(1, 200)
+        band = only(tolerance_band(sample := field(curves, 10), quantity(sample)))
+        middle = curves.reshape(10, 20, -1)[::3].reshape(80, -1)
+        assert band.values[:, 0, 0] == pytest.approx(middle.mean(axis=0))
+        assert band.coords[INTERVAL_LABEL].values[0, 0] == "conservative"
+
+    def test_holds_a_curve_as_far_as_it_goes(self) -> None:
+        curves = smooth_curves(1, 300)
+        curves[1, 10:] = 1e6
+        ended = curves.copy()
+        ended[1, 10:] = np.nan
+        far, near = (
+            only(tolerance_band(each, quantity(each, tolerance_interval_contents=(0.98,))))
+            for each in (field(curves), field(ended, may_end=True))
+        )
+        width = [float(each.isel(depth=0, band_content=1).diff(BOUND)[1]) for each in (near, far)]
+        assert abs(width[0]) < abs(width[1])
+
+
+def depth_by_definition(curves: Values, among: int) -> float:
+    """The mean share of a curve's places that a pair of curves encloses, over all pairs."""
+    shares = [
+        np.mean(
+            (np.minimum(a, b) <= curves[among]) & (curves[among] <= np.maximum(a, b)), dtype=float
+        )
+        for a, b in combinations(curves, 2)
+    ]
+    return float(np.mean(shares))
+
+
+class TestRankedCurves:
+    @pytest.mark.parametrize("count", [2, 3, 4, 5])
+    def test_depth_is_that_of_the_definition(self, count: int) -> None:
+        # Small whole numbers have many ties.
+        curves = np.random.default_rng(count).integers(0, 4, (count, 6)).astype(float)
+        expected = [depth_by_definition(curves, among) for among in range(count)]
+        assert band_depth(field(curves)) == pytest.approx(expected)
+
+    def test_depth_of_curves_that_end_is_by_the_shares_that_reach_their_places(self) -> None:
+        curves = np.array([[0.0, 0.0], [1.0, np.nan], [2.0, 1.0], [3.0, 2.0]])
+        first = [depth_by_definition(curves[:, :1], among) for among in range(4)]
+        second = [depth_by_definition(curves[[0, 2, 3], 1:], among) for among in range(3)]
+        expected = (first[2] + 0.75 * second[1]) / 1.75
+        depth = band_depth(field(curves, may_end=True))
+        assert depth[[1, 2]] == pytest.approx([first[1], expected])
+
+    def test_fields_of_two_dimensions_are_ranked_by_all_their_places(self) -> None:
+        curves = smooth_curves(1, 30)
+        flat = field(curves)
+        dims = tuple(Dimension(n, "m", values=tuple(range(s))) for n, s in (("x", 4), ("y", 5)))
+        plane = FieldSample(
+            replace(flat.runs, values=curves.reshape(30, 4, 5)), replace(flat.output, dims=dims)
+        )
+        assert band_depth(plane) == pytest.approx(band_depth(flat))
+        assert dict(ranked_curves(plane, quantity(plane)))["envelope"].dims == ("x", "y", "bound")
+
+    def test_median_region_and_outlying_curve(self) -> None:
+        curves = np.linspace(-1, 1, 21)[:, None] + np.zeros(8)
+        curves[4, 5] = 40.0
+        sample = field(curves)
+        sample = replace(sample, runs=replace(sample.runs, used=np.arange(100, 121)))
+        found = dict(ranked_curves(sample, quantity(sample)))
+        assert found["central_region"].attrs["median_run"] == 110
+        assert found["central_region"].values[0] == pytest.approx([0.0, -0.5, 0.5], abs=1e-12)
+        outlying = found["outlying"]
+        assert outlying["curve"].values[outlying.values == 1].tolist() == [104]
+        assert found["envelope"].values[5] == pytest.approx([0.0, -1.0, 1.0], abs=1e-12)
+        assert found["band_depth"]["curve"].values.tolist() == list(range(100, 121))
+        assert set(found["envelope"].coords[INTERVAL].values) == {"none"}
+
+    def test_a_curve_is_not_outlying_as_it_goes_on_where_others_end(self) -> None:
+        curves = np.linspace(-1, 1, 21)[:, None] + np.zeros(8)
+        curves[:-1, 4:] = np.nan
+        curves[-1, 4:] = 50.0
+        sample = field(curves, may_end=True)
+        found = dict(ranked_curves(sample, quantity(sample)))
+        assert not found["outlying"].values.any()
+        assert np.isnan(found["central_region"].values[4:, 1:]).all()
+
+
+def test_bands_take_the_level_of_the_study() -> None:
+    sample = field(smooth_curves(1, 200))
+    wide = replace(sample, runs=replace(sample.runs, level=0.99))
+    bands = [only(mean_band(each, quantity(each))) for each in (sample, wide)]
+    assert bands[1].attrs["interval_level"] == 0.99
+    widths = [band.sel(bound="upper") - band.sel(bound="lower") for band in bands]
+    assert (widths[1] > widths[0]).all()
