@@ -161,7 +161,7 @@ def test_shares_of_the_variance_are_stacked(driven: xr.DataTree) -> None:
 def test_the_main_results_say_where_the_mean_is_largest(moving: xr.DataTree) -> None:
     first, *_ = field_sentences(ArchiveView(moving, ""), "mc")
     assert first.startswith("The mean of curve is largest at time\u00a0=\u00a040\u00a0day: ")
-    assert first.endswith("95\u00a0% interval).")
+    assert first.endswith("95\u00a0% band, valid at all places at once).")
     assert first in report_page(moving)
 
 
@@ -224,7 +224,7 @@ def test_a_field_of_more_dimensions_has_maps(tmp_path: Path) -> None:
     assert mean.notes == ("At layer = 2, the place of the largest mean.",)
     assert (mean.x.ends, mean.y.ends) == ((0.0, 3.0), (0.0, 1.0))
     points = mean.traces[0]
-    middle = 100 * float(tree["runs/mc/x"].mean())
+    middle = float(tree["runs/mc/x"].mean())
     assert points["marker"]["color"] == pytest.approx(
         [0, 2 * middle, 4 * middle, 0, 0, 0], rel=1e-4
     )

@@ -99,7 +99,7 @@ def _notes(curve: CurveView, numbers: np.ndarray) -> tuple[str, ...]:
 
 def _slices(curve: CurveView, numbers: np.ndarray, traces: list[list[Trace]]) -> PlaceSlices:
     return PlaceSlices(
-        tuple(quantity(curve.view, curve.dimension)),
+        quantity(curve.view, curve.dimension),
         curve.places[numbers].tolist(),
         [[_changing(trace) for trace in at] for at in traces],
     )
@@ -120,7 +120,7 @@ def _bars(values: FloatArray, series: int) -> Trace:
 
 
 def _dots(bounds: FloatArray, place: int, rows: tuple[str, ...], label: str, source: str) -> Trace:
-    offsets = np.arange(len(rows)) + 0.22 * (place - 0.5)
+    offsets = [row + 0.22 * (place - 0.5) for row in range(len(rows))]
     hovers = [
         f"{row}, {label} by {source}: {estimate_text(*each)}"
         for row, each in zip(rows, bounds.tolist(), strict=True)

@@ -38,22 +38,24 @@ def map_charts(view: ArchiveView, field: str, design: str) -> Iterator[Chart]:
     along = field_dimensions(view.runs(design)[field])
     largest = np.unravel_index(int(np.nanargmax(mean.values[..., 0])), mean.shape[:-1])
     at = dict(zip(along[:-2], map(int, largest), strict=False))
-    where = ", ".join(
-        coordinate_text(mean[dim], mean[dim].values[place], 6) for dim, place in at.items()
+    place = ", ".join(
+        coordinate_text(mean[dim], mean[dim].values[position], 6) for dim, position in at.items()
     )
     for statistic, label in (("mean", "mean"), ("std", "standard deviation")):
         if (array := view.statistics.get(design, field, statistic)) is not None:
-            yield _map(view, field, (statistic, label, where), array[at])
+            yield _map(view, field, (statistic, label, place), array[at])
     quantiles = view.statistics.get(design, field, "quantile")
     if quantiles is not None:
         for number, p in enumerate(quantiles["probability"].values.tolist()):
-            told = ("quantile", quantile_label(p), where)
-            yield _map(view, field, told, quantiles[{**at, "probability": number}])
+            described = ("quantile", quantile_label(p), place)
+            yield _map(view, field, described, quantiles[{**at, "probability": number}])
 
 
-def _map(view: ArchiveView, field: str, told: tuple[str, str, str], array: xr.DataArray) -> Chart:
+def _map(
+    view: ArchiveView, field: str, described: tuple[str, str, str], array: xr.DataArray
+) -> Chart:
     """Return the map of a statistic along two dimensions and ``bound``."""
-    statistic, label, where = told
+    statistic, label, place = described
     bounds = np.asarray(view.conversion(field, statistic)(array.values), dtype=np.float64)
     across, along = (str(dim) for dim in array.dims[:2])
     x, y = (np.asarray(view.scale(dim).from_si(array[dim].values)) for dim in (along, across))
@@ -72,7 +74,7 @@ def _map(view: ArchiveView, field: str, told: tuple[str, str, str], array: xr.Da
         "sizex": right - left,
         "sizey": high - low,
     }
-    notes = (f"At {where}, the place of the largest mean.",) if where else ()
+    notes = (f"At {place}, the place of the largest mean.",) if place else ()
     title = f"{capitalized(output_title(view, field))}: {label}{f' [{unit.strip()}]' * bool(unit)}"
     return Chart(
         title=title,
