@@ -242,14 +242,18 @@ def _page(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
         yield f"| {problem.title} | {' | '.join(STATISTICS)} |"
         yield "|---" * (len(STATISTICS) + 1) + "|"
         for design in DESIGNS:
-            shown = (_text(*cells.get((name, design, each), (0, 0))) for each in STATISTICS)
-            yield f"| {design} | {' | '.join(shown)} |"
+            found = [cells.get((name, design, each)) for each in STATISTICS]
+            if any(found):
+                yield f"| {design} | {' | '.join(map(_text, found))} |"
         yield ""
     most = max(bands for _, bands in cells.values())
     yield f"Seeds: {most}."
 
 
-def _text(covers: int, bands: int) -> str:
+def _text(cell: tuple[int, int] | None) -> str:
+    if cell is None:
+        return "–"
+    covers, bands = cell
     return f"{100 * covers / bands:.1f}" if bands >= FEWEST else "none"
 
 

@@ -11,28 +11,43 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import xarray as xr
 from scipy.integrate import trapezoid
 
-from uqpen.core.model import Input
+from uqpen.core.labels import SAMPLING
+from uqpen.core.streams import Stream
+from uqpen.designs.design import Design
+from uqpen.designs.rounds import run_rounds
 from uqpen.distributions.continuous import Uniform
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.execution import Evaluator, evaluate, join_rounds
 from uqpen.models.campbell import Campbell
 
-__all__ = ["CURVE", "JOINT", "Exact", "exact"]
+__all__ = ["CURVE", "JOINT", "Exact", "exact", "runs_of"]
 
 FloatArray = npt.NDArray[np.float64]
 
 LOWER, UPPER = -1.0, 5.0
 CURVE = Campbell.outputs[0]
 JOINT = JointDistribution(
-    tuple(
-        RandomInput(Input(name, "1"), Uniform(LOWER, UPPER), "1")
-        for name in ["x1", "x2", "x3", "x4"]
-    ),
+    tuple(RandomInput(entry, Uniform(LOWER, UPPER), "1") for entry in Campbell.inputs),
     Campbell.inputs,
 )
 # Mean and variance of x4, and of any other input.
 MEAN, VARIANCE = 2.0, 3.0
+
+
+def runs_of(design: Design, seed: int) -> xr.Dataset:
+    """Return the runs of a design, by its seed."""
+    evaluator = Evaluator(Campbell())
+    rounds = run_rounds(
+        design,
+        JOINT,
+        Stream(seed, "designs", "campbell"),
+        lambda points, _: {"": evaluate(evaluator, points, {})},
+    )
+    runs = join_rounds([each[""] for each in rounds])
+    return runs.assign_attrs({SAMPLING: str(design.sampling)})
 
 
 class Exact(NamedTuple):

@@ -13,6 +13,7 @@ __all__ = [
     "ENDED",
     "EXTENDED",
     "FEWEST_SEEDS",
+    "FIELD_INDICES",
     "LOWEST",
     "SKEWED",
     "STOPPED_REPLICATES",
@@ -55,12 +56,14 @@ class Place(NamedTuple):
 
 
 # The tables of the other benchmarks: `skewed_coverage.py`, `usecase_coverage.py`,
-# `deciding_coverage.py`, `stopped_replicates_coverage.py`, `extended_designs.py`.
+# `deciding_coverage.py`, `stopped_replicates_coverage.py`, `extended_designs.py`,
+# `field_indices_coverage.py`.
 SKEWED = Place("skewed outputs")
 USE_CASES = Place("use cases")
 ENDED = Place("designs that end by themselves")
 STOPPED_REPLICATES = Place("replicates that end by themselves")
 EXTENDED = Place("extended designs")
+FIELD_INDICES = Place("indices of fields")
 BANDS = Place("bands along a curve")
 
 _KEY = ("problem", "design", "runs", "statistic")
@@ -202,6 +205,14 @@ true value, *held* is the wrong answer. *By intervals* looks after every run whe
 Clopper-Pearson interval excludes the limit, in place of the test.
 """
 
+_FIELD_INDICES = """\
+## Indices of fields
+
+[Campbell's curve](statistics.md#sensitivity-along-a-curve) at nineteen angles, with its exact
+indices. A cell gives the coverage in per cent; at the angles, that of the worst and of the best.
+`benchmarks/field_indices_coverage.py` makes this table.
+"""
+
 _EXTENDED = """\
 ## Extended designs
 
@@ -226,6 +237,19 @@ surrogate: mean and standard deviation of a polynomial chaos have verdicts (chec
 unchecked) instead. The standard deviation has no interval below 200 runs or where the runs may be
 those of a heavy tail. A quantile has none if no order statistic bounds it. See [what the statistics
 mean](statistics.md).
+"""
+
+
+_BANDS = """\
+## Bands along a curve
+
+How often [bands](statistics.md#bands-along-a-curve) cover a true curve at all places at once,
+and how often a tolerance band holds 95 % of all curves, in per cent of seeds. The curves are
+Campbell's with four inputs, one with two, and the speed of a braked body, which ends where the
+body rests. Bands of quantiles and tolerance bands count whole runs, so they may cover more;
+tolerance bands over replicates are conservative. `benchmarks/band_coverage.py` makes this
+table, here with `--seeds 250 --every 4`: of every fourth place. The standard error of a cell
+is 1.4 points.
 """
 
 
@@ -272,7 +296,8 @@ def markdown(table: Sequence[Row], designs: Sequence[str], page: str) -> str:
     parts += [_UNCOVERED, _lines(_by_size(uncovered, "coverage_warned"))]
     parts += [_NOTED, _grid(covered, designs, _warned)]
     parts += [_SKEWED, SKEWED.text(page), _ENDED, ENDED.text(page)]
-    parts += [_OF_USE_CASES, USE_CASES.text(page), _EXTENDED, EXTENDED.text(page), _NONE]
+    parts += [_OF_USE_CASES, USE_CASES.text(page), _EXTENDED, EXTENDED.text(page)]
+    parts += [_BANDS, BANDS.text(page), _FIELD_INDICES, FIELD_INDICES.text(page), _NONE]
     return "\n".join(parts)
 
 

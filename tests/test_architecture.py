@@ -15,6 +15,7 @@ import pytest
 
 import uqpen
 from uqpen.cli.main import COMMANDS
+from uqpen.core.derived import Reduction
 from uqpen.core.errors import UqpenError
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Model
@@ -25,6 +26,7 @@ from uqpen.distributions.copulas import COPULAS
 from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.distribution import Distribution
 from uqpen.models import MODELS
+from uqpen.reductions import REDUCTIONS
 from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS
 
 ROOT = Path(__file__).parents[1]
@@ -68,8 +70,14 @@ def test_every_module_says_what_it_is_for(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("family", "kind"),
-    [(DESIGNS, Design), (DISTRIBUTIONS, Distribution), (COPULAS, Dependence), (MODELS, Model)],
-    ids=["designs", "distributions", "copulas", "models"],
+    [
+        (DESIGNS, Design),
+        (DISTRIBUTIONS, Distribution),
+        (COPULAS, Dependence),
+        (MODELS, Model),
+        (REDUCTIONS, Reduction),
+    ],
+    ids=["designs", "distributions", "copulas", "models", "reductions"],
 )
 def test_members_of_a_family_are_final_and_frozen(family: dict[str, str], kind: type) -> None:
     for name, reference in family.items():

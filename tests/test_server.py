@@ -285,7 +285,7 @@ class TestOffers:
     def test_an_input_can_be_held(self) -> None:
         offer = ServedModel("a", Evaluator(Ishigami()), ("x3", "x1"), {"x2": 0.5})
         x = {"x1": np.array([2.0]), "x2": np.array([0.5]), "x3": np.array([1.0])}
-        assert offer.run([1.0, 2.0]) == Ishigami().evaluate(x).outputs["y"].tolist()
+        assert offer.run([1.0, 2.0]) == [Ishigami().evaluate(x).outputs["y"].tolist()]
 
     @pytest.mark.parametrize(
         ("varied", "held", "message"),
@@ -373,7 +373,7 @@ class TestCommand:
         points = np.stack([ok["x1"], ok["x2"]], axis=1).tolist()
         (offer,) = make_offers(f"{tmp_path}/study.nc:chaos")
         assert make_offers(f"{tmp_path}/study.nc")[0].name == offer.name == "chaos"
-        fitted = [offer.run(point)[0] for point in points]
+        fitted = [offer.run(point)[0][0] for point in points]
         assert np.corrcoef(fitted, ok["y"])[0, 1] > 0.9
         with offering(offer) as address:
             model = umbridge.HTTPModel(address, "chaos")

@@ -84,6 +84,21 @@ def test_interrupted_or_on_two_processes_it_has_the_same_bytes(folder: Path) -> 
     assert 0 < (status == 3).sum() < 30
 
 
+def test_large_parts_are_written_as_they_come(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uqpen.checkpoints.checkpoint_folder._PATIENCE", np.inf)
+    bytes_of_a_run = 8 * (3 + 4)
+    monkeypatch.setattr("uqpen.checkpoints.growing_part._MOST_BYTES", 5 * bytes_of_a_run)
+    (folder / "stop").touch()
+    with pytest.raises(KeyboardInterrupt, match="11 runs are kept"):
+        make(folder)
+    parts = sorted((folder / "study.nc.parts").rglob("*.npz"))
+    assert [len(read_runs(part).runs) for part in parts] == [5, 5, 1]
+    (folder / "stop").unlink()
+    assert make(folder) == make(folder, "whole.nc")
+
+
 def test_killed_it_goes_on(folder: Path) -> None:
     slow = MODEL.replace("    curve", "    import time; time.sleep(0.02)\n    curve")
     (folder / "model.py").write_text(slow)

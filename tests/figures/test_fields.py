@@ -168,3 +168,24 @@ def test_a_map_has_the_values_of_the_field(tree: xr.DataTree) -> None:
 def test_a_study_of_numbers_has_none_of_them(tree: xr.DataTree) -> None:
     with pytest.raises(FigureError, match="has nothing for the figure"):
         uqpen.figure(tree, "map", output="ending")
+
+
+def test_bands_are_told_from_intervals_at_each_place(tree: xr.DataTree) -> None:
+    mean = tree["statistics/mc/ending"]["mean"].values
+    wide = mean + np.array([0.0, -0.5, 0.5])
+    content = {"band_content": [0.9]}
+    made = with_statistics(
+        tree,
+        {
+            "mean_band": along(tree, wide),
+            "tolerance_band": along(tree, wide[:, np.newaxis], **content),
+        },
+    )
+    axes = drawn(made, "fan", output="ending")[0]
+    assert {
+        "95 % intervals of the mean, each place by itself",
+        "simultaneous 95 % band of the mean",
+        "band that holds 90 % of the curves, 95 % confidence",
+    } <= set(labels(axes))
+    held = line(axes, "band that holds 90 % of the curves, 95 % confidence")
+    np.testing.assert_allclose(held, 100 * wide[:, 1])

@@ -23,15 +23,11 @@ from uqpen.core.errors import ModelError, StudyError
 from uqpen.core.model import Model, Results
 from uqpen.core.status import Status
 from uqpen.execution import Evaluator
+from uqpen.models.command.column_readings import CsvReader
+from uqpen.models.command.output_reader import OutputReader
 from uqpen.models.command.placeholders import fill
 from uqpen.models.command.placeholders import find_mistakes as mistakes_in
-from uqpen.models.command.readings import (
-    CsvReader,
-    JsonReader,
-    NetcdfReader,
-    OutputReader,
-    TextReader,
-)
+from uqpen.models.command.readings import JsonReader, NetcdfReader, TextReader
 from uqpen.models.command.reasons import remove_variable_parts
 from uqpen.models.command.written import RunFiles, UnreadableError
 from uqpen.study.load import parse_study

@@ -15,8 +15,9 @@ import uqpen
 from uqpen.core.errors import StudyError
 from uqpen.core.model import RunWarning
 from uqpen.core.status import Status
+from uqpen.models.command.column_readings import ColumnReader
 from uqpen.models.command.placeholders import Delimiters, NotWholeError, fill, find_mistakes
-from uqpen.models.command.readings import ColumnReader, TextReader
+from uqpen.models.command.readings import TextReader
 from uqpen.models.command.written import RunFiles, UnreadableError
 
 LOG = "step 1: s = 4\nstep 2: s = 9\nstep 3: s = 2.0D+00\nresult\nmax s = 8\n"

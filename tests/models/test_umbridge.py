@@ -384,7 +384,8 @@ class TestMistakes:
                 [('name = "sum"', 'name = "sum"\nnmae = "sum"')],
                 "study.toml:5  model.nmae",
                 "an unknown key",
-                'did you mean "name"? known: umbridge, name, time_limit, config, inputs, outputs',
+                'did you mean "name"? known: umbridge, name, time_limit, config, inputs, outputs, '
+                "dimensions",
             ),
         ],
     )

@@ -12,9 +12,7 @@ from click.testing import CliRunner
 import uqpen
 from uqpen.cli.models import models
 from uqpen.cli.run import run
-from uqpen.cli.serve import make_offers
 from uqpen.cli.show import show
-from uqpen.core.errors import ModelError
 from uqpen.figures.page import available
 from uqpen.report.page import report_page
 from uqpen.results.digits import estimate_text
@@ -154,12 +152,3 @@ def test_a_trial_run_gives_the_range(folder: Path, mixed: xr.DataTree) -> None:
 def test_models_are_described_by_their_dimensions() -> None:
     shown = CliRunner().invoke(models, ["walker-anderson-trajectory"])
     assert {"nose_depth", "numbers", "elapsed_time"} <= set(shown.output.split())
-
-
-def test_they_are_not_served() -> None:
-    with pytest.raises(ModelError) as refused:
-        make_offers("walker-anderson-trajectory")
-    assert str(refused.value) == (
-        "walker-anderson-trajectory gives nose_velocity, tail_velocity, length, plastic_extent, "
-        "nose_depth along dimensions; only models with scalar outputs can be served"
-    )

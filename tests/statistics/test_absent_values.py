@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.archive.estimates import interval_text
 from uqpen.report.page import report_page
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
@@ -107,6 +108,21 @@ def test_indices_of_blocks_are_of_those_with_values() -> None:
     whole = tree["statistics/d/plain/first_order"]
     assert first.attrs["blocks_used"] < whole.attrs["blocks_used"] == 64
     assert first.sel(input="z").values[0] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("design", "statistic", "said"),
+    [
+        (uqpen.Morris(trajectories=10), "mu_star", "effects are missing because a run gave no"),
+        (uqpen.Quadrature(order=3), "mean", "of 16 nodes gave no value"),
+    ],
+    ids=["effects", "nodes"],
+)
+def test_what_a_design_lacks_is_no_failure(design: object, statistic: str, said: str) -> None:
+    array = SourceStatistics(uqpen.run(study(design))).get("d", "crossing", statistic)
+    assert array is not None
+    assert said in interval_text(array if array.ndim == 1 else array[0], "note")
+    assert "its existence" in array.attrs["conditional_on"]
 
 
 def test_a_surrogate_is_refused_with_the_reason() -> None:

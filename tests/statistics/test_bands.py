@@ -44,8 +44,8 @@ def field(values: npt.ArrayLike, replicates: int = 0, *, may_end: bool = False) 
     return FieldSample(sample, Output("v", "m/s", dims=(dimension,), may_end=may_end))
 
 
-def quantity(sample: FieldSample, **keys: tuple[float, ...]) -> QuantityOfInterest:
-    return QuantityOfInterest(sample.output, "m/s", **keys)
+def quantity(sample: FieldSample, contents: tuple[float, ...] = ()) -> QuantityOfInterest:
+    return QuantityOfInterest(sample.output, "m/s", tolerance_interval_contents=contents)
 
 
 def only(arrays: Iterator[tuple[str, xr.DataArray]]) -> xr.DataArray:
@@ -59,6 +59,9 @@ def smooth_curves(seed: int, runs: int, places: int = 20) -> Values:
     waves = np.linspace(0, 1, places) * np.pi * np.arange(1, 5)[:, None]
     found: Values = heights @ np.cos(waves)
     return found
+
+
+ONE = field(smooth_curves(1, 100))
 
 
 class TestSimultaneousBands:
@@ -146,13 +149,13 @@ class TestPlacesLeftOut:
             ),
             (
                 replace(
-                    one := field(smooth_curves(1, 100)),
-                    runs=replace(one.runs, sampling=Sampling.STRATIFIED),
+                    ONE,
+                    runs=replace(ONE.runs, sampling=Sampling.STRATIFIED),
                 ),
                 "no simultaneous band is known for one stratified set",
             ),
             (
-                replace(one, runs=replace(one.runs, weights=np.ones(100))),
+                replace(ONE, runs=replace(ONE.runs, weights=np.ones(100))),
                 "weights: no simultaneous band is known",
             ),
         ],
@@ -180,7 +183,7 @@ class TestToleranceBand:
 
     def test_says_how_many_runs_it_needs(self) -> None:
         sample = field(smooth_curves(1, 88))
-        request = quantity(sample, tolerance_interval_contents=(0.5, 0.99))
+        request = quantity(sample, (0.5, 0.99))
         band = only(tolerance_band(sample, request))
         assert band["band_content"].values.tolist() == [0.5, 0.95, 0.99]
         assert band["band_content_runs_needed"].values.tolist() == [8, 89, 449]
@@ -200,7 +203,7 @@ class TestToleranceBand:
         ended = curves.copy()
         ended[1, 10:] = np.nan
         far, near = (
-            only(tolerance_band(each, quantity(each, tolerance_interval_contents=(0.98,))))
+            only(tolerance_band(each, quantity(each, (0.98,))))
             for each in (field(curves), field(ended, may_end=True))
         )
         width = [float(each.isel(depth=0, band_content=1).diff(BOUND)[1]) for each in (near, far)]

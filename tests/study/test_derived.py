@@ -145,6 +145,14 @@ class TestRefused:
                 'outputs.found.time_of: "last"; one of max, min',
             ),
             (
+                'of = "infected"\ntime_of = ["max"]',
+                "outputs.found.time_of: a list; one of max, min",
+            ),
+            (
+                'of = ["infected"]\ntake = "max"',
+                "outputs.found.of: a list; the name of an output with dimensions",
+            ),
+            (
                 'of = "infected"\ntake = "first_above"',
                 'outputs.found.threshold: nothing; a plain number, such as "0.5"',
             ),
@@ -291,9 +299,13 @@ class TestModelsThatAreNotLoaded:
         }
         assert verdicts["statistics"] == "equal"
 
-    def test_a_model_with_a_mistake_has_no_others(self, folder: Path) -> None:
-        text = STUDY.replace('rate = "1"', 'rate = "parrot"')
-        text += '[outputs.peak]\nof = "infected"\ntake = "max"\nexceeds = ["20"]\n'
+    @pytest.mark.parametrize(
+        ("old", "key"),
+        [('rate = "1"', "model.inputs.rate"), ('{ unit = "1"', "model.outputs.infected.unit")],
+    )
+    def test_a_model_with_a_mistake_has_no_others(self, old: str, key: str, folder: Path) -> None:
+        text = STUDY.replace(old, old.replace("1", "parrot"), 1)
+        text += '[outputs.cases]\nof = "infected"\ntake = "integral"\nexceeds = ["20 day"]\n'
         with pytest.raises(uqpen.StudyError) as error:
             uqpen.parse_study(text, folder=folder)
-        assert [each.key for each in error.value.problems] == ["model.inputs.rate"]
+        assert [each.key for each in error.value.problems] == [key]

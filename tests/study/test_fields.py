@@ -134,11 +134,13 @@ class TestMistakes:
             ),
             (
                 "time = { from = 0, to = 1 }",
-                ".time: found from and to; expected either from, to and size, or values",
+                ".time: found from and to; expected either from, to and size, or values, or file, "
+                "or from_model",
             ),
             (
                 "time = {}",
-                ".time: found no coordinates; expected either from, to and size, or values",
+                ".time: found no coordinates; expected either from, to and size, or values, or "
+                "file, or from_model",
             ),
             (
                 "time = { from = 1, to = 0, size = 3 }",
@@ -156,7 +158,7 @@ class TestMistakes:
             (
                 "time = { values = [1], step = 2 }",
                 ".time.step: found an unknown key; expected known: unit, from, to, size, values, "
-                "long_name",
+                "file, column, from_model, long_name",
             ),
             ("", ": found an empty table; expected a dimension, such as time"),
             (
@@ -187,18 +189,6 @@ class TestMistakes:
         found = problems(changed('unit = "1", ', ""), folder)
         expected = 'a unit such as "cm", or "1" where there is none'
         assert found == [f"model.outputs.infected: found a table; expected {expected}"]
-
-    @pytest.mark.parametrize(
-        "model",
-        ['command = ["./sir", "{rate}"]', 'umbridge = "http://localhost:4242"'],
-        ids=["command", "umbridge"],
-    )
-    def test_only_python_models_have_them(self, folder: Path, model: str) -> None:
-        found = problems(changed('python = "epidemic.py:sir"', model), folder)
-        assert (
-            "model.outputs.infected.along: found dimensions of an output; expected none: only "
-            "Python models can have such outputs"
-        ) in found
 
     def test_a_request_for_a_statistic(self, folder: Path) -> None:
         text = STUDY + '[outputs.infected]\nunit = "%"\nexceeds = [0.5]\nhold = [0.9]\n'
@@ -231,12 +221,18 @@ class TestMistakes:
         transformed = STUDY + surrogate + 'transform = { infected = "log" }\n'
         assert problems(transformed, folder) == [
             'surrogates.pce.transform.infected: found the logarithm of "infected", which has '
-            "dimensions; expected a scalar output: surrogates take no other"
+            "dimensions; expected a scalar output: a field is fitted as it is"
         ]
+
+    def test_a_surrogate_of_curves_that_may_end(self, folder: Path) -> None:
+        surrogate = '[surrogates.pce]\nkind = "polynomial-chaos"\ndesign = "mc"\n'
         alone = (STUDY + surrogate).replace('peak = "day-1"\n', "")
-        assert problems(alone, folder) == [
-            "surrogates.pce: found a surrogate of infected, recovered, with dimensions; expected "
-            "a scalar output: surrogates take no other"
+        assert parsed(alone, folder).surrogates
+        field = f'infected = {{ unit = "1", along = {{ {TIME} }}'
+        ending = alone.replace(field, f"{field}, may_end = true")
+        assert problems(ending, folder) == [
+            "surrogates.pce: found a surrogate of infected, recovered, whose curves may end; "
+            "expected an output with numbers that are always there"
         ]
 
     def test_models_with_other_coordinates(self, folder: Path) -> None:

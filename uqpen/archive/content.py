@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqpen.core.arrays import raw_bytes
 from uqpen.core.labels import CONTENT
 
 __all__ = ["group_hashes", "recorded_hashes", "with_hashes"]
@@ -53,7 +54,7 @@ def _group_hash(dataset: xr.Dataset) -> str:
     return digest.hexdigest()
 
 
-def _canonical_bytes(dataset: xr.Dataset) -> Iterator[bytes]:
+def _canonical_bytes(dataset: xr.Dataset) -> Iterator[bytes | memoryview]:
     """Yield a group as bytes: attributes, dimensions, then each variable, in order of names."""
     attributes = {key: value for key, value in dataset.attrs.items() if key != CONTENT}
     yield from _attribute_bytes(attributes)
@@ -70,7 +71,7 @@ def _canonical_bytes(dataset: xr.Dataset) -> Iterator[bytes]:
         yield from _attribute_bytes(variable.attrs)
 
 
-def _attribute_bytes(attributes: dict[Any, Any]) -> Iterator[bytes]:
+def _attribute_bytes(attributes: dict[Any, Any]) -> Iterator[bytes | memoryview]:
     yield _text_bytes(len(attributes))
     for name, value in sorted(attributes.items(), key=lambda pair: str(pair[0])):
         yield _text_bytes(name)
@@ -78,14 +79,14 @@ def _attribute_bytes(attributes: dict[Any, Any]) -> Iterator[bytes]:
         yield from _value_bytes(np.ravel(np.asarray(value)))
 
 
-def _value_bytes(values: Any) -> Iterator[bytes]:
+def _value_bytes(values: Any) -> Iterator[bytes | memoryview]:
     """Yield an array's type, shape and content: texts as UTF-8, numbers as little-endian."""
     if values.dtype.kind in "OUS":
         yield from (_text_bytes("text"), _text_bytes(values.shape))
         yield from (_text_bytes(value) for value in values.ravel().tolist())
         return
     yield from (_text_bytes(values.dtype.name), _text_bytes(values.shape))
-    yield values.astype(values.dtype.newbyteorder("<")).tobytes()
+    yield raw_bytes(values.astype(values.dtype.newbyteorder("<"), copy=False))
 
 
 def _text_bytes(value: object) -> bytes:

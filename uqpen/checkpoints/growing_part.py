@@ -10,8 +10,8 @@ from uqpen.execution.batch import BatchResult
 
 __all__ = ["GrowingPart"]
 
-# A part grows and is written again each time, up to this number of times or of runs.
-_MOST_WRITTEN, _MOST_RUNS = 64, 8192
+# A part grows and is written again each time, up to this number of times, of runs or of bytes.
+_MOST_WRITTEN, _MOST_RUNS, _MOST_BYTES = 64, 8192, 2**24
 
 
 class GrowingPart:
@@ -20,13 +20,14 @@ class GrowingPart:
     def __init__(self) -> None:
         self.number: int | None = None
         self._batch_results: list[tuple[Arrays, BatchResult]] = []
-        self._runs = self._written = 0
+        self._runs = self._bytes = self._written = 0
         self._is_written = True
 
     def add(self, inputs: Arrays, batch_result: BatchResult) -> None:
         """Add the result of a batch with its inputs."""
         self._batch_results.append((inputs, batch_result))
         self._runs += len(batch_result)
+        self._bytes += sum(values.nbytes for values in batch_result.results.outputs.values())
         self._is_written = False
 
     def write(self, path: Path) -> None:
@@ -39,4 +40,9 @@ class GrowingPart:
     @property
     def is_full(self) -> bool:
         """True if further runs of its block go to another file."""
-        return self._written == _MOST_WRITTEN or self._runs >= _MOST_RUNS
+        return self.is_large or self._written == _MOST_WRITTEN or self._runs >= _MOST_RUNS
+
+    @property
+    def is_large(self) -> bool:
+        """True if it has so many values, as those of fields are, that it is to be written now."""
+        return self._bytes >= _MOST_BYTES

@@ -33,6 +33,9 @@ class RoundStore(Protocol):
     def save_if_due(self, unwritten: int) -> None:
         """Write the finished runs of all rounds if it is time."""
 
+    def save(self) -> None:
+        """Write the finished runs of all rounds."""
+
 
 class RoundCheckpoint(Checkpoint):
     """Checkpoint of the runs of one model in one round of a design, a part of a block in a file."""
@@ -84,7 +87,10 @@ class RoundCheckpoint(Checkpoint):
             own = {name: values[places] for name, values in inputs.items()}
             self._parts.setdefault(block, GrowingPart()).add(own, result)
         self._unwritten += len(batch_result)
-        self._store.save_if_due(self._unwritten)
+        if any(part.is_large for part in self._parts.values()):
+            self._store.save()
+        else:
+            self._store.save_if_due(self._unwritten)
 
     def write(self) -> int:
         """Write the runs that are not written yet; return their number."""

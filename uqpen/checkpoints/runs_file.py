@@ -16,7 +16,7 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.core.arrays import Arrays, IntArray
+from uqpen.core.arrays import Arrays, IntArray, raw_bytes
 from uqpen.core.labels import FAILURE_REASON, RUN, STATUS
 from uqpen.core.model import Results
 from uqpen.core.status import Status
@@ -256,5 +256,5 @@ def _digest(arrays: Mapping[str, npt.NDArray[Any]]) -> str:
     digest = hashlib.sha256()
     for name, values in sorted(arrays.items()):
         digest.update(f"{name} {values.dtype.str} {values.shape} ".encode())
-        digest.update(np.ascontiguousarray(values).tobytes())
+        digest.update(raw_bytes(values))
     return digest.hexdigest()

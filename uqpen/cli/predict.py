@@ -11,7 +11,6 @@ from uqpen.cli.options import PATH, folder_option, trust_option
 from uqpen.cli.surrogate_argument import open_surrogate, split_surrogate
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
     from uqpen.core.columns import Column
@@ -23,7 +22,7 @@ __all__ = ["predict"]
 @click.command(short_help="Predict outputs at given points by a surrogate.")
 @click.argument("surrogate", metavar="ARCHIVE:NAME")
 @click.argument("points", type=PATH)
-@click.option("-o", "file", type=PATH, help="The file to write, .csv, .json or .parquet.")
+@click.option("-o", "file", type=PATH, help="The file to write, .csv, .json, .parquet or .nc.")
 @folder_option("an archive's study")
 @trust_option
 def predict(
@@ -32,17 +31,20 @@ def predict(
     """Predict outputs at POINTS by the surrogate NAME of ARCHIVE; no model is run.
 
     POINTS is a CSV file with a column "name [unit]" for each input, or a NetCDF file with a
-    variable for each. The predictions follow as further columns, in the units of the study. The
-    column "extrapolated" names the inputs that are outside of the training range. Without -o, the
-    table goes to standard output.
+    variable for each. The predictions follow as further columns, in the units of the study. An
+    output with dimensions has a row for each of its places. The column "extrapolated" names the
+    inputs that are outside of the training range. Without -o, the table goes to standard output.
+    A NetCDF file has all dimensions, in SI units.
     """
     from uqpen.archive.read import open_archive
+    from uqpen.cli.prediction_table import prediction_table
     from uqpen.cli.printable import printable
     from uqpen.cli.table_file import table_format, write_table
     from uqpen.core.columns import read_columns
     from uqpen.core.errors import UnknownNameError
 
-    kind = table_format(file)
+    is_dataset = file is not None and file.suffix.lower() == ".nc"
+    kind = "" if is_dataset else table_format(file)
     archive = split_surrogate(surrogate)
     if archive is None:
         raise UnknownNameError(f"{surrogate}: expected ARCHIVE.nc:NAME")
@@ -55,7 +57,10 @@ def predict(
     predicted = _predict(found, taken, points)
     if text := found.extrapolation_text(predicted):
         click.echo(printable(text), err=True)
-    write_table(_table(found, predicted, taken), kind, file)
+    if is_dataset and file is not None:
+        _write_dataset(predicted, file)
+    else:
+        write_table(prediction_table(found, predicted, taken), kind, file)
 
 
 def _predict(found: ArchivedSurrogate, columns: list[Column], points: Path) -> xr.Dataset:
@@ -72,24 +77,25 @@ def _predict(found: ArchivedSurrogate, columns: list[Column], points: Path) -> x
         raise TableError(f'"{points.name}": {error}') from None
 
 
-def _table(found: ArchivedSurrogate, predicted: xr.Dataset, columns: list[Column]) -> pd.DataFrame:
-    """Return the points as their file has them, the predictions, and the inputs out of range."""
-    import numpy as np
-    import pandas as pd
+def _write_dataset(predicted: xr.Dataset, file: Path) -> None:
+    """Write predictions as a NetCDF file of one group."""
+    import tempfile
 
-    from uqpen.core.labels import INPUT
-    from uqpen.core.units import scale
-    from uqpen.results.table import label_with_unit
-    from uqpen.surrogates.archived_surrogate import EXTRAPOLATED, std_name
+    import xarray as xr
 
-    table = {column.heading: column.load() for column in columns}
-    for output in found.outputs:
-        unit, std = output.preferred_unit, std_name(output)
-        table[label_with_unit(output.name, unit)] = scale(unit).from_si(predicted[output.name])
-        if std in predicted:
-            deviations = scale(unit).difference_from_si(predicted[std])
-            table[label_with_unit(std, unit)] = deviations
-    marked = predicted[EXTRAPOLATED]
-    inputs = marked[INPUT].values
-    outside = [" ".join(inputs[row]) for row in np.atleast_2d(marked.values)]
-    return pd.DataFrame({**table, EXTRAPOLATED: outside})
+    from uqpen.archive.netcdf import write_tree
+    from uqpen.cli.printable import printable
+    from uqpen.core.errors import ExportError
+    from uqpen.core.files import replace_file
+    from uqpen.surrogates.archived_surrogate import EXTRAPOLATED
+
+    # NetCDF has no booleans.
+    numbers = predicted.assign({EXTRAPOLATED: predicted[EXTRAPOLATED].astype("int8")})
+    with tempfile.TemporaryDirectory() as folder:
+        whole = Path(folder) / file.name
+        write_tree(xr.DataTree(numbers), whole)
+        try:
+            replace_file(file, whole.read_bytes())
+        except OSError as error:
+            raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
+    click.echo(printable(str(file)))

@@ -45,7 +45,7 @@ def serve(
     several, ARCHIVE:NAME is one).
 
     A run takes a vector of inputs and returns a vector of outputs, in SI units. Their order is
-    printed.
+    printed. An output with dimensions is a vector of its own.
     """
     from uqpen.server import ModelServer
 
@@ -155,9 +155,6 @@ def _offer(
 
     if model.uncallable_reason:
         raise ModelError(f"{model.uncallable_reason}; a surrogate of an archive can be served")
-    if fields := [output.name for output in model.outputs if output.dims]:
-        found = f"{name} gives {', '.join(fields)} along dimensions"
-        raise ModelError(f"{found}; only models with scalar outputs can be served")
     fixed = {name: value for name, value in values.items() if name not in varied}
     return ServedModel(name, Evaluator(model, constraints), tuple(varied), fixed)
 
@@ -188,5 +185,8 @@ def _show(server: ModelServer) -> None:
 
 def _describe_values(output: Output) -> str:
     """Return the possible values of an output; a kind is given by its number."""
+    if output.dims:
+        along = " × ".join(f"{each.name} ({len(each.values)})" for each in output.dims)
+        return f"a vector of numbers along {along}"
     kinds = [f"{number}: {kind.label}" for number, kind in enumerate(output.categories)]
     return ", ".join(kinds) or "a number"

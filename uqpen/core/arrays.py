@@ -18,6 +18,7 @@ __all__ = [
     "IntArray",
     "floats",
     "is_finite_number",
+    "raw_bytes",
     "rows_by_weight",
 ]
 
@@ -39,6 +40,11 @@ def is_finite_number(value: object) -> bool:
         return False
     size: Any = abs(value)
     return bool(size <= sys.float_info.max)
+
+
+def raw_bytes(values: npt.NDArray[Any]) -> memoryview:
+    """Return the bytes of an array in its own order of bytes, as a view where it is contiguous."""
+    return np.ascontiguousarray(values).reshape(-1).view(np.uint8).data
 
 
 def floats(value: object) -> FloatArray:

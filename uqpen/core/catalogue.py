@@ -280,6 +280,17 @@ _STATISTICS = [
         note_is_of_estimate=True,
         is_share_of_variance=True,
     ),
+    # Of a whole field: along its places, each input has one.
+    *(
+        Statistic(
+            f"generalized_{name}",
+            f"generalized {_INDICES[name]}",
+            (INPUT,),
+            note_is_of_estimate=True,
+            is_share_of_variance=True,
+        )
+        for name in ("first_order", "total_order")
+    ),
     *_indices("log_", " of the logarithm"),
     *_indices("exceedance_", " of exceeding a value", THRESHOLD),
     *_indices("category_", " of a category", CATEGORY),

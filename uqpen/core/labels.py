@@ -33,6 +33,8 @@ STATUS = "status"
 FAILED_RUN = "lost_run"
 FAILURE_REASON = "lost_reason"
 RANK = "rank"
+# Dimension of the components of a field, in the group of the surrogate that is fitted to it.
+PRINCIPAL_COMPONENT = "principal_component"
 
 # Interval metadata of an estimate: attributes of a single one, coordinates along several.
 INTERVAL = "interval"
@@ -145,4 +147,6 @@ DIFFERENCES = "differences"
 _OF_RUNS = (RUN, REPLICATE, ROUND, BLOCK_NUMBER, MATRIX, POSITION, QUADRATURE_WEIGHT)
 _OF_MOVES = (MOVED_INPUT, MOVED_BY, MOVED_UNCERTAINTY)
 _OF_FAILURES = (STATUS, FAILED_RUN, FAILURE_REASON)
-RESERVED = frozenset([*_OF_RUNS, *_OF_MOVES, *_OF_FAILURES, BOUND, INPUT, RANK])
+RESERVED = frozenset(
+    [*_OF_RUNS, *_OF_MOVES, *_OF_FAILURES, BOUND, INPUT, RANK, PRINCIPAL_COMPONENT]
+)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +12,7 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import CATALOGUE, NAMES_IN_USE
 from uqpen.core.errors import Problem, SettingsError, toml_text
 from uqpen.core.labels import NAME
+from uqpen.core.units import DIMENSIONLESS, scale
 
 __all__ = [
     "MOST_DIMENSIONS",
@@ -152,6 +153,20 @@ class Dimension(Variable):
         if problems := list(self._problems()):
             raise SettingsError(problems)
 
+    @property
+    def weights(self) -> FloatArray:
+        """Weight of each coordinate in a mean along the dimension, by the trapezoidal rule."""
+        if len(self.values) == 1:
+            return np.ones(1)
+        steps = np.diff(self.values) / (self.values[-1] - self.values[0])
+        weights: FloatArray = (np.append(steps, 0.0) + np.append(0.0, steps)) / 2
+        return weights
+
+    def place_text(self, value: float) -> str:
+        """Return a place along it as text, such as ``time = 12 day``; the value is in SI units."""
+        unit = "" if self.preferred_unit == DIMENSIONLESS else f" {self.preferred_unit}"
+        return f"{self.name} = {scale(self.preferred_unit).from_si(value):.10g}{unit}"
+
     def _problems(self) -> Iterator[Problem]:
         if expected := dimension_name_problem(self.name):
             yield Problem(("name",), toml_text(self.name), expected)
@@ -213,6 +228,26 @@ class Output(Variable):
     def is_number(self) -> bool:
         """True if each run has one number of it, neither a category nor a field."""
         return not self.categories and not self.dims
+
+    def place_text(self, place: Sequence[int]) -> str:
+        """Return the coordinates of a place, given by its position along each dimension."""
+        along = zip(self.dims, place, strict=True)
+        return ", ".join(dim.place_text(dim.values[position]) for dim, position in along)
+
+    def invalid_text(self, values: FloatArray) -> str:
+        """Return the first invalid value of a run and its place; empty if there is none.
+
+        Parameters
+        ----------
+        values : ndarray, shape (*dims)
+            Values of one run.
+        """
+        invalid = self.invalid(values[np.newaxis])[0]
+        if not invalid.any():
+            return ""
+        place = np.unravel_index(int(invalid.argmax()), self.shape)
+        text = f"{self.name} is {values[place]}"
+        return f"{text} at {self.place_text([int(each) for each in place])}" if self.dims else text
 
     def invalid(self, values: FloatArray) -> BoolArray:
         """Return a mask of the values that are no results.

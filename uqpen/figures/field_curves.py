@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from uqpen.figures.scatter import thin_runs
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.curve_estimates import CurveEstimates, curves
 from uqpen.results.digits import grouped_number, percent_text
-from uqpen.results.source_style import BLACK, GREY, VERMILION, SourceStyle, source_style
+from uqpen.results.source_style import BLACK, GREY, VERMILION, source_style
 from uqpen.results.texts import plain_text
 
 __all__ = ["fan_panels", "model_curve_panels"]
@@ -28,8 +29,8 @@ _NEAR_END = 0.94
 # Inches; the name of a quantity takes two lines along it.
 _HEIGHT = 2.9
 _CONDITIONAL = "statistics at a place are of the curves that get there"
-# Opacity of the shades between quantiles, of bands and of single runs.
-_FAN, _BAND, _RUN = 0.2, 0.4, 0.35
+# Opacity of the shades between quantiles, of intervals, of bands around these, and of single runs.
+_FAN, _INTERVAL, _BAND, _RUN = 0.2, 0.45, 0.2, 0.35
 
 
 def fan_panels(view: ArchiveView) -> Iterator[Panel]:
@@ -73,21 +74,16 @@ def _estimates(view: ArchiveView, output: str) -> CurveEstimates | None:
 def _draw_fan(found: CurveEstimates, axes: Axes) -> Iterator[str]:
     yield from _draw_runs(found, axes)
     colour = found.view.look(found.source).colour
-    _draw_quantiles(found, axes, SourceStyle(colour, "", "-"), _FAN)
-    for content, bounds in found.entries("tolerance_band").items():
-        if np.isfinite(bounds[:, 1:]).any():
-            label = f"band that holds {percent_text(content)} of the curves"
-            for bound, text in ((1, label), (2, None)):
-                style = {"color": colour, "linewidth": 0.9, "linestyle": (0, (1, 1)), "label": text}
-                axes.plot(found.places, bounds[:, bound], **style)
+    _draw_quantiles(found, axes, colour)
+    _draw_tolerance_bands(found, axes, colour)
     median = found.entries("quantile").get(0.5)
     if median is not None:
         axes.plot(found.places, median[:, 0], color=BLACK, linewidth=1.5, label="median")
         yield from _draw_band(found, axes, "quantile", "median", BLACK)
     mean = found.bounds("mean")
     if mean is not None:
-        style = {"color": VERMILION, "linestyle": (0, (5, 1.5)), "label": "mean"}
-        axes.plot(found.places, mean[:, 0], **style)
+        dashes = (0, (5, 1.5))
+        axes.plot(found.places, mean[:, 0], color=VERMILION, linestyle=dashes, label="mean")
         yield from _draw_band(found, axes, "mean", "mean", VERMILION)
     _label_axes(found, axes)
     yield from _mark_ends(found, axes)
@@ -108,9 +104,7 @@ def _draw_runs(found: CurveEstimates, axes: Axes) -> Iterator[str]:
     yield f"grey: {drawn} of {every} completed runs of {found.source}"
 
 
-def _draw_quantiles(
-    found: CurveEstimates, axes: Axes, style: SourceStyle, opacity: float, name: str = ""
-) -> None:
+def _draw_quantiles(found: CurveEstimates, axes: Axes, colour: str, name: str = "") -> None:
     """Shade between each quantile and its counterpart on the other side of the median."""
     quantiles = found.entries("quantile")
     for probability, lower in quantiles.items():
@@ -123,11 +117,22 @@ def _draw_quantiles(
                 found.places,
                 lower[:, 0],
                 upper[:, 0],
-                color=style.colour,
-                alpha=opacity,
+                color=colour,
+                alpha=_FAN,
                 linewidth=0,
                 label=", ".join(filter(None, (name, ends))),
             )
+
+
+def _draw_tolerance_bands(found: CurveEstimates, axes: Axes, colour: str) -> None:
+    confidence = percent_text(found.level("tolerance_band"))
+    for content, bounds in found.entries("tolerance_band").items():
+        if np.isfinite(bounds[:, 1:]).any():
+            held = percent_text(content)
+            label = f"band that holds {held} of the curves, {confidence} confidence"
+            for bound, text in ((1, label), (2, None)):
+                style: dict[str, Any] = {"color": colour, "linestyle": (0, (1, 1)), "label": text}
+                axes.plot(found.places, bounds[:, bound], linewidth=0.9, **style)
 
 
 def _draw_band(
@@ -135,9 +140,9 @@ def _draw_band(
 ) -> Iterator[str]:
     """Shade the intervals of a curve, at each place and simultaneous, or yield why it has none."""
     drawn = False
-    for band, text in (
-        (f"{statistic}_band", "simultaneous {level} band of the {name}"),
-        (statistic, "{level} intervals of the {name}, each place by itself"),
+    for band, opacity, text in (
+        (f"{statistic}_band", _BAND, "simultaneous {level} band of the {name}"),
+        (statistic, _INTERVAL, "{level} intervals of the {name}, each place by itself"),
     ):
         bounds = found.bounds(band) if name == "mean" else found.entries(band).get(0.5)
         if bounds is not None and np.isfinite(bounds[:, 1:]).any():
@@ -147,7 +152,7 @@ def _draw_band(
                 bounds[:, 1],
                 bounds[:, 2],
                 color=colour,
-                alpha=_BAND,
+                alpha=opacity,
                 linewidth=0,
                 label=text.format(level=percent_text(found.level(band)), name=name),
             )
@@ -196,7 +201,7 @@ def _draw_reached(found: CurveEstimates, axes: Axes) -> Iterator[str]:
     colour = found.view.look(found.source).colour
     axes.plot(found.places, bounds[:, 0], color=colour, linewidth=1.5)
     axes.fill_between(
-        found.places, bounds[:, 1], bounds[:, 2], color=colour, alpha=_BAND, linewidth=0
+        found.places, bounds[:, 1], bounds[:, 2], color=colour, alpha=_INTERVAL, linewidth=0
     )
     axes.set_xlabel(found.view.axis_label(found.dimension))
     axes.set(ylabel="P(curve gets there)", xlim=found.places[[0, -1]], ylim=(0, 1.02))
@@ -207,7 +212,7 @@ def _draw_reached(found: CurveEstimates, axes: Axes) -> Iterator[str]:
 def _draw_models(found: dict[int, CurveEstimates], axes: Axes) -> Iterator[str]:
     for number, each in found.items():
         style, name = source_style(number), plain_text(each.view.model, 40)
-        _draw_quantiles(each, axes, style, _FAN, name)
+        _draw_quantiles(each, axes, style.colour, name)
         middle = each.entries("quantile").get(0.5)
         if middle is not None:
             line = {"color": style.colour, "linestyle": style.line, "linewidth": 1.5}

@@ -19,7 +19,7 @@ from uqpen.results.texts import plain_text
 __all__ = ["sensitivity_along_panels"]
 
 _FIRST, _TOTAL = "first_order", "total_order"
-# Inputs that are told apart: those with the largest indices.
+# Inputs that are shown: those with the largest indices.
 _MOST_INPUTS = 8
 _STACK, _INTERVAL = 0.75, 0.25
 
@@ -40,7 +40,7 @@ def sensitivity_along_panels(view: ArchiveView) -> Iterator[Panel]:
 
 
 def _styles(entries: Mapping[str, FloatArray]) -> dict[str, SourceStyle]:
-    """Return a style of each input that is told apart, those with the largest indices first."""
+    """Return a style of each input that is shown, that with the largest index first."""
     largest = {name: np.nanmax(bounds[:, 0], initial=0) for name, bounds in entries.items()}
     names = sorted(largest, key=lambda name: -largest[name])[:_MOST_INPUTS]
     return {name: source_style(number) for number, name in enumerate(names)}

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 from uqpen.core.errors import ModelError, UnknownNameError, UqpenError
 from uqpen.core.lookup import choices, installed_members, load_installed, resolve
-from uqpen.models.python_function import load_module
 from uqpen.models.reasons import one_line
 from uqpen.models.surroundings import ModelFolder
+from uqpen.models.user_module import load_module
 
 __all__ = ["FunctionFamily", "OutsideFunction", "failure_text"]
 

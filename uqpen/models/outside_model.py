@@ -22,12 +22,13 @@ from uqpen.core.limits import Limits
 from uqpen.core.lookup import package_version
 from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.status import Status
-from uqpen.models.function_outputs import UnusableOutputError, extract_outputs
+from uqpen.models.function_outputs import extract_outputs
 from uqpen.models.function_source import FunctionSource
-from uqpen.models.python_function import load_module
 from uqpen.models.reasons import one_line
+from uqpen.models.run_grid import UnusableOutputError
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import end_forked_child, error_text, restore_streams
+from uqpen.models.user_module import load_module
 
 if TYPE_CHECKING:
     import xarray as xr

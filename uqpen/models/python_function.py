@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
-import importlib.util
 import inspect
 import os
 import pickle
-import sys
-import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,13 +22,25 @@ from uqpen.core.limits import Limits
 from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.status import Status
 from uqpen.core.units import scale
-from uqpen.models.function_outputs import UnusableOutputError, extract_outputs
+from uqpen.models.function_outputs import extract_outputs
 from uqpen.models.function_source import FunctionSource
 from uqpen.models.reasons import one_line
+from uqpen.models.run_grid import FieldSources, UnusableOutputError
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import end_forked_child, error_text, restore_streams
+from uqpen.models.user_module import load_function
 
-__all__ = ["PythonFunction", "check_signature", "load_function", "load_module"]
+__all__ = ["PythonFunction", "check_signature"]
+
+
+class _FailedRun(NamedTuple):
+    """Run without outputs: its reason and its status."""
+
+    reason: str
+    status: Status = Status.FAILED
+
+
+_CallResult = dict[str, FloatArray] | _FailedRun
 
 
 @dataclass(frozen=True)
@@ -58,6 +65,8 @@ class PythonFunction(Model):
         Limits of one run; if anything is limited, runs are made in a process of their own.
     source : FunctionSource, optional
         The source of a function that is an object of this process, without a file to load it from.
+    fields : FieldSources
+        The grids on which runs return outputs, and the files with coordinates.
     """
 
     function: Callable[..., Mapping[str, Any]]
@@ -69,6 +78,7 @@ class PythonFunction(Model):
     surroundings: ModelFolder | None = field(default=None, repr=False, compare=False)
     enforced_limits: Limits = Limits()
     source: FunctionSource | None = field(default=None, repr=False)
+    fields: FieldSources = field(default=FieldSources(), repr=False)
     is_untrusted: bool = field(default=True, init=False)
 
     @property
@@ -94,9 +104,9 @@ class PythonFunction(Model):
         folder = self.surroundings.on_import_path() if self.surroundings else nullcontext()
         with restore_streams(), folder:
             for batch, answer in self._batch_results(arguments, runs):
-                if isinstance(answer, str):
-                    status[batch] = Status.FAILED
-                    reasons[batch.start] = answer
+                if isinstance(answer, _FailedRun):
+                    status[batch] = answer.status
+                    reasons[batch.start] = answer.reason
                     continue
                 for name, values in answer.items():
                     outputs[name][batch] = values
@@ -111,15 +121,18 @@ class PythonFunction(Model):
             self.surroundings.add_imported(files)
 
     def files(self) -> tuple[FileSnapshot, ...]:
-        return self.surroundings.files() if self.surroundings else ()
+        own = self.surroundings.files() if self.surroundings else ()
+        return (*own, *self.fields.files)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Another process loads the function itself: its modules cannot be sent.
         declared = (self.name, self.inputs, self.outputs, self.units, self.vectorized)
+        fields = FieldSources(self.fields.grids)
         if self.surroundings is None:
             function = _pickle_by_value(self.function)
-            return _unpickle, (function, *declared, None, self.enforced_limits, self.source)
-        return _restore, (self.surroundings.folder, *declared, self.enforced_limits)
+            limits = self.enforced_limits
+            return _unpickle, (function, *declared, None, limits, self.source, fields)
+        return _restore, (self.surroundings.folder, *declared, self.enforced_limits, fields)
 
     def identity(self) -> dict[str, str]:
         if self.source is not None:
@@ -129,9 +142,7 @@ class PythonFunction(Model):
         sources = self.surroundings.sources()
         return {"name": self.name, "source_sha256": hashlib.sha256(sources).hexdigest()}
 
-    def _batch_results(
-        self, arguments: Arrays, runs: int
-    ) -> Iterator[tuple[slice, dict[str, FloatArray] | str]]:
+    def _batch_results(self, arguments: Arrays, runs: int) -> Iterator[tuple[slice, _CallResult]]:
         """Yield for each batch of runs its outputs, or the reason why it has none."""
         if not self.vectorized:
             columns = {name: values.tolist() for name, values in arguments.items()}
@@ -144,86 +155,29 @@ class PythonFunction(Model):
             batch = batches.pop()
             some = {name: values[batch].copy() for name, values in arguments.items()}
             answer = self._call(some, batch.stop - batch.start)
-            if isinstance(answer, str) and batch.stop - batch.start > 1:
+            if isinstance(answer, _FailedRun) and batch.stop - batch.start > 1:
                 # One bad run must not spoil its batch: halve until it is alone.
                 middle = (batch.start + batch.stop) // 2
                 batches += [slice(middle, batch.stop), slice(batch.start, middle)]
             else:
                 yield batch, answer
 
-    def _call(self, arguments: Mapping[str, Any], runs: int | None) -> dict[str, FloatArray] | str:
+    def _call(self, arguments: Mapping[str, Any], runs: int | None) -> _CallResult:
         """Return the outputs of one call, or the reason why there are none."""
         process = os.getpid()
-        answer: dict[str, FloatArray] | str
+        answer: _CallResult
         try:
             returned = self.function(**arguments)
-            answer = extract_outputs(returned, self.outputs, runs)
+            answer = extract_outputs(returned, self.outputs, runs, self.fields.grids)
         except UnusableOutputError as refused:
-            answer = one_line(str(refused))
+            answer = _FailedRun(one_line(str(refused)), refused.status)
         except BaseException as error:  # any exception of a black box is data
             end_forked_child(process, error)
             if is_user_interrupt(error):
                 raise
-            answer = error_text(error)
+            answer = _FailedRun(error_text(error))
         end_forked_child(process)
         return answer
-
-
-def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], ModelFolder]:
-    """Load the function of ``"file.py:function"`` or ``"package.module:function"``.
-
-    Parameters
-    ----------
-    reference : str
-        A path ends in ``.py`` and is relative to `folder`; anything else is an importable module.
-    folder : Path
-        Folder of the study file; modules beside it can be imported.
-
-    Returns
-    -------
-    function, surroundings
-        The function, and the folder that it must be called in.
-
-    Raises
-    ------
-    ModelError
-        If there is no such function, or importing it fails.
-    """
-    module, name, surroundings = load_module(reference, folder)
-    function = getattr(module, name, None)
-    if not callable(function):
-        known = [key for key, value in vars(module).items() if inspect.isfunction(value)]
-        listing = f"; it defines {', '.join(known)}" if known else ""
-        where = reference.rpartition(":")[0]
-        raise ModelError(f'"{where}" has no function "{name}"{listing}')
-    return function, surroundings
-
-
-def load_module(
-    reference: str, folder: Path, form: str = "my_model.py:function"
-) -> tuple[ModuleType, str, ModelFolder]:
-    """Load the module of a reference such as those of `load_function`.
-
-    Returns
-    -------
-    module, name, surroundings
-        The module, the name after the colon, and the folder that the module belongs to.
-
-    Raises
-    ------
-    ModelError
-        If the reference is not of the form, there is no such module, or importing it fails.
-    """
-    where, _, name = reference.rpartition(":")
-    if not where or not name:
-        raise ModelError(f'"{reference}" is not of the form "{form}"')
-    surroundings = ModelFolder(folder)
-    with surroundings.on_import_path():
-        module = _import_module(where, folder)
-    if where.endswith(".py"):
-        # It may lie outside the folder.
-        surroundings.read(str(folder / where))
-    return module, name, surroundings
 
 
 def _pickle_by_value(function: Callable[..., Any]) -> bytes:
@@ -259,12 +213,12 @@ def _restore(
     units: Mapping[str, str],
     vectorized: bool,
     limits: Limits,
+    fields: FieldSources,
 ) -> PythonFunction:
     """Restore a model from its declaration, and load its function again."""
     function, surroundings = load_function(reference, folder)
-    return PythonFunction(
-        function, reference, inputs, outputs, units, vectorized, surroundings, limits
-    )
+    declared = (reference, inputs, outputs, units, vectorized, surroundings, limits)
+    return PythonFunction(function, *declared, fields=fields)
 
 
 def check_signature(function: Callable[..., Any], names: list[str]) -> None:
@@ -278,32 +232,3 @@ def check_signature(function: Callable[..., Any], names: list[str]) -> None:
     except TypeError as error:
         label = getattr(function, "__name__", "the function")
         raise ModelError(f"{label}{signature} cannot take the inputs: {error}") from None
-
-
-def _import_module(where: str, folder: Path) -> Any:
-    try:
-        if where.endswith(".py"):
-            return _load_file(folder / where)
-        return importlib.import_module(where)
-    except ModelError:
-        raise
-    except ModuleNotFoundError as error:
-        raise ModelError(f'"{where}": {error}') from None
-    except (Exception, SystemExit) as error:  # a user's module can raise anything when imported
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        line = getattr(error, "lineno", None) or place.lineno
-        text = f'importing "{where}" failed at line {line}: {error_text(error)}'
-        raise ModelError(one_line(text)) from None
-
-
-def _load_file(path: Path) -> Any:
-    if not path.is_file():
-        raise ModelError(f'there is no file "{path.name}" beside the study')
-    # Under a name of our own: a model in "random.py" must not stand in for Python's module.
-    specification = importlib.util.spec_from_file_location(f"uqpen_study_{path.stem}", path)
-    if specification is None or specification.loader is None:
-        raise ModelError(f'"{path.name}" is not a Python file')
-    module = importlib.util.module_from_spec(specification)
-    sys.modules[module.__name__] = module
-    specification.loader.exec_module(module)
-    return module

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from uqpen.core.arrays import Arrays, FloatArray, floats
 from uqpen.core.errors import toml_text
+from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
-from uqpen.core.model import Input, Model, Output, Results
+from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.status import Status
 from uqpen.core.units import scale
+from uqpen.models.run_grid import FieldSources
 from uqpen.models.umbridge_client import Address, NoAnswerError, UmbridgeClient
 
 __all__ = ["UmbridgeModel", "VectorSizes", "request_sizes"]
@@ -31,7 +34,7 @@ class VectorSizes:
 
 @dataclass(frozen=True)
 class UmbridgeModel(Model):
-    """Model on a UM-Bridge server; its inputs fill the server's vectors in their order.
+    """Model on a UM-Bridge server; its inputs and outputs fill the server's vectors in their order.
 
     Parameters
     ----------
@@ -47,6 +50,8 @@ class UmbridgeModel(Model):
         Content of every request in addition to the inputs, as a JSON object.
     time_limit : float, optional
         Time limit of a run, in seconds.
+    fields : FieldSources
+        The files with coordinates.
     """
 
     name: str
@@ -57,6 +62,7 @@ class UmbridgeModel(Model):
     sizes: VectorSizes | None
     config: str = "{}"
     time_limit: float | None = None
+    fields: FieldSources = field(default=FieldSources(), repr=False)
 
     vectorized = False
 
@@ -67,20 +73,26 @@ class UmbridgeModel(Model):
     def evaluate(self, inputs: Arrays) -> Results:
         columns = [scale(self.units[v.name]).from_si(inputs[v.name]) for v in self.inputs]
         points = np.stack(columns, axis=1).tolist()
-        values = np.full((len(points), len(self.outputs)), np.nan)
+        outputs = empty_outputs(self.outputs, len(points))
+        sizes = [math.prod(output.shape) for output in self.outputs]
         status = np.full(len(points), Status.OK, dtype=np.int8)
         reasons: dict[int, str] = {}
         with UmbridgeClient(self.address, self.time_limit) as server:
             for run, point in enumerate(points):
                 try:
-                    values[run] = self._request_outputs(server, point)
+                    values = self._request_outputs(server, point)
                 except NoAnswerError as error:
                     status[run], reasons[run] = error.status, str(error)
-        outputs = {
-            output.name: scale(self.units[output.name]).array_to_si(column)
-            for output, column in zip(self.outputs, values.T, strict=True)
-        }
+                    continue
+                parts = np.split(values, np.cumsum(sizes)[:-1])
+                for output, part in zip(self.outputs, parts, strict=True):
+                    outputs[output.name][run] = part.reshape(output.shape)
+        for name, column in outputs.items():
+            outputs[name] = scale(self.units[name]).array_to_si(column)
         return Results(outputs, status, reasons)
+
+    def files(self) -> tuple[FileSnapshot, ...]:
+        return self.fields.files
 
     def identity(self) -> dict[str, str]:
         config = {"config": self.config} if self.config != "{}" else {}

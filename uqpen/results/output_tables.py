@@ -36,6 +36,7 @@ from uqpen.results.table import (
     scalar_output_names,
 )
 from uqpen.surrogates.diagnostics import shown_diagnostics, shown_titles
+from uqpen.surrogates.field_fit import FIT_TEXT
 from uqpen.surrogates.storage import unfitted_outputs
 
 __all__ = [
@@ -165,7 +166,10 @@ def fit_table(name: str, made: xr.DataTree) -> OutputTable:
     table = OutputTable(title, columns)
     for output, diagnostics in fits.items():
         texts = {each.title: each.text for each in diagnostics}
-        table.rows.append((output, [texts.get(column) or NOTHING for column in columns]))
+        cells = [texts.get(column) or NOTHING for column in columns]
+        if said := str(made.children[output].attrs.get(FIT_TEXT, "")):
+            cells[-1] += table.note_mark(said)
+        table.rows.append((output, cells))
     for output, reason in unfitted_outputs(made).items():
         cells = [f"not fitted{table.note_mark(reason)}", *[NOTHING] * (len(columns) - 1)]
         table.rows.append((output, cells))

@@ -136,10 +136,10 @@ class ModelServer(socketserver.ThreadingTCPServer):
         if what == "InputSizes":
             return {"inputSizes": [len(offer.inputs)]}
         if what == "OutputSizes":
-            return {"outputSizes": [len(offer.outputs)]}
+            return {"outputSizes": offer.output_sizes}
         values = only_vector(request.get("input"), len(offer.inputs))
         with self.turn:
-            return {"output": [offer.run(values)]}
+            return {"output": offer.run(values)}
 
 
 def _plain_name(host: str) -> str:

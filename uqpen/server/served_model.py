@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from http import HTTPStatus
@@ -28,7 +30,10 @@ class RefusedError(Exception):
 
 @dataclass(frozen=True)
 class ServedModel:
-    """A model of a server, with one vector of inputs and one of outputs, in SI units.
+    """A model of a server, with one vector of inputs, and its outputs in SI units.
+
+    Outputs that are numbers share a vector with those next to them. A field is a vector of its own;
+    values along its last dimension follow each other there.
 
     Parameters
     ----------
@@ -69,18 +74,41 @@ class ServedModel:
 
     @property
     def outputs(self) -> tuple[Output, ...]:
-        """Outputs that make up the output vector."""
+        """Outputs that make up the output vectors."""
         return self.model.outputs
 
-    def run(self, values: Sequence[float]) -> list[float]:
-        """Return the outputs of one run; a `RefusedError` says that it failed."""
+    @property
+    def output_sizes(self) -> list[int]:
+        """Lengths of the output vectors."""
+        return [sum(math.prod(output.shape) for output in each) for each in self._vectors]
+
+    @property
+    def _vectors(self) -> list[list[Output]]:
+        """Outputs of each vector."""
+        # Only numbers have the same key as their neighbours.
+        keys = {output.name: output.name if output.dims else "" for output in self.outputs}
+        return [[*each] for _, each in itertools.groupby(self.outputs, lambda v: keys[v.name])]
+
+    def run(self, values: Sequence[float]) -> list[list[float | None]]:
+        """Return the output vectors of one run; a `RefusedError` says that it failed.
+
+        What follows the end of a curve is None: JSON knows no NaN.
+        """
         given = {**self.fixed_inputs, **dict(zip(self.varied_inputs, values, strict=True))}
         results = self.evaluator({name: np.array([value]) for name, value in given.items()})
         status = Status(int(results.status[0]))
         if status is not Status.OK:
             kind = status.meaning.title().replace("_", "")
             raise RefusedError(kind, results.reasons[0], HTTPStatus.INTERNAL_SERVER_ERROR)
-        return [float(results.outputs[output.name][0]) for output in self.outputs]
+        found = {name: each[0].ravel().tolist() for name, each in results.outputs.items()}
+        return [
+            [
+                None if math.isnan(value) else value
+                for output in each
+                for value in found[output.name]
+            ]
+            for each in self._vectors
+        ]
 
 
 def only_vector(vectors: Any, size: int) -> list[float]:

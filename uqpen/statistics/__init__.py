@@ -53,7 +53,18 @@ ANALYSES = {
 
 # The analyses that are right for weighted runs. The others would count every run the same.
 WEIGHTED_ANALYSES = frozenset(
-    {"moments", "quantiles", "percentiles", "exceedance", "cdfs", "shares", "convergence"}
+    {
+        "moments",
+        "quantiles",
+        "percentiles",
+        "exceedance",
+        "cdfs",
+        "shares",
+        "convergence",
+        "reached",
+        "bands",
+        "ranked_curves",
+    }
 )
 
 # The analyses of a field, by the group of their results: functions of a `FieldSample`. The
@@ -63,6 +74,7 @@ FIELD_ANALYSES: Mapping[str, list[str]] = MappingProxyType(
         "moments": ["uqpen.statistics.fields.place_statistics:moments_at_places"],
         "quantiles": ["uqpen.statistics.fields.place_statistics:quantiles_at_places"],
         "exceedance": ["uqpen.statistics.fields.place_statistics:probabilities_at_places"],
+        "sensitivity": ["uqpen.statistics.fields.given_data_at_places:first_order_at_places"],
         "reached": ["uqpen.statistics.fields.place_statistics:reached"],
         "bands": [
             "uqpen.statistics.fields.simultaneous_bands:mean_band",
@@ -96,4 +108,16 @@ ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyTy
 )
 
 # The same for fields: functions of all runs.
-FIELD_ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType({})
+FIELD_ANALYSES_OF_DESIGNS: Mapping[Sampling, Mapping[str, list[str]]] = MappingProxyType(
+    {
+        Sampling.PICK_FREEZE: {
+            "sensitivity": ["uqpen.statistics.fields.sobol_at_places:sobol_indices_at_places"],
+        },
+        Sampling.TRAJECTORIES: {
+            "sensitivity": ["uqpen.statistics.fields.effects_at_places:effects_at_places"],
+        },
+        Sampling.ONE_AT_A_TIME: {
+            "sensitivity": ["uqpen.statistics.fields.effects_at_places:responses_at_places"],
+        },
+    }
+)

@@ -85,13 +85,15 @@ def analyze(
             drawn = drawn_runs(handle)
             samples = _samples(drawn, scalars)
             counts = {name: output_run_counts(drawn, name) for name in found}
-            analyses = _sample_analyses(only, is_weighted=WEIGHT in drawn.template.coords)
+            is_weighted = WEIGHT in drawn.template.coords
+            analyses = _sample_analyses(ANALYSES, only, is_weighted=is_weighted)
             _run_analyses(analyses, scalars, samples, counts, found)
             # One field after the other, as the values of one may be most of the memory.
             for quantity in fields:
                 (sample,) = _samples(drawn, [quantity]).values()
                 field = {quantity.output.name: FieldSample(sample, quantity.output)}
-                _run_analyses(_select(FIELD_ANALYSES, only), [quantity], field, counts, found)
+                analyses = _sample_analyses(FIELD_ANALYSES, only, is_weighted=is_weighted)
+                _run_analyses(analyses, [quantity], field, counts, found)
         # A design that is made for a statistic estimates it better than its sample does.
         for analyses_of_designs, chosen in (
             (ANALYSES_OF_DESIGNS, scalars),
@@ -173,10 +175,10 @@ def _select(
 
 
 def _sample_analyses(
-    only: Collection[str] | None, *, is_weighted: bool
+    of_samples: Mapping[str, Sequence[str]], only: Collection[str] | None, *, is_weighted: bool
 ) -> Iterator[tuple[str, Analysis]]:
     """Yield the analyses of a sample that are wanted, with their names."""
-    for name, analysis in _select(ANALYSES, only):
+    for name, analysis in _select(of_samples, only):
         takes = not is_weighted or name in WEIGHTED_ANALYSES
         yield name, analysis if takes else unweighted(analysis)
 

@@ -53,7 +53,7 @@ class Estimates:
         texts = np.array([(e.method, e.label, e.note) for e in estimates], dtype=object)
         return cls(*np.moveaxis(numbers, -1, 0), *np.moveaxis(texts.reshape(*shape, 3), -1, 0))
 
-    def where(self, condition: npt.ArrayLike, other: Estimates) -> Estimates:
+    def replace_at(self, condition: npt.ArrayLike, other: Estimates) -> Estimates:
         """Return other estimates where a condition is true, and these elsewhere."""
         return Estimates(
             *(
@@ -66,9 +66,9 @@ class Estimates:
             ),
         )
 
-    def unknown_where(self, condition: npt.ArrayLike, *reasons: str) -> Estimates:
-        """Return the estimates, without bounds where a condition is true."""
-        return self.where(condition, Estimates.without_bounds(self.value, *reasons))
+    def remove_bounds_at(self, condition: npt.ArrayLike, *reasons: str) -> Estimates:
+        """Return the estimates, without bounds where a condition is true, for some reasons."""
+        return self.replace_at(condition, Estimates.without_bounds(self.value, *reasons))
 
     @property
     def has_bounds(self) -> BoolArray:

@@ -50,9 +50,10 @@ def group_sums(values: FloatArray, group: IntArray, groups: int) -> FloatArray:
     -------
     ndarray, shape (..., group)
     """
-    first = np.arange(math.prod(values.shape[:-1]))[:, np.newaxis] * groups
-    sums = np.bincount((first + group).ravel(), values.ravel(), first.size * groups)
-    return sums.reshape(*values.shape[:-1], groups).astype(np.float64, copy=False)
+    sums = np.empty((*values.shape[:-1], groups))
+    for row in np.ndindex(values.shape[:-1]):
+        sums[row] = np.bincount(group, values[row], groups)
+    return sums
 
 
 def ratio_error(

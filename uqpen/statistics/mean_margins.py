@@ -37,7 +37,7 @@ def mean_margins(sample: Sample, deviations: FloatArray, *, is_heavy: npt.ArrayL
     needs_extremes = np.asarray(is_heavy) | (not is_stratified)
     extremes = Margins.zero(deviations.shape[:-1])
     if needs_extremes.any():
-        extremes = extreme_margins(deviations, sample.run_weights).where(needs_extremes)
+        extremes = extreme_margins(deviations, sample.run_weights).zero_except(needs_extremes)
     skew, extreme_replicate = _replicate_margins(sample, deviations)
     furthest = extremes.at_least(extreme_replicate)
     return _symmetric_margins(sample, deviations).plus(skew).plus(furthest)

@@ -129,7 +129,7 @@ class Sample:
         whole = cls._from_values(handle, np.full(used.shape, np.nan), used)
         found = {}
         for name in names:
-            values = handle.column(name)[used].astype(np.float64)
+            values = np.asarray(handle.column(name)[used], dtype=np.float64)
             found[name] = replace(whole, values=values)
             if absent_runs(handle, name) is not None:
                 exists = ~np.isnan(values)

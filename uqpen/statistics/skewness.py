@@ -35,7 +35,7 @@ class Margins(NamedTuple):
         """Return the larger of two distances, at each end."""
         return Margins(np.maximum(self.below, other.below), np.maximum(self.above, other.above))
 
-    def where(self, condition: BoolArray) -> Margins:
+    def zero_except(self, condition: BoolArray) -> Margins:
         """Return the distances at some places, and 0 at the others."""
         return Margins(*(np.where(condition, margin, 0.0) for margin in self))
 

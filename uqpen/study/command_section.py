@@ -45,7 +45,7 @@ def read_command(table: TableReader) -> Command | None:
     limits = read_limits(table)
     kept = table.settings(FolderPolicy, given={"folder": _kept_folder(table)})
     named = set().union(*map(names_in, words), handed.names())
-    readings = read_readings(table, variables.outputs, OUTPUTS if "outputs" in named else STDOUT)
+    readings = read_readings(table, variables, OUTPUTS if "outputs" in named else STDOUT)
     if len(table.problems) == noted:
         handed.check([variable.name for variable in variables.inputs], words, named)
     program = handed.program(words) if table.trust and words else None
@@ -53,9 +53,9 @@ def read_command(table: TableReader) -> Command | None:
         return None
     copied = tuple(handed.copied)
     templates, delimiters = handed.templates, handed.delimiters
-    return Command(
-        words, *variables, readings, kept, program, templates, copied, limits, delimiters
-    )
+    inputs, outputs, units, fields = variables
+    declared = (words, inputs, outputs, units, readings, kept, program, templates, copied, limits)
+    return Command(*declared, delimiters, fields=fields)
 
 
 @dataclass

@@ -151,7 +151,8 @@ def _read_declared(table: TableReader, name: str, model: Model) -> _Declared | N
 
 def _read_field(table: TableReader, model: Model) -> Output | None:
     """Read the field that an output is derived from; None where a mistake was noted."""
-    fields = {output.name: output for output in model.outputs if output.dims}
+    known = [output for output in model.outputs if output.unit is not ANY_DIMENSION]
+    fields = {output.name: output for output in known if output.dims}
     name = table.text(_OF, "the name of an output with dimensions")
     if name is None or name in fields or isinstance(model, PartialModel):
         return fields.get(name or "")
@@ -183,8 +184,10 @@ def _read_reduction(table: TableReader, key: str, field: Output) -> Reduction | 
         kind = family_member(table, key, family, "something to take")
     else:
         place = table.take(key)
-        kind = resolve(REDUCTIONS[_PLACES[place]]) if place in _PLACES else None
-        if kind is None:
+        kind = None
+        if isinstance(place, str) and place in _PLACES:
+            kind = resolve(REDUCTIONS[_PLACES[place]])
+        else:
             table.add_wrong(key, place, f"one of {', '.join(_PLACES)}")
     reduction: Reduction | None = kind and table.settings(kind, like=field.unit)
     return reduction

@@ -1,88 +1,30 @@
-"""``along`` of ``[model.outputs]``: the dimensions of an output, with their coordinates."""
+"""Outputs with dimensions in ``[model.outputs]``: ``along``, ``may_end`` and a run's own grid."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
-import numpy as np
-
-from uqpen.core.errors import Problem, SettingsError
+from uqpen.core.columns import heading_parts
+from uqpen.core.errors import QuantityError, SettingsError, TableError
+from uqpen.core.labels import NAME
+from uqpen.core.lookup import choices
 from uqpen.core.model import Dimension, Output
-from uqpen.core.settings import Context, as_float, count, flag, number, setting, text, validate
-from uqpen.core.units import DIMENSIONLESS, scale, si_unit
-from uqpen.core.variables import dimension_name_problem
+from uqpen.core.settings import choice, flag
+from uqpen.core.units import are_convertible, describe
+from uqpen.models.run_grid import INTERPOLATIONS, NO_INTERPOLATION, FieldSources, RunGrid
+from uqpen.study.dimensions_section import DimensionsReader
 from uqpen.study.table_reader import TableReader
 
-__all__ = ["check_dimensions", "read_field"]
+__all__ = ["check_dimensions", "read_field", "read_grid", "refuse_grids"]
 
-_ALONG = "along"
+_ALONG, _ON, _INTERPOLATION = "along", "on", "interpolation"
 
-# Coordinates of one dimension, and values of one run, at most.
-_MOST, _MOST_VALUES = 1_000_000, 10_000_000
+_OWN_NAME = 'the name of a run\'s own coordinates, which no input or output has: "t" or "t [s]"'
 
-_COORDINATES = "either from, to and size, or values"
-
-
-def _read_unit(written: object, context: Context) -> Any:
-    if isinstance(written, str):
-        si_unit(written)
-    return written
-
-
-def _read_numbers(written: object, context: Context) -> Any:
-    return tuple(map(as_float, written)) if isinstance(written, list) else written
-
-
-def _are_numbers(values: object) -> bool:
-    return (
-        isinstance(values, tuple)
-        and bool(values)
-        and all(isinstance(value, float) for value in values)
-    )
-
-
-@dataclass(frozen=True)
-class _Coordinates:
-    """Coordinates of a dimension as a study states them, in the unit that it names."""
-
-    unit: str = setting(
-        "unit",
-        'a unit such as "s"',
-        lambda unit: isinstance(unit, str),
-        read=_read_unit,
-        default=DIMENSIONLESS,
-    )
-    first: float | None = number(key="from", default=None)
-    last: float | None = number(key="to", default=None)
-    size: int | None = count(minimum=2, maximum=_MOST, default=None)
-    values: tuple[float, ...] | None = setting(
-        "coordinates", "a list of numbers", _are_numbers, read=_read_numbers, default=None
-    )
-    long_name: str | None = text(expected="a name for display", default=None)
-
-    def __post_init__(self) -> None:
-        validate(self, self._problems())
-
-    def _problems(self) -> Iterator[Problem]:
-        by_key = {"from": self.first, "to": self.last, "size": self.size, "values": self.values}
-        given = [key for key, value in by_key.items() if value is not None]
-        if given not in (["from", "to", "size"], ["values"]):
-            yield Problem((), " and ".join(given) or "no coordinates", _COORDINATES)
-        elif self.first is not None and self.last is not None and not self.first < self.last:
-            yield Problem(("to",), f"{self.last:g}", f"a number above {self.first:g}")
-
-    def dimension(self, name: str) -> Dimension:
-        """Return the dimension, in SI units."""
-        if self.first is not None and self.last is not None and self.size is not None:
-            values = np.linspace(self.first, self.last, self.size)
-        else:
-            values = np.array(self.values)
-        coordinates = scale(self.unit).array_to_si(values).tolist()
-        unit = si_unit(self.unit)
-        return Dimension(name, unit, self.long_name or "", self.unit, tuple(coordinates))
+# Values of an output in one run at most.
+_MOST_VALUES = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -90,15 +32,17 @@ class _Field:
     """Settings of an output beside its unit and its dimensions."""
 
     may_end: bool = flag(default=False)
+    interpolation: str | None = choice(*INTERPOLATIONS, NO_INTERPOLATION, default=None)
 
 
-def read_field(table: TableReader, output: Output, *, takes_fields: bool) -> Output:
+def read_field(table: TableReader, output: Output, dimensions: DimensionsReader) -> Output:
     """Return an output with the dimensions that its table declares; mistakes are noted.
 
     An output with a mistake has no dimensions.
     """
     table.take("unit")
-    dims = _read_dimensions(table, takes_fields=takes_fields)
+    table.take(_ON)
+    dims = _read_dimensions(table, dimensions)
     settings = table.settings(_Field) or _Field()
     table.check_unknown_keys()
     if dims is None:
@@ -112,39 +56,86 @@ def read_field(table: TableReader, output: Output, *, takes_fields: bool) -> Out
     return output
 
 
-def _read_dimensions(table: TableReader, *, takes_fields: bool) -> tuple[Dimension, ...] | None:
-    """Read the dimensions of an output, often none; None where a mistake was noted."""
-    along = table.table(_ALONG)
-    if not along.is_given:
-        return ()
-    if not takes_fields:
-        expected = "none: only Python models can have such outputs"
-        table.add_problem(_ALONG, "dimensions of an output", expected)
-        return None
-    if not along.content:
-        along.add_problem((), "an empty table", "a dimension, such as time")
-    found = [_read_dimension(along, name) for name in along]
+def _read_dimensions(
+    table: TableReader, dimensions: DimensionsReader
+) -> tuple[Dimension, ...] | None:
+    """Read the dimensions of an output, often none; None where one is not known."""
+    found: list[Dimension | None]
+    if isinstance(table.content.get(_ALONG), list):
+        names = enumerate(table.entries(_ALONG))
+        found = [_shared(table, position, name, dimensions) for position, name in names]
+    else:
+        along = table.table(_ALONG)
+        if not along.is_given:
+            return ()
+        found = [dimensions.read(along, name) for name in along]
+    if not found:
+        kind = "list" if isinstance(table.content[_ALONG], list) else "table"
+        table.add_problem(_ALONG, f"an empty {kind}", "a dimension, such as time")
     dims = tuple(dimension for dimension in found if dimension is not None)
     if (values := math.prod(len(dimension.values) for dimension in dims)) > _MOST_VALUES:
-        along.add_problem((), f"{values:_} values", f"at most {_MOST_VALUES:_} in one run")
+        table.add_problem(_ALONG, f"{values:_} values", f"at most {_MOST_VALUES:_} in one run")
         return None
     return dims if len(dims) == len(found) else None
 
 
-def _read_dimension(along: TableReader, name: str) -> Dimension | None:
-    """Read a dimension; None where a mistake was noted."""
-    if expected := dimension_name_problem(name):
-        along.add_wrong(name, name, expected)
-        return None
-    section = along.table(name, f"a table with a unit and {_COORDINATES}")
-    settings = section.whole_settings(_Coordinates) if section.is_given else None
-    if settings is None:
-        return None
-    try:
-        return settings.dimension(name)
-    except SettingsError as error:
-        section.add_refused(error.problems)
+def _shared(
+    table: TableReader, position: int, name: object, dimensions: DimensionsReader
+) -> Dimension | None:
+    """Return the shared dimension that an entry of a list names; None where it is not known."""
+    if isinstance(name, str) and name in dimensions.shared:
+        return dimensions.shared[name]
+    known = choices(str(name), dimensions.shared) if dimensions.shared else "there is none"
+    table.add_wrong((_ALONG, position), name, f"a dimension of [model.dimensions]; {known}")
     return None
+
+
+def read_grid(table: TableReader, output: Output, variables: Collection[str]) -> RunGrid | None:
+    """Return the grid on which every run has an output, if its table names one; see `RunGrid`."""
+    on = table.table(_ON)
+    interpolation = table.content.get(_INTERPOLATION)
+    if not on.is_given:
+        if interpolation is not None:
+            table.add_missing(_ON, 'coordinates of the run\'s own, such as on = { time = "t" }')
+        return None
+    if _ALONG not in table:
+        table.add_problem(_ON, "coordinates of an output without dimensions", "along beside them")
+    along = {dimension.name: dimension for dimension in output.dims}
+    names: dict[str, str] = {}
+    units: dict[str, str] = {}
+    for dimension, written in on.content.items():
+        if output.dims and dimension not in along:
+            expected = f"a dimension of {output.name}: {', '.join(along)}"
+            on.add_wrong(dimension, dimension, expected)
+        elif output.dims:
+            names[dimension], unit = _own_name(on, along[dimension], written, variables)
+            units |= {dimension: unit} if unit else {}
+    return RunGrid(names, units, interpolation or RunGrid.interpolation) if names else None
+
+
+def _own_name(
+    on: TableReader, dimension: Dimension, written: object, variables: Collection[str]
+) -> tuple[str, str]:
+    """Return the name of a run's own coordinates, and their unit if it is written behind it."""
+    try:
+        name, unit = heading_parts(written if isinstance(written, str) else "", "")
+        is_alike = "[" not in str(written) or are_convertible(unit, dimension.unit)
+    except (TableError, QuantityError):
+        name, unit, is_alike = "", "", True
+    if not NAME.match(name) or name in variables:
+        expected = (
+            'the name of a run\'s own coordinates, which no input or output has: "t" or "t [s]"'
+        )
+        on.add_wrong(dimension.name, written, expected)
+    elif not is_alike:
+        on.add_wrong(dimension.name, written, describe(dimension.unit))
+    return name, unit if "[" in str(written) else ""
+
+
+def refuse_grids(table: TableReader, fields: FieldSources, expected: str) -> None:
+    """Note the grids that runs have of their own where there can be none."""
+    for name in fields.grids:
+        table.add_problem(("outputs", name, _ON), "coordinates of the run's own", expected)
 
 
 def check_dimensions(

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import ModelError
 from uqpen.core.limits import Limits
 from uqpen.core.lookup import resolve
@@ -14,13 +17,17 @@ from uqpen.core.model import Model
 from uqpen.core.settings import flag, text
 from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models import MODELS
-from uqpen.models.python_function import PythonFunction, check_signature, load_function
+from uqpen.models.python_function import PythonFunction, check_signature
+from uqpen.models.surroundings import ModelFolder
+from uqpen.models.user_module import find_function, load_module, module_coordinates
+from uqpen.study.field_table import refuse_grids
 from uqpen.study.partial_model import PartialModel
 from uqpen.study.table_reader import TableReader
-from uqpen.study.variables_section import read_variables
+from uqpen.study.variables_section import Variables, read_variables
 
 __all__ = [
     "EXTERNAL_MODELS",
+    "check_function_grids",
     "read_function_limits",
     "read_limits",
     "read_model",
@@ -88,7 +95,7 @@ def read_partial_model(table: TableReader, mentioned: PartialModel) -> PartialMo
             return mentioned
         model = resolve(MODELS[name])()
         return PartialModel(model.name, model.inputs, model.outputs, model.alternatives)
-    inputs, outputs, _ = read_variables(table, takes_fields=True)
+    inputs, outputs, *_ = read_variables(table, lambda name: None)
     title = name if isinstance(name, str) else "the model"
     return PartialModel(title, inputs or mentioned.inputs, outputs or mentioned.outputs)
 
@@ -105,22 +112,57 @@ def read_function(table: TableReader) -> Model | None:
     """Read a Python function as a model; None where a mistake was noted."""
     noted = len(table.problems)
     settings = table.settings(_FunctionSettings)
-    limits = read_function_limits(table, is_vectorized=settings is not None and settings.vectorized)
-    inputs, outputs, units = read_variables(table, takes_fields=True)
+    is_vectorized = settings is not None and settings.vectorized
+    limits = read_function_limits(table, is_vectorized=is_vectorized)
+    code = _UserCode(settings.python if settings else "", table.folder, table.trust)
+    variables = read_variables(table, code.coordinates)
+    check_function_grids(table, variables, is_vectorized=is_vectorized)
     if settings is None or len(table.problems) > noted:
         return None
-    reference = settings.python
-    load = load_function if table.trust else unloaded_function
+    inputs, outputs, units, fields = variables
     try:
-        function, surroundings = load(reference, table.folder)
+        function, surroundings = code.function()
         check_signature(function, [variable.name for variable in inputs])
     except ModelError as error:
         expected = "a function that can be called with the model's inputs"
         table.add_problem("python", str(error), expected)
         return None
-    return PythonFunction(
-        function, reference, inputs, outputs, units, settings.vectorized, surroundings, limits
-    )
+    declared = (settings.python, inputs, outputs, units, is_vectorized, surroundings, limits)
+    return PythonFunction(function, *declared, fields=fields)
+
+
+@dataclass(frozen=True)
+class _UserCode:
+    """Code of the user's that a reference names; it is loaded once, and only if it is trusted."""
+
+    reference: str
+    folder: Path
+    trust: bool
+
+    @cached_property
+    def _loaded(self) -> tuple[ModuleType, str, ModelFolder]:
+        return load_module(self.reference, self.folder)
+
+    def function(self) -> tuple[Callable[..., Any], ModelFolder | None]:
+        """Return the function, or what refuses its place, and the folder to call it in."""
+        if not self.trust:
+            return unloaded_function(self.reference)
+        module, name, surroundings = self._loaded
+        return find_function(module, name, self.reference), surroundings
+
+    def coordinates(self, name: str) -> FloatArray:
+        """Return the coordinates that the module of the function has under a name."""
+        if not self.trust:
+            raise ModelError(f'"{name}": {self.reference} is not executed without --trust')
+        module, _, surroundings = self._loaded
+        return module_coordinates(module, name, surroundings)
+
+
+def check_function_grids(table: TableReader, variables: Variables, *, is_vectorized: bool) -> None:
+    """Note grids of a run's own where a call of the function makes many runs."""
+    if is_vectorized:
+        expected = "vectorized = false, so that each run is a call of its own"
+        refuse_grids(table, variables.fields, expected)
 
 
 def read_limits(table: TableReader) -> Limits:
@@ -142,7 +184,7 @@ def read_function_limits(table: TableReader, *, is_vectorized: bool) -> Limits:
     return limits
 
 
-def unloaded_function(reference: str, folder: Path) -> tuple[Callable[..., Any], None]:
+def unloaded_function(reference: str) -> tuple[Callable[..., Any], None]:
     """Return a replacement for a function that must not be executed."""
 
     def refuse(**inputs: float) -> Any:

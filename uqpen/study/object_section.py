@@ -11,7 +11,11 @@ from uqpen.models.function_source import FunctionSource, function_source
 from uqpen.models.outside_model import OutsideModel
 from uqpen.models.python_function import PythonFunction, check_signature
 from uqpen.models.unloaded_model import UnloadedModel
-from uqpen.study.model_section import read_function_limits, unloaded_function
+from uqpen.study.model_section import (
+    check_function_grids,
+    read_function_limits,
+    unloaded_function,
+)
 from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import read_variables
 
@@ -45,8 +49,11 @@ def read_object(table: TableReader) -> Model | None:
         expected = f'python = "my_model.py:{named}": a file cannot contain a Python object'
         table.add_wrong(OBJECT, named, expected)
     function = (objects or {}).get(table.path)
-    limits = read_function_limits(table, is_vectorized=settings is not None and settings.vectorized)
-    inputs, outputs, units = read_variables(table, takes_fields=True)
+    is_vectorized = settings is not None and settings.vectorized
+    limits = read_function_limits(table, is_vectorized=is_vectorized)
+    variables = read_variables(table)
+    check_function_grids(table, variables, is_vectorized=is_vectorized)
+    inputs, outputs, units, fields = variables
     if settings is None or len(table.problems) > noted:
         return None
     name = settings.object
@@ -55,7 +62,7 @@ def read_object(table: TableReader) -> Model | None:
     if isinstance(function, Model):
         return OutsideModel(function, name, source=function_source(type(function)))
     if function is None:
-        function, _ = unloaded_function(name, table.folder)
+        function, _ = unloaded_function(name)
         source = FunctionSource.absent(name, settings.source)
     else:
         source = function_source(function)
@@ -65,6 +72,5 @@ def read_object(table: TableReader) -> Model | None:
             expected = "a function that can be called with the model's inputs"
             table.add_problem((), str(error), expected)
             return None
-    return PythonFunction(
-        function, name, inputs, outputs, units, settings.vectorized, None, limits, source
-    )
+    declared = (name, inputs, outputs, units, settings.vectorized, None, limits, source, fields)
+    return PythonFunction(function, *declared)

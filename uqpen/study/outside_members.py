@@ -25,9 +25,9 @@ from uqpen.distributions.copulas import COPULAS
 from uqpen.distributions.dependence import Dependence
 from uqpen.distributions.distribution import Distribution
 from uqpen.models import MODELS
-from uqpen.models.python_function import load_module
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import error_text
+from uqpen.models.user_module import load_module
 from uqpen.study.frozen_section import SETTINGS
 from uqpen.study.object_section import OBJECT
 from uqpen.study.table_reader import TableReader, family_member

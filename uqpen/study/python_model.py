@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 __all__ = ["OutputSpec", "PythonModel"]
+
+# Settings of an output with dimensions, which belong to the model.
+_OF_MODEL = ("along", "may_end", "on", "interpolation")
 
 Thresholds = Sequence[str | float] | Mapping[str, Mapping[str, str | float]]
 
@@ -23,7 +26,7 @@ class PythonModel:
     inputs, outputs : mapping of str to str
         The unit in which it takes each input and returns each output, such as ``"cm"``; ``"1"``
         for a number without a unit. For an output with dimensions an `OutputSpec` with
-        `unit`, `along` and `may_end`.
+        `unit`, `along`, `may_end`, `on` and `interpolation`.
     vectorized : bool
         True if it takes arrays of shape (run,) and returns arrays of shape (run, *dims), False for
         the inputs and outputs of one run.
@@ -31,6 +34,8 @@ class PythonModel:
         Limits of one run, such as ``"5 min"`` and ``"2 GB"``.
     replaced : mapping of str to str or float, optional
         In a study with several models: values of inputs that replace the study's own.
+    dimensions : mapping of str to mapping, optional
+        Dimensions that several outputs have, for the names in their `along`.
     """
 
     function: Callable[..., Mapping[str, Any]]
@@ -40,6 +45,7 @@ class PythonModel:
     time_limit: str | None = None
     memory_limit: str | None = None
     replaced: Mapping[str, str | float] = field(default_factory=dict)
+    dimensions: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def table(self) -> dict[str, Any]:
         """Return its declaration as a table of a study file, with the function itself."""
@@ -49,6 +55,7 @@ class PythonModel:
             "time_limit": self.time_limit,
             "memory_limit": self.memory_limit,
             "with": self.replaced or None,
+            "dimensions": self.dimensions or None,
             "inputs": self.inputs,
             "outputs": self._output_tables(),
         }
@@ -80,11 +87,19 @@ class OutputSpec:
         Thresholds; the probability that the output lies below each is estimated.
     hold, hold_above, hold_between : sequence of float
         Contents of upper tolerance limits, of lower ones, and of two-sided tolerance intervals.
-    along : mapping of str to mapping, optional
+    along : mapping of str to mapping or sequence of str, optional
         Dimensions of an output of a Python function, such as
-        ``{"time": {"unit": "s", "from": 0, "to": 10, "size": 101}}`` or
-        ``{"time": {"unit": "s", "values": [0, 1, 3]}}``. Each run has values along them, in place
-        of a number. Its statistics are those at each place.
+        ``{"time": {"unit": "s", "from": 0, "to": 10, "size": 101}}``,
+        ``{"time": {"unit": "s", "values": [0, 1, 3]}}`` or
+        ``{"time": {"file": "times.csv", "column": "time"}}``; or the names of `dimensions` of a
+        `PythonModel`. Each run has values along them, in place of a number. Its
+        statistics are those at each place.
+    on : mapping of str to str, optional
+        By dimension, the name under which each run returns coordinates of its own, such as
+        ``{"time": "t"}``. Its values are then interpolated to the declared ones.
+    interpolation : str, optional
+        How: ``"linear"`` (default), ``"cubic"`` (monotone), ``"previous"``, or ``"none"`` if both
+        have to be the same.
     may_end : bool
         Whether a curve may end before its dimension does: NaN at its end is then no failure.
     of : str, optional
@@ -104,12 +119,22 @@ class OutputSpec:
     hold: Sequence[float] = ()
     hold_above: Sequence[float] = ()
     hold_between: Sequence[float] = ()
-    along: Mapping[str, Mapping[str, Any]] | None = None
+    along: Mapping[str, Mapping[str, Any]] | Sequence[str] | None = None
     may_end: bool = False
+    on: Mapping[str, str] | None = None
+    interpolation: str | None = None
     of: str | None = None
     take: str | None = None
     at: Mapping[str, str | float] | None = None
     threshold: str | float | None = None
+
+    def model_part(self) -> dict[str, Any]:
+        """Return the settings that the model declares, if it has any of them."""
+        return {name: value for name in _OF_MODEL if (value := getattr(self, name))}
+
+    def without_model_part(self) -> OutputSpec:
+        """Return the same without what the model declares."""
+        return replace(self, along=None, may_end=False, on=None, interpolation=None)
 
     def table(self) -> dict[str, Any]:
         """Return its declaration as a table of a study file."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 
@@ -257,16 +256,12 @@ def _model_outputs(given: Mapping[str, Any]) -> Iterator[tuple[Any, Any]]:
             yield name, value
 
 
-def _is_field(value: object) -> TypeGuard[OutputSpec]:
-    return isinstance(value, OutputSpec) and (value.along is not None or value.may_end)
-
-
 def _without_fields(outputs: object) -> object:
     """Return the outputs of a study without the dimensions, which the model declares."""
     if not isinstance(outputs, Mapping):
         return outputs
     return {
-        name: replace(value, along=None, may_end=False) if _is_field(value) else value
+        name: value.without_model_part() if isinstance(value, OutputSpec) else value
         for name, value in outputs.items()
     }
 
@@ -274,9 +269,8 @@ def _without_fields(outputs: object) -> object:
 def _model_output(value: object) -> str | OutputSpec:
     """Return the declaration of an output in a model: its unit, and its dimensions if any."""
     unit = _output_unit(value)
-    if _is_field(value):
-        return OutputSpec(unit, along=value.along, may_end=value.may_end)
-    return unit
+    declared = value.model_part() if isinstance(value, OutputSpec) else {}
+    return OutputSpec(unit, **declared) if declared else unit
 
 
 def _output_unit(value: object) -> str:

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from pathlib import PurePosixPath
 
 from uqpen.core.errors import toml_text
-from uqpen.core.model import Output
-from uqpen.models.command.readings import (
-    ColumnReader,
-    CsvReader,
-    JsonReader,
-    NetcdfReader,
-    OutputReader,
-    TextReader,
-)
+from uqpen.models.command.column_readings import ColumnReader, CsvReader
+from uqpen.models.command.output_reader import OutputReader
+from uqpen.models.command.readings import JsonReader, NetcdfReader, TextReader
 from uqpen.study.table_reader import TableReader
+from uqpen.study.variables_section import Variables
 
 __all__ = ["is_inside", "read_readings"]
 
@@ -39,17 +33,16 @@ def is_inside(name: str) -> bool:
     return is_relative and "\0" not in name
 
 
-def read_readings(
-    table: TableReader, outputs: Sequence[Output], file: str
-) -> dict[str, OutputReader]:
-    """Read how to find each output of a program; mistakes are noted.
+def read_readings(table: TableReader, variables: Variables, file: str) -> dict[str, OutputReader]:
+    """Read how to find each output of a program, and its own coordinates; mistakes are noted.
 
     The table ``read`` has a table for each output, or one reader for all. An output without either
     is in the JSON file `file`.
     """
-    readings: dict[str, OutputReader] = {
-        output.name: JsonReader(file, output.name) for output in outputs
-    }
+    coordinates = [name for grid in variables.fields.grids.values() for name in grid.names.values()]
+    lists = {*coordinates, *(output.name for output in variables.outputs if output.dims)}
+    names = dict.fromkeys([*(output.name for output in variables.outputs), *coordinates])
+    readings: dict[str, OutputReader] = {name: JsonReader(file, name) for name in names}
     section = table.table("read")
     if not section.is_given:
         return readings
@@ -60,11 +53,22 @@ def read_readings(
             readings[name] = _output_reader(own, name) or default
             own.check_unknown_keys()
         elif is_common:
+            own = section
             readings[name] = _output_reader(section, name) or default
+        if own is not None and name in lists:
+            _check_whole(own, name)
     for name in readings:
         section.take(name)
     section.check_unknown_keys("output")
     return readings
+
+
+def _check_whole(section: TableReader, name: str) -> None:
+    """Note keys that take one number where all are read."""
+    for key in ("row", "match"):
+        if key in section:
+            found = f"a choice among the numbers of {name}"
+            section.add_problem(key, found, "none: all of them are read, along its dimensions")
 
 
 def _is_output_key(section: TableReader, name: str) -> bool:

@@ -65,19 +65,20 @@ def check_surrogates(
     """Note surrogates that do not fit the designs, the outputs or the inputs, if known."""
     numeric = [output.name for output in model.all_outputs if output.is_number]
     fields = [output.name for output in model.all_outputs if output.dims]
+    whole = [output.name for output in model.outputs if output.dims and not output.may_end]
     for name, surrogate in surrogates.items():
         _check_designs(table, name, surrogate, designs)
         for output in surrogate.transform:
             if output in fields:
                 found = f'the logarithm of "{output}", which has dimensions'
-                expected = "a scalar output: surrogates take no other"
+                expected = "a scalar output: a field is fitted as it is"
                 table.add_problem((name, "transform", output), found, expected)
             elif output not in numeric:
                 expected = f"an output of {model.name} that has numbers; {choices(output, numeric)}"
                 table.add_problem((name, "transform", output), "no such output", expected)
-        if fields and not numeric:
-            found = f"a surrogate of {', '.join(fields)}, with dimensions"
-            table.add_problem(name, found, "a scalar output: surrogates take no other")
+        if fields and not numeric and not whole:
+            found = f"a surrogate of {', '.join(fields)}, whose curves may end"
+            table.add_problem(name, found, "an output with numbers that are always there")
         if joint is not None and not joint.random:
             which = "that are all fixed" if joint.inputs else "without a distribution"
             table.add_problem(name, f"a surrogate over inputs {which}", "a random input")

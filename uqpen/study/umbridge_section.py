@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
+from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.limits import time_limit
 from uqpen.core.lookup import choices
-from uqpen.core.model import Model
+from uqpen.core.model import Model, Output, Variable
 from uqpen.core.settings import read_each, setting, text
 from uqpen.models.umbridge import UmbridgeModel, VectorSizes, request_sizes
 from uqpen.models.umbridge_client import PROTOCOL, Address, NoAnswerError, UmbridgeClient
+from uqpen.study.field_table import refuse_grids
 from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import Variables, read_variables
 
@@ -74,6 +78,7 @@ def read_umbridge(table: TableReader) -> Model | None:
     noted = len(table.problems)
     wanted = table.settings(_ServerSettings)
     variables = read_variables(table)
+    refuse_grids(table, variables.fields, "none: a server's vectors have one length for all runs")
     if wanted is None or len(table.problems) > noted:
         return None
     name, sizes = wanted.name or "its only model", None
@@ -91,7 +96,9 @@ def read_umbridge(table: TableReader) -> Model | None:
             return None
         if not _has_matching_sizes(table, name, sizes, variables):
             return None
-    return UmbridgeModel(name, wanted.address, *variables, sizes, wanted.config, wanted.time_limit)
+    inputs, outputs, units, fields = variables
+    declared = (name, wanted.address, inputs, outputs, units, sizes, wanted.config)
+    return UmbridgeModel(*declared, wanted.time_limit, fields)
 
 
 def _request_name(server: UmbridgeClient, wanted: str | None) -> str:
@@ -128,8 +135,34 @@ def _has_matching_sizes(
         ("inputs", "takes", variables.inputs, sizes.inputs),
         ("outputs", "gives", variables.outputs, sizes.outputs),
     ):
-        if len(named) != sum(lengths):
+        numbers = sum(map(_size, named))
+        if numbers != sum(lengths):
             vectors = f" ({' + '.join(map(str, lengths))})" if len(lengths) > 1 else ""
             expected = f'as many as "{name}" {does} numbers: {sum(lengths)}{vectors}'
-            table.add_problem(what, f"{len(named)} {what}", expected)
+            of = f" of {numbers} numbers" if numbers > len(named) else ""
+            table.add_problem(what, f"{len(named)} {what}{of}", expected)
+    if len(table.problems) == noted:
+        _check_whole_vectors(table, name, sizes.outputs, variables.outputs)
     return len(table.problems) == noted
+
+
+def _check_whole_vectors(
+    table: TableReader, name: str, lengths: Sequence[int], outputs: Sequence[Output]
+) -> None:
+    """Note a field that is in no single vector: outputs may have another order than the server."""
+    ends = [*itertools.accumulate(lengths, initial=0)]
+    begin = 0
+    for output in outputs:
+        end = begin + _size(output)
+        vector = bisect_right(ends, begin)
+        if output.dims and end > ends[min(vector, len(ends) - 1)]:
+            found = f"{_size(output)} values from number {begin} of what the server gives"
+            vectors = " + ".join(map(str, lengths))
+            expected = f'all of them in one vector; "{name}" gives {vectors} numbers'
+            table.add_problem(("outputs", output.name), found, expected)
+        begin = end
+
+
+def _size(variable: Variable) -> int:
+    """Return how many numbers of a server a variable takes."""
+    return math.prod(variable.shape) if isinstance(variable, Output) else 1

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 from uqpen.core.errors import QuantityError
 from uqpen.core.labels import NAME, RESERVED
 from uqpen.core.model import Input, Output
 from uqpen.core.units import ANY_DIMENSION, si_unit
-from uqpen.study.field_table import check_dimensions, read_field
+from uqpen.models.run_grid import FieldSources, RunGrid
+from uqpen.study.dimensions_section import DimensionsReader, ModelCoordinates
+from uqpen.study.field_table import check_dimensions, read_field, read_grid
 from uqpen.study.table_reader import TableReader
 
 __all__ = ["Variables", "read_variables"]
@@ -21,29 +23,37 @@ class Variables(NamedTuple):
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
     units: dict[str, str]
+    fields: FieldSources
 
 
-def read_variables(table: TableReader, *, takes_fields: bool = False) -> Variables:
+def read_variables(table: TableReader, from_model: ModelCoordinates | None = None) -> Variables:
     """Read the inputs and outputs that a model's table declares.
 
-    Mistakes are noted; a variable with one is of any dimension. Only where the model
-    `takes_fields`, an output may have dimensions of its own.
+    Mistakes are noted; a variable with one is of any dimension. The model's code is asked for
+    coordinates by `from_model`, where it can be.
     """
     units: dict[str, str] = {}
     inputs, outputs = (
         [(name, si_unit(unit), unit) for name, unit in _variables(table, key, units)]
         for key in ("inputs", "outputs")
     )
-    section = table.table("outputs")
+    section, dimensions = table.table("outputs"), DimensionsReader(from_model)
+    dimensions.read_shared(table)
     fields = [
-        _output(section, Output(name, si, display_unit=unit), takes_fields=takes_fields)
+        _output(section, Output(name, si, display_unit=unit), dimensions)
         for name, si, unit in outputs
     ]
-    check_dimensions(section, fields, [name for name, *_ in (*inputs, *outputs)])
+    names = [name for name, *_ in (*inputs, *outputs)]
+    check_dimensions(section, fields, names)
+    grids = {output.name: _grid(section, output, names) for output in fields}
     return Variables(
         tuple(Input(name, si, display_unit=unit) for name, si, unit in inputs),
         tuple(fields),
         units,
+        FieldSources(
+            {name: grid for name, grid in grids.items() if grid is not None},
+            tuple(dimensions.files.values()),
+        ),
     )
 
 
@@ -78,8 +88,15 @@ def _variables(table: TableReader, key: str, units: dict[str, str]) -> Iterator[
         yield name, ANY_DIMENSION
 
 
-def _output(section: TableReader, output: Output, *, takes_fields: bool) -> Output:
+def _output(section: TableReader, output: Output, dimensions: DimensionsReader) -> Output:
     """Return an output with the dimensions that its table declares, if it is given by a table."""
     if not isinstance(section.content[output.name], dict):
         return output
-    return read_field(section.table(output.name), output, takes_fields=takes_fields)
+    return read_field(section.table(output.name), output, dimensions)
+
+
+def _grid(section: TableReader, output: Output, names: Collection[str]) -> RunGrid | None:
+    """Return the grid on which every run has an output, if its table names one."""
+    if not isinstance(section.content[output.name], dict):
+        return None
+    return read_grid(section.table(output.name), output, names)

@@ -18,6 +18,7 @@ from uqpen.core.lookup import choices
 from uqpen.core.model import Input, Output, find_variable
 from uqpen.core.status import Status
 from uqpen.core.units import scale
+from uqpen.surrogates.field_fit import dimension_variables
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.prediction_points import broadcast_inputs, input_array
 from uqpen.surrogates.restoring import restore_surrogate
@@ -83,9 +84,10 @@ class ArchivedSurrogate:
         Returns
         -------
         Dataset
-            In SI units, with the inputs as coordinates: the outputs; ``<output>_std``, the
-            standard deviation of a prediction, where the surrogate has one; and ``extrapolated``
-            along ``input``, which marks the inputs of a point outside of the training range.
+            In SI units, with the inputs as coordinates: the outputs, fields along their dimensions
+            behind those of the points; ``<output>_std``, the standard deviation of a prediction,
+            where the surrogate has one; and ``extrapolated`` along ``input``, which marks the
+            inputs of a point outside of the training range.
 
         Warns
         -----
@@ -99,8 +101,8 @@ class ArchivedSurrogate:
         QuantityError
             If a value is no finite quantity of the dimension of its input.
         ModelError
-            If an input is missing, has another value than in all training runs, or does not fit
-            the others in shape.
+            If an input is missing, has another value than in all training runs, does not fit the
+            others in shape, or has a dimension of a field.
         """
         predicted = self.predict(values)
         if text := self.extrapolation_text(predicted):
@@ -112,12 +114,21 @@ class ArchivedSurrogate:
         given = self._arrays(values)
         points = broadcast_inputs(given)
         some = points[self.fitted.random_inputs[0]]
+        self._check_dimensions(some)
         flat = {name: array.values.ravel() for name, array in points.items()}
         found = self.fitted.predict(flat)
         variables: dict[str, Any] = {}
         for output in self.outputs:
             variables |= _variables(output, found[output.name], some)
         return xr.Dataset({**variables, EXTRAPOLATED: self._is_outside(points)}, coords=given)
+
+    def _check_dimensions(self, some: xr.DataArray) -> None:
+        """Refuse points along a dimension of a field, which would be two dimensions of one name."""
+        fields = {dimension.name for output in self.outputs for dimension in output.dims}
+        if shared := sorted(fields & set(map(str, some.dims))):
+            raise ModelError(
+                f"inputs along {', '.join(shared)}, a dimension of an output: rename it"
+            )
 
     def extrapolation_text(self, predicted: xr.Dataset) -> str:
         """Return how many points are outside of the training range, and where; empty for none."""
@@ -214,7 +225,10 @@ def archived_surrogate(
     return ArchivedSurrogate(
         fitted,
         tuple(Input(each, *_texts(runs[each])) for each in inputs),
-        tuple(Output(each, *_texts(runs[each])) for each in outputs),
+        tuple(
+            Output(output.name, *_texts(runs[output.name]), dims=output.dims)
+            for output in fitted.outputs
+        ),
         {each: _range(runs[each], completed) for each in inputs},
     )
 
@@ -251,10 +265,10 @@ def _variables(output: Output, found: Prediction, some: xr.DataArray) -> dict[st
     """Return the predicted values of an output, and their standard deviations if there are any."""
     attributes = {"long_name": output.title, "units": output.unit}
     shown = {"display_units": output.preferred_unit}
-    variables = {output.name: _like(some, found.mean, attributes | shown)}
+    variables = {output.name: _like(some, output, found.mean, attributes | shown)}
     if found.std is not None:
         title = {"long_name": f"standard deviation of the prediction of {output.title}"}
-        variables[std_name(output)] = _like(some, found.std, attributes | title | shown)
+        variables[std_name(output)] = _like(some, output, found.std, attributes | title | shown)
     return variables
 
 
@@ -263,6 +277,14 @@ def std_name(output: Output) -> str:
     return f"{output.name}_std"
 
 
-def _like(some: xr.DataArray, values: FloatArray, attributes: dict[str, str]) -> xr.DataArray:
-    array = some.copy(data=values.reshape(some.shape)).reset_coords(drop=True)
-    return array.drop_attrs().assign_attrs(attributes)
+def _like(
+    some: xr.DataArray, output: Output, values: FloatArray, attributes: dict[str, str]
+) -> xr.DataArray:
+    """Return values of an output along the points, and along its own dimensions."""
+    along = dimension_variables(output.dims)
+    return xr.DataArray(
+        values.reshape((*some.shape, *output.shape)),
+        {**some.reset_coords(drop=True).coords, **along},
+        (*some.dims, *along),
+        attrs=attributes,
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -139,6 +139,16 @@ class PolynomialChaosModel(FittedSurrogate, ClosedForms):
         terms = self._terms(output)
         indices = sobol_indices(*terms)
         return InputShares(indices.first, indices.total, shapley_effects(*terms))
+
+    def closed_form_terms(self, outputs: Sequence[str]) -> tuple[IntArray, FloatArray]:
+        """Return the terms of several expansions; see `ClosedForms.closed_form_terms`."""
+        expansions = [self.expansions[output] for output in outputs]
+        every = np.concatenate([expansion.indices for expansion in expansions])
+        indices, rows = np.unique(every, axis=0, return_inverse=True)
+        coefficients = np.zeros((len(indices), len(expansions)))
+        columns = np.repeat(np.arange(len(expansions)), [len(e.coefficients) for e in expansions])
+        coefficients[rows.ravel(), columns] = np.concatenate([e.coefficients for e in expansions])
+        return indices, coefficients
 
     def closed_form_problem(self, output: str) -> str:
         """Return the reason why the coefficients do not give the output's moments and indices.

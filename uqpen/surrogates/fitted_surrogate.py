@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import Arrays, BoolArray, FloatArray
+from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.model import Model, Results
 from uqpen.core.status import Status
@@ -24,9 +24,9 @@ class Prediction:
 
     Parameters
     ----------
-    mean : ndarray, shape (run,)
+    mean : ndarray, shape (run,); of a field (run, *dims)
         The predicted values.
-    std : ndarray, shape (run,), or None
+    std : ndarray of that shape, or None
         Their predictive standard deviations; None if the surrogate has none.
     """
 
@@ -176,3 +176,16 @@ class ClosedForms(ABC):
     @abstractmethod
     def closed_form_indices(self, output: str) -> InputShares:
         """Return the indices of the variable that was fitted."""
+
+    def closed_form_terms(self, outputs: Sequence[str]) -> tuple[IntArray, FloatArray] | None:
+        """Return the orthonormal terms of several outputs; None if they are no such sums.
+
+        Moments and indices of any sum of these outputs follow from them.
+
+        Returns
+        -------
+        indices : ndarray of int, shape (term, input)
+            The degrees of the terms, each once; all of degree 0 is the constant.
+        coefficients : ndarray, shape (term, output)
+        """
+        return None

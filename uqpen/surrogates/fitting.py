@@ -10,6 +10,7 @@ from uqpen.core.streams import Stream
 from uqpen.core.threads import one_blas_thread
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.models.user_code import error_text
+from uqpen.surrogates.field_surrogate import fit_fields
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.output_surrogate import unfitted
 from uqpen.surrogates.surrogate import Surrogate
@@ -34,11 +35,28 @@ def fit_surrogate(
     joint: JointDistribution,
     stream: Stream,
 ) -> FittedSurrogate:
-    """Fit a surrogate as `Surrogate.fit` does.
+    """Fit a surrogate as `Surrogate.fit` does, and to fields by their principal components.
 
     Where a surrogate from outside the package raises an error, or gives what is no fitted
     surrogate, that is the reason why no output is fitted.
     """
+
+    def fit(runs: xr.Dataset, model: Model) -> FittedSurrogate:
+        return _fit_scalars(surrogate, name, runs, model, joint, stream)
+
+    if any(output.dims for output in model.all_outputs):
+        return fit_fields(name, runs, model, surrogate.components, fit)
+    return fit(runs, model)
+
+
+def _fit_scalars(
+    surrogate: Surrogate,
+    name: str,
+    runs: xr.Dataset,
+    model: Model,
+    joint: JointDistribution,
+    stream: Stream,
+) -> FittedSurrogate:
     if is_built_in(surrogate):
         return surrogate.fit(name, runs, model, joint, stream)
     try:

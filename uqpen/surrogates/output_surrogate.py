@@ -16,6 +16,7 @@ from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.models.user_code import error_text
 from uqpen.surrogates.output_fit import OutputFit
+from uqpen.surrogates.principal_components import components_setting
 from uqpen.surrogates.separate_fits import FittedOutput, SeparateFits, predict_output
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.surrogates.training import TrainingRuns, known_inputs
@@ -36,6 +37,9 @@ class OutputSurrogate(Surrogate):
         The design whose runs it is fitted to.
     check : str, optional
         A design whose runs show how good it is.
+    components : float or int
+        The principal components of a field that are kept: the share of its variance that they have
+        at least, or their number.
 
     Attributes
     ----------
@@ -47,6 +51,7 @@ class OutputSurrogate(Surrogate):
 
     design: str = name()
     check: str | None = name(default=None)
+    components: float = components_setting()
 
     @abstractmethod
     def fit_output(

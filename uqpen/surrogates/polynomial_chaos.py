@@ -20,6 +20,7 @@ from uqpen.surrogates.chaos_model import PolynomialChaosModel
 from uqpen.surrogates.chaospy_engine import ChaospyExpansion, chaospy_absence, input_problems
 from uqpen.surrogates.expansion import Expansion
 from uqpen.surrogates.fit_noise import FitNoise, estimate_fit_noise
+from uqpen.surrogates.principal_components import components_setting
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.surrogates.term_selection import (
     HIGHEST_ORDER,
@@ -64,6 +65,9 @@ class PolynomialChaos(Surrogate):
     engine : str
         ``"uqpen"``, or ``"chaospy"`` for polynomials and coefficients by chaospy. The terms are
         chosen alike, and the fitted surrogate needs no chaospy.
+    components : float or int
+        The principal components of a field that are kept: the share of its variance that they have
+        at least, or their number.
 
     References
     ----------
@@ -78,6 +82,7 @@ class PolynomialChaos(Surrogate):
     transform: Mapping[str, str] = choices("log")
     check: str | None = name(default=None)
     engine: str = choice(_UQPEN, _CHAOSPY, default=_UQPEN)
+    components: float = components_setting()
 
     def check_settings(self) -> Iterator[Problem]:
         """Yield a problem of settings that are valid by themselves."""

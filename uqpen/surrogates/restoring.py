@@ -9,6 +9,7 @@ from uqpen.core.labels import SURROGATES as GROUP
 from uqpen.core.lookup import installed_members, load_installed, resolve_name
 from uqpen.core.model import Model
 from uqpen.surrogates import ENTRY_POINTS, SURROGATES
+from uqpen.surrogates.field_surrogate import FieldSurrogate, has_fields
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 from uqpen.surrogates.surrogate import Surrogate
 
@@ -47,6 +48,8 @@ def restore_surrogate(
     """
     kind = loaded or _known_class(str(tree.attrs["kind"]), name)
     try:
+        if has_fields(tree):
+            return FieldSurrogate.from_tree(tree, name, original, kind)
         return kind.restore(tree, name, original)
     except UqpenError:
         raise

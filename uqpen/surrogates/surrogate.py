@@ -14,6 +14,7 @@ from uqpen.core.settings import validate
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
+from uqpen.surrogates.principal_components import DEFAULT_COMPONENTS
 
 __all__ = ["Surrogate"]
 
@@ -29,11 +30,15 @@ class Surrogate(ABC):
         The name of another design, whose runs show how good it is.
     transform : mapping of str to str
         By output, the function of it that is fitted in its place; empty by default.
+    components : float or int
+        How many principal components of a field are kept: the share of the variance that they
+        have at least, or their number.
     """
 
     design: str
     check: str | None
     transform: Mapping[str, str] = MappingProxyType({})
+    components: float = DEFAULT_COMPONENTS
 
     def __post_init__(self) -> None:
         validate(self, self.check_settings())

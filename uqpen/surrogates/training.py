@@ -15,7 +15,7 @@ from uqpen.core.status import Status
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import status_counts
 
-__all__ = ["TrainingRuns", "known_inputs"]
+__all__ = ["TrainingRuns", "known_inputs", "size_problem"]
 
 # Sums of squares of up to 1e8 values, and of their coefficients, are finite and not 0.
 _LARGEST = 1e140
@@ -93,7 +93,7 @@ class TrainingRuns:
         if output.categories:
             return "it has kinds, not numbers"
         if output.dims:
-            return "it has dimensions, and surrogates take only scalar outputs"
+            return "it has dimensions, and is fitted by the scores of its principal components"
         if self.problem:
             return self.problem
         values = self.outputs[output.name]
@@ -103,11 +103,16 @@ class TrainingRuns:
             return f"it is not finite in {int((~np.isfinite(values)).sum())} runs that came back"
         if (values == values[0]).all():
             return f"it does not vary: it is {values[0]:g} in every run"
-        size, width = float(np.abs(values).max()), float(np.ptp(values))
-        if size > _LARGEST or width < 1 / _LARGEST:
-            what = f"its largest size is {size:g}, its range {width:g}"
-            return f"its squares are too large or too small for floating-point numbers: {what}"
-        return ""
+        return size_problem(values)
+
+
+def size_problem(values: FloatArray) -> str:
+    """Return the reason why squares of values are too large or too small; empty if they are not."""
+    size, width = float(np.abs(values).max()), float(np.ptp(values))
+    if size > _LARGEST or width < 1 / _LARGEST:
+        what = f"its largest size is {size:g}, its range {width:g}"
+        return f"its squares are too large or too small for floating-point numbers: {what}"
+    return ""
 
 
 def known_inputs(model: Model, joint: JointDistribution) -> tuple[Input, ...]:

@@ -31,7 +31,7 @@ from uqpen.study.outside_members import (
     outside_surrogates,
 )
 from uqpen.study.study import ValidatedStudy, Variant
-from uqpen.verification.unloaded_models import unloaded_models
+from uqpen.verification.unloaded_models import archived_dimensions, unloaded_models
 
 __all__ = [
     "archived_runs",
@@ -72,7 +72,9 @@ def archived_study(
     """
     name = str(tree.attrs.get("study_name", "study"))
     text = str(tree.attrs["study_text"])
-    objects = {**unloaded_models(tree, _content(text), trust=trust), **(objects or {})}
+    known = unloaded_models(tree, _content(text), trust=trust)
+    dimensions = {} if trust else archived_dimensions(tree, _content(text))
+    objects = {**known, **dimensions, **(objects or {})}
     try:
         study = parse_study(text, name=name, folder=folder, trust=trust, objects=objects)
     except StudyError as error:

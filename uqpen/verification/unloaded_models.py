@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -10,13 +11,15 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
+from uqpen.core.errors import SettingsError
 from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, ROLE, RUN, RUNS
 from uqpen.core.model import Category, Dimension, Input, Output
 from uqpen.models.unloaded_model import UnloadedModel
+from uqpen.study.dimensions_section import dimensions_from_model
 from uqpen.study.object_section import OBJECT
 from uqpen.study.outside_members import is_reference
 
-__all__ = ["unloaded_models"]
+__all__ = ["archived_dimensions", "unloaded_models"]
 
 
 def unloaded_models(
@@ -48,6 +51,35 @@ def unloaded_models(
             runs = read_group(group, RUNS, designs[0])
             named = str(table[OBJECT] if is_object else table["use"])
             found[path] = replace(_model(named, runs), is_absent=is_object)
+    return found
+
+
+def archived_dimensions(
+    tree: xr.DataTree, content: Mapping[str, Any]
+) -> dict[tuple[str | int, ...], Dimension]:
+    """Return the dimensions of an archive whose coordinates are in the code of its models.
+
+    Parameters
+    ----------
+    tree : DataTree
+        The archive.
+    content : mapping
+        Its study's text, parsed.
+
+    Returns
+    -------
+    dict of tuple to Dimension
+        By the path of the dimension's table, as the objects of `parse_study`.
+    """
+    found: dict[tuple[str | int, ...], Dimension] = {}
+    for name, group in model_trees(tree).items():
+        path = ("models", name) if name else ("model",)
+        for design in group_names(group, RUNS)[:1]:
+            runs = read_group(group, RUNS, design)
+            for inner in dimensions_from_model(_table(content, *path)):
+                # A damaged archive may have none, or another; the study then says so.
+                with contextlib.suppress(SettingsError, KeyError):
+                    found[*path, *inner] = _dimension(inner[-1], runs)
     return found
 
 

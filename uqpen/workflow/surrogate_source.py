@@ -53,6 +53,7 @@ def surrogate_source(
         [ValidationRuns(validation, sources[validation].outputs) for validation in validation_runs],
         statistics.training_ranges,
     )
+    outputs |= statistics.fields
     used = [surrogate.design, *validation_runs[:1]]
     attributes: dict[str, str | int | float] = {
         RUNS_SPENT: sum(runs[design].sizes[RUN] for design in used),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import json
-import math
 import shlex
 import shutil
 from collections.abc import Mapping
@@ -15,22 +14,24 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from uqpen.core.arrays import Arrays
+from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
-from uqpen.core.model import Input, Model, Output, Results
+from uqpen.core.model import Input, Model, Output, Results, empty_outputs
 from uqpen.core.settings import choice, validate
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import scale
 from uqpen.models.command.folders import folder_name, keep_folder, working_folder
+from uqpen.models.command.output_reader import OutputReader
+from uqpen.models.command.outputs import read_outputs
 from uqpen.models.command.placeholders import BRACES, Delimiters, NotWholeError, fill
 from uqpen.models.command.process import STDERR, ProcessEnd, run_process
 from uqpen.models.command.program import Program
-from uqpen.models.command.readings import OutputReader
 from uqpen.models.command.reasons import last_line, remove_variable_parts
 from uqpen.models.command.record import RECORD, RunRecord
 from uqpen.models.command.written import RunFiles, UnreadableError
+from uqpen.models.run_grid import FieldSources, UnusableOutputError
 
 __all__ = ["INPUTS", "OUTCOME", "OUTPUTS", "RECORD", "Command", "FolderPolicy"]
 
@@ -73,7 +74,7 @@ class FolderPolicy:
 class _Outcome(NamedTuple):
     """Outcome of a run; outputs are in the units of the program."""
 
-    outputs: Mapping[str, float]
+    outputs: Mapping[str, FloatArray]
     status: Status = Status.OK
     reason: str = ""
 
@@ -89,7 +90,7 @@ class Command(Model):
     units : mapping of str to str
         The unit that the program takes each input and gives each output in.
     readings : mapping of str to OutputReader
-        Reader of each output.
+        Reader of each output, and of the coordinates that runs have of their own.
     program : Program, optional
         The program; without it, the model cannot be run.
     templates : mapping of str to str
@@ -98,6 +99,8 @@ class Command(Model):
         Those of the placeholders in templates.
     reads_again : bool
         Whether the outputs of a run whose folder is kept are read from there, without a run.
+    fields : FieldSources
+        The grids on which runs write outputs, and the files with coordinates.
     copied : tuple of str
         Files beside the study that each run finds in its folder.
     """
@@ -114,6 +117,7 @@ class Command(Model):
     limits: Limits = Limits()
     delimiters: Delimiters = BRACES
     reads_again: bool = False
+    fields: FieldSources = field(default=FieldSources(), repr=False)
     name: str = field(init=False)
 
     vectorized = False
@@ -130,7 +134,7 @@ class Command(Model):
             raise ModelError(f"{self.name} is not executed without --trust")
         arguments = {name: values.tolist() for name, values in self._own_units(inputs).items()}
         runs = len(next(iter(inputs.values())))
-        outputs = {output.name: np.full(runs, np.nan) for output in self.outputs}
+        outputs = empty_outputs(self.outputs, runs)
         status = np.full(runs, Status.OK, dtype=np.int8)
         reasons: dict[int, str] = {}
         for run in range(runs):
@@ -149,7 +153,8 @@ class Command(Model):
             self.program.check_unchanged()
 
     def files(self) -> tuple[FileSnapshot, ...]:
-        return tuple(file.read for file in self.program.beside) if self.program else ()
+        own = tuple(file.read for file in self.program.beside) if self.program else ()
+        return (*own, *self.fields.files)
 
     def identity(self) -> dict[str, str]:
         return {"name": self.name, **(self.program.identity() if self.program else {})}
@@ -239,12 +244,14 @@ class Command(Model):
             return _Outcome({}, status, f"{how}: {message}" if message else how)
         written = RunFiles(folder)
         try:
-            found = {name: reading.value(written) for name, reading in self.readings.items()}
+            found = read_outputs(self.outputs, self.readings, self.fields.grids, written)
         except UnreadableError as error:
             return _Outcome({}, Status.FAILED, str(error))
-        for name, value in found.items():
-            if not math.isfinite(value):
-                return _Outcome(found, Status.NOT_FINITE, f"{name} is {value}")
+        except UnusableOutputError as error:
+            return _Outcome({}, error.status, str(error))
+        for output in self.outputs:
+            if reason := output.invalid_text(found[output.name]):
+                return _Outcome(found, Status.NOT_FINITE, reason)
         return _Outcome(found)
 
     def _is_kept(self, outcome: _Outcome) -> bool:
@@ -255,5 +262,7 @@ class Command(Model):
 def _outcome_note(outcome: _Outcome, words: list[str]) -> str:
     """Return a note for the folder of a run: its outcome and the executed command."""
     lines = [f"{STATUS_TEXT[outcome.status]}: {outcome.reason}".removesuffix(": ")]
-    lines += [f"{name} = {value!r}" for name, value in outcome.outputs.items()]
+    for name, values in outcome.outputs.items():
+        found = f" = {values.item()!r}" if not values.ndim else f": {values.size} values"
+        lines.append(name + found)
     return "\n".join([*lines, shlex.join(words), ""])

@@ -1,63 +1,28 @@
-"""Location of an output in the files of a run: one class for each kind of file."""
+"""Readers of outputs in JSON, NetCDF and any text."""
 
 from __future__ import annotations
 
-import contextlib
-import math
 import re
 import warnings
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, Literal
+
+import numpy as np
 
 from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.errors import toml_text
 from uqpen.core.model import RunWarning
-from uqpen.core.settings import choice, count, setting, text, validate
+from uqpen.core.settings import choice, text
+from uqpen.models.command.output_reader import (
+    OutputReader,
+    after_setting,
+    parse_number,
+    row_setting,
+    text_after,
+)
 from uqpen.models.command.written import RunFiles, UnreadableError
 
-__all__ = [
-    "ColumnReader",
-    "CsvReader",
-    "JsonReader",
-    "NetcdfReader",
-    "OutputReader",
-    "TextReader",
-]
-
-# Lines of a table of columns that begin so are comments; the first one may have the headings.
-_COMMENT = ("#", "%", "!", "*")
-
-
-def _row(default: int | None) -> Any:
-    expected = "a whole number: rows count from 0, and back from -1"
-    return count(minimum=-math.inf, maximum=math.inf, default=default, expected=expected)
-
-
-def _column_number_or_heading() -> Any:
-    return setting(
-        "count or text",
-        "a heading, or a whole number: columns count from 0, and back from -1",
-        lambda value: type(value) is int or (isinstance(value, str) and bool(value.strip())),
-    )
-
-
-def _after() -> Any:
-    return text(expected="a text; what stands after its last occurrence is read", default=None)
-
-
-@dataclass(frozen=True)
-class OutputReader(ABC):
-    """Reader of an output in a file of the run's folder, ``stdout`` and ``stderr`` among them."""
-
-    file: str
-
-    def __post_init__(self) -> None:
-        validate(self)
-
-    @abstractmethod
-    def value(self, written: RunFiles) -> float:
-        """Return the output in the program's unit; UnreadableError gives the reason for none."""
+__all__ = ["JsonReader", "NetcdfReader", "TextReader"]
 
 
 @dataclass(frozen=True)
@@ -72,84 +37,29 @@ class JsonReader(OutputReader):
 
     key: str = text(expected="the names that lead to it, with dots between")
 
+    @property
+    def place(self) -> str:
+        return f'"{self.key}" in {self.file}'
+
     def value(self, written: RunFiles) -> float:
+        found = self._find(written)
+        if isinstance(found, bool) or not isinstance(found, int | float):
+            raise UnreadableError(f"{self.place} is no number")
+        return _to_float(found)
+
+    def values(self, written: RunFiles) -> FloatArray:
+        try:
+            return floats(self._find(written))
+        except ValueError as error:
+            raise UnreadableError(f"{self.place} holds {error}") from None
+
+    def _find(self, written: RunFiles) -> Any:
         found = written.document(self.file)
         for part in [self.key] if _has_part(found, self.key) else self.key.split("."):
             if not _has_part(found, part):
                 raise UnreadableError(f'{self.file} has no "{self.key}"')
             found = found[part if isinstance(found, dict) else int(part)]
-        if isinstance(found, bool) or not isinstance(found, int | float):
-            raise UnreadableError(f'"{self.key}" in {self.file} is no number')
-        return _to_float(found)
-
-
-@dataclass(frozen=True)
-class CsvReader(OutputReader):
-    """Reader of a number in a CSV file under a row of headings.
-
-    Parameters
-    ----------
-    column : str
-        The heading.
-    row : int
-        Position among the rows below the headings, from 0; the last is -1.
-    """
-
-    column: str = text(expected="a heading")
-    row: int = _row(-1)
-
-    def value(self, written: RunFiles) -> float:
-        rows = written.table(self.file)
-        if not rows:
-            raise UnreadableError(f"{self.file} is empty")
-        header, *entries = rows
-        column = self.column.strip()
-        if column not in header:
-            raise UnreadableError(f'{self.file} has no column "{column}"')
-        place = f'row {self.row} of column "{column}" in {self.file}'
-        position = header.index(column)
-        if not -len(entries) <= self.row < len(entries) or position >= len(entries[self.row]):
-            raise UnreadableError(f"there is no {place}")
-        return _parse_number(entries[self.row][position], place)
-
-
-@dataclass(frozen=True)
-class ColumnReader(OutputReader):
-    """Reader of a number in a table whose columns are separated by blanks.
-
-    Parameters
-    ----------
-    column : str or int
-        The heading, in the first line of the table, which may be a comment; or the position, from
-        0, the last is -1.
-    row : int
-        Position among the lines that are no comments, without the headings; from 0, the last is -1.
-    after : str, optional
-        A text; the table begins in the line below its last occurrence.
-    """
-
-    column: str | int = _column_number_or_heading()
-    row: int = _row(-1)
-    after: str | None = _after()
-
-    def value(self, written: RunFiles) -> float:
-        content = _text_after(written, self.file, self.after)
-        if self.after is not None:
-            content = content.partition("\n")[2]
-        lines = [line.strip() for line in content.splitlines() if line.strip()]
-        position = self.column
-        if isinstance(position, str):
-            headings = lines[0].lstrip("".join(_COMMENT)).split() if lines else []
-            if position not in headings:
-                raise UnreadableError(f'{self.file} has no column "{position}"')
-            position, lines = headings.index(position), lines[1:]
-        rows = [line.split() for line in lines if not line.startswith(_COMMENT)]
-        place = f"row {self.row} of column {toml_text(self.column)} in {self.file}"
-        try:
-            number = rows[self.row][position]
-        except IndexError:
-            raise UnreadableError(f"there is no {place}") from None
-        return _parse_number(number, place)
+        return found
 
 
 @dataclass(frozen=True)
@@ -165,11 +75,14 @@ class NetcdfReader(OutputReader):
     """
 
     variable: str = text(expected="the name of a variable")
-    row: int | None = _row(None)
+    row: int | None = row_setting(None)
+
+    @property
+    def place(self) -> str:
+        return f'"{self.variable}" in {self.file}'
 
     def value(self, written: RunFiles) -> float:
-        values = self._values(written)
-        place = f'"{self.variable}" in {self.file}'
+        values, place = self.values(written), self.place
         if self.row is None and values.size == 1:
             return float(values.reshape(()))
         if self.row is None or values.ndim != 1:
@@ -179,7 +92,7 @@ class NetcdfReader(OutputReader):
             raise UnreadableError(f"there is no row {self.row} of {place}")
         return float(values[self.row])
 
-    def _values(self, written: RunFiles) -> FloatArray:
+    def values(self, written: RunFiles) -> FloatArray:
         import netCDF4
 
         path = written.path(self.file)
@@ -223,18 +136,16 @@ class TextReader(OutputReader):
         default=None,
         expected='which match counts: "first", "last", "min" or "max"',
     )
-    after: str | None = _after()
+    after: str | None = after_setting()
+
+    @property
+    def place(self) -> str:
+        return f"what {toml_text(self.pattern)} matches in {self.file}"
 
     def value(self, written: RunFiles) -> float:
-        content = _text_after(written, self.file, self.after)
-        matches = re.finditer(self.pattern, content, re.MULTILINE)
-        numbers = [match[self.group] or "" for match in matches]
-        pattern = toml_text(self.pattern)
-        if not numbers:
-            raise UnreadableError(f"no match for {pattern} in {self.file}")
-        place = f"what {pattern} matches in {self.file}"
+        numbers, place, pattern = self._matches(written), self.place, toml_text(self.pattern)
         if self.match in ("min", "max"):
-            found = [_parse_number(number, place) for number in numbers]
+            found = [parse_number(number, place) for number in numbers]
             return min(found) if self.match == "min" else max(found)
         if len(numbers) > 1 and self.match is None:
             message = (
@@ -242,18 +153,21 @@ class TextReader(OutputReader):
             )
             warning = RunWarning(f"several {message}", f"{len(numbers)} {message}")
             warnings.warn(warning, stacklevel=2)
-        return _parse_number(numbers[0 if self.match == "first" else -1], place)
+        return parse_number(numbers[0 if self.match == "first" else -1], place)
 
+    def values(self, written: RunFiles) -> FloatArray:
+        matches = enumerate(self._matches(written))
+        numbers = [parse_number(text, f"match {n} of {self.place}", n) for n, text in matches]
+        return np.array(numbers, dtype=np.float64)
 
-def _text_after(written: RunFiles, file: str, after: str | None) -> str:
-    """Return the text of a file, or what stands in it after the last occurrence of another."""
-    content = written.text(file)
-    if after is None:
-        return content
-    _, found, rest = content.rpartition(after)
-    if not found:
-        raise UnreadableError(f"{file} does not contain {toml_text(after)}")
-    return rest
+    def _matches(self, written: RunFiles) -> list[str]:
+        """Return the texts of the group in all matches, one at least."""
+        content = text_after(written, self.file, self.after)
+        matches = re.finditer(self.pattern, content, re.MULTILINE)
+        numbers = [match[self.group] or "" for match in matches]
+        if not numbers:
+            raise UnreadableError(f"no match for {toml_text(self.pattern)} in {self.file}")
+        return numbers
 
 
 def _has_part(found: Any, part: str) -> bool:
@@ -269,12 +183,3 @@ def _to_float(value: float) -> float:
         return float(value)
     except OverflowError:
         return float("inf") if value > 0 else float("-inf")
-
-
-def _parse_number(text: str, place: str) -> float:
-    """Parse a printed number, which may have a Fortran exponent."""
-    written = text.strip().lower()
-    for number in (written, written.replace("d", "e")):
-        with contextlib.suppress(ValueError):
-            return float(number)
-    raise UnreadableError(f"{place} is no number")

@@ -19,7 +19,14 @@ _LARGEST = 64 * 1024 * 1024
 
 
 class UnreadableError(Exception):
-    """Requested content is not there; the message is the reason of a failed run."""
+    """Requested content is not there; the message is the reason of a failed run.
+
+    Of an entry of a list that is no number, `position` is its position there.
+    """
+
+    def __init__(self, reason: str, position: int | None = None) -> None:
+        super().__init__(reason)
+        self.position = position
 
 
 @dataclass

@@ -208,7 +208,7 @@ def _probability(sample: Sample, events: BoolArray) -> Estimates:
     has_scatter = has_enough_runs_around(sample, count)
     if sample.error_model is ErrorModel.INDEPENDENT or not has_scatter.any():
         return found
-    return found.where(has_scatter, _probability_by_scatter(sample, events, value))
+    return found.replace_at(has_scatter, _probability_by_scatter(sample, events, value))
 
 
 def _probability_by_scatter(sample: Sample, events: BoolArray, value: FloatArray) -> Estimates:
@@ -265,4 +265,4 @@ def event_probability(sample: Sample, events: BoolArray) -> Estimates:
         "conservative",
         note,
     )
-    return found.where(found.has_bounds, widened)
+    return found.replace_at(found.has_bounds, widened)

@@ -145,7 +145,7 @@ def _quantile_estimate(sample: Sample, p: float) -> Estimates:
     lower, upper, label = _woodruff_ranks(sample, p, value, sample.level)
     exist = (lower >= 1) & (upper <= sample.size)
     ends = order_statistic(sample, lower), order_statistic(sample, upper)
-    return found.where(exist, Estimates(value, *ends, texts.WOODRUFF, label))
+    return found.replace_at(exist, Estimates(value, *ends, texts.WOODRUFF, label))
 
 
 def _by_order_statistics(sample: Sample, p: float, value: FloatArray) -> Estimates:

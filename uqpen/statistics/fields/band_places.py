@@ -8,7 +8,7 @@ import numpy as np
 
 from uqpen.core.arrays import IntArray
 from uqpen.core.model import Dimension
-from uqpen.core.units import scale
+from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.statistics import texts
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.sample import ErrorModel, Sample
@@ -52,7 +52,10 @@ class BandPlaces:
                 by_reason.setdefault(reason, []).append(place)
         text = "; ".join(
             texts.LEFT_OUT.format(
-                places=len(places), of=len(self.reasons), reason=reason, where=_where(dims, places)
+                places=len(places),
+                of=len(self.reasons),
+                reason=reason,
+                extent=_extent(dims, places),
             )
             for reason, places in by_reason.items()
         )
@@ -98,7 +101,7 @@ def band_places(field: FieldSample, reason: str = "") -> BandPlaces:
     )
 
 
-def _where(dims: tuple[Dimension, ...], places: list[int]) -> str:
+def _extent(dims: tuple[Dimension, ...], places: list[int]) -> str:
     """Return the range of places along a curve in words; empty for fields of more dimensions."""
     if len(dims) != 1:
         return ""
@@ -106,4 +109,5 @@ def _where(dims: tuple[Dimension, ...], places: list[int]) -> str:
     ends = (dimension.values[places[0]], dimension.values[places[-1]])
     unit = dimension.preferred_unit
     shown = [f"{scale(unit).from_si(value):.6g}" for value in dict.fromkeys(ends)]
-    return f", {dimension.name} {' to '.join(shown)} {unit}"
+    ends_text = " to ".join(shown) + (f" {unit}" if unit != DIMENSIONLESS else "")
+    return f", {dimension.name} {ends_text}"

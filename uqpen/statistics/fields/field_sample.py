@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.model import Dimension, Output
 from uqpen.statistics.sample import Sample
 
-__all__ = ["FieldSample", "PlaceSamples", "field_coordinates"]
+__all__ = ["FieldSample", "PlaceSamples", "equal_columns", "field_coordinates", "place_weights"]
 
 # Values of a field that are taken together, so that memory is bounded: 8 MB.
 _MOST_VALUES = 2**20
@@ -71,10 +72,15 @@ class FieldSample:
         """The size of each dimension by name."""
         return {dimension.name: len(dimension.values) for dimension in self.dims}
 
+    @cached_property
+    def weights(self) -> FloatArray:
+        """Weight of each place in a mean over the field; their sum is 1."""
+        return place_weights(self.dims)
+
     @property
     def matrix(self) -> FloatArray:
         """The values in shape (run, place)."""
-        return self.runs.values.reshape(self.runs.size, -1)
+        return self.runs.values.reshape(self.runs.size, math.prod(self.output.shape))
 
     @cached_property
     def exists(self) -> BoolArray:
@@ -85,7 +91,7 @@ class FieldSample:
     def samples(self) -> Iterator[PlaceSamples]:
         """Yield the samples at all places, together for places that exist in the same runs."""
         most = max(_MOST_VALUES // max(self.runs.size, 1), 1)
-        for places in _equal_columns(self.exists):
+        for places in equal_columns(self.exists):
             chosen = np.flatnonzero(self.exists[:, places[0]])
             used = self.runs.used[chosen]
             for start in range(0, len(places), most):
@@ -95,7 +101,7 @@ class FieldSample:
                 yield PlaceSamples(part, replace(self.runs, values=values, used=used))
 
 
-def _equal_columns(mask: BoolArray) -> Iterator[IntArray]:
+def equal_columns(mask: BoolArray) -> Iterator[IntArray]:
     """Yield the positions of equal columns of a mask, in the order of the first of each."""
     if mask.all():
         yield np.arange(mask.shape[1])
@@ -105,6 +111,12 @@ def _equal_columns(mask: BoolArray) -> Iterator[IntArray]:
     for position, column in enumerate(packed):
         found.setdefault(column.tobytes(), []).append(position)
     yield from (np.array(positions) for positions in found.values())
+
+
+def place_weights(dims: Sequence[Dimension]) -> FloatArray:
+    """Return the weight of each place in a mean over a field, flattened (trapezoidal rule)."""
+    weights: FloatArray = reduce(np.multiply.outer, [each.weights for each in dims]).ravel()
+    return weights
 
 
 def field_coordinates(dims: tuple[Dimension, ...]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from functools import lru_cache
 
 import numpy as np
 from scipy import special
@@ -57,8 +58,7 @@ def simultaneous_level(runs: Sample, deviations: Iterable[FloatArray]) -> float:
     groups = int(group[-1]) + 1 if group.size else 0
     draws = max(_DRAWS, math.ceil(runs.level / (1 - runs.level)))
     copies = groups if is_replicated else 1
-    noise = Stream(0, "analyses", "simultaneous bands").generator()
-    normal = noise.standard_normal((draws * copies, groups))
+    normal = _normal_numbers(draws * copies, groups)
     largest = np.zeros(draws)
     for correlated in _correlated(deviations, group, groups, most=_MOST_VALUES // len(normal)):
         # A matrix product is right here: the level is a simulated one, to three digits.
@@ -93,8 +93,18 @@ def _correlated(
         yield from (sums[:, first : first + step] for first in range(0, sums.shape[1], step))
 
 
+@lru_cache(maxsize=1)
+def _normal_numbers(rows: int, columns: int) -> FloatArray:
+    """Return the numbers of the simulation, the same for all bands of a field: 8 MB at most."""
+    generator = Stream(0, "analyses", "simultaneous bands").generator()
+    return generator.standard_normal((rows, columns))
+
+
 def _studentised(curves: FloatArray) -> FloatArray:
     """Return the means of curves over their standard errors, shape (draw, place)."""
-    scatter = curves.std(axis=1, ddof=1)
-    means: FloatArray = curves.mean(axis=1) * math.sqrt(curves.shape[1]) / scatter
-    return means
+    count = curves.shape[1]
+    sums = curves.sum(axis=1)
+    squares = np.einsum("dcp,dcp->dp", curves, curves)
+    variance = np.maximum(squares - sums**2 / count, 0.0) / (count - 1)
+    found: FloatArray = sums / np.sqrt(count * variance)
+    return found

@@ -98,7 +98,7 @@ def _chosen(field: FieldSample, mask: BoolArray) -> FieldSample:
 
 
 def _runs_needed(content: float, level: float) -> int:
-    """Return the least number of independent runs of which two in three suffice for the scores."""
+    """Return the least number of independent runs; two in three of them have scores."""
     return math.ceil(runs_needed(content, level) * _THIRD / (_THIRD - 1))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import QUADRATURE_WEIGHT, STATUS
+from uqpen.core.labels import CONDITIONAL, QUADRATURE_WEIGHT, STATUS
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
@@ -69,7 +69,8 @@ class _Integrals:
         missing_runs_note = ""
         if not used.all():
             share = float(np.abs(weights[~used]).sum() / np.abs(weights).sum())
-            missing_runs_note = texts.MISSING_NODES.format(
+            is_absent = CONDITIONAL in runs.attrs
+            missing_runs_note = (texts.ABSENT_NODES if is_absent else texts.MISSING_NODES).format(
                 failed=np.count_nonzero(~used), nodes=len(used), share=100 * share
             )
         total = float(weights[used].sum())

@@ -109,8 +109,8 @@ def _mean(sample: Sample, shape: SampleShape) -> Estimates:
     if not is_small:
         reason = texts.MEAN_MAY_NOT_EXIST.format(heavy_tail=shape.tail_note)
         few = shape.effective_runs < _FEWEST_EFFECTIVE_RUNS_FOR_A_MEAN
-        found = found.unknown_where(few, reason)
-    return found.unknown_where(_is_falsely_exact(sample, error), texts.NO_SCATTER_OF_STRATA)
+        found = found.remove_bounds_at(few, reason)
+    return found.remove_bounds_at(_is_falsely_exact(sample, error), texts.NO_SCATTER_OF_STRATA)
 
 
 def _std(sample: Sample, shape: SampleShape) -> Estimates:
@@ -128,7 +128,7 @@ def _std(sample: Sample, shape: SampleShape) -> Estimates:
         found = Estimates.without_bounds(value, shape.hidden_tail)
     else:
         found = _std_with_bounds(sample, shape, std)
-    return found.unknown_where(sample.is_constant, texts.CONSTANT_OUTPUT)
+    return found.remove_bounds_at(sample.is_constant, texts.CONSTANT_OUTPUT)
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -145,12 +145,12 @@ def _std_with_bounds(sample: Sample, shape: SampleShape, std: FloatArray) -> Est
     method = method.format(error_model=sample.error_model)
     note = texts.DOUBTFUL_TAIL if shape.is_small else ""
     found = Estimates(value, value / below, value * above, method, label, note)
-    found = found.unknown_where(_is_falsely_exact(sample, error), texts.NO_SCATTER_OF_STRATA)
+    found = found.remove_bounds_at(_is_falsely_exact(sample, error), texts.NO_SCATTER_OF_STRATA)
     see = "" if sample.is_at_places else texts.SEE_HALF_SPREAD
     few, reason = _few_weights_decide(sample, shape, std)
-    found = found.unknown_where(few, texts.NO_INTERVAL_AS.format(reason=reason), see)
+    found = found.remove_bounds_at(few, texts.NO_INTERVAL_AS.format(reason=reason), see)
     reason = texts.NO_INTERVAL_AS.format(reason=shape.tail_note)
-    return found.unknown_where(shape.may_be_heavy, reason, see)
+    return found.remove_bounds_at(shape.may_be_heavy, reason, see)
 
 
 def _factor(margin: float, std: float) -> float:

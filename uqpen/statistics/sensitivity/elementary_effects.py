@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import BLOCK_NUMBER, MOVED_BY, MOVED_INPUT, POSITION, STATUS
+from uqpen.core.labels import BLOCK_NUMBER, CONDITIONAL, MOVED_BY, MOVED_INPUT, POSITION, STATUS
 from uqpen.core.status import Status
 from uqpen.designs.moves import moved_input_numbers
 from uqpen.statistics import texts
@@ -55,6 +55,7 @@ def elementary_effects(
         return
     name, title = quantity.output.name, quantity.output.title
     effects, level = effects_by_input(runs, name), quantity.confidence_level
+    missing = texts.ABSENT_EFFECTS if CONDITIONAL in runs.attrs else texts.MISSING_EFFECTS
     measures: tuple[tuple[str, Callable[[FloatArray], Estimate], str], ...] = (
         ("mu", partial(mean_effect, level=level), "mean elementary effect"),
         (
@@ -66,7 +67,7 @@ def elementary_effects(
     )
     for measure, estimator, long_name in measures:
         estimates = [
-            _note_missing_effects(estimator(found[np.isfinite(found)]), found)
+            _note_missing_effects(estimator(found[np.isfinite(found)]), found, missing)
             for found in effects.values()
         ]
         long_name = f"{long_name} on {title}, for the whole of an input's probability"
@@ -122,13 +123,12 @@ def _sigma(effects: FloatArray) -> Estimate:
     return Estimate.without_bounds(0.0 if is_rounding else std, texts.NO_INTERVAL)
 
 
-def _note_missing_effects(estimate: Estimate, effects: FloatArray) -> Estimate:
-    """Return the estimate with a note of the number of missing effects."""
+def _note_missing_effects(estimate: Estimate, effects: FloatArray, text: str) -> Estimate:
+    """Return the estimate with a note of the number of missing effects, by its text."""
     failed = int(np.isnan(effects).sum())
     if not failed:
         return estimate
-    missing = texts.MISSING_EFFECTS.format(failed=failed, effects=effects.size)
-    return estimate.with_note(estimate.note, missing)
+    return estimate.with_note(estimate.note, text.format(failed=failed, effects=effects.size))
 
 
 def _deviation(effects: FloatArray) -> float:

@@ -19,6 +19,8 @@ __all__ = [
     "input_array",
     "input_coordinate",
     "mean_ranks",
+    "reason_of_input",
+    "reason_of_output",
     "reason_without_measure",
 ]
 
@@ -88,13 +90,20 @@ def reason_without_measure(
     constant : str
         The reason for an output that does not vary.
     """
+    return reason_of_output(sample, fewest, constant) or reason_of_input(sample, column)
+
+
+def reason_of_output(sample: Sample, fewest: int, constant: str = texts.CONSTANT_OUTPUT) -> str:
+    """Reason why no input has a measure; empty if inputs may have. See `reason_without_measure`."""
     if sample.size < fewest:
         return sample.too_few_runs
-    if sample.is_constant:
-        return constant
-    if not np.ptp(sample.columns[column][sample.used]) > 0:
-        return texts.CONSTANT_INPUT
-    return ""
+    return constant if sample.is_constant else ""
+
+
+def reason_of_input(sample: Sample, column: int) -> str:
+    """Reason why an input has no measure; empty if it may. See `reason_without_measure`."""
+    varies = np.ptp(sample.columns[column][sample.used]) > 0
+    return "" if varies else texts.CONSTANT_INPUT
 
 
 def mean_ranks(level: IntArray) -> FloatArray:

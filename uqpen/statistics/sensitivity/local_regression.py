@@ -9,6 +9,7 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.streams import Stream
+from uqpen.statistics.intervals import group_sums
 from uqpen.statistics.sample import ErrorModel, Sample
 
 __all__ = ["RegressionBins", "ResidualVariance"]
@@ -16,6 +17,10 @@ __all__ = ["RegressionBins", "ResidualVariance"]
 
 # Runs in a bin. More runs reduce the noise; fewer runs reduce the bias from curvature.
 _RUNS_IN_A_BIN = 16
+# Pairs of runs in larger bins add less than 3 % to the error of a field's index.
+_MOST_RUNS_FOR_PAIRS = 256
+# The pairs of so many bins stand for those of all.
+_BINS_FOR_PAIRS = 128
 # With fewer the mean takes the place of a straight line.
 _FEWEST_RUNS_FOR_A_SLOPE = 4
 
@@ -82,59 +87,110 @@ class RegressionBins:
         return self.size - 1 - np.where(self.size >= _FEWEST_RUNS_FOR_A_SLOPE, 1.0, 0.0)
 
     @cached_property
+    def scale(self) -> FloatArray:
+        """Factor that makes a bin's sum of squares unbiased; 0 for a bin of one run."""
+        return np.where(self.freedom > 0, self.size / np.maximum(self.freedom, 1), 0)
+
+    @cached_property
     def leverage(self) -> FloatArray:
         """Leverage of each run on the line of its bin: from 0 to 1."""
         return 1 / self.size[self.label] + self.place**2
 
+    @cached_property
+    def free_share(self) -> FloatArray:
+        """What the leverage leaves of each run's residual; infinite where it leaves nothing."""
+        free = 1 - self.leverage
+        return np.where(free > 0, free, np.inf)
+
+    @cached_property
+    def slots(self) -> IntArray:
+        """Numbers of the runs in some bins, shape (bin, slot); the number of runs for no run.
+
+        These bins stand for all in `ResidualVariance.pair_products`. One that is too large for
+        that has no runs.
+        """
+        size = self.size.astype(np.int64)
+        size[size > _MOST_RUNS_FOR_PAIRS] = 0
+        order, start = np.argsort(self.label, kind="stable"), np.cumsum(self.size).astype(np.int64)
+        slot = np.arange(size.max(initial=0))
+        runs = (start - self.size.astype(np.int64))[:, None] + slot
+        slots = np.append(order, len(order))[np.where(slot < size[:, None], runs, len(order))]
+        return slots[self._bins_for_pairs]
+
+    @cached_property
+    def _bins_for_pairs(self) -> IntArray:
+        """Bins that stand for all, evenly spread."""
+        bins = len(self.size)
+        return np.unique(np.linspace(0, bins - 1, min(bins, _BINS_FOR_PAIRS)).round().astype(int))
+
+    def in_slots(self, values: FloatArray) -> FloatArray:
+        """Values of the runs in `slots`, shape (..., bin, slot); 0 for no run."""
+        none = np.zeros((*values.shape[:-1], 1))
+        return np.concatenate([values, none], axis=-1)[..., self.slots]
+
+    def pair_noise(self, products: FloatArray) -> float:
+        """Return `ResidualVariance.pair_noise` of a sum of variances, from its pair products."""
+        place, bins = self.in_slots(self.place), self._bins_for_pairs
+        projection = 1 / self.size[bins, None, None] + place[:, :, None] * place[:, None, :]
+        squares = (projection * products) ** 2
+        pairs = squares.sum(axis=(1, 2)) - np.einsum("bjj->b", squares)
+        variance = 2 * (self.scale[bins] ** 2 * pairs).mean() * len(self.size)
+        return float(np.sqrt(variance)) / len(self.label)
+
     def total(self, values: FloatArray) -> FloatArray:
-        """Sums over each bin."""
-        return np.bincount(self.label, values).astype(np.float64)
+        """Sums over each bin, shape (..., bin), of values of shape (..., run)."""
+        return group_sums(values, self.label, len(self.size))
 
     def residual(self, values: FloatArray) -> FloatArray:
-        """Residuals of a variable from the lines of the bins."""
-        centred = values - (self.total(values) / self.size)[self.label]
-        return centred - self.place * self.total(self.place * centred)[self.label]
+        """Residuals of variables from the lines of the bins, shape (..., run)."""
+        centred = values - (self.total(values) / self.size)[..., self.label]
+        return centred - self.place * self.total(self.place * centred)[..., self.label]
 
 
 @dataclass(frozen=True)
 class ResidualVariance:
-    """Variance of a variable about the lines of an input's bins: the input does not explain it."""
+    """Variance of variables about the lines of an input's bins: the input does not explain it.
+
+    Parameters
+    ----------
+    bins : RegressionBins
+    values : ndarray, shape (..., run)
+        Of one variable or of several.
+    """
 
     bins: RegressionBins
     values: FloatArray
 
     @cached_property
-    def _scale(self) -> FloatArray:
-        """Factor that makes a bin's sum of squares unbiased; 0 for a bin of one run."""
-        freedom = self.bins.freedom
-        return np.where(freedom > 0, self.bins.size / np.maximum(freedom, 1), 0)
+    def residual(self) -> FloatArray:
+        """Residuals from the lines, shape (..., run)."""
+        return self.bins.residual(self.values)
 
     @cached_property
     def _leave_one_out_products(self) -> FloatArray:
         """The product of each run's residual and of that from the line through all others."""
-        residual = self.bins.residual(self.values)
-        free = 1 - self.bins.leverage
-        return np.where(free > 0, residual**2 / np.where(free > 0, free, 1), 0)
+        return self.residual**2 / self.bins.free_share
 
     @cached_property
     def _sums(self) -> FloatArray:
         """Unbiased sums of squares over each bin."""
-        return self._scale * self.bins.total(self.bins.residual(self.values) ** 2)
+        return self.bins.scale * self.bins.total(self.residual**2)
 
     @cached_property
-    def variance(self) -> float:
-        """The mean variance about the lines."""
-        return float(self._sums.sum() / self.bins.size[self._scale > 0].sum())
+    def variance(self) -> FloatArray:
+        """The mean variance about the lines, shape (...)."""
+        return self._sums.sum(axis=-1) / self.bins.size[self.bins.scale > 0].sum()
 
     @cached_property
     def influence(self) -> FloatArray:
-        """Each run's influence on it, but for a constant."""
+        """Each run's influence on it, but for a constant, shape (..., run)."""
         # Each run has the scale of its bin. The mean over the bin compensates for a scale above 1.
-        scale, mean = self._scale[self.bins.label], (self._sums / self.bins.size)[self.bins.label]
+        label = self.bins.label
+        scale, mean = self.bins.scale[label], (self._sums / self.bins.size)[..., label]
         return scale * self._leave_one_out_products - (scale - 1) * mean
 
     @cached_property
-    def pair_noise(self) -> float:
+    def pair_noise(self) -> FloatArray:
         """The part of its standard error from the products of pairs of runs in a bin."""
         bins, squares = self.bins, self._leave_one_out_products
         # The squares of 1 / size + place · place, the elements of the projection on the lines.
@@ -144,8 +200,26 @@ class ResidualVariance:
             + bins.total(squares * bins.place**2) ** 2
         )
         pairs = all_pairs - bins.total((bins.leverage * squares) ** 2)
-        variance = 2 * float((self._scale**2 * np.maximum(pairs, 0)).sum())
-        return float(np.sqrt(variance)) / len(self.values)
+        variance = 2 * (bins.scale**2 * np.maximum(pairs, 0)).sum(axis=-1)
+        return np.sqrt(variance) / self.values.shape[-1]
+
+    def pair_products(self, weights: FloatArray) -> FloatArray:
+        """Sum the products of pairs of runs in a bin over several variables.
+
+        Parameters
+        ----------
+        weights : ndarray, shape (variable,)
+            Not below 0.
+
+        Returns
+        -------
+        ndarray, shape (bin, slot, slot)
+            For `RegressionBins.pair_noise`.
+        """
+        scale = 1 / np.sqrt(self.bins.free_share)
+        left_out = self.bins.in_slots(self.residual) * self.bins.in_slots(scale)
+        left_out *= np.sqrt(weights)[:, None, None]
+        return np.einsum("vbj,vbk->bjk", left_out, left_out)
 
 
 def _ranks(values: FloatArray) -> IntArray:

@@ -25,7 +25,7 @@ from uqpen.statistics.sample import Sample
 from uqpen.statistics.sample_shape import SampleShape
 from uqpen.statistics.sensitivity import salib_estimators
 
-__all__ = ["BlockVariable", "PickFreezeBlocks"]
+__all__ = ["BlockVariable", "IndexTerms", "PickFreezeBlocks"]
 
 
 # For an event in a seventh of the runs, the coverage of indices was 91 % with 128 blocks.
@@ -92,6 +92,12 @@ class PickFreezeBlocks:
         }
         return cls(layout, chosen, replicate.astype(np.int64), attributes)
 
+    def subset(self, chosen: BoolArray) -> PickFreezeBlocks:
+        """Return some of the blocks, by a mask."""
+        rows = {number: part[chosen] for number, part in self.rows.items()}
+        _, replicate = np.unique(self.replicate[chosen], return_inverse=True)
+        return replace(self, rows=rows, replicate=replicate.astype(np.int64))
+
     @property
     def count(self) -> int:
         """Number of complete blocks."""
@@ -101,6 +107,25 @@ class PickFreezeBlocks:
     def replicate_count(self) -> int:
         """Number of replicates with a complete block."""
         return int(self.replicate.max(initial=-1)) + 1
+
+
+@dataclass(frozen=True)
+class IndexTerms:
+    """Terms of an index: the ratio of two sums over blocks.
+
+    Parameters
+    ----------
+    value : float
+        The index.
+    numerator : ndarray, shape (block,)
+        Of a variable with variance 1.
+    informative : ndarray of bool, shape (block,)
+        The blocks that contribute.
+    """
+
+    value: float
+    numerator: FloatArray
+    informative: BoolArray
 
 
 @dataclass(frozen=True)
@@ -142,6 +167,11 @@ class BlockVariable:
         """The shape of that sample."""
         return SampleShape(self.sample)
 
+    @property
+    def std(self) -> float:
+        """The standard deviation of that sample."""
+        return float(self.shape.scale * self.shape.deviations.std())
+
     def logarithm(self) -> BlockVariable:
         """Return the variable's logarithm; NaN for failed runs."""
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -155,9 +185,13 @@ class BlockVariable:
 
     def first_order(self, i: int) -> Estimate:
         """Share of the variance that would go were input `i` known."""
-        if reason := self._reason_without_indices:
+        if reason := self.reason_without_indices:
             return Estimate.without_bounds(math.nan, reason)
-        A, B = self._values_at(MATRIX_A), self._values_at(MATRIX_B)
+        return self.estimate(self.first_order_terms(i))
+
+    def first_order_terms(self, i: int) -> IndexTerms:
+        """Return the terms of a first-order index of a variable that varies."""
+        A, B = self.drawn
         AB = self._values_at(self.blocks.layout.part_sharing_one(i).matrix)
         numerator = B * (AB - A)
         telling = numerator != 0
@@ -165,23 +199,28 @@ class BlockVariable:
             # Only pairs of points that share the input and both see the rarer case inform on it.
             side = 1 if self.sample.values.mean() < 0.5 else -1
             telling = (side * B > 0) & (side * AB > 0)
-        return self._estimate(salib_estimators.first_order(A, AB, B), numerator, telling)
+        return IndexTerms(salib_estimators.first_order(A, AB, B), numerator, telling)
 
     def total_order(self, i: int) -> Estimate:
         """Share of the variance that would stay were all inputs but `i` known."""
-        if reason := self._reason_without_indices:
+        if reason := self.reason_without_indices:
             return Estimate.without_bounds(math.nan, reason)
-        A, B = self._values_at(MATRIX_A), self._values_at(MATRIX_B)
+        return self.estimate(self.total_order_terms(i))
+
+    def total_order_terms(self, i: int) -> IndexTerms:
+        """Return the terms of a total-order index of a variable that varies."""
+        A, B = self.drawn
         AB = self._values_at(self.blocks.layout.part_sharing_others(i).matrix)
-        return self._estimate(salib_estimators.total_order(A, AB, B), (A - AB) ** 2 / 2, A != AB)
+        value = salib_estimators.total_order(A, AB, B)
+        return IndexTerms(value, (A - AB) ** 2 / 2, A != AB)
 
     def second_order(self, number: int) -> Estimate:
         """Share of the variance of a pair of inputs beyond their first-order indices."""
-        if reason := self._reason_without_indices:
+        if reason := self.reason_without_indices:
             return Estimate.without_bounds(math.nan, reason)
         layout = self.blocks.layout
         shared = layout.part_sharing_pair(number)
-        A, B = self._values_at(MATRIX_A), self._values_at(MATRIX_B)
+        A, B = self.drawn
         ABj, ABk = (
             self._values_at(layout.part_sharing_one(i).matrix) for i in layout.pairs[number]
         )
@@ -189,10 +228,15 @@ class BlockVariable:
         pair, BAj = self._values_at(shared.matrix), self._values_at(shared.anchor)
         numerator = BAj * pair - A * B - B * (ABj - A) - B * (ABk - A)
         value = salib_estimators.second_order(A, ABj, ABk, BAj, pair, B)
-        return self._estimate(value, numerator, numerator != 0)
+        return self.estimate(IndexTerms(value, numerator, numerator != 0))
 
     @cached_property
-    def _reason_without_indices(self) -> str:
+    def drawn(self) -> tuple[FloatArray, FloatArray]:
+        """Standardized values at the points A and B of each block."""
+        return self._values_at(MATRIX_A), self._values_at(MATRIX_B)
+
+    @cached_property
+    def reason_without_indices(self) -> str:
         """Reason why there are no indices; empty if there are."""
         if not self.blocks.count:
             return texts.NO_BLOCK
@@ -209,11 +253,13 @@ class BlockVariable:
     @cached_property
     def _denominator(self) -> FloatArray:
         """Contribution of each block to the variance."""
-        return (self._values_at(MATRIX_A) ** 2 + self._values_at(MATRIX_B) ** 2) / 2
+        A, B = self.drawn
+        return (A**2 + B**2) / 2
 
-    def _estimate(self, value: float, numerator: FloatArray, informative: BoolArray) -> Estimate:
-        """Return an index with its interval; `informative` marks the blocks that contribute."""
-        if reason := self._reason_without_bounds(informative):
+    def estimate(self, terms: IndexTerms) -> Estimate:
+        """Return an index with its interval."""
+        value, numerator = terms.value, terms.numerator
+        if reason := self._reason_without_bounds(terms.informative):
             return Estimate.without_bounds(value, reason)
         blocks = self.blocks
         error, freedom = ratio_jackknife_error(
@@ -236,7 +282,11 @@ class BlockVariable:
         """Warning that the scatter of replicates does not show the error; empty for none."""
         if self.shape.hidden_tail:
             return texts.ONLY_BLOCKS.format(blocks=self.blocks.count)
-        return self.shape.tail_note if self.shape.is_heavy else ""
+        return self._tail_note if self.shape.is_heavy else ""
+
+    @property
+    def _tail_note(self) -> str:
+        return self.shape.tail_note
 
     @property
     def _reservation(self) -> str:

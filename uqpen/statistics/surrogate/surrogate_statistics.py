@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import xarray as xr
@@ -16,8 +16,10 @@ import xarray as xr
 from uqpen.core.labels import CDFS, ESTIMATOR, EXCEEDANCE, MOMENTS, QUANTILES, SENSITIVITY
 from uqpen.statistics.analyze import OutputStatistics, analyze, in_catalogue_order
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.surrogate.field_statistics import field_statistics
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_indices import surrogate_indices
+from uqpen.surrogates.field_surrogate import FieldSurrogate
 
 __all__ = ["SurrogateStatistics", "TrainingRange", "surrogate_statistics"]
 
@@ -46,10 +48,21 @@ class TrainingRange:
 
 @dataclass(frozen=True)
 class SurrogateStatistics:
-    """Estimate arrays of a surrogate by output and statistic, before its validation."""
+    """Estimate arrays of a surrogate by output and statistic, before its validation.
+
+    Parameters
+    ----------
+    outputs : mapping of str to mapping of str to DataArray
+        Of scalar outputs.
+    training_ranges : mapping of str to TrainingRange
+        Of scalar outputs.
+    fields : mapping of str to mapping of str to DataArray
+        Of fields, which have no validation: each says what the surrogate leaves.
+    """
 
     outputs: Mapping[str, OutputStatistics]
     training_ranges: Mapping[str, TrainingRange]
+    fields: Mapping[str, OutputStatistics] = field(default_factory=dict)
 
 
 def surrogate_statistics(
@@ -76,9 +89,17 @@ def surrogate_statistics(
     ]
     if not requested:
         return SurrogateStatistics({}, {})
-    names = [quantity.output.name for quantity in requested]
+    scalars = [quantity for quantity in requested if not quantity.output.dims]
+    fields: dict[str, OutputStatistics] = {}
+    if isinstance(draws.model, FieldSurrogate):
+        fits = draws.model.fields
+        draws = replace(draws, model=draws.model.scalars)
+        for quantity in (each for each in requested if each.output.dims):
+            found = field_statistics(draws, fits[quantity.output.name], quantity, only)
+            fields[quantity.output.name] = in_catalogue_order(dict(found))
+    names = [quantity.output.name for quantity in scalars]
     training_ranges = {name: _training_range(draws, name) for name in names}
-    return SurrogateStatistics(_by_output(draws, requested, only), training_ranges)
+    return SurrogateStatistics(_by_output(draws, scalars, only), training_ranges, fields)
 
 
 def _by_output(

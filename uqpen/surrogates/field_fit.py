@@ -1,0 +1,257 @@
+"""Fit to a field: its principal components, and how much of its variance a surrogate leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import PRINCIPAL_COMPONENT, STATUS
+from uqpen.core.model import Dimension, Output
+from uqpen.core.status import Status
+from uqpen.core.units import DIMENSIONLESS
+from uqpen.surrogates.diagnostics import DIAGNOSTICS, Diagnostic, diagnostics_dataset
+from uqpen.surrogates.fitted_surrogate import Prediction
+from uqpen.surrogates.principal_components import PrincipalComponents
+from uqpen.surrogates.score_model import score_name
+from uqpen.surrogates.storage import describe, description
+
+__all__ = ["FIT_TEXT", "FieldCheck", "FieldFit", "dimension_variables"]
+
+# Attribute of the group of a field: what the components and the surrogate leave, in words.
+FIT_TEXT = "fit"
+
+# A smaller share of a variance is rounding, which differs from one processor to another.
+_ROUNDING = 1e-20
+
+
+@dataclass(frozen=True, eq=False)
+class FieldCheck:
+    """What a surrogate of a field leaves at runs that it was not fitted to.
+
+    Parameters
+    ----------
+    runs : int
+        Number of completed runs.
+    left : float
+        Mean square error over the field, as a share of its variance in these runs.
+    truncation : float
+        The part of `left` that no surrogate of the scores can predict.
+    q2 : ndarray, shape (place,)
+        One minus the mean square error at each place over the variance there.
+    """
+
+    runs: int
+    left: float
+    truncation: float
+    q2: FloatArray
+
+    @classmethod
+    def of_runs(
+        cls, components: PrincipalComponents, scores: FloatArray, truth: FloatArray
+    ) -> FieldCheck:
+        """Compare predicted scores with the fields of some runs, each of shape (run, …)."""
+        if len(truth) < 2:
+            return cls(len(truth), math.nan, math.nan, np.full(truth.shape[1], math.nan))
+        projected = components.fields(components.scores(truth))
+        errors, rest = ((truth - each) ** 2 for each in (components.fields(scores), projected))
+        with np.errstate(all="ignore"):
+            variances = truth.var(axis=0, ddof=1)
+            whole = components.weights @ variances
+            return cls(
+                runs=len(truth),
+                left=_known_share(components.weights @ errors.mean(axis=0) / whole),
+                truncation=_known_share(components.weights @ rest.mean(axis=0) / whole),
+                q2=np.where(variances > 0, 1 - errors.mean(axis=0) / variances, math.nan),
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class FieldFit:
+    """Principal components of a field, whose scores a surrogate predicts.
+
+    Parameters
+    ----------
+    output : Output
+        The field.
+    components : PrincipalComponents
+    smallest, largest : float
+        The range of the field in the training runs.
+    q2 : float
+        Share of the variance predicted at training runs left out; NaN if unknown.
+    check : FieldCheck, optional
+    """
+
+    output: Output
+    components: PrincipalComponents
+    smallest: float
+    largest: float
+    q2: float = math.nan
+    check: FieldCheck | None = None
+
+    @classmethod
+    def of_runs(cls, output: Output, components: PrincipalComponents, runs: xr.Dataset) -> FieldFit:
+        """Describe a field by its components and its training runs."""
+        completed = runs[output.name].values[runs[STATUS].values == Status.OK]
+        return cls(output, components, float(completed.min()), float(completed.max()))
+
+    @property
+    def scores(self) -> list[str]:
+        """Names of the scores as outputs."""
+        return [score_name(self.output.name, each) for each in range(self.components.count)]
+
+    def prediction(self, scores: Mapping[str, Prediction]) -> Prediction:
+        """Return the prediction of the field from those of its scores.
+
+        Standard deviations are of independent errors of the scores, and contain the truncation.
+        """
+        found = [scores[name] for name in self.scores]
+        shape = (-1, *self.output.shape)
+        mean = self.components.fields(np.column_stack([each.mean for each in found]))
+        deviations = [each.std for each in found if each.std is not None]
+        if len(deviations) < len(found):
+            return Prediction(mean.reshape(shape))
+        variances = np.tile(self.components.truncated, (len(mean), 1))
+        for deviation, component in zip(deviations, self.components.components, strict=True):
+            variances += deviation[:, None] ** 2 * component**2
+        return Prediction(mean.reshape(shape), np.sqrt(variances).reshape(shape))
+
+    def with_q2_of_scores(self, q2: Mapping[str, float]) -> FieldFit:
+        """Return it with the Q² of the field at runs left out, from those of its scores."""
+        known = np.array([q2.get(name, math.nan) for name in self.scores])
+        return replace(self, q2=float(known @ self.components.variances / self.components.variance))
+
+    def with_check(self, scores: Mapping[str, Prediction], truth: FloatArray) -> FieldFit:
+        """Return it with its errors at other runs, of shape (run, *dims)."""
+        found = np.column_stack([scores[name].mean for name in self.scores])
+        check = FieldCheck.of_runs(self.components, found, truth.reshape(len(truth), -1))
+        return replace(self, check=check)
+
+    @property
+    def text(self) -> str:
+        """What the components and the surrogate leave of the variance, in a sentence."""
+        count, truncation = self.components.count, self.components.truncation
+        verb = "component leaves" if count == 1 else "components leave"
+        found = f"{count} principal {verb} {_share_text(truncation)} of the variance of the field"
+        if truncation > _ROUNDING:
+            found += f" ({100 * math.sqrt(truncation):.2g} % of its standard deviation)"
+        check = self.check
+        if check is not None and math.isfinite(check.left):
+            found += f"; at {check.runs} check runs the surrogate leaves {_share_text(check.left)}"
+            if check.left > _ROUNDING:
+                share = 100 * check.truncation / check.left
+                found += f", {share:.0f} % of that by the truncation"
+        elif math.isfinite(self.q2):
+            found += f"; at runs left out the surrogate leaves {_share_text(1 - self.q2)}"
+        return found
+
+    def to_groups(self) -> tuple[xr.Dataset, xr.Dataset]:
+        """Return its group of an archive, and that of its diagnostics."""
+        numbers = np.arange(1, self.components.count + 1)
+        told = {"units": "1", "long_name": "number of the component"}
+        coordinates = {
+            PRINCIPAL_COMPONENT: (PRINCIPAL_COMPONENT, numbers, told),
+            **dimension_variables(self.output.dims),
+        }
+        attributes = {
+            **describe(self.output, "of_"),
+            "training_minimum": self.smallest,
+            "training_maximum": self.largest,
+            FIT_TEXT: self.text,
+        }
+        if self.check is not None:
+            attributes |= {
+                "check_runs": self.check.runs,
+                "check_left": self.check.left,
+                "check_truncation": self.check.truncation,
+            }
+        variables = dict(self._variables())
+        return xr.Dataset(variables, coordinates, attributes), diagnostics_dataset(
+            self._diagnostics()
+        )
+
+    def _variables(self) -> Iterator[tuple[str, tuple[Any, ...]]]:
+        parts, output = self.components, self.output
+        unit, title = output.unit, output.title
+        square = unit if unit == DIMENSIONLESS else f"({unit})2"
+        yield "mean_field", self._along(parts.mean, unit, f"mean of {title} in the training runs")
+        yield "grid_weight", self._along(parts.weights, "1", "weight in the mean over the field")
+        left = "variance in the training runs that the components leave"
+        yield "truncated_variance", self._along(parts.truncated, square, left)
+        described = {"units": "1", "long_name": f"principal components of {title}"}
+        dims = (PRINCIPAL_COMPONENT, *(each.name for each in output.dims))
+        yield "component_field", (dims, parts.components.reshape(-1, *output.shape), described)
+        described = {"units": square, "long_name": "variance of the scores in the training runs"}
+        yield "score_variance", (PRINCIPAL_COMPONENT, parts.variances, described)
+        if self.check is not None:
+            yield "check_q2", self._along(self.check.q2, "1", "Q² at each place, check runs")
+
+    def _along(self, values: FloatArray, unit: str, title: str) -> tuple[Any, ...]:
+        dims = [each.name for each in self.output.dims]
+        return dims, values.reshape(self.output.shape), {"units": unit, "long_name": title}
+
+    def _diagnostics(self) -> list[Diagnostic]:
+        q2 = math.nan if self.check is None else 1 - self.check.left
+        return [
+            Diagnostic("components", self.components.count, "components"),
+            Diagnostic("truncation", self.components.truncation, "truncation"),
+            Diagnostic("q2", self.q2, "Q², runs left out"),
+            Diagnostic("check_q2_of_output", q2, "Q², check runs"),
+        ]
+
+    @classmethod
+    def from_group(cls, name: str, group: xr.DataTree) -> FieldFit:
+        """Restore the fit to a field from its groups."""
+        dataset, told = group.to_dataset(inherit=False), group.attrs
+        dims = tuple(_dimension(dataset[name]) for name in dataset["mean_field"].dims)
+        values = {
+            key: np.asarray(dataset[key].values, dtype=np.float64) for key in dataset.data_vars
+        }
+        found = {
+            str(key): float(each.values)
+            for key, each in group.children[DIAGNOSTICS].data_vars.items()
+        }
+        check = None
+        if "check_q2" in values:
+            left, truncation = (float(told[f"check_{key}"]) for key in ("left", "truncation"))
+            runs, q2 = int(told["check_runs"]), values["check_q2"].ravel()
+            check = FieldCheck(runs, left, truncation, q2)
+        return cls(
+            output=Output(name, *description(told, "of_"), dims=dims),
+            components=PrincipalComponents(
+                weights=values["grid_weight"].ravel(),
+                mean=values["mean_field"].ravel(),
+                components=values["component_field"].reshape(len(values["component_field"]), -1),
+                variances=values["score_variance"],
+                truncated=values["truncated_variance"].ravel(),
+            ),
+            smallest=float(told["training_minimum"]),
+            largest=float(told["training_maximum"]),
+            q2=found["q2"],
+            check=check,
+        )
+
+
+def dimension_variables(dims: tuple[Dimension, ...]) -> dict[str, xr.Variable]:
+    """Return the coordinates of a field by dimension, with their units."""
+    return {
+        each.name: xr.Variable(each.name, np.array(each.values), describe(each)) for each in dims
+    }
+
+
+def _known_share(share: float) -> float:
+    return float(share) if not share <= _ROUNDING else 0.0
+
+
+def _share_text(share: float) -> str:
+    return f"{share:.2g}" if share > _ROUNDING else "none"
+
+
+def _dimension(coordinate: xr.DataArray) -> Dimension:
+    values = tuple(map(float, coordinate.values))
+    return Dimension(str(coordinate.name), *description(coordinate.attrs), values=values)
