@@ -63,13 +63,13 @@ def tolerance_band(
     how = texts.FURTHEST_DEVIATIONS, "discrete" if is_independent else "conservative"
     means = field_means(centre)
     bands = [
-        Estimates(means, means - multiple * stds, means + multiple * stds, *how).unknown_where(
+        Estimates(means, means - multiple * stds, means + multiple * stds, *how).remove_bounds_at(
             np.isnan(multiple * stds), texts.TOLERANCE_BAND_NEEDS.format(runs=fewest)
         )
         for multiple, fewest in zip(multiples, needed, strict=True)
     ]
     for why in set(filter(None, places.reasons)):
-        bands = [band.unknown_where(np.array(places.reasons) == why, why) for band in bands]
+        bands = [band.remove_bounds_at(np.array(places.reasons) == why, why) for band in bands]
     array = Estimates.stack(bands).to_array(
         BAND_CONTENT,
         units=quantity.output.unit,
