@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import base64
+import io
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 from axe_playwright_python.sync_playwright import Axe
+from matplotlib.image import imread
 from playwright.sync_api import Page
 
 import uqpen
@@ -157,7 +161,7 @@ def test_shares_of_the_variance_are_stacked(driven: xr.DataTree) -> None:
 def test_the_main_results_say_where_the_mean_is_largest(moving: xr.DataTree) -> None:
     first, *_ = field_sentences(ArchiveView(moving, ""), "mc")
     assert first.startswith("The mean of curve is largest at time\u00a0=\u00a040\u00a0day: ")
-    assert first.endswith("95\u00a0% interval).")
+    assert first.endswith("95\u00a0% band, valid at all places at once).")
     assert first in report_page(moving)
 
 
@@ -180,8 +184,56 @@ def test_of_many_places_some_are_shown(moving: xr.DataTree) -> None:
     fan = chart(tree, "Curve along time")
     assert fan.notes == ("161 of 321 places are shown.",)
     assert all(len(trace["x"]) == 161 for trace in fan.traces)
-    assert chart(tree, "Runs at").notes == ("At the nearest of 81 of 321 places.",)
+    assert chart(tree, "Runs at").notes == ("At the nearest of 41 of 321 places.",)
     assert len(report_page(tree).encode()) < 2_000_000
+
+
+SHEET = """\
+title = "Sheet"
+seed = 1
+[model]
+python = "sheet.py:simulate"
+[model.inputs]
+x = "m"
+[model.outputs.sheet]
+unit = "cm"
+[model.outputs.sheet.along]
+layer = { values = [1, 2] }
+depth = { unit = "cm", values = [0, 1] }
+time = { unit = "s", values = [0, 1, 3] }
+[inputs]
+x = "(1 ± 0.1) m"
+[designs.mc]
+kind = "monte-carlo"
+runs = 30
+"""
+
+
+def test_a_field_of_more_dimensions_has_maps(tmp_path: Path) -> None:
+    (tmp_path / "sheet.py").write_text(
+        "def simulate(x):\n    first = [[0, x, 2 * x], [0, 0, 0]]\n"
+        "    return {'sheet': [first, [[2 * v for v in row] for row in first]]}\n"
+    )
+    tree = uqpen.run(uqpen.parse_study(SHEET, folder=tmp_path))
+    found = list(find_charts(blocks(tree)))
+    assert [each.title for each in found[:2]] == [
+        "Sheet: mean [cm]",
+        "Sheet: standard deviation [cm]",
+    ]
+    mean = found[0]
+    assert mean.notes == ("At layer = 2, the place of the largest mean.",)
+    assert (mean.x.ends, mean.y.ends) == ((0.0, 3.0), (0.0, 1.0))
+    points = mean.traces[0]
+    middle = float(tree["runs/mc/x"].mean())
+    assert points["marker"]["color"] == pytest.approx(
+        [0, 2 * middle, 4 * middle, 0, 0, 0], rel=1e-4
+    )
+    assert (points["x"], points["y"]) == ([0, 1, 3, 0, 1, 3], [0, 0, 0, 1, 1, 1])
+    pixels = imread(io.BytesIO(base64.b64decode(mean.images[0]["source"].partition(",")[2])))
+    # The brightest cell is the last one of the lowest row, from half-way to the one before.
+    bright = pixels[..., 0] > 0.9
+    assert bright[-1].sum() == pytest.approx(pixels.shape[1] / 3, abs=1)
+    assert not bright[0].any()
 
 
 @pytest.fixture

@@ -32,10 +32,10 @@ def place_text(variable: xr.DataArray, place: Sequence[int]) -> str:
     return f" at {', '.join(texts)}" if texts else ""
 
 
-def coordinate_text(coordinate: xr.DataArray, value: float) -> str:
+def coordinate_text(coordinate: xr.DataArray, value: float, digits: int = 10) -> str:
     """Return a value of a coordinate in its unit for display, such as ``time = 3 s``."""
     shown = str(coordinate.attrs.get("display_units", DIMENSIONLESS))
-    written = f"{scale(shown).from_si(float(value)):.10g}"
+    written = f"{scale(shown).from_si(float(value)):.{digits}g}"
     return f"{coordinate.name} = {written}" + (f" {shown}" if shown != DIMENSIONLESS else "")
 
 

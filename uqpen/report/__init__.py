@@ -46,9 +46,9 @@ SECTIONS = {
         absence_note="completed runs that are a sample of the inputs",
     ),
     "curves": ReportSection(
-        "Curves",
-        "Outputs along a dimension. Move the place to read off its estimates, its runs and what "
-        "drives it there.",
+        "Curves and fields",
+        "Outputs along dimensions. Move the place of a curve to read off its estimates, its runs "
+        "and what drives it there.",
         "uqpen.report.sections.curves:curves",
     ),
     "sensitivity": ReportSection(

@@ -216,6 +216,7 @@ class Chart(Block):
     tables: tuple[OutputTable, ...] = ()  # the numbers behind it
     height: int = 300  # in CSS pixels
     reading: ThresholdReadout | None = None
+    images: tuple[Trace, ...] = ()  # behind the traces, in Plotly's form
     place: PlaceReadout | None = None  # along the axis x
     slices: PlaceSlices | None = None
     is_compared: bool = False  # whether a pointer reads off all lines at once

@@ -66,6 +66,8 @@ def _chart_content(chart: Chart) -> dict[str, Any]:
     }
     if chart.reading is not None:
         drawn["reading"] = _reading_content(chart.reading)
+    if chart.images:
+        drawn["images"] = chart.images
     if chart.place is not None:
         read = chart.place
         drawn["place"] = {"values": read.values, "texts": read.texts, "start": read.start}

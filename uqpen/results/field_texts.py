@@ -65,14 +65,15 @@ def _range_text(model: xr.DataTree, output: str, unit: str) -> str:
     if mean is None or not np.isfinite(mean.values[..., 0]).any():
         return ""
     lowest, highest = (
-        _text_at(mean, "mean", unit, find(mean.values[..., 0]))
+        _text_at(mean, "mean", unit, int(find(mean.values[..., 0])))
         for find in (np.nanargmin, np.nanargmax)
     )
     text = f"; by {source} mean from {lowest} to {highest}"
     std = statistics.get(source, output, "std")
     if std is None or not np.isfinite(std.values[..., 0]).any():
         return text
-    return f"{text}, sd at most {_text_at(std, 'std', unit, np.nanargmax(std.values[..., 0]))}"
+    largest = _text_at(std, "std", unit, int(np.nanargmax(std.values[..., 0])))
+    return f"{text}, sd at most {largest}"
 
 
 def _text_at(array: xr.DataArray, statistic: str, unit: str, position: int) -> str:
@@ -80,7 +81,7 @@ def _text_at(array: xr.DataArray, statistic: str, unit: str, position: int) -> s
     index = np.unravel_index(position, array.shape[:-1])
     estimate = estimate_text(*shown_bounds(array[index], conversion(statistic, scale(unit))))
     places = (
-        coordinate_text(array[dim], array[dim].values[at])
+        coordinate_text(array[dim], array[dim].values[at], 6)
         for dim, at in zip(array.dims, index, strict=False)
     )
     return f"{estimate} at {', '.join(places)}"

@@ -55,6 +55,8 @@ _OF_POINTS = (STOPPING_RULE, STOPPING_AT_MOST, STOPPING_NOTE, AGREEMENT)
 # The statistics that have one, by their keys in JSON.
 _FAMILIES = {
     "quantiles": "quantile",
+    "quantile_bands": "quantile_band",
+    "tolerance_bands": "tolerance_band",
     "hold": "tolerance_limit",
     "hold_above": "lower_tolerance_limit",
     "hold_between": "tolerance_interval",

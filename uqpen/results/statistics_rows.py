@@ -62,6 +62,7 @@ class StatisticsRows:
         self._add_row("P(reached)", "reached", self._arrays("reached"))
         self._add_row("effective runs", "effective_size", self._arrays("effective_size"))
         self._add_row("mean", "mean", self._arrays("mean"))
+        self._add_row("mean, all places at once", "mean_band", self._arrays("mean_band"))
         stds = self._arrays("std")
         self._add_row("sd", "std", stds)
         if any(math.isnan(std.values[1]) and std.values[0] > 0 for std in stds.values()):
@@ -69,6 +70,8 @@ class StatisticsRows:
         self._add_row("skewness", "skewness", self._arrays("skewness"))
         for p, arrays in source_entries(self._arrays("quantile"), PROBABILITY):
             self._add_row(quantile_label(p), "quantile", arrays)
+        for p, arrays in source_entries(self._arrays("quantile_band"), PROBABILITY):
+            self._add_row(f"{quantile_label(p)}, all places at once", "quantile_band", arrays)
         for text, arrays in source_entries(self._arrays("exceedance"), THRESHOLD):
             self._add_row(exceedance_label(text), "exceedance", arrays)
             self._add_verdicts(arrays)

@@ -46,8 +46,8 @@ function looked(style, colour, opacity) {
 
 // The same with all colours looked up, however deep they lie.
 function coloured(style, value, key) {
-  if (COLOURS.has(key)) return looked(style, value, key === "fillcolor" ? 0.3 : undefined);
   if (Array.isArray(value)) return value.map((each) => coloured(style, each));
+  if (COLOURS.has(key)) return looked(style, value, key === "fillcolor" ? 0.3 : undefined);
   if (value !== null && typeof value === "object") {
     return Object.fromEntries(
       Object.entries(value).map(([name, each]) => [name, coloured(style, each, name)]),
@@ -94,6 +94,7 @@ function layout(style, chart, width) {
     xaxis: { ...axis(style, chart.x), ...upright, ...head },
     yaxis: axis(style, chart.y),
     shapes: coloured(style, [...chart.shapes, ...chosenShapes(chart)]),
+    images: chart.images ?? [],
   };
 }
 

@@ -14,11 +14,11 @@ from uqpen.report.marks import Trace, line_trace
 from uqpen.report.sections.curve_lines import DASHES, band, level_text, line, place_axis
 from uqpen.report.sections.curve_view import CurveView
 from uqpen.report.sections.leading_design import output_title
-from uqpen.results.digits import grouped_number
+from uqpen.results.digits import grouped_number, percent_text
 from uqpen.results.table import below_label, exceedance_label, quantile_label
-from uqpen.results.texts import capitalized
+from uqpen.results.texts import capitalized, join_names
 
-__all__ = ["fan_chart", "probability_charts", "quantile_chart", "ranked_chart"]
+__all__ = ["fan_chart", "probability_charts", "quantile_chart", "ranked_chart", "tolerance_chart"]
 
 # Single runs that are drawn, thin, behind the others.
 _MOST_RUNS = 20
@@ -27,18 +27,8 @@ _MOST_RUNS = 20
 def fan_chart(curve: CurveView, readout: PlaceReadout) -> Chart:
     """Return the chart of the mean with its band, the quantiles, and some single runs."""
     series = curve.view.series(curve.design)
-    traces: list[Trace] = []
-    keys: list[LegendKey] = []
-    for content, bounds in curve.entries("tolerance_band"):
-        if found := band(curve, bounds, "quiet"):
-            traces += found
-            level = level_text(curve.estimate("tolerance_band"))
-            text = f"holds a new curve with probability {content:g} ({level} confidence)"
-            keys.append(LegendKey(text, "quiet", "band"))
-    runs = curve.some_runs(_MOST_RUNS)
-    traces += [line_trace(curve.places, run, "quiet", hover="", width=0.6) for run in runs]
-    counted = f"{grouped_number(len(runs))} of {count_text(len(curve.runs), 'run')}"
-    keys.append(LegendKey(f"{counted} of {curve.design}", "quiet", "line"))
+    traces, key = _single_runs(curve)
+    keys = [key]
     for label, dash, bounds in _quantiles(curve, "quantile"):
         traces.append(line(curve, bounds, "ink", label, dash=dash, width=1.5))
         keys.append(LegendKey(label, "ink", "line", dash))
@@ -63,6 +53,39 @@ def fan_chart(curve: CurveView, readout: PlaceReadout) -> Chart:
         is_compared=True,
         place=readout,
     )
+
+
+def tolerance_chart(curve: CurveView) -> Iterator[Chart]:
+    """Yield the bands that hold a new curve, behind single runs, if there are any."""
+    series = curve.view.series(curve.design)
+    found = {
+        content: traces
+        for content, bounds in curve.entries("tolerance_band")
+        if (traces := band(curve, bounds, series))
+    }
+    if not found:
+        return
+    runs, key = _single_runs(curve)
+    shares = join_names([percent_text(content) for content in found])
+    level = level_text(curve.estimate("tolerance_band"))
+    text = f"holds a new curve in {shares} of cases, with {level} confidence"
+    yield Chart(
+        title="Tolerance band",
+        summary=f"By {curve.design}: {text}.",
+        x=place_axis(curve),
+        y=Axis(curve.view.axis_label(curve.output)),
+        traces=(*(trace for traces in found.values() for trace in traces), *runs),
+        keys=(LegendKey(text, series, "band"), key),
+        height=320,
+    )
+
+
+def _single_runs(curve: CurveView) -> tuple[list[Trace], LegendKey]:
+    """Return thin lines of some runs, and their key, which has their number."""
+    runs = curve.some_runs(_MOST_RUNS)
+    counted = f"{grouped_number(len(runs))} of {count_text(len(curve.runs), 'run')}"
+    key = LegendKey(f"{counted} of {curve.design}", "quiet", "line")
+    return [line_trace(curve.places, run, "quiet", hover="", width=0.6) for run in runs], key
 
 
 def ranked_chart(curve: CurveView) -> Iterator[Chart]:

@@ -36,8 +36,8 @@ def _texts(curve: CurveView) -> list[str]:
     texts = []
     for number in range(curve.places.size):
         found = [f"{label} {column[number]}" for label, column in columns if column[number]]
-        told = "; ".join(found) or "no run gets this far"
-        texts.append(f"At {curve.place_text(number)}: {told}.")
+        found_text = "; ".join(found) or "no run gets this far"
+        texts.append(f"At {curve.place_text(number)}: {found_text}.")
     return texts
 
 

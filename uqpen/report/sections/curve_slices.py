@@ -22,7 +22,7 @@ from uqpen.results.digits import estimate_text
 __all__ = ["place_drivers", "place_histogram"]
 
 # Places with a histogram or with drivers of their own, at the most.
-_MOST_PLACES = 81
+_MOST_PLACES = 41
 _HOVER = "%{customdata[0]} … %{customdata[1]}<br>%{y} runs"
 
 
@@ -99,7 +99,7 @@ def _notes(curve: CurveView, numbers: np.ndarray) -> tuple[str, ...]:
 
 def _slices(curve: CurveView, numbers: np.ndarray, traces: list[list[Trace]]) -> PlaceSlices:
     return PlaceSlices(
-        tuple(quantity(curve.view, curve.dimension)),
+        quantity(curve.view, curve.dimension),
         curve.places[numbers].tolist(),
         [[_changing(trace) for trace in at] for at in traces],
     )
@@ -120,7 +120,7 @@ def _bars(values: FloatArray, series: int) -> Trace:
 
 
 def _dots(bounds: FloatArray, place: int, rows: tuple[str, ...], label: str, source: str) -> Trace:
-    offsets = np.arange(len(rows)) + 0.22 * (place - 0.5)
+    offsets = [row + 0.22 * (place - 0.5) for row in range(len(rows))]
     hovers = [
         f"{row}, {label} by {source}: {estimate_text(*each)}"
         for row, each in zip(rows, bounds.tolist(), strict=True)

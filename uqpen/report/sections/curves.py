@@ -1,4 +1,4 @@
-"""Curves: outputs along a dimension, with a place that a reader moves over all their charts."""
+"""Outputs with dimensions: curves with a place that a reader moves over their charts, and maps."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from uqpen.report.sections.curve_fan import (
     probability_charts,
     quantile_chart,
     ranked_chart,
+    tolerance_chart,
 )
 from uqpen.report.sections.curve_readout import place_readout
 from uqpen.report.sections.curve_slices import place_drivers, place_histogram
 from uqpen.report.sections.curve_view import CurveView
+from uqpen.report.sections.field_maps import map_charts
 from uqpen.report.sections.leading_design import leading_design, output_heading, output_title
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.texts import plain_text
@@ -24,6 +26,8 @@ __all__ = ["curves"]
 
 # Fields that are open, at the most.
 _MOST = 2
+# Maps of a field that are open: of the mean and the standard deviation.
+_OPEN_MAPS = 2
 
 
 def curves(view: ArchiveView) -> Iterator[Block]:
@@ -53,8 +57,15 @@ def curves(view: ArchiveView) -> Iterator[Block]:
 
 def _field_blocks(view: ArchiveView, field: str, design: str) -> Iterator[Block]:
     along = field_dimensions(view.runs(design)[field])
-    if len(along) == 1 and view.statistics.get(design, field, "mean") is not None:
+    if view.statistics.get(design, field, "mean") is None:
+        return
+    if len(along) == 1:
         yield from _curve_blocks(CurveView(view, field, design, along[0]))
+        return
+    maps = tuple(map_charts(view, field, design))
+    yield Charts(maps[:_OPEN_MAPS])
+    if further := maps[_OPEN_MAPS:]:
+        yield Fold("Maps of the quantiles", (Charts(further),))
 
 
 def _curve_blocks(curve: CurveView) -> Iterator[Block]:
@@ -69,6 +80,13 @@ def _curve_blocks(curve: CurveView) -> Iterator[Block]:
             *probability_charts(curve),
         )
     )
-    further = (*ranked_chart(curve), *quantile_chart(curve), *driver_lines(curve, indices))
+    further = (
+        *tolerance_chart(curve),
+        *ranked_chart(curve),
+        *quantile_chart(curve),
+        *driver_lines(curve, indices),
+    )
     if further:
-        yield Fold("Ranked curves, quantiles and shares with their bands", (Charts(further),))
+        yield Fold(
+            "Bands of new curves, quantiles and shares, and ranked curves", (Charts(further),)
+        )

@@ -37,8 +37,8 @@ def _sentence(view: ArchiveView, field: str, design: str) -> str:
     if statistic == "mean_band":
         interval = interval.replace("interval", "band, valid at all places at once")
     places = (
-        coordinate_text(array[dim], array[dim].values[at])
+        coordinate_text(array[dim], array[dim].values[at], 6)
         for dim, at in zip(array.dims, index, strict=False)
     )
-    where = no_break(", ".join(places))
-    return f"The mean of {output_name(view, field)} is largest at {where}: {value} {interval}."
+    place = no_break(", ".join(places))
+    return f"The mean of {output_name(view, field)} is largest at {place}: {value} {interval}."
