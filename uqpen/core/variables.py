@@ -195,6 +195,8 @@ class Output(Variable):
     absent : str
         What is true of the runs in which a derived number does not exist, and is NaN; empty where
         every run has one, as all outputs of models.
+    is_difference : bool
+        Whether a derived number is a difference, which no unit with a zero of its own can state.
 
     Raises
     ------
@@ -206,6 +208,7 @@ class Output(Variable):
     dims: tuple[Dimension, ...] = ()
     may_end: bool = False
     absent: str = ""
+    is_difference: bool = False
 
     def __post_init__(self) -> None:
         names = [dimension.name for dimension in self.dims]
