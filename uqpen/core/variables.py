@@ -259,8 +259,10 @@ class Output(Variable):
         ----------
         values : ndarray, shape (run, *dims)
             Values of several runs. Each must be finite. Of a curve that may end, all after the
-            end are NaN; its first value must be there.
+            end are NaN; its first value must be there. NaN is a result where it means `absent`.
         """
+        if self.absent:
+            return np.isinf(values)
         if not self.may_end:
             return ~np.isfinite(values)
         backwards = np.isnan(values)[:, ::-1]
