@@ -114,6 +114,7 @@ def test_the_nearest_place_is_taken_and_named(
         ("copy", ["time=1"], UnknownNameError, "it is a single number or category"),
         ("curve", ["time=5"], QuantityError, "expected time = 0 day to 4 day"),
         ("curve", ["time=nan"], QuantityError, "expected time = 0 day to 4 day"),
+        ("curve", ["time=0", "time=1"], QuantityError, "one place along each dimension"),
         ("curve", ["time=1 m"], QuantityError, "expected a time"),
         ("curve", ["time"], QuantityError, "a place, such as time=1"),
     ],

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import xarray as xr
 
 from uqpen.archive.read import model_trees
-from uqpen.core.errors import UnknownNameError
+from uqpen.core.errors import QuantityError, UnknownNameError
 from uqpen.core.labels import DIFFERENCES, MODELS, RUNS, STATISTICS_GROUP, SURROGATES
 from uqpen.core.lookup import choices
 from uqpen.results.field_places import FieldPlace, find_place
@@ -49,7 +49,7 @@ def select_output(
     UnknownNameError
         If no model has this output, or the output has no such dimension.
     QuantityError
-        If a place is not inside the coordinates.
+        If a place is not inside the coordinates, or a dimension has two.
     """
     described = {
         name: runs[name]
@@ -62,6 +62,8 @@ def select_output(
         raise UnknownNameError(f'the archive has no output "{output}"; {known}')
     places = [find_place(described[output], text) for text in at]
     positions = {place.dimension: place.position for place in places}
+    if len(positions) < len(places):
+        raise QuantityError(", ".join(at), "one place along each dimension")
     others = described.keys() - {output}
     groups = {}
     for node in tree.subtree:
