@@ -13,7 +13,7 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import BAND_CONTENT
 from uqpen.statistics import texts
-from uqpen.statistics.estimates import Estimates
+from uqpen.statistics.estimate_vector import EstimateVector
 from uqpen.statistics.fields.at_each_place import along_field
 from uqpen.statistics.fields.band_places import BandPlaces, band_places, runs_too_few
 from uqpen.statistics.fields.deviations import deviation_blocks, field_means
@@ -63,14 +63,16 @@ def tolerance_band(
     how = texts.FURTHEST_DEVIATIONS, "discrete" if is_independent else "conservative"
     means = field_means(centre)
     bands = [
-        Estimates(means, means - multiple * stds, means + multiple * stds, *how).remove_bounds_at(
+        EstimateVector(
+            means, means - multiple * stds, means + multiple * stds, *how
+        ).remove_bounds_at(
             np.isnan(multiple * stds), texts.TOLERANCE_BAND_NEEDS.format(runs=fewest)
         )
         for multiple, fewest in zip(multiples, needed, strict=True)
     ]
     for why in set(filter(None, places.reasons)):
         bands = [band.remove_bounds_at(np.array(places.reasons) == why, why) for band in bands]
-    array = Estimates.stack(bands).to_array(
+    array = EstimateVector.stack(bands).to_array(
         BAND_CONTENT,
         units=quantity.output.unit,
         long_name=f"band that holds curves of {quantity.output.title} with a probability",
