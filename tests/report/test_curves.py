@@ -184,7 +184,7 @@ def test_of_many_places_some_are_shown(moving: xr.DataTree) -> None:
     fan = chart(tree, "Curve along time")
     assert fan.notes == ("161 of 321 places are shown.",)
     assert all(len(trace["x"]) == 161 for trace in fan.traces)
-    assert chart(tree, "Runs at").notes == ("At the nearest of 81 of 321 places.",)
+    assert chart(tree, "Runs at").notes == ("At the nearest of 41 of 321 places.",)
     assert len(report_page(tree).encode()) < 2_000_000
 
 

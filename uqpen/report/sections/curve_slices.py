@@ -22,7 +22,7 @@ from uqpen.results.digits import estimate_text
 __all__ = ["place_drivers", "place_histogram"]
 
 # Places with a histogram or with drivers of their own, at the most.
-_MOST_PLACES = 81
+_MOST_PLACES = 41
 _HOVER = "%{customdata[0]} … %{customdata[1]}<br>%{y} runs"
 
 
