@@ -131,7 +131,7 @@ class SampledVariable:
 
 @dataclass(frozen=True, eq=False)
 class StandardizedVariables:
-    """Variables over the same runs, all of which vary."""
+    """Variables over the same runs, none of them constant."""
 
     each: Sequence[SampledVariable]
 
