@@ -16,7 +16,7 @@ from uqpen.designs.pick_freeze import MATRIX_A, MATRIX_B
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.fields.distances import DistanceShape
-from uqpen.statistics.fields.field_sample import equal_columns, place_weights
+from uqpen.statistics.fields.field_sample import equal_columns
 from uqpen.statistics.fields.place_arrays import input_place_array
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample_shape import SampleShape
@@ -139,7 +139,7 @@ class _FieldIndices:
     @cached_property
     def places(self) -> Sequence[_Place]:
         """All places."""
-        weights = place_weights(self.output.dims)
+        weights = self.output.place_weights
         exists = ~np.isnan(self.values)
         reached = np.logical_and.reduce([exists[part] for part in self.blocks.rows.values()])
         completed = self.values[np.concatenate([*self.blocks.rows.values()])]

@@ -62,14 +62,12 @@ def tolerance_band(
     is_independent = runs.error_model is ErrorModel.INDEPENDENT
     how = texts.FURTHEST_DEVIATIONS, "discrete" if is_independent else "conservative"
     means = field_means(centre)
-    bands = [
-        EstimateVector(
-            means, means - multiple * stds, means + multiple * stds, *how
-        ).remove_bounds_at(
-            np.isnan(multiple * stds), texts.TOLERANCE_BAND_NEEDS.format(runs=fewest)
-        )
-        for multiple, fewest in zip(multiples, needed, strict=True)
-    ]
+    bands = []
+    for multiple, fewest in zip(multiples, needed, strict=True):
+        half = multiple * stds
+        band = EstimateVector(means, means - half, means + half, *how)
+        needs = texts.TOLERANCE_BAND_NEEDS.format(runs=fewest)
+        bands.append(band.remove_bounds_at(np.isnan(half), needs))
     for why in set(filter(None, places.reasons)):
         bands = [band.remove_bounds_at(np.array(places.reasons) == why, why) for band in bands]
     array = EstimateVector.stack(bands).to_array(
