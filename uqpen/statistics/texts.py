@@ -137,13 +137,16 @@ ABSENT_EFFECTS = "{failed} of {effects} effects are missing because a run gave n
 ONE_POINT = "a derivative at one point has no scatter"
 FIXED_INPUT = "a fixed input has no uncertainty"
 ONE_SIDED_STEP = "from the step {side} only: the other run failed"
+ONE_SIDED_STEP_ABSENT = "from the step {side} only: the other run gave no value"
 NONLINEAR = "nonlinear: {down:.3g} from the step down, {up:.3g} from the step up"
 NONLINEAR_CHANGE = "nonlinear: the steps up and down differ by more than a tenth"
 OF_SI_VALUE = "relative to the {of} in {si}, not in {unit}"
 OF_HALF_SPREAD = "relative to half the input's 16–84 % range, as its nominal value is 0"
 NOMINAL_RUN_FAILED = "the run at the nominal point failed"
+NOMINAL_RUN_ABSENT = "the run at the nominal point gave no value"
 NOMINAL_OUTPUT_IS_0 = "the output is 0 at the nominal point"
 STEP_FAILED = "both runs of the step failed"
+STEP_ABSENT = "both runs of the step gave no value"
 
 # Sobol' indices and Shapley effects.
 INCLUDES_CORRELATION = "includes correlation"
