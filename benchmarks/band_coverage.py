@@ -132,7 +132,7 @@ class Truth(NamedTuple):
             return cls(
                 np.nanmean(problem.pool, axis=0),
                 np.nanquantile(problem.pool, DEFAULT_QUANTILES, axis=0).T,
-                problem.pool[:: len(problem.pool) >> 13],
+                problem.pool[: 2**13],
             )
         points = qmc.Sobol(problem.inputs, seed=1).random_base2(19)
         mean, quantiles = [], []
